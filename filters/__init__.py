@@ -1,0 +1,34 @@
+"""Estimation: one file per published filter, one loop, two plug points (moment transform, fading rule). Knows no physics."""
+
+from .afukf import Afukf
+from .base import Closing, Compiled, Filter, Start, StateModel, Track
+from .ekf import Ekf
+from .fading_ukf import FadingUkf
+from .least_squares import LeastSquares
+from .loop import GaussianFilter
+from .printed import PrintedAfukf, PrintedFadingUkf
+from .ukf import Ukf
+
+#: Built-in filters, the default first.
+BUILT_IN: tuple[type[Filter], ...] = (Afukf, FadingUkf, Ukf, Ekf, LeastSquares)
+#: What ``--preset paper`` turns a filter into.
+PRINTED: tuple[type[Filter], ...] = (PrintedAfukf, PrintedFadingUkf)
+
+__all__ = [
+    "BUILT_IN",
+    "PRINTED",
+    "Afukf",
+    "Closing",
+    "Compiled",
+    "Ekf",
+    "FadingUkf",
+    "Filter",
+    "GaussianFilter",
+    "LeastSquares",
+    "PrintedAfukf",
+    "PrintedFadingUkf",
+    "Start",
+    "StateModel",
+    "Track",
+    "Ukf",
+]

@@ -1,0 +1,122 @@
+"""The contract of a filter, and the narrow seam through which it sees a model.
+
+A filter is settings only (a frozen dataclass); what it learns of one record is a :class:`Track`. The seam to the physics is
+:class:`StateModel`: a start from the first readings, one step, and the convention that the reading is the first state.
+"""
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Start:
+    """State after the first readings, from which a filter goes on.
+
+    index: the last reading used; state (n,); covariance (n, n) per unit of the noise variance; noise_variance [K^2] with its
+    degrees of freedom; weights (index + 1,), 0 for a reading left out; settled is False where the readings ended
+    before the state was known well enough to filter from.
+    """
+
+    index: int
+    state: Array
+    covariance: Array
+    noise_variance: float
+    dof: float
+    weights: Array
+    settled: bool
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """Capsules around C functions ``void f(const double *state, double dt, double *out)``."""
+
+    step: Any
+    jacobian: Any
+
+
+class StateModel(Protocol):
+    """What a filter may know of the physics. The first state is what the sensor reads."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]: ...
+
+    @property
+    def fades(self) -> tuple[bool, ...]:
+        """States that a fading rule may inflate (moving ones); the others are constants of the machine."""
+
+    @property
+    def compiled(self) -> Compiled | None: ...
+
+    def start(self, time: Array, reading: Array, resolution: float) -> Start:
+        """Start from the first readings; depends on no reading after ``Start.index``."""
+
+    def step(self, state: Array, dt: float) -> Array:
+        """States (..., n) one interval on."""
+
+    def jacobian(self, state: Array, dt: float) -> Array:
+        """Derivative (n, n) of :meth:`step` at one state (n,)."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a filter made of one record, reading by reading; rows before ``first`` are nan.
+
+    state (N, n), covariance (N, n, n) per unit of the noise variance; the rest (N,): noise_variance [K^2], innovation [K],
+    innovation_variance [K^2], fading (factor, 1 = none), process_noise [K^2] added to the first state, noise_factor on the
+    noise variance, weight (0 = reading left out), forgotten (cumulated log of the fading).
+    diverged_at is the reading at which the numbers broke, or None.
+    """
+
+    first: int
+    state: Array
+    covariance: Array
+    noise_variance: Array
+    innovation: Array
+    innovation_variance: Array
+    fading: Array
+    process_noise: Array
+    noise_factor: Array
+    weight: Array
+    forgotten: Array
+    diverged_at: int | None
+
+    @property
+    def likelihood_weight(self) -> Array:
+        """Weight (N,) of each reading in a likelihood: 0 for one left out, less where the noise was found larger."""
+        return np.where(self.weight > 0.0, 1.0 / self.noise_factor, 0.0)
+
+
+Closing = Literal["never", "when consistent", "always"]
+
+
+@dataclass(frozen=True)
+class Filter:
+    """One published method. Subclasses are frozen dataclasses whose fields are the settings."""
+
+    #: command-line name, one line for the catalogue, and where it was published
+    name = "abstract"
+    summary = ""
+    reference = ""
+
+    @property
+    @abstractmethod
+    def closing(self) -> Closing:
+        """Whether a maximum-likelihood step over the same readings ends the estimate."""
+
+    @abstractmethod
+    def track(self, model: StateModel, time: Array, reading: Array, resolution: float) -> Track:
+        """Filter one record.
+
+        time (N,) in minutes, ascending; reading (N,) in degC, all finite; resolution [K] of the logger, 0 if unknown.
+        """
+
+
+def setting(default: float, meaning: str, low: float, high: float) -> Any:
+    """A numeric field of a filter: its default, meaning and allowed range, shown by ``thermofast filters``."""
+    return field(default=default, metadata={"meaning": meaning, "low": low, "high": high})

@@ -1,0 +1,248 @@
+"""Fading rules: how much a filter forgets when its innovations contradict it. The other plug point of a Gaussian filter.
+
+A rule sees the predicted covariance and the innovation of one reading and returns the updated state. Covariances are per unit
+of the noise variance (the printed rule alone works in plain K^2). All updates but the printed one are in the form of
+Joseph, the covariance of the gain that was really used.
+"""
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from .base import Array
+
+
+@dataclass
+class Memory:
+    """What a rule carries from reading to reading."""
+
+    scale: float  # noise variance [K^2]
+    seen: float  # readings behind it
+    mean: float = 0.0  # running mean of the normalised innovation
+    spread: float = 1.0  # running variance of it
+    gated_run: float = 0.0  # signed count of readings gated in a row
+    v: float = math.nan  # V_k of equation (22)
+    noise: float = 1.0  # R of the printed rule
+    process: float = 0.0  # Q of the printed rule
+    forgotten: float = 0.0
+
+
+@dataclass(frozen=True)
+class Context:
+    """What stays the same over a record: covariance at the start, which states fade, innovations too small to matter [K]."""
+
+    start_covariance: Array
+    fades: Array
+    dead_band: float
+
+
+@dataclass(frozen=True)
+class Update:
+    """One reading's outcome; the names are those of :class:`filters.base.Track`."""
+
+    state: Array
+    covariance: Array
+    innovation_variance: float
+    fading: float = 1.0
+    process_noise: float = 0.0
+    noise_factor: float = 1.0
+    weight: float = 1.0
+
+
+def joseph(state: Array, covariance: Array, innovation: float, s: float, r: float) -> tuple[Array, Array]:
+    """Posterior state (n,) and covariance (n, n) for innovation variance s and noise r."""
+    gain = covariance[:, 0] / s
+    left = np.eye(len(state))
+    left[:, 0] -= gain
+    return state + gain * innovation, left @ covariance @ left.T + r * np.outer(gain, gain)
+
+
+@dataclass(frozen=True)
+class FadingRule:
+    """Contract: ``update`` one reading; ``rule`` and ``compiled_settings`` name its compiled twin."""
+
+    rule = "abstract"
+
+    def memory(self, scale: float, dof: float) -> Memory:
+        return Memory(scale, dof)
+
+    @abstractmethod
+    def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update: ...
+
+    @abstractmethod
+    def compiled_settings(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class NoFading(FadingRule):
+    """The plain Kalman update."""
+
+    rule = "none"
+
+    def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
+        s = p[0, 0] + 1.0
+        m.seen += 1.0
+        m.scale += (e * e / s - m.scale) / m.seen
+        return Update(*joseph(state, p, e, s, 1.0), s * m.scale)
+
+    def compiled_settings(self) -> Array:
+        return np.zeros(1)
+
+
+@dataclass(frozen=True)
+class InnovationFading(FadingRule):
+    """Conventional fading, equations (18)-(22), on the moving states alone so that it stays stable."""
+
+    rule = "innovation"
+    forgetting: float = 0.95
+    weakening: float = 3.0
+
+    def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
+        s = p[0, 0] + 1.0
+        nu2 = e * e / (s * m.scale)
+        square = e * e / m.scale
+        m.v = square if math.isnan(m.v) else (self.forgetting * m.v + square) / (1.0 + self.forgetting)
+        alpha = max(1.0, (m.v - self.weakening) / s)
+        added = (alpha - 1.0) * p[0, 0]
+        if alpha > 1.0:
+            factor = np.ones(len(state))
+            factor[0] = math.sqrt(alpha)
+            p = p * np.outer(factor, factor)
+            s = p[0, 0] + 1.0
+        m.seen += 1.0
+        m.scale += (min(nu2, 9.0) * m.scale - m.scale) / m.seen
+        return Update(*joseph(state, p, e, s, 1.0), s * m.scale, alpha, added * m.scale)
+
+    def compiled_settings(self) -> Array:
+        return np.array([self.forgetting, self.weakening])
+
+
+@dataclass(frozen=True)
+class AdaptiveFading(FadingRule):
+    """Adaptive fading in a form that stays stable: noise that grew, a stray reading and a wrong model are told apart.
+
+    The paper moves Q and R by the signs of the prior and posterior residual (figure 1). Here the same three causes are
+    told apart by what each does to the innovations: a stray reading is one far outside (gate), grown noise widens
+    their spread (R follows it), a wrong model gives them a mean (the covariance fades, which is Q). Below the
+    thresholds nothing moves, so that with a right model this is the plain filter.
+    """
+
+    rule = "adaptive"
+    forgetting: float = 0.9
+    spread_forgetting: float = 0.85
+    gate: float = 5.0
+    noise_threshold: float = 2.5
+    wake_threshold: float = 4.0
+    fading_gain: float = 0.3
+    fading_most: float = 1.5
+    jump_readings: float = 4.0
+
+    def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
+        s = p[0, 0] + 1.0
+        nu = e / math.sqrt(s * m.scale)
+        # Until the noise is known from enough readings, every threshold stands further out.
+        caution = 1.0 + 5.0 / m.seen
+        gate, wake_threshold = self.gate * caution, self.wake_threshold * caution
+        noise_threshold = self.noise_threshold * caution**2
+        gated = abs(nu) > gate
+        if gated:
+            m.gated_run = m.gated_run + math.copysign(1.0, nu) if m.gated_run * nu > 0.0 else math.copysign(1.0, nu)
+        woke, z = False, 0.0
+        if not (gated and abs(m.gated_run) < 2.0):  # one stray reading teaches nothing
+            deviation = nu - m.mean
+            m.mean = self.forgetting * m.mean + (1.0 - self.forgetting) * min(max(nu, -3.0), 3.0)
+            m.spread = self.spread_forgetting * m.spread + (1.0 - self.spread_forgetting) * min(deviation**2, gate**2)
+            z = abs(m.mean) * math.sqrt((1.0 + self.forgetting) / (1.0 - self.forgetting))
+            woke = z > wake_threshold and abs(m.mean) * math.sqrt(s * m.scale) > context.dead_band
+        if not gated:
+            m.gated_run = 0.0
+        r = m.spread if m.spread > noise_threshold else 1.0
+        alpha, weight = 1.0, 1.0
+        if gated and abs(m.gated_run) >= self.jump_readings:  # not stray: the reading has moved for good
+            alpha, r = 100.0, 1.0
+            m.gated_run, m.mean, m.spread = 0.0, 0.0, 1.0
+        else:
+            if gated:
+                weight = 0.0
+            if woke:
+                alpha = min(1.0 + self.fading_gain * (z / wake_threshold) ** 2, self.fading_most)
+        added = 0.0
+        if alpha > 1.0:
+            added = p[0, 0]
+            factor = np.full(len(state), math.sqrt(alpha))
+            if alpha < 100.0:  # forget no more than brings back what was known at the start
+                for i, (now, start) in enumerate(zip(np.diag(p), np.diag(context.start_covariance), strict=True)):
+                    if now * alpha > start:
+                        factor[i] = math.sqrt(start / now) if start > now else 1.0
+            p = p * np.outer(factor, factor)
+            added = p[0, 0] - added
+            m.forgotten += math.log(alpha)
+        s = p[0, 0] + r
+        if not gated and m.spread <= noise_threshold:
+            m.seen += 1.0
+            if alpha == 1.0:
+                m.scale += (min(nu * nu, 9.0) * m.scale - m.scale) / m.seen
+        if weight > 0.0:
+            state, p = joseph(state, p, e, s, r)
+        return Update(state, p, s * m.scale, alpha, added * m.scale, r, weight)
+
+    def compiled_settings(self) -> Array:
+        return np.array(
+            [
+                self.forgetting,
+                self.spread_forgetting,
+                self.gate,
+                self.noise_threshold,
+                self.wake_threshold,
+                self.fading_gain,
+                self.fading_most,
+                self.jump_readings,
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class PrintedFading(FadingRule):
+    """The paper's gain (12), covariance (13) and, where ``adapts``, its rule for Q and R (figure 1), as printed.
+
+    The covariance (13) is not that of the gain alpha K, so it loses definiteness as soon as alpha > 1 acts: kept for comparison.
+    With one sensor the normalised residual (23)-(29) is the residual itself.
+    """
+
+    rule = "printed"
+    forgetting: float = 0.95
+    weakening: float = 3.0
+    threshold: float = 1e-4
+    factor: float = 10.0
+    process_noise: float = 1e-6
+    noise: float = 1e-6
+    adapts: bool = True
+
+    def memory(self, scale: float, dof: float) -> Memory:
+        return Memory(1.0, dof, noise=self.noise, process=self.process_noise)
+
+    def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
+        p = p + m.process * np.eye(len(state))
+        m.v = e * e if math.isnan(m.v) else (self.forgetting * m.v + e * e) / (1.0 + self.forgetting)
+        s = p[0, 0] + m.noise
+        alpha = max(1.0, (m.v - self.weakening * m.noise) / s)
+        posterior = e * (1.0 - alpha * p[0, 0] / s)
+        if self.adapts and abs(posterior) > self.threshold:
+            m.process *= self.factor if posterior < 0.0 else 1.0 / self.factor
+            step = self.noise / 100.0 * (1.0 if (posterior < 0.0) == (e > 0.0) else -1.0)
+            for _ in range(10000):
+                if m.noise + step <= 0.0:
+                    break
+                m.noise += step
+                s = p[0, 0] + m.noise
+                posterior = e * (1.0 - alpha * p[0, 0] / s)
+                if abs(posterior) <= self.threshold:
+                    break
+        gain = alpha * p[:, 0] / s
+        return Update(state + gain * e, p - s * np.outer(gain, gain), s, alpha, m.process, m.noise)
+
+    def compiled_settings(self) -> Array:
+        threshold = self.threshold if self.adapts else math.inf
+        return np.array([self.forgetting, self.weakening, threshold, self.factor, self.process_noise, self.noise])

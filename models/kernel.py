@@ -1,0 +1,39 @@
+"""The compiled core where it was built, its numpy twin otherwise. ``COMPILED`` tells which."""
+
+from ._lump_numpy import Array, growth, growth_slope
+
+try:
+    from ._lump import (
+        PRINTED_JACOBIAN,
+        PRINTED_STEP,
+        SLOPE_JACOBIAN,
+        SLOPE_STEP,
+        fit_decay,
+        profile_decay,
+    )
+
+    COMPILED = True
+except ImportError:
+    from ._lump_numpy import (  # type: ignore[assignment]
+        PRINTED_JACOBIAN,
+        PRINTED_STEP,
+        SLOPE_JACOBIAN,
+        SLOPE_STEP,
+        fit_decay,
+        profile_decay,
+    )
+
+    COMPILED = False
+
+__all__ = [
+    "COMPILED",
+    "PRINTED_JACOBIAN",
+    "PRINTED_STEP",
+    "SLOPE_JACOBIAN",
+    "SLOPE_STEP",
+    "Array",
+    "fit_decay",
+    "growth",
+    "growth_slope",
+    "profile_decay",
+]

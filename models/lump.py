@@ -1,0 +1,202 @@
+"""One sensor as one lump: dT/dt = rate (T_inf - T), heating and cooling in one law.
+
+The state is (temperature, slope, rate) with slope = dT/dt. From an early stretch of a rise only the temperature and its slope
+are known, and the rate and the steady state lie on a curved ridge; in these coordinates the step is nearly linear
+in what is not yet known, in the paper's (T, b, T_inf) it is not. T_inf = T + slope / rate.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import kernel
+from .decay import DecayFit, Interval, fit_decay
+from .kernel import Array
+from .spikes import spike_weights
+
+#: A filter may start once the product of rate and time so far is known to this standard deviation: from there on the step
+#: is linear enough that sigma points lose nothing (docs/architecture.md has the trial).
+SETTLED = 0.12
+FEWEST_READINGS = 10
+GROWTH = 1.25
+STRAY = 6.0
+_NODES = np.linspace(-4.5, 4.5, 91)
+_DENSITY = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()
+#: weight of (deviation of the steady state given the rate, rate)
+_MIXTURE = np.outer(_DENSITY, _DENSITY)
+
+
+class LumpStart(NamedTuple):
+    """Start of a filter; the fields of :class:`filters.base.Start`."""
+
+    index: int
+    state: Array
+    covariance: Array
+    noise_variance: float
+    dof: float
+    weights: Array
+    settled: bool
+
+
+class Capsules(NamedTuple):
+    step: Any
+    jacobian: Any
+
+
+@dataclass(frozen=True)
+class Lump:
+    """The base model in the coordinates (temperature degC, slope K/min, rate 1/min)."""
+
+    state_names = ("temperature_c", "slope_c_per_min", "rate_per_min")
+    #: Temperature and slope move; the rate is a constant of the machine.
+    fades = (True, True, False)
+
+    @property
+    def compiled(self) -> Capsules | None:
+        return Capsules(kernel.SLOPE_STEP, kernel.SLOPE_JACOBIAN) if kernel.COMPILED else None
+
+    def step(self, state: Array, dt: float) -> Array:
+        """States (..., 3) one interval of dt minutes on."""
+        rate = np.clip(state[..., 2], -40.0 / dt, 1e3 / dt) if dt > 0 else state[..., 2]
+        moved = np.empty_like(state)
+        moved[..., 0] = state[..., 0] + state[..., 1] * kernel.growth(rate, dt)
+        moved[..., 1] = state[..., 1] * np.exp(-rate * dt)
+        moved[..., 2] = state[..., 2]
+        return moved
+
+    def jacobian(self, state: Array, dt: float) -> Array:
+        """Derivative (3, 3) of the step at one state (3,)."""
+        rate = float(np.clip(state[2], -40.0 / dt, 1e3 / dt)) if dt > 0 else float(state[2])
+        decay = math.exp(-rate * dt)
+        return np.array(
+            [
+                [1.0, float(kernel.growth(rate, dt)), state[1] * float(kernel.growth_slope(rate, dt))],
+                [0.0, decay, -state[1] * dt * decay],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+
+    def steady_state(self, state: Array) -> Array:
+        """T_inf (...,) [degC] of states (..., 3)."""
+        result: Array = state[..., 0] + state[..., 1] / state[..., 2]
+        return result
+
+    def free_run(self, state: Array, dt: Array) -> Array:
+        """Temperatures (n,) at intervals dt (n,) [min] after, or before, one state (3,)."""
+        return state[0] + state[1] * kernel.growth(state[2], dt)
+
+    def curve_state(self, state: Array) -> Array:
+        """The state itself: a free run needs (temperature, slope, rate)."""
+        return state
+
+    def intervals(self, state: Array, covariance: Array, quantile: float) -> tuple[Interval, Interval]:
+        """Intervals of the steady state and of the rate from a Gaussian state (3,), covariance (3, 3) [K^2 and so on].
+
+        Given the rate the steady state is Gaussian; the mixture over the rate is taken on a grid, so that the
+        long upper side of a short record shows. quantile is that of the interval's half-width, 1.96 for 95 %.
+        """
+        rate, spread = float(state[2]), math.sqrt(max(float(covariance[2, 2]), 0.0))
+        rates = Interval(
+            rate - quantile * spread if rate - quantile * spread > 0.0 else None,
+            rate + quantile * spread if rate > 0.0 else None,
+        )
+        with np.errstate(divide="ignore"):
+            b = rate + quantile / 1.96 * spread * _NODES
+            slope_by_rate = covariance[:2, 2] / covariance[2, 2] if covariance[2, 2] > 0.0 else np.zeros(2)
+            rest = covariance[:2, :2] - np.outer(slope_by_rate, covariance[2, :2])
+            means = state[:2, None] + slope_by_rate[:, None] * (b - rate)
+            inverse = 1.0 / b
+            variance = rest[0, 0] + 2.0 * rest[0, 1] * inverse + rest[1, 1] * inverse**2
+        centre = means[0] + means[1] * inverse
+        never = math.inf if state[1] >= 0.0 else -math.inf  # a rate of zero or less does not settle
+        reach = quantile / 1.96 * np.sqrt(np.maximum(variance, 0.0))
+        values = np.where(b > 0.0, centre + reach * _NODES[:, None], never)
+        order = np.argsort(values, axis=None)
+        share = np.cumsum(_MIXTURE.ravel()[order])
+        low, high = values.ravel()[order][np.searchsorted(share, [0.025, 0.975])]
+        return Interval(low if math.isfinite(low) else None, high if math.isfinite(high) else None), rates
+
+    def start(self, time: Array, reading: Array, resolution: float) -> LumpStart:
+        """Fit the first readings, as few as fix the rate well enough; stray ones are left out.
+
+        Depends on no reading after the index that it returns, so that a filter's state at any time is the same whether
+        or not the record goes on. resolution [K] is the logger's step: its rounding is a floor of the noise.
+        """
+        count = len(time)
+        used = min(FEWEST_READINGS, count)
+        while True:
+            fit, weights = _robust_fit(time[:used], reading[:used], resolution)
+            mean, covariance = fit.state(float(time[used - 1]))
+            noise = max(fit.noise_variance if fit.dof > 0 else 0.0, resolution**2 / 12.0, 1e-18)
+            spread = math.sqrt(noise * covariance[2, 2]) * fit.span * (1.0 + 1.0 / max(fit.dof, 1))
+            settled = fit.dof > 2 and spread < SETTLED
+            if settled or used == count:
+                return LumpStart(used - 1, mean, covariance, noise, max(fit.dof, 1.0), weights, settled)
+            used = min(count, max(used + 1, int(used * GROWTH)))
+
+
+def _robust_fit(time: Array, reading: Array, resolution: float) -> tuple[DecayFit, Array]:
+    """Fit with stray readings left out: isolated spikes first, then the largest residual while it stands out of the rest."""
+    weights = spike_weights(reading, resolution)
+    fit = fit_decay(time, reading, weights, signed=True)
+    for _ in range(len(time) // 5):
+        residual = np.where(weights > 0.0, reading - fit.predict(time), 0.0)
+        worst = int(np.argmax(np.abs(residual)))
+        # Against the spread of the others: with the worst one in, eight readings hide any outlier.
+        rest = max(fit.rss - residual[worst] ** 2, 0.0) / max(fit.dof - 1, 1)
+        trial = weights.copy()
+        trial[worst] = 0.0
+        if fit.dof < 3 or not abs(residual[worst]) > max(STRAY * math.sqrt(rest), resolution):
+            break
+        without = fit_decay(time, reading, trial, signed=True)
+        gap = abs(reading[worst] - float(without.predict(time[worst : worst + 1])[0]))
+        if not gap > STRAY * (1.0 + 3.0 / without.dof) * math.sqrt(without.noise_variance) + resolution:
+            break
+        fit, weights = without, trial
+    return fit, weights
+
+
+@dataclass(frozen=True)
+class PrintedLump:
+    """The paper's model (37): state (temperature, rate, steady state), and its start of section 2.1."""
+
+    state_names = ("temperature_c", "rate_per_min", "steady_state_c")
+    fades = (True, False, False)
+    start_state: tuple[float, float, float] = (10.0, 0.01, 30.0)
+    start_variance: tuple[float, float, float] = (0.25, 0.01, 0.01)
+
+    @property
+    def compiled(self) -> Capsules | None:
+        return Capsules(kernel.PRINTED_STEP, kernel.PRINTED_JACOBIAN) if kernel.COMPILED else None
+
+    def step(self, state: Array, dt: float) -> Array:
+        """States (..., 3) one interval of dt minutes on."""
+        moved = state.copy()
+        moved[..., 0] = state[..., 2] + (state[..., 0] - state[..., 2]) * np.exp(-state[..., 1] * dt)
+        return moved
+
+    def jacobian(self, state: Array, dt: float) -> Array:
+        """Derivative (3, 3) of the step at one state (3,)."""
+        decay = math.exp(-state[1] * dt)
+        first = [decay, -(state[0] - state[2]) * dt * decay, 1.0 - decay]
+        return np.array([first, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+    def curve_state(self, state: Array) -> Array:
+        """(temperature, slope, rate) of a state (temperature, rate, steady state)."""
+        return np.array([state[0], state[1] * (state[2] - state[0]), state[1]])
+
+    def intervals(self, state: Array, covariance: Array, quantile: float) -> tuple[Interval, Interval]:
+        """Symmetric intervals of the steady state and of the rate: what the printed filter believes of itself."""
+        reach = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        low = float(state[1] - reach[1])
+        return (
+            Interval(float(state[2] - reach[2]), float(state[2] + reach[2])),
+            Interval(low if low > 0.0 else None, float(state[1] + reach[1]) if state[1] > 0.0 else None),
+        )
+
+    def start(self, time: Array, reading: Array, resolution: float) -> LumpStart:
+        """The printed constants, whatever the record says."""
+        state, covariance = np.array(self.start_state), np.diag(self.start_variance)
+        return LumpStart(0, state, covariance, 1.0, 1.0, np.ones(1), True)

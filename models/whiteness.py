@@ -1,0 +1,65 @@
+"""Are residuals noise, or does a pattern remain? And how much does it cost where neighbours are alike."""
+
+import math
+
+import numpy as np
+from scipy.special import fdtrc, ndtr
+
+from .kernel import Array
+
+MOST_POINTS = 1000
+COSINES = 8
+
+
+def _blocks(values: Array, blocks: int) -> Array:
+    edges = np.linspace(0, len(values), blocks + 1).astype(int)[:-1]
+    means: Array = np.add.reduceat(values, edges, axis=0) / np.diff(np.append(edges, len(values)))[
+        (...,) + (None,) * (values.ndim - 1)
+    ]
+    return means
+
+
+def pattern_p_value(residual: Array, tangent: Array) -> float:
+    """Probability that white residuals of a fit would show as much pattern as these.
+
+    residual (n,) in units of their noise, in order of time; tangent (n, m), the fit's Jacobian, whose directions the fit has
+    already used up. Two looks, each at half the level: an F test of the first COSINES cosines over the record, which sees
+    slow misfit, and the lag-one correlation (Durbin & Watson), which sees the rest. Long records are averaged
+    over blocks first. Returns nan for fewer than 12 readings.
+    """
+    n = len(residual)
+    if n < 12:
+        return math.nan
+    if n > MOST_POINTS:
+        residual, tangent = _blocks(residual, MOST_POINTS), _blocks(tangent, MOST_POINTS)
+        n = MOST_POINTS
+    count = min(COSINES, n // 6)
+    phase = math.pi * (np.arange(n) + 0.5) / n
+    basis = np.column_stack([tangent, np.cos(np.outer(phase, np.arange(1, count + 1)))])
+    q = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300))[0][:, tangent.shape[1] :]
+    # Cosines that the fit can imitate are left with nothing but rounding: they carry no evidence.
+    explained = float(((q.T @ residual) ** 2).sum())
+    total = float(residual @ residual)
+    rest = n - tangent.shape[1] - count
+    if not total > 0.0:
+        return 1.0
+    f = (explained / count) / max((total - explained) / rest, 1e-300)
+    slow = float(fdtrc(count, rest, f))
+    # A fit makes neighbouring residuals slightly opposite: about -m/n in the lag-one correlation.
+    lag_one = float(residual[1:] @ residual[:-1]) / total + tangent.shape[1] / n
+    fast = float(ndtr(-lag_one * math.sqrt(n)))
+    return min(1.0, 2.0 * min(slow, fast))
+
+
+def variance_inflation(residual: Array) -> float:
+    """How many dependent readings count as one independent: 1 + 2 sum of the autocorrelations up to the first small one."""
+    n = len(residual)
+    total = float(residual @ residual)
+    if n < 8 or not total > 0.0:
+        return 1.0
+    size = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(residual, size)) ** 2
+    correlation = np.fft.irfft(power, size)[1 : n // 2] / total
+    small = np.flatnonzero(correlation < 0.05)
+    kept = correlation[: small[0]] if len(small) else correlation
+    return float(min(max(1.0 + 2.0 * kept.sum(), 1.0), n / 4.0))

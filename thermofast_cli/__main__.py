@@ -1,0 +1,5 @@
+"""``python -m thermofast_cli``; the installed ``thermofast`` script is the documented way."""
+
+from .main import run
+
+run()

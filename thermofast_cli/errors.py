@@ -1,0 +1,27 @@
+"""One family of exceptions; only ``main`` turns them into an exit code."""
+
+from collections.abc import Iterable
+
+
+class ThermofastError(Exception):
+    """Bad usage or input: what, found, allowed, next step."""
+
+    def __init__(self, what: str, *, found: str = "", allowed: str = "", do: str = "") -> None:
+        self.what, self.found, self.allowed, self.do = what, found, allowed, do
+        parts = [what, found and f"found: {found}", allowed and f"allowed: {allowed}", do and f"do: {do}"]
+        super().__init__("\n  ".join(p for p in parts if p))
+
+
+class InputError(ThermofastError):
+    """A file that cannot be read as a record."""
+
+
+class UsageError(ThermofastError):
+    """An option or a setting that cannot be used."""
+
+
+def listed(names: Iterable[str], most: int = 12) -> str:
+    """Names in a row, shortened where there are many."""
+    names = list(names)
+    shown = ", ".join(names[:most])
+    return f"{shown}, ... ({len(names)} in all)" if len(names) > most else shown

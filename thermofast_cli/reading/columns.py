@@ -1,0 +1,101 @@
+"""Which column is what: surroundings, logged inputs, sensors; and their unit."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UsageError, listed
+from .run import Array, Options
+from .times import words
+
+AMBIENT = frozenset("ambient room air surroundings surrounding environment env umgebung raum raumluft luft hall 环境 室温".split())
+INPUTS = frozenset(
+    "speed rpm load power duty heater voltage current coolant fan flow torque humidity pressure pump door valve "
+    "drehzahl last leistung spannung strom".split()
+)
+COUNTERS = frozenset("no nr index idx sample scan record count row number id".split())
+ABSOLUTE_ZERO_C = -273.15
+HOTTEST_C = 5000.0
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Column names by what they are."""
+
+    ambient: tuple[str, ...]
+    inputs: tuple[str, ...]
+    sensors: tuple[str, ...]
+    counters: tuple[str, ...]
+
+
+def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: str) -> None:
+    """Raises UsageError for a name that is no column."""
+    known = list(known)
+    for name in wanted:
+        if name not in known:
+            raise UsageError(
+                f"{run}: {option} {name!r} is no column of this record",
+                allowed=listed(known),
+                do="use a name as it stands in the header",
+            )
+
+
+def classify(names: list[str], values: dict[str, Array], options: Options, run: str) -> Roles:
+    """Roles of the numeric columns, by the user's word first and by their names else."""
+    check_names(options.channels, names, "--channels", run)
+    check_names(options.inputs, names, "--inputs", run)
+    check_names(options.exclude, names, "--exclude", run)
+    if options.ambient:
+        check_names([options.ambient], names, "--ambient", run)
+    ambient, inputs, sensors, counters = [], [], [], []
+    for name in names:
+        told = set(words(name)) | ({name} if not name.isascii() else set())
+        if name in options.exclude:
+            continue
+        if name == options.ambient:
+            ambient.append(name)
+        elif name in options.inputs:
+            inputs.append(name)
+        elif options.channels:
+            if name in options.channels:
+                sensors.append(name)
+            elif told & AMBIENT and not options.ambient:
+                ambient.append(name)
+            elif told & INPUTS:
+                inputs.append(name)
+        elif told & AMBIENT and not options.ambient:
+            ambient.append(name)
+        elif told & INPUTS:
+            inputs.append(name)
+        elif told & COUNTERS and _counts(values[name]):
+            counters.append(name)
+        else:
+            sensors.append(name)
+    return Roles(tuple(ambient), tuple(inputs), tuple(sensors), tuple(counters))
+
+
+def _counts(values: Array) -> bool:
+    return len(values) > 1 and bool(np.all(np.diff(values) == 1.0))
+
+
+def to_celsius(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
+    """Temperatures in degC and a note where they were in another unit, told by the name (``T_kelvin``, ``T [K]``) or unit line."""
+    text = f"{name} {unit_cell}"
+    kelvin = re.search(r"kelvin|\[K\]|\(K\)|_K$|deg ?K\b|°K", text) or unit_cell.strip() == "K"
+    fahrenheit = re.search(r"fahrenheit|\[°?F\]|\(°?F\)|_F$|deg ?F\b|°F", text, re.IGNORECASE) or unit_cell.strip() == "F"
+    if kelvin:
+        return values + ABSOLUTE_ZERO_C, f"{name}: kelvin, turned into degC"
+    if fahrenheit:
+        return (values - 32.0) / 1.8, f"{name}: degF, turned into degC"
+    return values, None
+
+
+def without_impossible(values: Array) -> tuple[Array, int]:
+    """Overload values (9.9E+37) and temperatures below absolute zero become nan; and how many there were."""
+    with np.errstate(invalid="ignore"):
+        bad = (values <= ABSOLUTE_ZERO_C) | (values > HOTTEST_C)
+    if not bad.any():
+        return values, 0
+    return np.where(bad, np.nan, values), int(bad.sum())

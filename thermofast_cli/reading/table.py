@@ -1,0 +1,55 @@
+"""A table as it stands in a file: columns of numbers and of words, before anyone says what they mean."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as papq
+
+from ..errors import InputError
+from .run import Array
+
+
+@dataclass(frozen=True)
+class Table:
+    """columns: name -> numbers (N,) with nan for none, or cells (N,) as text. first_line: line of the first row, from 0."""
+
+    name: str
+    names: list[str]
+    columns: dict[str, Array | list[str]]
+    units: dict[str, str]
+    first_line: int
+    notes: tuple[str, ...]
+
+
+def read_parquet(data: bytes, name: str) -> Table:
+    """A table from the bytes of a Parquet file; time stamps become seconds from the first.
+
+    Raises
+    ------
+    InputError: not Parquet, or cut short.
+    """
+    try:
+        table = papq.read_table(pa.BufferReader(data))
+    except (pa.ArrowInvalid, pa.ArrowException, OSError) as error:
+        raise InputError(
+            f"{name}: not a readable Parquet file",
+            found=str(error).splitlines()[0][:120],
+            allowed="a whole Parquet file",
+            do="copy or export the file again",
+        ) from None
+    columns: dict[str, Array | list[str]] = {}
+    notes = [f"Parquet, {table.num_rows} rows"]
+    for column_name in table.column_names:
+        column = table.column(column_name)
+        kind = column.type
+        if pa.types.is_timestamp(kind):
+            whole = column.cast(pa.timestamp("ns", tz=kind.tz)).cast(pa.int64()).to_numpy(zero_copy_only=False)
+            columns[column_name] = [str(np.datetime64(int(v), "ns")) if v == v else "" for v in whole]
+        elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
+            columns[column_name] = column.cast(pa.float64()).to_numpy().astype(float)
+        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
+            columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
+        else:
+            notes.append(f"column {column_name!r} of type {kind} left out")
+    return Table(name, list(columns), columns, dict.fromkeys(columns, ""), 0, tuple(notes))

@@ -1,0 +1,88 @@
+"""One record per line of output: the same columns in every format. None is an absent number."""
+
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+#: Statuses that are failures of a sensor: exit code 1.
+FAILURES = frozenset({"constant", "no_data", "too_short", "diverged", "unreadable"})
+
+
+@dataclass(frozen=True)
+class Record:
+    """run and channel name the sensor; status and message say how far to trust the rest."""
+
+    run: str
+    channel: str
+
+    @classmethod
+    def columns(cls) -> tuple[str, ...]:
+        return tuple(f.name for f in fields(cls))
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class IdentifyRecord(Record):
+    """Steady state and settling time of one sensor; temperatures degC, times min, rate 1/min.
+
+    steady_state_limit_c is the smallest standard deviation that any unbiased method could reach on these readings;
+    *_measured_* stand where the record itself is complete.
+    """
+
+    filter: str
+    until_min: float | None = None
+    samples: int = 0
+    start_min: float | None = None
+    initial_c: float | None = None
+    steady_state_c: float | None = None
+    steady_state_lo_c: float | None = None
+    steady_state_hi_c: float | None = None
+    steady_state_limit_c: float | None = None
+    steady_state_measured_c: float | None = None
+    t95_min: float | None = None
+    t95_lo_min: float | None = None
+    t95_hi_min: float | None = None
+    t95_measured_min: float | None = None
+    rate_per_min: float | None = None
+    noise_c: float | None = None
+    rmse_fit_c: float | None = None
+    rmse_ahead_c: float | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class SweepRecord(Record):
+    """One sensor and window of a sweep; see docs/sweep in the README for the two rules."""
+
+    filter: str
+    window_min: float | None = None
+    best_time_min: float | None = None
+    rmse_c: float | None = None
+    earliest_time_min: float | None = None
+    shortest_time_min: float | None = None
+    tolerance_time_min: float | None = None
+    agreed: bool | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+#: Columns of a trace, one row per reading.
+TRACE_COLUMNS = (
+    "run",
+    "channel",
+    "time_min",
+    "reading_c",
+    "temperature_c",
+    "temperature_sd_c",
+    "rate_per_min",
+    "rate_sd_per_min",
+    "steady_state_c",
+    "steady_state_sd_c",
+    "innovation_c",
+    "fading",
+    "process_noise_k2",
+    "measurement_noise_k2",
+    "weight",
+)

@@ -1,0 +1,134 @@
+"""One sensor's record made ready for a filter: its readings, the logger's step, what was left out and why."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import spike_weights
+
+Array = NDArray[np.float64]
+
+SATURATED_READINGS = 8
+FLAT_READINGS = 5
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """time (N,) [min] from the first reading of the run and reading (N,) [degC], finite; resolution [K], 0 if none shows."""
+
+    time: Array
+    reading: Array
+    resolution: float
+    notes: tuple[str, ...]
+
+    @property
+    def constant(self) -> bool:
+        return len(self.reading) > 0 and float(np.ptp(self.reading)) == 0.0
+
+    def until(self, minutes: float | None) -> int:
+        """How many readings lie in the first `minutes`."""
+        return len(self.time) if minutes is None else int(np.searchsorted(self.time, minutes * (1 + 1e-12) + 1e-9, "right"))
+
+
+def prepare(time_min: Array, values: Array, start_min: float) -> Sensor:
+    """Finite readings from `start_min` on, without a saturated stretch.
+
+    The logger's step and its range are properties of the instrument: they are taken from the whole record, so that a
+    result does not depend on whether the record was cut before or after reading.
+    """
+    good = np.isfinite(values) & (time_min >= start_min - 1e-9)
+    time, reading = time_min[good], values[good]
+    resolution = logger_step(reading)
+    notes = []
+    stuck = saturated(reading, resolution)
+    if stuck.any():
+        notes.append(
+            f"{int(stuck.sum())} readings stuck at {reading[stuck][0]:g} degC from {time[stuck][0]:.4g} min left out (range ends there?)"
+        )
+        time, reading = time[~stuck], reading[~stuck]
+    return Sensor(time, reading, resolution, tuple(notes))
+
+
+def logger_step(reading: Array) -> float:
+    """The step [K] that all readings are multiples of, or 0 where none shows."""
+    levels = np.unique(np.round(reading, 9))
+    if len(levels) < 2:
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(gaps.min())
+    multiples = gaps / step
+    if step < 1e-6 or np.abs(multiples - np.round(multiples)).max() > 0.02:
+        return 0.0
+    return step
+
+
+def noise_of(reading: Array) -> float:
+    """Standard deviation of the noise [K] from the differences of neighbours, whatever the curve does."""
+    if len(reading) < 3:
+        return 0.0
+    step = np.diff(reading)
+    return 1.4826 * float(np.median(np.abs(step - np.median(step)))) / math.sqrt(2.0)
+
+
+def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
+    """Readings stuck at the end of the instrument's range: shape (n,).
+
+    A run of equal readings at the record's extreme, entered while the curve was plainly moving, in a record whose noise
+    would not leave that many readings alike.
+    """
+    stuck = np.zeros(len(reading), dtype=bool)
+    for extreme in (reading.max(), reading.min()) if len(reading) > 3 * SATURATED_READINGS else ():
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            if b - a < SATURATED_READINGS or a < SATURATED_READINGS:
+                continue
+            before = reading[a - SATURATED_READINGS : a]
+            noise = noise_of(reading[:a])
+            moved = abs(float(extreme) - float(before.mean()))
+            if noise > 0.5 * resolution and moved > 4.0 * max(noise, resolution):
+                stuck[a:b] = True
+    return stuck
+
+
+def stray_count(reading: Array, resolution: float) -> int:
+    """How many isolated spikes the record has."""
+    return int((spike_weights(reading, resolution) == 0.0).sum())
+
+
+def rise_start(time_min: Array, values: Array) -> float | None:
+    """When a sensor that was still at first begins to move [min]; 0 if it moves from the start; None if it never does.
+
+    A still stretch ends where three readings in a row leave its mean by four deviations on one side. It counts as
+    still only if it drifts by less than a fifth of the slope that follows: a slow rise under noise is not still.
+    """
+    good = np.isfinite(values)
+    time, reading = time_min[good], values[good]
+    if len(reading) < 3 * FLAT_READINGS:
+        return None
+    noise = max(noise_of(reading), logger_step(reading) / math.sqrt(12.0), 1e-9)
+    count = np.arange(1, len(reading) + 1)
+    mean = np.cumsum(reading) / count
+    away = (reading[1:] - mean[:-1]) / (noise * np.sqrt(1.0 + 1.0 / count[:-1]))
+    side = np.where(np.abs(away) > 4.0, np.sign(away), 0.0)
+    thrice = np.flatnonzero((side[:-2] != 0) & (side[:-2] == side[1:-1]) & (side[1:-1] == side[2:]))
+    if not len(thrice):
+        return None
+    alarm = int(thrice[0]) + 1
+    still = alarm
+    while still > 0 and abs(reading[still - 1] - mean[max(still - 2, 0)]) > 2.0 * noise:
+        still -= 1
+    after = slice(still, min(len(reading), still + max(still, FLAT_READINGS)))
+    if still < FLAT_READINGS or len(reading[after]) < FLAT_READINGS:
+        return 0.0
+    drift = abs(np.polyfit(time[:still], reading[:still], 1)[0])
+    rise = abs(np.polyfit(time[after], reading[after], 1)[0])
+    return float(time[still - 1]) if drift < 0.2 * rise else 0.0
+
+
+def run_start(time_min: Array, channels: list[Array], most: int = 32) -> float:
+    """Start of the rise of a run [min]: the first of its sensors to move, 0 if any moves from the first reading."""
+    picked = channels[:: max(1, len(channels) // most)]
+    starts = [s for s in (rise_start(time_min, c) for c in picked) if s is not None]
+    return min(starts, default=0.0)
