@@ -1,7 +1,7 @@
 """Physics: the lump that a sensor sits on, its forward run, and its maximum-likelihood fit. Knows no file and no filter."""
 
 from .decay import LOG_TWENTY, DecayFit, Interval, fit_decay, profile_intervals
-from .kernel import COMPILED
+from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
 from .spikes import spike_weights
 from .whiteness import pattern_p_value, variance_inflation
@@ -14,6 +14,8 @@ __all__ = [
     "Lump",
     "PrintedLump",
     "fit_decay",
+    "growth",
+    "growth_slope",
     "pattern_p_value",
     "profile_intervals",
     "spike_weights",

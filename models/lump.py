@@ -87,9 +87,20 @@ class Lump:
         """Temperatures (n,) at intervals dt (n,) [min] after, or before, one state (3,)."""
         return state[0] + state[1] * kernel.growth(state[2], dt)
 
+    def curve_covariance(self, state: Array, covariance: Array) -> Array:
+        """The covariance itself."""
+        return covariance
+
     def curve_state(self, state: Array) -> Array:
         """The state itself: a free run needs (temperature, slope, rate)."""
         return state
+
+    def deviations(self, state: Array, covariance: Array) -> Array:
+        """Standard deviations (3,) of temperature, rate and steady state, the last to first order."""
+        with np.errstate(all="ignore"):
+            by_state = np.array([1.0, 1.0 / state[2], -state[1] / state[2] ** 2])
+            variances = [covariance[0, 0], covariance[2, 2], by_state @ covariance @ by_state]
+            return np.sqrt(np.maximum(variances, 0.0))
 
     def intervals(self, state: Array, covariance: Array, quantile: float) -> tuple[Interval, Interval]:
         """Intervals of the steady state and of the rate from a Gaussian state (3,), covariance (3, 3) [K^2 and so on].
@@ -102,17 +113,18 @@ class Lump:
             rate - quantile * spread if rate - quantile * spread > 0.0 else None,
             rate + quantile * spread if rate > 0.0 else None,
         )
-        with np.errstate(divide="ignore"):
+        with np.errstate(all="ignore"):
             b = rate + quantile / 1.96 * spread * _NODES
             slope_by_rate = covariance[:2, 2] / covariance[2, 2] if covariance[2, 2] > 0.0 else np.zeros(2)
             rest = covariance[:2, :2] - np.outer(slope_by_rate, covariance[2, :2])
             means = state[:2, None] + slope_by_rate[:, None] * (b - rate)
             inverse = 1.0 / b
             variance = rest[0, 0] + 2.0 * rest[0, 1] * inverse + rest[1, 1] * inverse**2
-        centre = means[0] + means[1] * inverse
+            centre = means[0] + means[1] * inverse
+            reach = quantile / 1.96 * np.sqrt(np.maximum(variance, 0.0))
+            values = centre + reach * _NODES[:, None]
         never = math.inf if state[1] >= 0.0 else -math.inf  # a rate of zero or less does not settle
-        reach = quantile / 1.96 * np.sqrt(np.maximum(variance, 0.0))
-        values = np.where(b > 0.0, centre + reach * _NODES[:, None], never)
+        values = np.where((b > 0.0) & np.isfinite(values), values, never)
         order = np.argsort(values, axis=None)
         share = np.cumsum(_MIXTURE.ravel()[order])
         low, high = values.ravel()[order][np.searchsorted(share, [0.025, 0.975])]
@@ -183,9 +195,18 @@ class PrintedLump:
         first = [decay, -(state[0] - state[2]) * dt * decay, 1.0 - decay]
         return np.array([first, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
+    def curve_covariance(self, state: Array, covariance: Array) -> Array:
+        """Covariance (3, 3) of (temperature, slope, rate), to first order."""
+        jacobian = np.array([[1.0, 0.0, 0.0], [-state[1], state[2] - state[0], state[1]], [0.0, 1.0, 0.0]])
+        return jacobian @ covariance @ jacobian.T
+
     def curve_state(self, state: Array) -> Array:
         """(temperature, slope, rate) of a state (temperature, rate, steady state)."""
         return np.array([state[0], state[1] * (state[2] - state[0]), state[1]])
+
+    def deviations(self, state: Array, covariance: Array) -> Array:
+        """Standard deviations (3,) of temperature, rate and steady state."""
+        return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
     def intervals(self, state: Array, covariance: Array, quantile: float) -> tuple[Interval, Interval]:
         """Symmetric intervals of the steady state and of the rate: what the printed filter believes of itself."""

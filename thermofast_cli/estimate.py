@@ -10,10 +10,13 @@ from scipy.special import stdtrit
 from filters import Filter, Track
 from models import (
     LOG_TWENTY,
+    DecayFit,
     Interval,
     Lump,
     PrintedLump,
     fit_decay,
+    growth,
+    growth_slope,
     pattern_p_value,
     profile_intervals,
     variance_inflation,
@@ -49,21 +52,27 @@ class Estimate:
     limit: float | None
     weights: Array
     from_likelihood: bool
+    initial: float
+    t95: float | None
+    t95_interval: Interval
     pattern_p: float
     misfit: float
+    covariance: Array
+    faded: bool = False
+
+    def band(self, times: Array, draws: int = 400) -> tuple[Array, Array]:
+        """95 % band (n,), (n,) of the model's temperature at times (n,) [min]: quantiles over draws of the state."""
+        rng = np.random.default_rng(1)
+        root = np.linalg.cholesky(self.covariance + 1e-12 * np.diag(np.diag(self.covariance) + 1e-12))
+        states = self.state + rng.standard_normal((draws, 3)) @ root.T
+        dt = times - self.time
+        curves = states[:, :1] + states[:, 1:2] * growth(states[:, 2:], dt)
+        low, high = np.quantile(curves, [0.025, 0.975], axis=0)
+        return low, high
 
     def free_run(self, times: Array) -> Array:
         """Model temperatures (n,) [degC] at times (n,) [min], run from the state forwards and backwards."""
         return Lump().free_run(self.state, times - self.time)
-
-    @property
-    def t95(self) -> float | None:
-        return LOG_TWENTY / self.rate if self.rate is not None else None
-
-    @property
-    def t95_interval(self) -> Interval:
-        low, high = self.rate_interval.high, self.rate_interval.low
-        return Interval(LOG_TWENTY / low if low else None, LOG_TWENTY / high if high else None)
 
     @property
     def bounded(self) -> bool:
@@ -99,7 +108,7 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, resolution:
             widening = variance_inflation(scaled)
     misfit = math.sqrt(float(residual @ residual) / len(residual))
     steady, rates = profile_intervals(fit, time, reading, weights, widening)
-    state, _ = fit.state(float(time[-1]))
+    state, covariance = fit.state(float(time[-1]))
     curved = fit.rate > 1.001 * fit.rate_low
     noise = math.sqrt(max(fit.noise_variance, resolution**2 / 12.0)) if fit.dof > 0 else math.nan
     limit_c = fit.steady_state_limit * noise
@@ -114,23 +123,26 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, resolution:
         limit_c if curved and math.isfinite(limit_c) else None,
         weights,
         True,
+        float(fit.predict(time[:1])[0]),
+        LOG_TWENTY / fit.rate if curved else None,
+        Interval(
+            LOG_TWENTY / rates.high if rates.high is not None else None,
+            LOG_TWENTY / rates.low if rates.low is not None else None,
+        ),
         p,
         misfit,
+        np.where(np.isfinite(covariance), covariance, 0.0) * (noise**2 * widening if math.isfinite(noise) else 0.0),
     )
 
 
-def _tangent(fit: object, time: Array, weights: Array) -> Array:
-    from models.decay import DecayFit
-    from models.kernel import growth, growth_slope
-
-    assert isinstance(fit, DecayFit)
+def _tangent(fit: DecayFit, time: Array, weights: Array) -> Array:
     dt = time - fit.t0
     columns = [np.ones(len(time)), growth(fit.rate, dt), growth_slope(fit.rate, dt)]
     return np.column_stack(columns) * np.sqrt(weights)[:, None]
 
 
 def filter_estimate(
-    model: Model, track: Track, time: Array, reading: Array, k: int, resolution: float, judge: bool = True
+    model: Model, track: Track, time: Array, reading: Array, k: int, resolution: float
 ) -> Estimate:
     """The filter's own state after reading k, with the interval that its covariance stands for."""
     weights = track.likelihood_weight[: k + 1]
@@ -144,15 +156,24 @@ def filter_estimate(
         state, covariance, noise_variance, dof = start.state, start.covariance, start.noise_variance, start.dof
         weights = start.weights
     quantile = float(stdtrit(dof, 0.975)) if math.isfinite(dof) else 1.96
-    steady, rates = model.intervals(state, covariance * noise_variance, quantile)
-    curve = model.curve_state(state)
+    covariance = covariance * noise_variance
+    steady, rates = model.intervals(state, covariance, quantile)
+    curve, spread = model.curve_state(state), model.curve_covariance(state, covariance)
     temperature, slope, rate = (float(v) for v in curve)
     settles = rate > 0.0
-    noise = math.sqrt(float(track.noise_variance[k]) if k >= track.first else noise_variance)
-    used = weights > 0.0
-    run = Lump().free_run(curve, time[: k + 1] - time[k])
-    residual = (reading[: k + 1] - run)[used]
-    misfit = math.sqrt(float(residual @ residual) / max(len(residual), 1))
+    faded = k >= track.first and float(track.forgotten[k]) > -math.log(KEPT_SHARE)
+    # What the filter forgot it cannot be held to: run backwards from its last state, the model would leave every bound.
+    anchor = min(track.first, k) if faded else k
+    origin = model.curve_state(track.state[anchor]) if faded else curve
+    initial = float(Lump().free_run(origin, time[:1] - time[anchor])[0])
+    remembered = np.exp(track.forgotten[: k + 1] - track.forgotten[k]) if faded else np.ones(k + 1)
+    remembered = np.where((weights > 0.0) & (remembered > 1e-3), remembered, 0.0)
+    residual = np.zeros(k + 1)
+    used = remembered > 0.0
+    residual[used] = reading[: k + 1][used] - Lump().free_run(curve, time[: k + 1][used] - time[k])
+    misfit = math.sqrt(float(remembered @ residual**2) / max(float(remembered.sum()), 1e-9))
+    elapsed = float(time[k] - time[0])
+    t95, t95_interval = settling(curve, spread, elapsed, initial, quantile)
     return Estimate(
         float(time[k]),
         curve,
@@ -160,12 +181,45 @@ def filter_estimate(
         steady,
         rate if settles else None,
         rates,
-        noise,
+        math.sqrt(float(track.noise_variance[k]) if k >= track.first else noise_variance),
         None,
         weights,
         False,
+        initial,
+        t95,
+        t95_interval,
         math.nan,
         misfit,
+        spread,
+        faded,
+    )
+
+
+def settling(
+    curve: Array, covariance: Array, elapsed: float, initial: float, quantile: float
+) -> tuple[float | None, Interval]:
+    """Minutes from the first reading to within 5 % of the whole rise, and their 95 % interval.
+
+    curve (3,) is (temperature, slope, rate) `elapsed` minutes after the first reading, covariance (3, 3) its own. The interval runs
+    over the rate, temperature and slope following it as the covariance says; None where a side is not bounded.
+    """
+    nodes = np.linspace(-4.5, 4.5, 181)
+    spread = math.sqrt(max(float(covariance[2, 2]), 0.0))
+    along = covariance[:, 2] / covariance[2, 2] if covariance[2, 2] > 0.0 else np.array([0.0, 0.0, 1.0])
+    states = curve[:, None] + along[:, None] * (quantile / 1.96 * spread * nodes)
+    states[:, 90] = curve
+    with np.errstate(all="ignore"):
+        left = states[1] / states[2]
+        share = np.abs(left) / (0.05 * np.abs(states[0] + left - initial))
+        times = np.where(states[2] > 0.0, elapsed + np.log(share) / states[2], math.inf)
+    times = np.where(np.isnan(times), math.inf, np.maximum(times, 0.0))
+    order = np.argsort(times)
+    weight = np.cumsum(np.exp(-0.5 * nodes[order] ** 2))
+    low, high = times[order][np.searchsorted(weight / weight[-1], [0.025, 0.975])]
+    centre = float(times[90])
+    return (
+        centre if math.isfinite(centre) and centre > 0.0 else None,
+        Interval(float(low) if math.isfinite(low) and low > 0.0 else None, float(high) if math.isfinite(high) else None),
     )
 
 
@@ -187,4 +241,4 @@ def estimate_at(
         else:
             weights = track.likelihood_weight[: k + 1]
         return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, resolution, judge)
-    return filter_estimate(model, track, time, reading, k, resolution, judge)
+    return filter_estimate(model, track, time, reading, k, resolution)

@@ -13,7 +13,7 @@ DRIFT_SHARE = 0.2
 COMPLETE = 0.012
 
 
-def measured_equilibrium(time: Array, reading: Array, initial: float) -> tuple[float, float] | None:
+def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float] | None:
     """(steady state [degC], settling time [min] after the first reading) of a record that reached equilibrium, or None.
 
     Complete means that the last fifth drifts by less than 1.2 % of the whole rise. The steady state is the mean of
@@ -24,7 +24,7 @@ def measured_equilibrium(time: Array, reading: Array, initial: float) -> tuple[f
         return None
     tail = slice(n - max(int(n * DRIFT_SHARE), 6), n)
     steady = float(reading[n - max(int(n * LAST_SHARE), 3) :].mean())
-    rise = steady - initial
+    rise = steady - float(np.median(reading[:3]))
     slope, _ = np.polyfit(time[tail], reading[tail], 1)
     residual = reading[tail] - np.polyval(np.polyfit(time[tail], reading[tail], 1), time[tail])
     drift = abs(float(slope)) * float(time[-1] - time[tail][0])

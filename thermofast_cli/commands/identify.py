@@ -1,0 +1,118 @@
+"""``thermofast identify``."""
+
+from typing import Any
+
+import click
+
+from ..options import READING, filter_options, output_options, reading_options, runs_argument
+
+
+@click.command("identify", epilog="Example: thermofast identify sample_runs/spindle.csv --until 60 --save-plot spindle.png")
+@runs_argument
+@click.option("--until", type=click.FloatRange(0, min_open=True), metavar="MIN", help="Use the first MIN minutes only; the rest shows the error ahead.")
+@filter_options
+@reading_options
+@output_options
+@click.option("--trace", metavar="FILE", help="Write what the filter did, reading by reading: .csv .json .jsonl .parquet .md.")
+@click.option("--save-plot", metavar="FILE", help="Draw measurement, model and band per sensor: .png .pdf .svg.")
+@click.option("--plot-trace", is_flag=True, help="Add rate and steady state converging to the picture of --save-plot.")
+def command(
+    runs: tuple[str, ...],
+    until: float | None,
+    filter_name: str,
+    preset: str | None,
+    settings: tuple[str, ...],
+    form: str | None,
+    output: str | None,
+    jobs: int | None,
+    quiet: bool,
+    trace: str | None,
+    save_plot: str | None,
+    plot_trace: bool,
+    **reading: Any,
+) -> int:
+    """Say where each sensor of each RUN will settle and when 95 % of the rise is done.
+
+    RUN is a CSV or Parquet file, or - for standard input. One record per sensor; status tells how far to trust it:
+    ok, not_determined (a side of an interval is open), model_doubtful (the base model does not fit).
+    """
+    from ..errors import UsageError
+    from ..methods import choose
+    from ..output.files import TABLE_SUFFIXES, check_target, write_table
+    from ..output.screen import interval, number, progress, say, show_records, text
+    from ..records import FAILURES, TRACE_COLUMNS, IdentifyRecord
+    from ..session import Interrupted, gather, read_all, share_out, sources_or_stdin
+    from ..work import IdentifyTask, identify_lost, identify_task
+
+    method = choose(filter_name, preset, settings)
+    for target in (output, trace):
+        if target:
+            check_target(target, TABLE_SUFFIXES)
+    if plot_trace and not save_plot:
+        raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
+    if save_plot:
+        from ..output.plots import SUFFIXES, require_matplotlib
+
+        require_matplotlib()
+        check_target(save_plot, SUFFIXES)
+    given = {k: reading[k] for k in READING}
+    readings = read_all(sources_or_stdin(runs), given, quiet)
+    for run, _ in readings.runs:
+        if until is not None and until > run.time_s[-1] / 60.0 * 1.001:
+            raise UsageError(
+                f"{run.name}: --until {until:g} is longer than the record",
+                found=f"{run.time_s[-1] / 60.0:.4g} min",
+                allowed="a time inside the record, or no --until",
+            )
+    details = bool(trace or save_plot)
+
+    def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> IdentifyTask:
+        return IdentifyTask(name, minutes, part, values, notes, method, start, until, details)
+
+    tasks, processes = share_out(readings, jobs, 1.0, make)
+    found = []
+    interrupted = False
+    with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
+        try:
+            for result in gather(identify_task, tasks, processes, identify_lost, advance):
+                found.append(result)
+        except Interrupted:
+            interrupted = True
+    records = [r.record for r in found]
+    records += [IdentifyRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]
+    rows = [r.as_dict() for r in records]
+    columns = IdentifyRecord.columns()
+    if output:
+        write_table(output, "identify", columns, rows)
+        if not quiet:
+            say(f"{len(rows)} records in {output}")
+    if form or not output:
+        drawn = [
+            ("sensor", text("channel")),
+            ("settles at degC", number("steady_state_c")),
+            ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
+            ("measured", number("steady_state_measured_c")),
+            ("t95 min", number("t95_min", 1)),
+            ("95 % interval", interval("t95_lo_min", "t95_hi_min", 1)),
+            ("noise K", number("noise_c", 3)),
+            ("rmse fit", number("rmse_fit_c", 3)),
+            ("ahead", number("rmse_ahead_c", 3)),
+            ("status", text("status")),
+        ]
+        show_records("identify", columns, rows, form, drawn)
+    if trace:
+        traced = [
+            {"run": r.record.run, "channel": r.record.channel, **{c: float(v[i]) for c, v in r.trace.items()}}
+            for r in found
+            if r.trace is not None
+            for i in range(len(r.trace["time_min"]))
+        ]
+        write_table(trace, "trace", TRACE_COLUMNS, traced)
+    if save_plot:
+        from ..output.plots import plot_prediction
+
+        plot_prediction(save_plot, [r.curves for r in found if r.curves is not None], plot_trace)
+    if interrupted:
+        say(f"interrupted: {len(found)} sensors were finished")
+        return 130
+    return 1 if any(r.status in FAILURES for r in records) else 0

@@ -1,0 +1,223 @@
+"""From one sensor's readings to one record of ``identify``. Pure: arrays in, records out."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from filters import Filter, Track
+from models import spike_weights
+
+from .estimate import DOUBT, FEWEST_READINGS, Estimate, Model, estimate_at
+from .measured import measured_equilibrium
+from .records import IdentifyRecord
+from .sensor import Sensor, prepare
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Method:
+    """What every sensor of a run is treated with."""
+
+    model: Model
+    filter: Filter
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What a picture of one sensor shows; arrays over time [min], temperatures degC."""
+
+    run: str
+    channel: str
+    time: Array
+    reading: Array
+    model_time: Array
+    model: Array
+    band_low: Array
+    band_high: Array
+    until: float
+    unit_note: str
+    trace: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Identified:
+    record: IdentifyRecord
+    trace: dict[str, Array] | None = None
+    curves: Curves | None = None
+
+
+def identify_sensor(
+    run: str,
+    channel: str,
+    time_min: Array,
+    values: Array,
+    method: Method,
+    until_min: float | None = None,
+    start_min: float = 0.0,
+    note: str = "",
+    want_trace: bool = False,
+) -> Identified:
+    """Record of one sensor from its readings values (N,) [degC], nan for none, at time_min (N,).
+
+    Trouble with the sensor is a status in the record, never an exception.
+    """
+    sensor = prepare(time_min, values, start_min)
+    blank = IdentifyRecord(run, channel, method.filter.name, until_min=until_min, start_min=start_min)
+    refused = refusal(sensor, until_min)
+    notes = [note] if note else []
+    if refused:
+        return Identified(replace(blank, samples=refused[2], status=refused[0], message=_joined([refused[1], *notes])))
+    count = sensor.until(until_min)
+    time, reading = sensor.time, sensor.reading
+    track = method.filter.track(method.model, time[:count], reading[:count], sensor.resolution)
+    blank = replace(blank, samples=count, until_min=until_min if until_min is not None else float(time_min[-1] - time_min[0]))
+    if track.diverged_at is not None:
+        message = f"the filter diverged at reading {track.diverged_at + 1}, {time[track.diverged_at]:.4g} min"
+        return Identified(replace(blank, status="diverged", message=_joined([message, *notes])))
+    estimate = estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, sensor.resolution)
+    record = _record(blank, sensor, estimate, track, count, notes)
+    trace = trace_columns(method.model, track, time[:count], reading[:count]) if want_trace else None
+    curves = _curves(run, channel, sensor, estimate, trace, count) if want_trace else None
+    return Identified(record, trace, curves)
+
+
+def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | None:
+    """(status, message, readings) where a sensor gives nothing to identify, else None."""
+    count = sensor.until(until_min)
+    if not len(sensor.reading):
+        return "no_data", "no reading in this column", 0
+    if count < FEWEST_READINGS:
+        within = f" in the first {until_min:g} min" if until_min is not None else ""
+        return "too_short", f"{count} readings{within}; at least {FEWEST_READINGS} are needed", count
+    if float(np.ptp(sensor.reading[:count])) == 0.0:
+        return "constant", f"every reading is {sensor.reading[0]:g} degC: is the probe connected?", count
+    return None
+
+
+def _record(
+    blank: IdentifyRecord, sensor: Sensor, estimate: Estimate, track: Track, count: int, notes: list[str]
+) -> IdentifyRecord:
+    time, reading = sensor.time, sensor.reading
+    steady, t95 = estimate.steady_state_interval, estimate.t95_interval
+    initial = estimate.initial
+    measured = measured_equilibrium(time, reading)
+    ahead = None
+    if count < len(time):
+        kept = spike_weights(reading, sensor.resolution)[count:] > 0.0
+        error = estimate.free_run(time[count:])[kept] - reading[count:][kept]
+        ahead = math.sqrt(float(np.mean(error**2))) if len(error) else None
+    status, messages = _verdict(estimate, track, sensor)
+    return replace(
+        blank,
+        initial_c=finite(initial),
+        steady_state_c=finite(estimate.steady_state),
+        steady_state_lo_c=finite(steady.low),
+        steady_state_hi_c=finite(steady.high),
+        steady_state_limit_c=finite(estimate.limit),
+        steady_state_measured_c=measured[0] if measured else None,
+        t95_min=finite(estimate.t95),
+        t95_lo_min=finite(t95.low),
+        t95_hi_min=finite(t95.high),
+        t95_measured_min=measured[1] if measured else None,
+        rate_per_min=finite(estimate.rate),
+        noise_c=finite(estimate.noise),
+        rmse_fit_c=finite(estimate.misfit),
+        rmse_ahead_c=finite(ahead),
+        status=status,
+        message=_joined([*messages, *sensor.notes, *notes]),
+    )
+
+
+def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, list[str]]:
+    """Status and what to say: how far the numbers can be trusted."""
+    messages = []
+    # A misfit smaller than the logger's step is its rounding, however regular it looks.
+    patterned = estimate.pattern_p < DOUBT and estimate.misfit > 0.5 * sensor.resolution
+    if estimate.faded:
+        when = sensor.time[int(np.argmax(track.fading > 1.0))]
+        messages.append(
+            f"the base model fails from about {when:.4g} min on and the filter forgets what was before; "
+            "the interval holds only if nothing else changes"
+        )
+    elif patterned:
+        messages.append(
+            f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
+            "the interval does not cover what the model lacks"
+        )
+    out = int((estimate.weights == 0.0).sum())
+    if out:
+        messages.append(f"{out} stray reading{'s' if out > 1 else ''} left out")
+    status = "model_doubtful" if patterned or estimate.faded else "ok"
+    if not estimate.bounded:
+        status = "not_determined"
+        sides = estimate.steady_state_interval
+        if estimate.steady_state is None:
+            messages.insert(0, "no bend is seen yet: the steady state cannot be told; measure longer")
+        elif sides.low is None or sides.high is None:
+            messages.insert(0, "these readings do not bound the steady state on one side; measure longer")
+        else:
+            messages.insert(0, "these readings do not bound the settling time on one side; measure longer")
+    return status, messages
+
+
+def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> dict[str, Array]:
+    """Per reading (n,): the paper's convergence figures; nan before the filter has started."""
+    n = len(time)
+    temperature, rate, steady = (np.full(n, np.nan) for _ in range(3))
+    deviations = np.full((n, 3), np.nan)
+    for k in range(min(track.first, n), n):
+        t, s, b = model.curve_state(track.state[k])
+        temperature[k], rate[k], steady[k] = t, b, t + s / b if b != 0.0 else np.nan
+        deviations[k] = model.deviations(track.state[k], track.covariance[k] * track.noise_variance[k])
+    return {
+        "time_min": time,
+        "reading_c": reading,
+        "temperature_c": temperature,
+        "temperature_sd_c": deviations[:, 0],
+        "rate_per_min": rate,
+        "rate_sd_per_min": deviations[:, 1],
+        "steady_state_c": steady,
+        "steady_state_sd_c": deviations[:, 2],
+        "innovation_c": track.innovation,
+        "fading": track.fading,
+        "process_noise_k2": track.process_noise,
+        "measurement_noise_k2": track.noise_variance * track.noise_factor,
+        "weight": track.weight,
+    }
+
+
+def _curves(
+    run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int
+) -> Curves:
+    end = float(sensor.time[-1])
+    if count == len(sensor.time) and estimate.t95 is not None:
+        end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
+    grid = np.linspace(float(sensor.time[0]), end, 300)
+    low, high = estimate.band(grid)
+    note = f"settles at {estimate.steady_state:.2f} degC" if estimate.steady_state is not None else "not determined"
+    return Curves(
+        run,
+        channel,
+        sensor.time,
+        sensor.reading,
+        grid,
+        estimate.free_run(grid),
+        low,
+        high,
+        float(sensor.time[count - 1]),
+        note,
+        trace or {},
+    )
+
+
+def finite(value: float | None) -> float | None:
+    """None for a number that is none."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _joined(messages: list[Any]) -> str:
+    return "; ".join(str(m) for m in messages if m)

@@ -1,0 +1,73 @@
+"""The command group. Commands are imported when they are called, so that ``--help`` is quick."""
+
+import sys
+from importlib import import_module
+from typing import Any
+
+import click
+
+from . import __version__
+from .errors import ThermofastError
+
+COMMANDS = {
+    "identify": "Steady state and settling time from the first part of a record.",
+    "sweep": "The shortest identification time that serves.",
+    "filters": "The catalogue of filters and their settings.",
+    "simulate": "A record with known truth.",
+}
+
+
+class LazyGroup(click.Group):
+    """Knows its commands by name and one line; imports the file of one only to run it."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(f".commands.{cmd_name}", __package__).command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="Try: thermofast identify sample_runs/spindle.csv --until 60",
+)
+@click.version_option(__version__, prog_name="thermofast")
+@click.option("--config", metavar="FILE", help="Settings file; ./thermofast.toml by default.")
+@click.pass_context
+def cli(ctx: click.Context, config: str | None) -> None:
+    """Read the first part of a machine's temperature record and say where each sensor will settle, when, and how sure that is."""
+    from .settings import load_settings
+
+    ctx.default_map = load_settings(config)
+
+
+def run(arguments: list[str] | None = None) -> None:
+    """Entry point of the script. Exit code 0 done; 1 some sensor failed; 2 bad usage or input; 130 interrupted."""
+    code: Any = 0
+    try:
+        code = cli.main(args=arguments, prog_name="thermofast", standalone_mode=False)
+    except ThermofastError as error:
+        click.echo(f"Error: {error}", err=True)
+        code = 2
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        code = 2
+    except click.ClickException as error:
+        error.show()
+        code = 2
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted", err=True)
+        code = 130
+    except BrokenPipeError:  # the reader of our output has gone: nothing more to say to it
+        sys.stderr.close()
+        code = 0
+    sys.exit(code if isinstance(code, int) else 0)

@@ -1,0 +1,89 @@
+"""Options that commands share, each said once. Imports Click only: ``--help`` must not wait for numpy."""
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from .errors import UsageError
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+FILTERS = "afukf, fading_ukf, ukf, ekf, least_squares"
+
+
+def _together(*options: Decorator) -> Decorator:
+    def wrap(function: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return wrap
+
+
+runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())
+
+filter_options = _together(
+    click.option("--filter", "filter_name", default="afukf", show_default=True, metavar="NAME", help=f"One of {FILTERS}."),
+    click.option("--preset", type=click.Choice(["paper"]), help="The filter as the spindle paper prints it."),
+    click.option("--set", "settings", multiple=True, metavar="FILTER.KEY=VALUE", help="A filter's setting; see 'thermofast filters NAME'."),
+)
+
+output_options = _together(
+    click.option("--format", "form", type=click.Choice(["table", "csv", "json", "jsonl", "md"]), help="Table on a terminal, else CSV, by default."),
+    click.option("-o", "--output", metavar="FILE", help="Write to FILE instead: .csv .json .jsonl .parquet .md."),
+    click.option("--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."),
+    click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error but errors."),
+)
+
+reading_options = _together(
+    click.option("--time", metavar="COLUMN", help="The time column."),
+    click.option("--time-unit", type=click.Choice(["ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
+    click.option("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
+    click.option("--interval", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Rows are this far apart: there is no time column."),
+    click.option("--start", default="auto", show_default=True, metavar="MIN|auto", help="When the rise begins, minutes from the first reading."),
+    click.option("--ambient", metavar="COLUMN", help="The column of the surroundings."),
+    click.option("--inputs", metavar="A,B", help="Columns that are inputs, not sensors."),
+    click.option("--channels", metavar="A,B", help="Use these sensors only."),
+    click.option("--exclude", metavar="A,B", help="Leave these columns out."),
+    click.option("--missing", metavar="A,B", help="More words that mean 'no reading'."),
+    click.option("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
+    click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
+    click.option("--encoding", metavar="NAME", help="Text encoding."),
+    click.option("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
+)
+
+#: Names of the parameters that ``reading_options`` adds.
+READING = (
+    "time time_unit time_format interval start ambient inputs channels exclude missing delimiter decimal encoding header_line".split()
+)
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """'A, B' as ('A', 'B')."""
+    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
+
+
+def numbers(text: str, option: str) -> tuple[float, ...]:
+    """'40,45' or '5:55:1' (ends included) as ascending numbers.
+
+    Raises
+    ------
+    UsageError: not numbers, not above zero, or a step that never ends.
+    """
+    try:
+        if ":" in text:
+            parts = [float(p) for p in text.split(":")]
+            first, last = parts[0], parts[1]
+            step = parts[2] if len(parts) > 2 else 1.0
+            if len(parts) > 3 or step <= 0 or last < first or (last - first) / step > 100_000:
+                raise ValueError
+            found = [first + i * step for i in range(int((last - first) / step + 1e-9) + 1)]
+        else:
+            found = [float(p) for p in text.split(",") if p.strip()]
+        if not found or any(not 0 < v < 1e7 for v in found):
+            raise ValueError
+    except (ValueError, IndexError):
+        raise UsageError(
+            f"{option}: not a list of minutes", found=repr(text), allowed="numbers above zero as 40,45,50 or FIRST:LAST:STEP"
+        ) from None
+    return tuple(sorted({round(v, 9) for v in found}))

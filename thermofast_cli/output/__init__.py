@@ -1,0 +1,1 @@
+"""Tables out: one module forms the text, one writes files whole, one draws on the terminal, one makes pictures."""

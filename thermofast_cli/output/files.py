@@ -1,0 +1,91 @@
+"""Files out, whole or not at all: written beside the target and moved over it."""
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import UsageError
+from .text import Row, plain, to_csv, to_json, to_jsonl, to_markdown
+
+TABLE_SUFFIXES = (".csv", ".json", ".jsonl", ".parquet", ".md")
+
+
+def check_target(path: str, suffixes: Sequence[str]) -> None:
+    """Refuses a target before any work is done for it.
+
+    Raises
+    ------
+    UsageError: unknown suffix, or no such folder.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        raise UsageError(
+            f"{path}: cannot tell the format from the name", found=target.suffix or "no suffix", allowed=" ".join(suffixes)
+        )
+    if not target.parent.is_dir():
+        raise UsageError(f"{path}: there is no folder {str(target.parent)!r}", do="make it first")
+    if target.is_dir():
+        raise UsageError(f"{path}: a folder stands there", do="name a file")
+
+
+def write_whole(path: str, write: Callable[[str], None]) -> None:
+    """Runs ``write`` on a temporary name with the same suffix, then moves the file into place.
+
+    Raises
+    ------
+    UsageError: the file cannot be written; nothing is left behind.
+    """
+    target = Path(path)
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=".thermofast-", suffix=target.suffix, dir=target.parent)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written", found=str(error.strerror), do="choose another place") from None
+    os.close(handle)
+    try:
+        write(temporary)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written", found=str(error.strerror), do="choose another place") from None
+    finally:
+        if os.path.exists(temporary):
+            os.unlink(temporary)
+
+
+def write_table(path: str, command: str, columns: Sequence[str], rows: Sequence[Row]) -> None:
+    """A table in the format of the suffix."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".parquet":
+        write_whole(path, lambda p: _parquet(p, columns, rows))
+        return
+    text = {
+        ".csv": lambda: to_csv(columns, rows),
+        ".json": lambda: to_json(command, rows),
+        ".jsonl": lambda: to_jsonl(rows),
+        ".md": lambda: to_markdown(columns, rows),
+    }[suffix]()
+    write_whole(path, lambda p: _write_text(p, text))
+
+
+def _write_text(path: str, text: str) -> None:
+    with open(path, "w", encoding="utf-8", newline="") as out:
+        out.write(text)
+
+
+def _parquet(path: str, columns: Sequence[str], rows: Sequence[Row]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as papq
+
+    arrays = {c: _arrow([plain(row[c]) for row in rows]) for c in columns}
+    papq.write_table(pa.table(arrays), path)
+
+
+def _arrow(values: list[Any]) -> Any:
+    import pyarrow as pa
+
+    # A column without a single number is still a column of numbers.
+    return pa.array(values, type=pa.float64() if all(v is None for v in values) else None)

@@ -1,0 +1,127 @@
+"""Pictures, with matplotlib loaded only here and only when one is asked for."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import UsageError
+from ..identify import Curves
+from ..sweep import Swept
+from .files import write_whole
+
+SUFFIXES = (".png", ".pdf", ".svg")
+MOST_PANELS = 24
+MEASURED, MODEL, MARK = "#7a8793", "#c2410c", "#1d4ed8"
+#: Window curves, dark to light, told apart in print and by colour-blind readers.
+WINDOWS = ("#08306b", "#c2410c", "#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
+MOST_POINTS = 2000
+
+
+def require_matplotlib() -> None:
+    """Raises UsageError where matplotlib is not installed."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise UsageError("pictures need matplotlib", do="pip install 'thermofast[plot]'") from None
+
+
+def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any, Any]:
+    from matplotlib.figure import Figure
+
+    rows = -(-panels // columns)
+    figure = Figure(figsize=(width * columns, height * rows + 0.6), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _save(path: str, figure: Any) -> None:
+    write_whole(path, lambda p: figure.savefig(p, dpi=110))
+
+
+def _few(curves: Sequence[Any], figure_of: str) -> Sequence[Any]:
+    if not curves:
+        raise UsageError(f"no sensor to draw {figure_of} of", do="see the status of each record")
+    return curves[:MOST_PANELS]
+
+
+def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = False) -> None:
+    """One panel per sensor: measurement, model, 95 % band, identification time; beside it, on request, rate and T_inf."""
+    shown = _few(curves, "a prediction")
+    across = 3 if with_trace else min(3, len(shown))
+    panels = 3 * len(shown) if with_trace else len(shown)
+    figure, axes = _figure(panels, across, 4.6, 3.0)
+    flat = axes.ravel()
+    several = len({c.run for c in shown}) > 1
+    for i, c in enumerate(shown):
+        row = flat[3 * i : 3 * i + 3] if with_trace else [flat[i]]
+        _prediction(row[0], c, f"{c.run}: {c.channel}" if several else c.channel)
+        if with_trace:
+            _converging(row[1], c, "rate_per_min", "rate_sd_per_min", "rate b, 1/min")
+            _converging(row[2], c, "steady_state_c", "steady_state_sd_c", "steady state, °C")
+    for axis in flat[panels:]:
+        axis.set_visible(False)
+    flat[0].legend(fontsize=8, frameon=False, loc="best")
+    left_out = len(curves) - len(shown)
+    more = f"  (first {len(shown)} of {len(curves)} sensors)" if left_out else ""
+    figure.suptitle(f"{shown[0].run if not several else 'thermofast identify'}{more}", fontsize=11)
+    _save(path, figure)
+
+
+def _prediction(axis: Any, c: Curves, title: str) -> None:
+    step = max(1, len(c.time) // MOST_POINTS)
+    axis.plot(c.time[::step], c.reading[::step], ".", ms=2.5, color=MEASURED, label="measured")
+    axis.fill_between(c.model_time, c.band_low, c.band_high, color=MODEL, alpha=0.18, lw=0, label="95 % band")
+    axis.plot(c.model_time, c.model, color=MODEL, lw=1.4, label="model")
+    axis.axvline(c.until, color=MARK, lw=1, ls="--", label="identification time")
+    # The band of a short record may leave the page: the readings and the model set the scale.
+    low = min(np.nanmin(c.reading), np.nanmin(c.model))
+    high = max(np.nanmax(c.reading), np.nanmax(c.model))
+    span = max(high - low, 1e-3)
+    real_low, real_high = float(np.nanmin(c.reading)), float(np.nanmax(c.reading))
+    room = 1.5 * max(real_high - real_low, 1e-3)
+    axis.set_ylim(max(low - 0.08 * span, real_low - room), min(high + 0.15 * span, real_high + room))
+    axis.set_title(f"{title}: {c.unit_note}", fontsize=9)
+    axis.set_xlabel("time, min", fontsize=8)
+    axis.set_ylabel("temperature, °C", fontsize=8)
+    axis.tick_params(labelsize=8)
+
+
+def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) -> None:
+    time, mean, spread = c.trace["time_min"], c.trace[value], 1.96 * c.trace[deviation]
+    good = np.isfinite(mean) & np.isfinite(spread)
+    if good.any():
+        axis.fill_between(time[good], (mean - spread)[good], (mean + spread)[good], color=MODEL, alpha=0.18, lw=0)
+        axis.plot(time[good], mean[good], color=MODEL, lw=1.2)
+        last = mean[good][len(mean[good]) // 4 :]
+        middle, half = float(np.median(last)), max(4.0 * float(np.ptp(last)), 2.0 * float(spread[good][-1]), 1e-6)
+        axis.set_ylim(middle - half, middle + half)
+    axis.set_xlabel("time, min", fontsize=8)
+    axis.set_ylabel(label, fontsize=8)
+    axis.tick_params(labelsize=8)
+
+
+def plot_sweep(path: str, results: Sequence[Swept]) -> None:
+    """RMSE against identification time, one curve per window, one panel per sensor; the paper's figure 6."""
+    shown = _few([r for r in results if np.isfinite(r.rmse).any()], "a sweep")
+    figure, axes = _figure(len(shown), min(3, len(shown)), 4.6, 3.0)
+    flat = axes.ravel()
+    several = len({r.records[0].run for r in shown}) > 1
+    for axis, result in zip(flat, shown, strict=False):
+        for j, record in enumerate(result.records):
+            good = np.isfinite(result.rmse[j])
+            colour = WINDOWS[j % len(WINDOWS)]
+            axis.semilogy(result.times[good], result.rmse[j][good], color=colour, lw=1.2, label=f"{record.window_min:g} min")
+            if record.best_time_min is not None:
+                axis.plot(record.best_time_min, record.rmse_c, "o", ms=4, color=colour)
+        first = result.records[0]
+        if first.shortest_time_min is not None:
+            axis.axvline(first.shortest_time_min, color=MARK, lw=1, ls="--", label="shortest time")
+        axis.set_title(f"{first.run}: {first.channel}" if several else first.channel, fontsize=9)
+        axis.set_xlabel("identification time, min", fontsize=8)
+        axis.set_ylabel("RMSE over the window, K", fontsize=8)
+        axis.tick_params(labelsize=8, which="both")
+    for axis in flat[len(shown) :]:
+        axis.set_visible(False)
+    flat[0].legend(fontsize=8, frameon=False, title="window", title_fontsize=8)
+    figure.suptitle("thermofast sweep" if several else shown[0].records[0].run, fontsize=11)
+    _save(path, figure)

@@ -1,0 +1,102 @@
+"""The one module that prints: tables to standard output, everything else to standard error."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from .text import Row, short, to_csv, to_json, to_jsonl, to_markdown
+
+FORMATS = ("table", "csv", "json", "jsonl", "md")
+
+
+def say(text: str) -> None:
+    """A line on standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def chosen_format(wanted: str | None) -> str:
+    """A drawn table on a terminal, CSV into a pipe."""
+    return wanted or ("table" if sys.stdout.isatty() else "csv")
+
+
+def show_text(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+def show_records(command: str, columns: Sequence[str], rows: Sequence[Row], wanted: str | None, drawn: Sequence[Any]) -> None:
+    """Records to standard output; `drawn` are (heading, function of a row) of the terminal's table."""
+    kind = chosen_format(wanted)
+    if kind == "table":
+        draw(command, rows, drawn)
+    elif kind == "csv":
+        show_text(to_csv(columns, rows))
+    elif kind == "json":
+        show_text(to_json(command, rows))
+    elif kind == "jsonl":
+        show_text(to_jsonl(rows))
+    else:
+        show_text(to_markdown(columns, rows))
+
+
+def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any]) -> None:
+    """A table for the eye: one per run, messages beneath."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+    for run in dict.fromkeys(row["run"] for row in rows):
+        table = Table(box=box.SIMPLE_HEAD, title=f"{title}  {run}", title_justify="left", title_style="bold", pad_edge=False)
+        for heading, _ in drawn:
+            table.add_column(heading, justify="left" if heading in ("sensor", "status") else "right", overflow="fold")
+        mine = [row for row in rows if row["run"] == run]
+        for row in mine:
+            style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
+            table.add_row(*[Text(form(row), style=style) for _, form in drawn])
+        console.print(table)
+        for message in dict.fromkeys(row["message"] for row in mine if row["message"]):
+            who = [row["channel"] for row in mine if row["message"] == message]
+            names = ", ".join(dict.fromkeys(who))
+            console.print(Text(f"  {names if len(names) < 60 else f'{len(set(who))} sensors'}: {message}", style="dim"))
+
+
+def number(name: str, digits: int = 2) -> Any:
+    """Forms a column's number for the drawn table."""
+
+    def form(row: Row) -> str:
+        value = row[name]
+        return "-" if value is None else f"{value:.{digits}f}"
+
+    return form
+
+
+def interval(low: str, high: str, digits: int = 2) -> Any:
+    """Forms two columns as an interval; an open side is a dash."""
+
+    def form(row: Row) -> str:
+        sides = ["-" if row[n] is None else f"{row[n]:.{digits}f}" for n in (low, high)]
+        return f"{sides[0]} .. {sides[1]}" if row[low] is not None or row[high] is not None else "-"
+
+    return form
+
+
+def text(name: str) -> Any:
+    """Forms a column's words."""
+    return lambda row: short(row[name]) if not isinstance(row[name], bool) else ("yes" if row[name] else "no")
+
+
+@contextmanager
+def progress(total: int, what: str, quiet: bool) -> Iterator[Any]:
+    """A bar on standard error while that is a terminal; yields a function that advances it."""
+    if quiet or not sys.stderr.isatty() or total < 2:
+        yield lambda _steps: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda steps: bar.advance(task, steps)

@@ -1,0 +1,71 @@
+"""Records as CSV, JSON, JSON lines and Markdown text: the same columns in each, nothing for an absent number."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+Row = dict[str, Any]
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+
+
+def plain(value: Any) -> Any:
+    """A JSON value; nan and infinities become null."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    return value
+
+
+def harmless(text: str) -> str:
+    """A cell that no spreadsheet takes for a formula."""
+    return "'" + text if text.startswith(FORMULA_STARTS) else text
+
+
+def cell(value: Any) -> str:
+    value = plain(value)
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return harmless(",".join(cell(v) for v in value))
+    return harmless(value) if isinstance(value, str) else repr(value)
+
+
+def to_csv(columns: Sequence[str], rows: Sequence[Row], header: bool = True) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    if header:
+        writer.writerow(columns)
+    writer.writerows([[cell(row[c]) for c in columns] for row in rows])
+    return out.getvalue()
+
+
+def to_json(command: str, rows: Sequence[Row]) -> str:
+    document = {"schema": f"thermofast.{command}/1", "records": [_jsonable(row) for row in rows]}
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def to_jsonl(rows: Sequence[Row]) -> str:
+    return "".join(json.dumps(_jsonable(row), ensure_ascii=False) + "\n" for row in rows)
+
+
+def _jsonable(row: Row) -> Row:
+    return {k: plain(v) for k, v in row.items()}
+
+
+def to_markdown(columns: Sequence[str], rows: Sequence[Row]) -> str:
+    """A table with numbers to five digits: for reading, not for computing."""
+    lines = ["| " + " | ".join(columns) + " |", "|" + " --- |" * len(columns)]
+    lines += ["| " + " | ".join(short(row[c]).replace("|", "\\|") for c in columns) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def short(value: Any) -> str:
+    """A value for a reader's eye."""
+    value = plain(value)
+    return f"{value:.5g}" if isinstance(value, float) else cell(value)

@@ -1,0 +1,105 @@
+"""A process pool over sensors that survives a dying worker. Results do not depend on the number of processes."""
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+#: Starting a pool costs about this long; below it one process is faster.
+POOL_COST_S = 0.8
+#: Rough cost of a sensor and of a reading, for that decision alone.
+SENSOR_COST_S = 4e-4
+READING_COST_S = 1e-6
+
+
+def cores() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def worth(sensors: int, readings: int, weight: float = 1.0) -> int:
+    """How many processes the work pays for; weight is its cost relative to ``identify``."""
+    seconds = sensors * (SENSOR_COST_S + READING_COST_S * readings) * weight
+    if seconds < 2.0 * POOL_COST_S:
+        return 1
+    return max(1, min(cores(), int(seconds / POOL_COST_S)))
+
+
+def _quiet_worker() -> None:
+    """The parent alone answers an interrupt."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _context() -> multiprocessing.context.BaseContext:
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["thermofast_cli.work"])
+    return context
+
+
+def new_pool(jobs: int) -> ProcessPoolExecutor:
+    """Worker processes that are spawned, never forked from this one."""
+    return ProcessPoolExecutor(jobs, mp_context=_context(), initializer=_quiet_worker)
+
+
+def map_tasks(
+    work: Callable[[Task], list[Result]],
+    tasks: Sequence[Task],
+    jobs: int,
+    split: Callable[[Task], list[Task]],
+    lost: Callable[[Task], list[Result]],
+    executor: Executor | None = None,
+) -> Iterator[list[Result]]:
+    """Results of ``work`` for each task, in order.
+
+    A task whose worker died is split into single sensors, each tried once more in a process of its own; ``lost`` gives the
+    results of one that dies again. Any ``concurrent.futures.Executor`` may be passed in.
+    """
+    if executor is None and jobs <= 1:
+        for task in tasks:
+            yield work(task)
+        return
+    pool = executor or new_pool(min(jobs, len(tasks)))
+    try:
+        futures: list[Future[list[Result]]] = []
+        for task in tasks:
+            futures.append(_submit(pool, work, task))
+        for task, future in zip(tasks, futures, strict=True):
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                yield [r for single in split(task) for r in _alone(work, single, lost)]
+    except (KeyboardInterrupt, GeneratorExit):
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    finally:
+        if executor is None:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _submit(
+    pool: Executor, work: Callable[[Task], list[Result]], task: Task
+) -> Future[list[Result]]:
+    try:
+        return pool.submit(work, task)
+    except BrokenProcessPool as error:  # broken while tasks were still being handed out
+        failed: Future[list[Result]] = Future()
+        failed.set_exception(error)
+        return failed
+
+
+def _alone(
+    work: Callable[[Task], list[Result]], task: Task, lost: Callable[[Task], list[Result]]
+) -> list[Result]:
+    with new_pool(1) as pool:
+        try:
+            return pool.submit(work, task).result()
+        except BrokenProcessPool:
+            return lost(task)

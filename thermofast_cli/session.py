@@ -1,0 +1,144 @@
+"""What every command does around its own work: read the runs, share the sensors out, gather the records, say how it went."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError, ThermofastError, UsageError
+from .options import names
+from .output.screen import say
+from .pool import map_tasks, worth
+from .reading import Options, Run, read_run
+from .sensor import run_start
+
+#: Sensors per task: enough to make the way to a worker worth it, few enough to share out evenly.
+MOST_PER_TASK = 250
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Runs read, with the start of each one's rise [min], and (name, why) of those that could not be."""
+
+    runs: list[tuple[Run, float]]
+    unreadable: list[tuple[str, str]]
+
+
+def read_options(given: dict[str, Any]) -> Options:
+    """The user's word on reading, from the command's options."""
+    delimiter = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}.get(given["delimiter"] or "", given["delimiter"])
+    if delimiter is not None and len(delimiter) != 1:
+        raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
+    return Options(
+        time=given["time"],
+        time_unit=given["time_unit"],
+        time_format=given["time_format"],
+        interval_s=given["interval"],
+        ambient=given["ambient"],
+        inputs=names(given["inputs"]),
+        channels=names(given["channels"]),
+        exclude=names(given["exclude"]),
+        missing=names(given["missing"]),
+        delimiter=delimiter,
+        decimal=given["decimal"],
+        encoding=given["encoding"],
+        header_line=given["header_line"],
+    )
+
+
+def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool) -> Readings:
+    """Read every run; what was taken for what goes to standard error.
+
+    Raises
+    ------
+    ThermofastError: there is one run and it cannot be read, or none of several can.
+    """
+    if not sources:
+        raise UsageError("no RUN given", allowed="one or more CSV or Parquet files, or - for standard input")
+    if len(set(sources)) < len(sources):
+        raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
+    options, start = read_options(given), _start(given["start"])
+    runs, unreadable = [], []
+    last: ThermofastError | None = None
+    for source in sources:
+        try:
+            run = read_run(source, options)
+        except ThermofastError as error:
+            unreadable.append((source, str(error)))
+            last = error
+            continue
+        minutes = run.time_s / 60.0
+        begins = start if start is not None else run_start(minutes, list(run.channels.values()))
+        if not quiet:
+            say(f"{run.name}: {'; '.join(run.notes)}")
+            if start is None and begins > 0.0:
+                say(f"{run.name}: the rise begins at {begins:.4g} min (--start to say otherwise)")
+        runs.append((run, begins))
+    if not runs and last is not None:
+        if len(unreadable) == 1:
+            raise last
+        raise InputError("none of the runs could be read", found="\n  ".join(why for _, why in unreadable))
+    for _, why in unreadable:
+        say(why)
+    return Readings(runs, unreadable)
+
+
+def _start(text: str) -> float | None:
+    if text == "auto":
+        return None
+    try:
+        value = float(text)
+        if not 0.0 <= value < 1e7:
+            raise ValueError
+    except ValueError:
+        raise UsageError("--start: not a time", found=repr(text), allowed="minutes from the first reading, or auto") from None
+    return value
+
+
+def share_out(
+    readings: Readings, jobs: int | None, weight: float, make: Callable[..., Any]
+) -> tuple[list[Any], int]:
+    """Tasks over all sensors of all runs, and the number of processes that they pay for."""
+    sensors = sum(len(run.channels) for run, _ in readings.runs)
+    longest = max(len(run.time_s) for run, _ in readings.runs)
+    processes = jobs if jobs is not None else worth(sensors, longest, weight)
+    tasks = []
+    for run, start in readings.runs:
+        channels = list(run.channels)
+        size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
+        for i in range(0, len(channels), size):
+            part = tuple(channels[i : i + size])
+            values = np.stack([run.channels[c] for c in part])
+            notes = tuple(run.channel_notes.get(c, "") for c in part)
+            tasks.append(make(run.name, run.time_s / 60.0, part, values, notes, start))
+    return tasks, processes
+
+
+class Interrupted(Exception):
+    """The user stopped the work; what is finished is still shown."""
+
+
+def gather(
+    work: Callable[[Any], list[Any]], tasks: list[Any], jobs: int, lost: Callable[[Any], list[Any]], advance: Callable[[int], None]
+) -> Iterator[Any]:
+    """Results in order of the sensors.
+
+    Raises
+    ------
+    Interrupted: on an interrupt, after which no more results come.
+    """
+    try:
+        for results in map_tasks(work, tasks, jobs, lambda task: task.singles(), lost):
+            advance(len(results))
+            yield from results
+    except KeyboardInterrupt:
+        raise Interrupted from None
+
+
+def sources_or_stdin(runs: tuple[str, ...]) -> tuple[str, ...]:
+    """The runs named, else standard input where something is piped in."""
+    if runs or sys.stdin is None or sys.stdin.isatty():
+        return runs
+    return ("-",)

@@ -1,0 +1,69 @@
+"""Known keys of ``thermofast.toml`` and their types."""
+
+from typing import Any, Literal
+
+import msgspec
+
+
+class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """How records are read: the same words as the options."""
+
+    time: str | None = None
+    time_unit: Literal["ms", "s", "min", "h", "d"] | None = None
+    time_format: str | None = None
+    interval: float | None = None
+    start: float | Literal["auto"] | None = None
+    ambient: str | None = None
+    inputs: list[str] = []
+    channels: list[str] = []
+    exclude: list[str] = []
+    missing: list[str] = []
+    delimiter: str | None = None
+    decimal: Literal[".", ","] | None = None
+    encoding: str | None = None
+    header_line: int | None = None
+
+
+class Identify(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    until: float | None = None
+
+
+class Sweep(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    windows: list[float] = []
+    times: str | None = None
+    tolerance: float | None = None
+
+
+class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    runs: list[str] = []
+    filter: str | None = None
+    preset: Literal["paper"] | None = None
+    set: list[str] = []
+    jobs: int | None = None
+    input: Reading = Reading()
+    identify: Identify = Identify()
+    sweep: Sweep = Sweep()
+
+    def defaults(self) -> dict[str, Any]:
+        """As Click's default map: what a command takes where its option is not given."""
+        joined = {k: ",".join(v) if isinstance(v, list) else v for k, v in msgspec.structs.asdict(self.input).items()}
+        shared = {**joined, "filter_name": self.filter, "preset": self.preset, "settings": self.set, "jobs": self.jobs}
+        sweep = msgspec.structs.asdict(self.sweep)
+        sweep["windows"] = ",".join(f"{w:g}" for w in self.sweep.windows)
+        given = {"runs": self.runs}
+        return {
+            "identify": _given(shared | msgspec.structs.asdict(self.identify)) | given,
+            "sweep": _given(shared | sweep) | given,
+        }
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in values.items() if v not in (None, "", [])}
+
+
+def known_keys() -> str:
+    """All keys, tables with theirs in brackets."""
+    tables = {"input": Reading, "identify": Identify, "sweep": Sweep}
+    top = [f for f in Settings.__struct_fields__ if f not in tables]
+    inner = [f"[{name}] {' '.join(table.__struct_fields__)}" for name, table in tables.items()]
+    return " ".join(top) + "; " + "; ".join(inner)

@@ -1,0 +1,143 @@
+"""From one sensor's readings to the records of ``sweep``: the paper's search for the shortest identification time (section 1.5)."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .estimate import FEWEST_READINGS, Estimate, estimate_at
+from .identify import Method, refusal
+from .records import SweepRecord
+from .sensor import prepare
+
+Array = NDArray[np.float64]
+
+AGREED_MIN = 5.0
+
+
+@dataclass(frozen=True)
+class Swept:
+    """records, one per window; rmse (windows, times) [K] over times (times,) [min], nan where a time does not count."""
+
+    records: tuple[SweepRecord, ...]
+    times: Array
+    rmse: Array
+    width: Array
+
+
+def sweep_sensor(
+    run: str,
+    channel: str,
+    time_min: Array,
+    values: Array,
+    method: Method,
+    windows: tuple[float, ...],
+    times: tuple[float, ...],
+    tolerance_c: float,
+    start_min: float = 0.0,
+    note: str = "",
+) -> Swept:
+    """RMSE (38) of the model over each window against identification time, from one filter pass.
+
+    The result at time I is that of ``identify --until I``: every state and every likelihood rests on the readings up to I alone.
+    windows and times [min] are ascending; only times below a window count for it.
+    """
+    sensor = prepare(time_min, values, start_min)
+    blank = tuple(SweepRecord(run, channel, method.filter.name, window_min=w) for w in windows)
+    nothing = np.full((len(windows), len(times)), np.nan)
+    grid = np.array(times)
+    refused = refusal(sensor, windows[-1])
+    if refused:
+        failed = tuple(replace(b, status=refused[0], message="; ".join(m for m in (refused[1], note) if m)) for b in blank)
+        return Swept(failed, grid, nothing, nothing[0])
+    count = sensor.until(max(windows[-1], times[-1]))
+    time, reading = sensor.time[:count], sensor.reading[:count]
+    track = method.filter.track(method.model, time, reading, sensor.resolution)
+    rmse, width = nothing.copy(), np.full(len(times), np.nan)
+    ends = [sensor.until(w) for w in windows]
+    for i, identification in enumerate(times):
+        k = sensor.until(identification) - 1
+        if k + 1 < FEWEST_READINGS or (track.diverged_at is not None and k >= track.diverged_at):
+            continue
+        if float(np.ptp(reading[: k + 1])) == 0.0:
+            continue
+        estimate = estimate_at(method.model, method.filter, track, time, reading, k, sensor.resolution, judge=False)
+        interval = estimate.steady_state_interval
+        if interval.low is not None and interval.high is not None:
+            width[i] = interval.high - interval.low
+        error = window_error(estimate, track.state, method, time, reading, k)
+        squares = np.cumsum(error**2)
+        for j, (window, end) in enumerate(zip(windows, ends, strict=True)):
+            if identification < window - 1e-9 and end > 1:
+                rmse[j, i] = math.sqrt(float(squares[end - 1]) / (end - 1))
+    return Swept(_records(blank, sensor.notes, note, windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width)
+
+
+def window_error(estimate: Estimate, states: Array, method: Method, time: Array, reading: Array, k: int) -> Array:
+    """Model minus reading (n,) [K] over all readings: the free run both ways from reading k.
+
+    Where the filter has forgotten its past, its own track stands for the readings up to k, as in the paper's figures.
+    """
+    model = estimate.free_run(time)
+    if estimate.faded:
+        tracked = np.isfinite(states[: k + 1, 0])
+        model[: k + 1] = np.where(tracked, states[: k + 1, 0], reading[: k + 1])
+    return model - reading
+
+
+def _records(
+    blank: tuple[SweepRecord, ...],
+    notes: tuple[str, ...],
+    note: str,
+    windows: tuple[float, ...],
+    times: Array,
+    rmse: Array,
+    width: Array,
+    ends: list[int],
+    tolerance_c: float,
+) -> tuple[SweepRecord, ...]:
+    told = [m for m in (*notes, note) if m]
+    if not np.isfinite(rmse).any(axis=1).all():
+        bad = [f"{w:g}" for w, row in zip(windows, rmse, strict=True) if not np.isfinite(row).any()]
+        message = "; ".join([f"no identification time gave a model for the window of {', '.join(bad)} min", *told])
+        return tuple(replace(b, status="diverged", message=message) for b in blank)
+    best = [int(np.nanargmin(row)) for row in rmse]
+    earliest = [_settles(row, end) for row, end in zip(rmse, ends, strict=True)]
+    spread = float(times[max(earliest)] - times[min(earliest)])
+    narrow = _from_there_on(width < tolerance_c)
+    shown = []
+    if narrow is None:
+        finite = width[np.isfinite(width)]
+        reached = f" (narrowest {finite.min():.2g} K)" if len(finite) else ""
+        shown.append(f"the steady state is not known to {tolerance_c:g} K at any of these times{reached}")
+    message = "; ".join([*shown, *told])
+    return tuple(
+        replace(
+            record,
+            best_time_min=float(times[best[j]]),
+            rmse_c=float(rmse[j, best[j]]),
+            earliest_time_min=float(times[earliest[j]]),
+            shortest_time_min=float(times[max(earliest)]),
+            tolerance_time_min=None if narrow is None else float(times[narrow]),
+            agreed=spread <= AGREED_MIN + 1e-9,
+            message=message,
+        )
+        for j, record in enumerate(blank)
+    )
+
+
+def _settles(row: Array, readings: int) -> int:
+    """Index of the earliest time from which the RMSE stays within (1 + 2 / sqrt(2 N)) of its minimum."""
+    limit = float(np.nanmin(row)) * (1.0 + 2.0 / math.sqrt(2.0 * readings))
+    counted = np.isfinite(row)
+    within = _from_there_on(~counted | (row <= limit))
+    first = int(np.argmax(counted))
+    return max(within if within is not None else int(np.nanargmin(row)), first)
+
+
+def _from_there_on(good: NDArray[np.bool_]) -> int | None:
+    """First index from which all are true, or None."""
+    bad = np.flatnonzero(~good)
+    first = int(bad[-1]) + 1 if len(bad) else 0
+    return first if first < len(good) else None

@@ -1,0 +1,90 @@
+"""What a worker process does: a task is some sensors of one run and what to do with them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .identify import Identified, Method, identify_sensor
+from .records import IdentifyRecord, SweepRecord
+from .sweep import Swept, sweep_sensor
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Sensors `channels` of one run: values (len(channels), N) [degC] at time_min (N,)."""
+
+    run: str
+    time_min: Array
+    channels: tuple[str, ...]
+    values: Array
+    notes: tuple[str, ...]
+    method: Method
+    start_min: float
+
+    def singles(self) -> list[Any]:
+        """The same task for each sensor alone."""
+        return [
+            replace(self, channels=(c,), values=self.values[i : i + 1], notes=(self.notes[i],))
+            for i, c in enumerate(self.channels)
+        ]
+
+
+@dataclass(frozen=True)
+class IdentifyTask(Task):
+    until_min: float | None = None
+    want_trace: bool = False
+
+
+@dataclass(frozen=True)
+class SweepTask(Task):
+    windows: tuple[float, ...] = ()
+    times: tuple[float, ...] = ()
+    tolerance_c: float = 0.1
+
+
+LOST = "the worker process died twice on this sensor; run it alone with --jobs 1 to see why"
+
+
+def identify_task(task: IdentifyTask) -> list[Identified]:
+    return [
+        identify_sensor(
+            task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace
+        )
+        for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
+    ]
+
+
+def identify_lost(task: IdentifyTask) -> list[Identified]:
+    return [
+        Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="diverged", message=LOST))
+        for c in task.channels
+    ]
+
+
+def sweep_task(task: SweepTask) -> list[Swept]:
+    return [
+        sweep_sensor(
+            task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note
+        )
+        for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
+    ]
+
+
+def sweep_lost(task: SweepTask) -> list[Swept]:
+    empty = np.full((len(task.windows), len(task.times)), np.nan)
+    return [
+        Swept(
+            tuple(
+                SweepRecord(task.run, c, task.method.filter.name, window_min=w, status="diverged", message=LOST)
+                for w in task.windows
+            ),
+            np.array(task.times),
+            empty,
+            np.full(len(task.times), np.nan),
+        )
+        for c in task.channels
+    ]
