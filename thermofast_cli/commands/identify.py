@@ -89,14 +89,14 @@ def command(
     if form or not output:
         drawn = [
             ("sensor", text("channel")),
-            ("settles at degC", number("steady_state_c")),
+            ("settles degC", number("steady_state_c")),
             ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
             ("measured", number("steady_state_measured_c")),
             ("t95 min", number("t95_min", 1)),
             ("95 % interval", interval("t95_lo_min", "t95_hi_min", 1)),
             ("noise K", number("noise_c", 3)),
-            ("rmse fit", number("rmse_fit_c", 3)),
-            ("ahead", number("rmse_ahead_c", 3)),
+            ("rmse K", number("rmse_fit_c", 3)),
+            ("ahead K", number("rmse_ahead_c", 3)),
             ("status", text("status")),
         ]
         show_records("identify", columns, rows, form, drawn)

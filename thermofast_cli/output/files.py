@@ -1,5 +1,6 @@
 """Files out, whole or not at all: written beside the target and moved over it."""
 
+import json
 import os
 import tempfile
 from collections.abc import Callable, Sequence
@@ -71,9 +72,27 @@ def write_table(path: str, command: str, columns: Sequence[str], rows: Sequence[
     write_whole(path, lambda p: _write_text(p, text))
 
 
+def write_columns(path: str, columns: dict[str, Any]) -> None:
+    """Arrays (N,) by name as a record: .csv or .parquet."""
+    if Path(path).suffix.lower() == ".parquet":
+        import pyarrow as pa
+        import pyarrow.parquet as papq
+
+        write_whole(path, lambda p: papq.write_table(pa.table(columns), p))
+        return
+    rows = zip(*[[f"{v:.10g}" for v in values] for values in columns.values()], strict=True)
+    text = "\n".join([",".join(columns), *map(",".join, rows)]) + "\n"
+    write_whole(path, lambda p: _write_text(p, text))
+
+
 def _write_text(path: str, text: str) -> None:
     with open(path, "w", encoding="utf-8", newline="") as out:
         out.write(text)
+
+
+def write_json(path: str, document: Any) -> None:
+    """A JSON document."""
+    write_whole(path, lambda p: _write_text(p, json.dumps(document, indent=1) + "\n"))
 
 
 def _parquet(path: str, columns: Sequence[str], rows: Sequence[Row]) -> None:

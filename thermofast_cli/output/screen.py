@@ -49,9 +49,9 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any]) -> None:
 
     console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
     for run in dict.fromkeys(row["run"] for row in rows):
-        table = Table(box=box.SIMPLE_HEAD, title=f"{title}  {run}", title_justify="left", title_style="bold", pad_edge=False)
+        table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=f"{title}  {run}", title_justify="left", title_style="bold", pad_edge=False)
         for heading, _ in drawn:
-            table.add_column(heading, justify="left" if heading in ("sensor", "status") else "right", overflow="fold")
+            table.add_column(heading, justify="left" if heading in ("sensor", "status") else "right", overflow="fold", no_wrap=heading != "sensor")
         mine = [row for row in rows if row["run"] == run]
         for row in mine:
             style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
@@ -78,7 +78,7 @@ def interval(low: str, high: str, digits: int = 2) -> Any:
 
     def form(row: Row) -> str:
         sides = ["-" if row[n] is None else f"{row[n]:.{digits}f}" for n in (low, high)]
-        return f"{sides[0]} .. {sides[1]}" if row[low] is not None or row[high] is not None else "-"
+        return f"{sides[0]}..{sides[1]}" if row[low] is not None or row[high] is not None else "-"
 
     return form
 

@@ -1,0 +1,61 @@
+"""Makes the sample runs of this folder: ``python sample_runs/make.py [FOLDER]``. Seeds are fixed; the truth stands in README.md."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from thermofast_cli.output.files import write_columns, write_json
+from thermofast_cli.simulation import Probe, simulate
+
+ROOM = 17.9
+#: Steady state [degC] and t95 [min] of ten probes on a vertical machine; T5 is the paper's sensor 5.
+SPINDLE = (
+    (25.4, 182.0), (25.9, 186.0), (26.3, 190.0), (26.1, 188.0), (26.7, 195.0),
+    (24.2, 214.0), (23.1, 236.0), (28.4, 168.0), (24.6, 208.0), (21.8, 262.0),
+)  # fmt: skip
+
+
+def spindle(noise: float) -> list[Probe]:
+    return [Probe(f"T{i + 1}", ROOM, steady, t95, noise) for i, (steady, t95) in enumerate(SPINDLE)]
+
+
+def bad_cells(columns: dict[str, np.ndarray], rng: np.random.Generator) -> str:
+    """A German logger's file: semicolons, decimal commas, a preamble, OL, an overload, gaps, stray rows and spikes."""
+    names = list(columns)
+    keep = np.ones(len(columns["ambient"]), dtype=bool)
+    keep[55:63] = False
+    keep[rng.choice(np.arange(80, 240), 6, replace=False)] = False
+    lines = ["Datenlogger ALM 2890;;;;;;", "Messung;Spindel 5000 1/min;;;;;", "Zeit [min];" + ";".join(names[1:]), ""]
+    rows = []
+    for i in np.flatnonzero(keep):
+        cells = [f"{columns['time_min'][i]:g}"] + [f"{columns[n][i]:.2f}" for n in names[1:]]
+        if i in (20, 21, 22):
+            cells[1] = "OL"
+        if i == 90:
+            cells[2] = "9.9E+37"
+        if i in (33, 140):
+            cells[3] = f"{columns[names[3]][i] + 5:.2f}"
+        if 100 <= i < 130:
+            cells[4] = ""
+        cells[5] = "NaN"
+        rows.append([c.replace(".", ",") for c in cells])
+    rows[30], rows[31] = rows[31], rows[30]
+    rows.insert(60, rows[59])
+    return "\r\n".join(lines[:3] + [";".join(r) for r in rows]) + "\r\n"
+
+
+def main(folder: Path) -> None:
+    run = simulate(spindle(0.02), 400.0, 60.0, ROOM, 0.01, seed=1)
+    write_columns(str(folder / "spindle.csv"), run.columns)
+    write_json(str(folder / "spindle.key.json"), run.truth)
+    fast = simulate(spindle(0.02), 60.0, 1.0, ROOM, 0.01, seed=2)
+    write_columns(str(folder / "spindle_1hz.parquet"), fast.columns)
+    cooling = [Probe(p.channel, p.steady_state_c, ROOM, round(p.t95_min * 1.1, 1), 0.02) for p in spindle(0.02)]
+    write_columns(str(folder / "cool_down.csv"), simulate(cooling, 400.0, 60.0, ROOM, 0.01, seed=3).columns)
+    rough = simulate(spindle(0.02)[:5], 240.0, 60.0, ROOM, 0.01, seed=4)
+    (folder / "gaps_and_bad_cells.csv").write_bytes(bad_cells(rough.columns, np.random.default_rng(5)).encode("cp1252"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)

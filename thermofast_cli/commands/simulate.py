@@ -1,0 +1,70 @@
+"""``thermofast simulate``."""
+
+import click
+
+
+@click.command("simulate", epilog="Example: thermofast simulate --seed 7 -o run.csv --key key.json")
+@click.option("-o", "--output", required=True, metavar="RUN", help="The record to write: .csv or .parquet.")
+@click.option("--key", metavar="FILE", help="The truth behind it, as JSON.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The same seed makes the same record.")
+@click.option("--sensors", type=click.IntRange(1, 100_000), default=10, show_default=True, help="How many sensors.")
+@click.option("--duration", type=click.FloatRange(0, min_open=True), default=400.0, show_default=True, metavar="MIN", help="Length of the record.")
+@click.option("--interval", type=click.FloatRange(0, min_open=True), default=60.0, show_default=True, metavar="SECONDS", help="Time between readings.")
+@click.option("--ambient", type=click.FloatRange(-100, 500), default=17.9, show_default=True, metavar="DEGC", help="The room.")
+@click.option("--rise", type=click.FloatRange(0, min_open=True), default=9.0, show_default=True, metavar="K", help="Typical rise above the room.")
+@click.option("--t95", type=click.FloatRange(0, min_open=True), default=195.0, show_default=True, metavar="MIN", help="Typical time to 95 % of the rise.")
+@click.option("--noise", type=click.FloatRange(0), default=0.02, show_default=True, metavar="K", help="Standard deviation of a reading.")
+@click.option("--step", type=click.FloatRange(0), default=0.01, show_default=True, metavar="K", help="The logger's step; 0 for none.")
+@click.option("--cooling", is_flag=True, help="From warm to the room instead of from the room to warm.")
+@click.option("--sensor", "fixed", multiple=True, metavar="NAME=DEGC:MIN", help="A sensor with this steady state and t95, in place of a drawn one.")
+def command(
+    output: str,
+    key: str | None,
+    seed: int,
+    sensors: int,
+    duration: float,
+    interval: float,
+    ambient: float,
+    rise: float,
+    t95: float,
+    noise: float,
+    step: float,
+    cooling: bool,
+    fixed: tuple[str, ...],
+) -> int:
+    """Write a record of the base model with probe noise and a logger's step, and the truth behind it."""
+    import numpy as np
+
+    from ..errors import UsageError
+    from ..output.files import check_target, write_columns, write_json
+    from ..output.screen import say
+    from ..simulation import Probe, draw_probes, simulate
+
+    check_target(output, (".csv", ".parquet"))
+    if key:
+        check_target(key, (".json",))
+    if duration * 60.0 / interval > 1e7:
+        raise UsageError("too many readings", found=f"{duration * 60.0 / interval:.3g}", allowed="ten million a sensor")
+    probes = draw_probes(np.random.default_rng([seed, 1]), sensors, ambient, rise, t95, noise, cooling)
+    given: list[Probe] = []
+    for text in fixed:
+        name, _, numbers = text.partition("=")
+        try:
+            steady, settle = (float(part) for part in numbers.split(":"))
+            if not (name and settle > 0.0 and np.isfinite([steady, settle]).all()):
+                raise ValueError
+        except ValueError:
+            raise UsageError(f"--sensor {text!r}", allowed="NAME=DEGC:MIN, as in --sensor T5=26.7:195") from None
+        given.append(Probe(name, ambient, steady, settle, noise))
+    taken = {p.channel for p in given}
+    if len(taken) < len(given):
+        raise UsageError("--sensor: the same name twice", found=", ".join(p.channel for p in given))
+    # A drawn sensor makes way for the given one of its name first, then from the end.
+    drawn = [p for p in probes if p.channel not in taken]
+    probes = sorted(given + drawn[: max(0, sensors - len(given))], key=lambda p: (len(p.channel), p.channel))
+    made = simulate(probes, duration, interval, ambient, step, seed)
+    write_columns(output, made.columns)
+    if key:
+        write_json(key, made.truth)
+    say(f"{len(probes)} sensors, {len(made.columns['ambient'])} readings each in {output}" + (f", truth in {key}" if key else ""))
+    return 0
