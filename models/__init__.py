@@ -1,6 +1,6 @@
 """Physics: the lump that a sensor sits on, its forward run, and its maximum-likelihood fit. Knows no file and no filter."""
 
-from .decay import LOG_TWENTY, DecayFit, Interval, fit_decay, profile_intervals
+from .decay import LOG_TWENTY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
 from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
 from .spikes import spike_weights
@@ -11,13 +11,16 @@ __all__ = [
     "LOG_TWENTY",
     "DecayFit",
     "Interval",
+    "Likelihood",
     "Lump",
     "PrintedLump",
     "fit_decay",
     "growth",
     "growth_slope",
+    "likelihood",
+    "likelihood_sweep",
     "pattern_p_value",
-    "profile_intervals",
     "spike_weights",
     "variance_inflation",
+    "widened_intervals",
 ]

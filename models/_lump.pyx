@@ -3,10 +3,8 @@
 
 Time and rate may be in any pair of reciprocal units; thermofast uses minutes.
 """
-import numpy as np
-
 from cpython.pycapsule cimport PyCapsule_New
-from libc.math cimport asin, cos, exp, expm1, fabs, isnan, sin, sqrt, NAN, M_PI
+from libc.math cimport INFINITY, M_PI, NAN, asin, exp, expm1, fabs, isnan, pow, sin, sqrt
 from libc.stdlib cimport free, malloc
 
 
@@ -82,6 +80,20 @@ PRINTED_STEP = PyCapsule_New(<void*> printed_step, b"thermofast.step", NULL)
 PRINTED_JACOBIAN = PyCapsule_New(<void*> printed_jacobian, b"thermofast.step", NULL)
 
 
+cdef inline double min2(double a, double b) noexcept nogil:
+    return a if a < b else b
+
+
+cdef inline double max2(double a, double b) noexcept nogil:
+    return a if a > b else b
+
+
+cdef enum:
+    GRID = 12           # rates at which the search begins
+    GRID_READINGS = 64  # block means that it looks at
+    RESYNC = 16         # readings between fresh exponentials on an even grid
+
+
 cdef struct Sums:
     double rate
     double slope
@@ -96,99 +108,172 @@ cdef struct Sums:
     double gradient
 
 
-cdef class _Problem:
-    """Readings of one fit with the scratch space for its basis."""
-    cdef Py_ssize_t n
-    cdef double* t
-    cdef double* y
-    cdef double* w
-    cdef double* phi
-    cdef double* psi
-    cdef double weight
-    cdef double level
+cdef struct Problem:
+    # Readings of one fit, those of weight zero left out, with the scratch space of its basis.
+    Py_ssize_t n
+    double* t
+    double* y
+    double* w
+    double* phi
+    double* psi
+    double weight
+    double level
+    double t0
+    double low
+    double high
+    double step         # spacing where it is even
+    bint even
 
-    def __cinit__(self, const double[::1] t, const double[::1] y, const double[::1] w):
-        cdef Py_ssize_t i, m = 0
-        cdef Py_ssize_t size = t.shape[0]
-        self.t = <double*> malloc(5 * (size + 1) * sizeof(double))
-        if self.t == NULL:
-            raise MemoryError()
-        self.y = self.t + size
-        self.w = self.y + size
-        self.phi = self.w + size
-        self.psi = self.phi + size
-        self.weight = 0.0
-        self.level = 0.0
-        for i in range(size):
-            if w[i] > 0.0:
-                self.t[m] = t[i] - t[0]
-                self.y[m] = y[i]
-                self.w[m] = w[i]
-                self.weight += w[i]
-                self.level += w[i] * y[i]
-                m += 1
-        self.n = m
-        if m:
-            self.level /= self.weight
-        for i in range(m):
-            self.y[i] -= self.level
 
-    def __dealloc__(self):
-        free(self.t)
+cdef Problem allocate(Py_ssize_t size) except *:
+    cdef Problem p
+    p.t = <double*> malloc(5 * (size + 1) * sizeof(double))
+    if p.t == NULL:
+        raise MemoryError()
+    p.y = p.t + size
+    p.w = p.y + size
+    p.phi = p.w + size
+    p.psi = p.phi + size
+    return p
 
-    cdef void evaluate(self, double rate, bint slopes, Sums* s) noexcept nogil:
-        cdef Py_ssize_t i
-        cdef double phi_mean = 0.0, psi_mean = 0.0, pp = 0.0, py = 0.0, pq = 0.0, qq = 0.0
-        cdef double a, q, r, slope, rss = 0.0, gradient = 0.0, z, inverse, em
-        inverse = 1.0 / rate if rate != 0.0 else 0.0
-        for i in range(self.n):
-            z = rate * self.t[i]
-            if fabs(z) < 1e-3:
-                a = growth(rate, self.t[i])
-                q = growth_slope(rate, self.t[i]) if slopes else 0.0
+
+cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_ssize_t size, bint signed_rate) noexcept nogil:
+    """Load readings of positive weight; returns 1 where they are too few for a fit."""
+    cdef Py_ssize_t i, m = 0
+    cdef double span
+    p.weight = 0.0
+    p.level = 0.0
+    p.t0 = t[0]
+    for i in range(size):
+        if w[i] > 0.0:
+            p.t[m] = t[i] - t[0]
+            p.y[m] = y[i]
+            p.w[m] = w[i]
+            p.weight += w[i]
+            p.level += w[i] * y[i]
+            m += 1
+    p.n = m
+    if m < 3 or not p.t[m - 1] > p.t[0]:
+        return 1
+    p.level /= p.weight
+    for i in range(m):
+        p.y[i] -= p.level
+    span = p.t[m - 1] - p.t[0]
+    p.low = -3.0 / span if signed_rate else 1e-3 / span
+    p.high = 5.0 * (m - 1) / span
+    p.step = p.t[1] - p.t[0]
+    p.even = True
+    for i in range(2, m):
+        if fabs(p.t[i] - p.t[i - 1] - p.step) > 1e-9 * p.step:
+            p.even = False
+            break
+    return 0
+
+
+cdef void evaluate(Problem* p, double rate, bint slopes, Sums* s) noexcept nogil:
+    cdef Py_ssize_t i
+    cdef double phi_mean = 0.0, psi_mean = 0.0, pp = 0.0, py = 0.0, pq = 0.0, qq = 0.0
+    cdef double a, q, r, slope, rss = 0.0, gradient = 0.0, z, inverse, em, factor
+    inverse = 1.0 / rate if rate != 0.0 else 0.0
+    factor = exp(-rate * p.step) if p.even else 0.0
+    em = 0.0
+    for i in range(p.n):
+        z = rate * p.t[i]
+        if fabs(z) < 1e-3:
+            a = growth(rate, p.t[i])
+            q = growth_slope(rate, p.t[i]) if slopes else 0.0
+            em = expm1(-z)
+        else:
+            # On an even grid the exponential is the last one times a constant, renewed before rounding adds up.
+            if p.even and i % RESYNC != 0:
+                em = (em + 1.0) * factor - 1.0
             else:
-                if z < -60.0:
-                    z = -60.0
-                em = expm1(-z)
-                a = -em * inverse
-                q = (self.t[i] * (1.0 + em) - a) * inverse
-            self.phi[i] = a
-            self.psi[i] = q
-            phi_mean += self.w[i] * a
-            psi_mean += self.w[i] * q
-        phi_mean /= self.weight
-        psi_mean /= self.weight
-        for i in range(self.n):
-            a = self.phi[i] - phi_mean
-            q = self.psi[i] - psi_mean
-            pp += self.w[i] * a * a
-            py += self.w[i] * a * self.y[i]
-            pq += self.w[i] * a * q
-            qq += self.w[i] * q * q
-        slope = py / pp if pp > 0.0 else 0.0
-        for i in range(self.n):
-            r = self.y[i] - slope * (self.phi[i] - phi_mean)
-            rss += self.w[i] * r * r
-            gradient += self.w[i] * r * (self.psi[i] - psi_mean)
-        s.rate = rate
-        s.slope = slope
-        s.level = self.level
-        s.phi_mean = phi_mean
-        s.psi_mean = psi_mean
-        s.weight = self.weight
-        s.phi_phi = pp
-        s.phi_psi = pq
-        s.psi_psi = qq
-        s.rss = rss
-        s.gradient = gradient
+                em = expm1(-z if z > -60.0 else 60.0)
+            a = -em * inverse
+            q = (p.t[i] * (1.0 + em) - a) * inverse
+        p.phi[i] = a
+        p.psi[i] = q
+        phi_mean += p.w[i] * a
+        psi_mean += p.w[i] * q
+    phi_mean /= p.weight
+    psi_mean /= p.weight
+    if slopes:
+        for i in range(p.n):
+            a = p.phi[i] - phi_mean
+            q = p.psi[i] - psi_mean
+            pp += p.w[i] * a * a
+            py += p.w[i] * a * p.y[i]
+            pq += p.w[i] * a * q
+            qq += p.w[i] * q * q
+    else:
+        for i in range(p.n):
+            a = p.phi[i] - phi_mean
+            pp += p.w[i] * a * a
+            py += p.w[i] * a * p.y[i]
+    slope = py / pp if pp > 0.0 else 0.0
+    for i in range(p.n):
+        r = p.y[i] - slope * (p.phi[i] - phi_mean)
+        rss += p.w[i] * r * r
+        gradient += p.w[i] * r * (p.psi[i] - psi_mean)
+    s.rate = rate
+    s.slope = slope
+    s.level = p.level
+    s.phi_mean = phi_mean
+    s.psi_mean = psi_mean
+    s.weight = p.weight
+    s.phi_phi = pp
+    s.phi_psi = pq
+    s.psi_psi = qq
+    s.rss = rss
+    s.gradient = gradient
 
-    cdef double rss(self, double rate) noexcept nogil:
-        cdef Sums s
-        self.evaluate(rate, False, &s)
-        return s.rss
+
+cdef double residual_squares(Problem* p, double rate) noexcept nogil:
+    cdef Sums s
+    evaluate(p, rate, False, &s)
+    return s.rss
 
 
-cdef int _refine(_Problem p, double low, double high, Sums* best) noexcept nogil:
+cdef void search(Problem* p, Problem* thin, bint signed_rate, Sums* best) noexcept nogil:
+    """Start of the refinement: the best rate of a grid, on block means of a long record."""
+    cdef Py_ssize_t i, j, a, b, blocks
+    cdef double span = p.t[p.n - 1] - p.t[0], ratio, rate, rss, least = INFINITY, chosen = 0.0, first
+    cdef Problem* q = p
+    if p.n > GRID_READINGS:
+        q = thin
+        q.n = GRID_READINGS
+        q.weight = p.weight
+        q.level = p.level
+        q.even = False
+        for j in range(GRID_READINGS):
+            a = j * p.n // GRID_READINGS
+            b = (j + 1) * p.n // GRID_READINGS
+            q.t[j] = 0.0
+            q.y[j] = 0.0
+            q.w[j] = 0.0
+            for i in range(a, b):
+                q.t[j] += p.w[i] * p.t[i]
+                q.y[j] += p.w[i] * p.y[i]
+                q.w[j] += p.w[i]
+            q.t[j] /= q.w[j]
+            q.y[j] /= q.w[j]
+    first = 0.05 / span
+    ratio = pow(0.5 * p.high / first, 1.0 / (GRID - 1))
+    rate = first
+    for i in range(GRID + (2 if signed_rate else 0)):
+        if i == GRID:
+            rate = -1.0 / span
+        elif i == GRID + 1:
+            rate = 1e-6 / span
+        rss = residual_squares(q, rate)
+        if rss < least:
+            least = rss
+            chosen = rate
+        rate *= ratio
+    evaluate(p, clip(chosen, p.low, p.high), True, best)
+
+
+cdef void refine(Problem* p, Sums* best) noexcept nogil:
     """Gauss-Newton in the rate, amplitudes eliminated; halves a step that does not descend."""
     cdef int iteration, halving
     cdef double step, curvature, rate, scale
@@ -197,50 +282,47 @@ cdef int _refine(_Problem p, double low, double high, Sums* best) noexcept nogil
         curvature = best.psi_psi - best.phi_psi * best.phi_psi / best.phi_phi if best.phi_phi > 0.0 else 0.0
         curvature *= best.slope * best.slope
         if not curvature > 0.0:
-            return iteration
+            return
         step = best.slope * best.gradient / curvature
-        scale = fabs(best.rate) + 1e-9 * (high - low)
+        scale = fabs(best.rate) + 1e-9 * (p.high - p.low)
         if fabs(step) <= 1e-11 * scale:
-            return iteration
+            return
         for halving in range(40):
-            rate = clip(best.rate + step, low, high)
+            rate = clip(best.rate + step, p.low, p.high)
             if rate == best.rate:
-                return iteration
-            p.evaluate(rate, True, &trial)
+                return
+            evaluate(p, rate, True, &trial)
             if trial.rss < best.rss:
                 break
             if fabs(step) <= 1e-9 * scale:
-                return iteration
+                return
             step *= 0.5
         else:
-            return iteration
+            return
         best[0] = trial
-    return 60
 
 
-def fit_decay(const double[::1] t, const double[::1] y, const double[::1] w,
-              const double[::1] candidates, double low, double high):
+cdef tuple told(Problem* p, Sums* s):
+    return (s.rate, s.slope, s.level, s.phi_mean, s.psi_mean, s.weight, s.phi_phi, s.phi_psi, s.psi_psi, s.rss,
+            p.n, p.t[p.n - 1] - p.t[0], p.low, p.high)
+
+
+def fit_decay(const double[::1] t, const double[::1] y, const double[::1] w, bint signed_rate):
     """See :func:`models._lump_numpy.fit_decay`."""
-    cdef _Problem p = _Problem(t, y, w)
-    cdef Sums best, trial
-    cdef Py_ssize_t i
-    cdef bint have = False
-    p.evaluate(low, False, &best)
-    with nogil:
-        for i in range(candidates.shape[0]):
-            p.evaluate(clip(candidates[i], low, high), candidates.shape[0] == 1, &trial)
-            if not have or trial.rss < best.rss:
-                best = trial
-                have = True
-        if candidates.shape[0] > 1:
-            p.evaluate(best.rate, True, &trial)
-            best = trial
-        _refine(p, low, high, &best)
-    return (best.rate, best.slope, best.level, best.phi_mean, best.psi_mean, best.weight,
-            best.phi_phi, best.phi_psi, best.psi_psi, best.rss, p.n)
+    cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
+    cdef Sums best
+    try:
+        if fill(&p, &t[0], &y[0], &w[0], t.shape[0], signed_rate):
+            raise ValueError(f"a fit needs three readings at different times, got {p.n}")
+        search(&p, &thin, signed_rate, &best)
+        refine(&p, &best)
+        return told(&p, &best)
+    finally:
+        free(p.t)
+        free(thin.t)
 
 
-cdef double _contour(_Problem p, double inside, double outside, double minimum, double limit, double stride) noexcept nogil:
+cdef double contour(Problem* p, double inside, double outside, double minimum, double limit, double stride) noexcept nogil:
     """The rate between `inside` and `outside` at which RSS reaches `limit`; nan if it stays below."""
     cdef double a = inside, b, fa, fb, c, fc, target, rise
     cdef int i, side = 0
@@ -252,7 +334,7 @@ cdef double _contour(_Problem p, double inside, double outside, double minimum, 
         b = inside + stride if up else inside - stride
         if (up and not b < outside) or (not up and not b > outside):
             b = outside
-        rise = p.rss(b)
+        rise = residual_squares(p, b)
         if rise > limit:
             break
         if b == outside:
@@ -261,13 +343,12 @@ cdef double _contour(_Problem p, double inside, double outside, double minimum, 
         fa = (sqrt(rise - minimum) if rise > minimum else 0.0) - target
         stride *= 2.0
     fb = sqrt(rise - minimum) - target
+    c = b
     for i in range(60):
-        c = (a * fb - b * fa) / (fb - fa)
-        if i % 3 == 2:
-            c = 0.5 * (a + b)
-        fc = p.rss(c) - minimum
+        c = 0.5 * (a + b) if i % 3 == 2 else (a * fb - b * fa) / (fb - fa)
+        fc = residual_squares(p, c) - minimum
         fc = (sqrt(fc) if fc > 0.0 else 0.0) - target
-        if fabs(fc) < 1e-6 * target or fabs(b - a) < 1e-9 * fabs(inside):
+        if fabs(fc) < 1e-4 * target or fabs(b - a) < 1e-9 * fabs(inside):
             return c
         if fc > 0.0:
             b = c
@@ -284,26 +365,26 @@ cdef double _contour(_Problem p, double inside, double outside, double minimum, 
     return c
 
 
-cdef double _edge(_Problem p, double theta, double centre, double low, double high, double limit, int sign) noexcept nogil:
+cdef double edge(Problem* p, double theta, double centre, double low, double high, double limit, int sign) noexcept nogil:
     """Steady state on the contour of the likelihood at angle theta: its conditional estimate plus or minus its reach."""
     cdef Sums s
     cdef double u = sin(theta), rate, reach, arm
     rate = centre + u * (high - centre if u > 0.0 else centre - low)
-    p.evaluate(rate, False, &s)
+    evaluate(p, rate, False, &s)
     arm = 1.0 / rate - s.phi_mean
     reach = (1.0 / s.weight + arm * arm / s.phi_phi) * (limit - s.rss)
     return s.level + s.slope * arm + sign * (sqrt(reach) if reach > 0.0 else 0.0)
 
 
-cdef double _extreme(_Problem p, double theta, double centre, double low, double high, double limit, int sign) noexcept nogil:
+cdef double extreme(Problem* p, double theta, double centre, double low, double high, double limit, int sign) noexcept nogil:
     """Largest (sign 1) or smallest (sign -1) steady state on the contour, by parabolic steps over the angle."""
     cdef double h = 0.3, best_theta, best, left, right, mid, bend, shift
     cdef int i
     best_theta = clip(theta, -0.5 * M_PI + h, 0.5 * M_PI - h)
-    mid = sign * _edge(p, best_theta, centre, low, high, limit, sign)
+    mid = sign * edge(p, best_theta, centre, low, high, limit, sign)
     for i in range(12):
-        left = sign * _edge(p, best_theta - h, centre, low, high, limit, sign)
-        right = sign * _edge(p, best_theta + h, centre, low, high, limit, sign)
+        left = sign * edge(p, best_theta - h, centre, low, high, limit, sign)
+        right = sign * edge(p, best_theta + h, centre, low, high, limit, sign)
         bend = left - 2.0 * mid + right
         if left > mid or right > mid:
             shift = h if right > left else -h
@@ -312,28 +393,320 @@ cdef double _extreme(_Problem p, double theta, double centre, double low, double
         else:
             return sign * mid
         theta = clip(best_theta + shift, -0.5 * M_PI + 1e-6, 0.5 * M_PI - 1e-6)
-        best = sign * _edge(p, theta, centre, low, high, limit, sign)
+        best = sign * edge(p, theta, centre, low, high, limit, sign)
         if best > mid:
             best_theta = theta
             mid = best
-        if fabs(shift) < 0.02:
+        # At a maximum an angle off by d costs d^2 / 2 of the half-width.
+        if fabs(shift) < 0.1:
             return sign * mid
         h = clip(fabs(shift) * 0.5, 0.02, 0.3)
         best_theta = clip(best_theta, -0.5 * M_PI + h, 0.5 * M_PI - h)
     return sign * mid
 
 
-def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate,
-                  double minimum, double limit, double low, double high, double correlation, double stride):
+cdef void rate_covariance(Sums* s, double* out) noexcept nogil:
+    """Variance of slope, covariance, variance of rate, per unit of the noise variance."""
+    cdef double a = s.phi_phi, b = s.slope * s.phi_psi, c = s.slope * s.slope * s.psi_psi, determinant
+    determinant = a * c - b * b
+    if determinant > 0.0:
+        out[0] = c / determinant
+        out[1] = -b / determinant
+        out[2] = a / determinant
+    else:
+        out[0] = 1.0 / a if a > 0.0 else INFINITY
+        out[1] = 0.0
+        out[2] = INFINITY
+
+
+cdef void profile(Problem* p, Sums* s, double limit, double noise, double* out) noexcept nogil:
+    """Rate low, rate high, steady state low, high at which RSS reaches `limit`; noise is the variance that sets the stride."""
+    cdef double v[3]
+    cdef double by_slope, by_rate, variance, correlation = 0.0, stride, a, b, theta
+    rate_covariance(s, v)
+    by_slope = 1.0 / s.rate - s.phi_mean
+    by_rate = s.slope * (-1.0 / (s.rate * s.rate) - s.psi_mean)
+    variance = 1.0 / s.weight + by_slope * by_slope * v[0] + 2.0 * by_slope * by_rate * v[1] + by_rate * by_rate * v[2]
+    if v[2] < INFINITY and variance > 0.0:
+        correlation = (by_slope * v[1] + by_rate * v[2]) / sqrt(variance * v[2])
+    stride = 2.0 * sqrt(v[2] * noise)
+    if not stride < p.high:
+        stride = p.high
+    if stride < 0.01 * s.rate:
+        stride = 0.01 * s.rate
+    out[0] = contour(p, s.rate, p.low, s.rss, limit, stride)
+    out[1] = contour(p, s.rate, p.high, s.rss, limit, stride)
+    a = p.low if isnan(out[0]) else out[0]
+    b = p.high if isnan(out[1]) else out[1]
+    theta = asin(clip(correlation, -0.99, 0.99))
+    out[3] = extreme(p, theta, s.rate, a, b, limit, 1)
+    out[2] = extreme(p, -theta, s.rate, a, b, limit, -1)
+
+
+def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit, double noise):
     """See :func:`models._lump_numpy.profile_decay`."""
-    cdef _Problem p = _Problem(t, y, w)
-    cdef double rate_low, rate_high, a, b, upper, lower, theta
+    cdef Problem p = allocate(t.shape[0])
+    cdef Sums s
+    cdef double out[4]
+    try:
+        fill(&p, &t[0], &y[0], &w[0], t.shape[0], False)
+        evaluate(&p, rate, True, &s)
+        profile(&p, &s, limit, noise, out)
+        return out[0], out[1], out[2], out[3]
+    finally:
+        free(p.t)
+
+
+cdef Py_ssize_t drop_strays(Problem* p, Sums* s, const double* t, const double* y, double* w, Py_ssize_t size,
+                            double resolution) noexcept nogil:
+    """Take the weight of readings far outside the fit; returns how many, 0 where so many stand out that the fit is wrong."""
+    cdef Py_ssize_t i, count = 0
+    cdef double dof = p.n - 3, limit, r
+    if dof < 3:
+        return 0
+    limit = 6.0 * (1.0 + 3.0 / dof) * sqrt(s.rss / dof) + resolution
+    for i in range(size):
+        if w[i] > 0.0:
+            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
+            if fabs(r) * sqrt(w[i]) > limit:
+                count += 1
+    if count == 0 or count > size // 10:
+        return 0
+    for i in range(size):
+        if w[i] > 0.0:
+            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
+            if fabs(r) * sqrt(w[i]) > limit:
+                w[i] = 0.0
+    return count
+
+
+cdef double quantile_of(double* values, Py_ssize_t n, Py_ssize_t k) noexcept nogil:
+    """k-th smallest of values, which are reordered (Hoare's selection)."""
+    cdef Py_ssize_t low = 0, high = n - 1, i, j
+    cdef double pivot, swap
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i = low
+        j = high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                swap = values[i]
+                values[i] = values[j]
+                values[j] = swap
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    return values[k]
+
+
+cdef double median_of(double* values, Py_ssize_t n) noexcept nogil:
+    cdef double upper = quantile_of(values, n, n // 2)
+    cdef Py_ssize_t i
+    cdef double lower
+    if n % 2:
+        return upper
+    lower = values[0]
+    for i in range(n // 2):
+        if values[i] > lower:
+            lower = values[i]
+    return 0.5 * (lower + upper)
+
+
+cdef void mark_spikes(const double* y, Py_ssize_t n, double resolution, double* w, double* scratch) noexcept nogil:
+    cdef Py_ssize_t i, left
+    cdef double middle, noise, limit, a, b, c, m
+    for i in range(n):
+        w[i] = 1.0
+    if n < 5:
+        return
+    for i in range(n - 1):
+        scratch[i] = y[i + 1] - y[i]
+    middle = median_of(scratch, n - 1)
+    for i in range(n - 1):
+        scratch[i] = fabs(y[i + 1] - y[i] - middle)
+    noise = 1.4826 * median_of(scratch, n - 1) / sqrt(2.0)
+    limit = noise if noise > 0.5 * resolution else 0.5 * resolution
+    limit = 8.0 * (limit if limit > 1e-12 else 1e-12)
+    left = n
+    for i in range(1, n - 1):
+        a = y[i - 1]
+        b = y[i]
+        c = y[i + 1]
+        m = max2(min2(a, b), min2(max2(a, b), c))  # the middle one of the three
+        if fabs(b - m) > limit:
+            w[i] = 0.0
+            left -= 1
+    if not 2 * left > n:
+        for i in range(n):
+            w[i] = 1.0
+
+
+def spike_weights(const double[::1] y, double resolution, double[::1] out):
+    """See :func:`models._lump_numpy.spike_weights`."""
+    cdef Py_ssize_t n = y.shape[0]
+    cdef double* scratch = <double*> malloc((n + 1) * sizeof(double))
+    if scratch == NULL:
+        raise MemoryError()
+    if n:
+        mark_spikes(&y[0], n, resolution, &out[0], scratch)
+    free(scratch)
+
+
+cdef struct StartRule:
+    double resolution
+    double settled
+    Py_ssize_t fewest
+    double growing
+    double stray
+
+
+cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const double* t, const double* y, Py_ssize_t size,
+                              StartRule* rule, double* w, Sums* s, double* noise_out, bint* settled_out) noexcept nogil:
+    """Readings used for a start, -1 where nothing can be fitted; see start_decay."""
+    cdef Py_ssize_t used = rule.fewest if rule.fewest < size else size, i, worst, round_
+    cdef double v[3]
+    cdef double r, largest, rest, noise, spread, dof, gap
+    cdef Sums without
+    while True:
+        mark_spikes(y, used, rule.resolution, w, scratch)
+        if fill(p, t, y, w, used, True):
+            return -1
+        search(p, thin, True, s)
+        refine(p, s)
+        for round_ in range(used // 5):
+            worst = 0
+            largest = -1.0
+            for i in range(used):
+                if w[i] > 0.0:
+                    r = fabs(y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean))
+                    if r > largest:
+                        largest = r
+                        worst = i
+            dof = p.n - 3
+            rest = (s.rss - largest * largest if s.rss > largest * largest else 0.0) / (dof - 1 if dof > 2 else 1)
+            if dof < 3 or not largest > max2(rule.stray * sqrt(rest), rule.resolution):
+                break
+            # Against the spread of the others: with the worst one in, ten readings hide any outlier.
+            w[worst] = 0.0
+            if fill(p, t, y, w, used, True):
+                w[worst] = 1.0
+                fill(p, t, y, w, used, True)
+                break
+            search(p, thin, True, &without)
+            refine(p, &without)
+            gap = fabs(y[worst] - without.level - without.slope * (growth(without.rate, t[worst] - t[0]) - without.phi_mean))
+            if not gap > rule.stray * (1.0 + 3.0 / (p.n - 3)) * sqrt(without.rss / (p.n - 3)) + rule.resolution:
+                w[worst] = 1.0
+                fill(p, t, y, w, used, True)
+                break
+            s[0] = without
+        evaluate(p, s.rate, True, s)
+        dof = p.n - 3
+        rate_covariance(s, v)
+        noise = max2(s.rss / dof if dof > 0 else 0.0, max2(rule.resolution * rule.resolution / 12.0, 1e-18))
+        spread = sqrt(noise * v[2]) * (p.t[p.n - 1] - p.t[0]) * (1.0 + 1.0 / (dof if dof > 1 else 1))
+        settled_out[0] = dof > 2 and spread < rule.settled
+        if settled_out[0] or used == size:
+            noise_out[0] = noise
+            return used
+        i = <Py_ssize_t> (used * rule.growing)
+        if i < used + 1:
+            i = used + 1
+        used = i if i < size else size
+
+
+def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1] w):
+    """See :func:`models._lump_numpy.start_decay`."""
+    cdef Py_ssize_t size = t.shape[0], used
+    cdef Problem p = allocate(size), thin = allocate(GRID_READINGS)
+    cdef double* scratch = <double*> malloc((size + 1) * sizeof(double))
+    cdef StartRule r
+    cdef Sums s
+    cdef double noise = 0.0
+    cdef bint done = False
+    r.resolution, r.settled, r.fewest, r.growing, r.stray = rule
+    try:
+        if scratch == NULL:
+            raise MemoryError()
+        used = start_weights(&p, &thin, scratch, &t[0], &y[0], size, &r, &w[0], &s, &noise, &done)
+        if used < 0:
+            raise ValueError(f"a start needs three readings at different times, got {size}")
+        return used, noise, done, told(&p, &s)
+    finally:
+        free(scratch)
+        free(p.t)
+        free(thin.t)
+
+
+def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const Py_ssize_t[::1] counts,
+                const double[::1] quantiles, Py_ssize_t first, tuple rule, double[:, ::1] out):
+    """See :func:`models._lump_numpy.likelihoods`."""
+    cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
+    cdef double* weights = <double*> malloc((t.shape[0] + 1) * sizeof(double))
+    cdef Py_ssize_t i, j, n = 0, round_
+    cdef Sums s
+    cdef double limit, noise
+    cdef double bounds[4]
+    cdef double* scratch = <double*> malloc((t.shape[0] + 1) * sizeof(double))
+    cdef StartRule r
+    cdef bint done
+    if weights == NULL or scratch == NULL:
+        raise MemoryError()
+    r.resolution, r.settled, r.fewest, r.growing, r.stray = rule
     with nogil:
-        rate_low = _contour(p, rate, low, minimum, limit, stride)
-        rate_high = _contour(p, rate, high, minimum, limit, stride)
-        a = low if isnan(rate_low) else rate_low
-        b = high if isnan(rate_high) else rate_high
-        theta = asin(clip(correlation, -0.99, 0.99))
-        upper = _extreme(p, theta, rate, a, b, limit, 1)
-        lower = _extreme(p, -theta, rate, a, b, limit, -1)
-    return rate_low, rate_high, lower, upper
+        for i in range(counts.shape[0]):
+            n = counts[i]
+            for j in range(out.shape[1]):
+                out[i, j] = NAN
+            for j in range(n):
+                weights[j] = w[j]
+            if n <= first and start_weights(&p, &thin, scratch, &t[0], &y[0], n, &r, weights, &s, &noise, &done) < 0:
+                continue
+            if fill(&p, &t[0], &y[0], weights, n, False):
+                continue
+            search(&p, &thin, False, &s)
+            refine(&p, &s)
+            for round_ in range(2):
+                if drop_strays(&p, &s, &t[0], &y[0], weights, n, r.resolution) == 0:
+                    break
+                if fill(&p, &t[0], &y[0], weights, n, False):
+                    break
+                search(&p, &thin, False, &s)
+                refine(&p, &s)
+            out[i, 0] = s.rate
+            out[i, 1] = s.slope
+            out[i, 2] = s.level
+            out[i, 3] = s.phi_mean
+            out[i, 4] = s.psi_mean
+            out[i, 5] = s.weight
+            out[i, 6] = s.phi_phi
+            out[i, 7] = s.phi_psi
+            out[i, 8] = s.psi_psi
+            out[i, 9] = s.rss
+            out[i, 10] = p.n
+            out[i, 11] = p.t[p.n - 1] - p.t[0]
+            out[i, 12] = p.low
+            out[i, 13] = p.high
+            if p.n > 3:
+                noise = s.rss / (p.n - 3)
+                limit = s.rss + noise * quantiles[i] * quantiles[i]
+                if limit > s.rss:
+                    profile(&p, &s, limit, noise, bounds)
+                    for j in range(4):
+                        out[i, 14 + j] = bounds[j]
+        if counts.shape[0] == 1:  # the caller of one wants to know which readings were left out
+            for j in range(n):
+                w[j] = weights[j]
+    free(weights)
+    free(scratch)
+    free(p.t)
+    free(thin.t)

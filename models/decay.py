@@ -6,6 +6,7 @@ Times are minutes, temperatures degC, rates 1/min.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,14 @@ from .kernel import Array
 
 #: The rise is counted as done when 95 % of it is: ln 20 time constants.
 LOG_TWENTY = math.log(20.0)
-#: Below this many time constants in the record the curve is a straight line to any reader.
-LEAST_CURVATURE = 1e-3
-GRID_READINGS = 64
+
+
+#: A filter may start once the product of rate and time so far is known to this standard deviation: from there on the step
+#: is linear enough that sigma points lose nothing (docs/architecture.md has the trial).
+SETTLED = 0.12
+FEWEST_READINGS = 10
+GROWTH = 1.25
+STRAY = 6.0
 
 
 @dataclass(frozen=True)
@@ -37,7 +43,6 @@ class DecayFit:
     """
 
     t0: float
-    span: float
     rate: float
     slope: float
     level: float
@@ -49,6 +54,8 @@ class DecayFit:
     psi_psi: float
     rss: float
     n: int
+    span: float
+    rate_low: float
     rate_high: float
 
     @property
@@ -65,10 +72,6 @@ class DecayFit:
         """T_inf [degC]; infinite where no curvature is seen."""
         return self.level + self.slope * (1.0 / self.rate - self.phi_mean) if self.rate > 0.0 else math.inf
 
-    @property
-    def rate_low(self) -> float:
-        return LEAST_CURVATURE / self.span
-
     def predict(self, time: Array) -> Array:
         """Temperatures (n,) at times (n,) [min]."""
         return self.level + self.slope * (kernel.growth(self.rate, time - self.t0) - self.phi_mean)
@@ -80,10 +83,6 @@ class DecayFit:
         if not determinant > 0.0:
             return (1.0 / a if a > 0.0 else math.inf), 0.0, math.inf
         return c / determinant, -b / determinant, a / determinant
-
-    @property
-    def rate_variance(self) -> float:
-        return self._rate_covariance()[2]
 
     def _steady_state_gradient(self) -> tuple[float, float]:
         return 1.0 / self.rate - self.phi_mean, self.slope * (-1.0 / self.rate**2 - self.psi_mean)
@@ -100,41 +99,36 @@ class DecayFit:
         variance = 1.0 / self.weight + by_slope**2 * ss + 2 * by_slope * by_rate * sr + by_rate**2 * rr
         return math.sqrt(max(variance, 0.0))
 
-    @property
-    def steady_state_rate_correlation(self) -> float:
-        ss, sr, rr = self._rate_covariance()
-        by_slope, by_rate = self._steady_state_gradient()
-        deviation = self.steady_state_limit
-        if not (math.isfinite(deviation) and deviation > 0.0 and rr > 0.0):
-            return 0.0
-        return (by_slope * sr + by_rate * rr) / (deviation * math.sqrt(rr))
-
     def state(self, time: float) -> tuple[Array, Array]:
         """State (temperature, slope, rate) (3,) at a time [min] and its covariance (3, 3) per unit of the noise variance."""
         dt = time - self.t0
-        phi, psi = float(kernel.growth(self.rate, dt)), float(kernel.growth_slope(self.rate, dt))
-        decay = math.exp(min(-self.rate * dt, 60.0))
+        phi, psi, decay = _growths(self.rate, dt)
         ss, sr, rr = self._rate_covariance()
-        inner = np.array([[1.0 / self.weight, 0.0, 0.0], [0.0, ss, sr], [0.0, sr, rr]])
-        jacobian = np.array(
-            [
-                [1.0, phi - self.phi_mean, self.slope * (psi - self.psi_mean)],
-                [0.0, decay, -self.slope * dt * decay],
-                [0.0, 0.0, 1.0],
-            ]
-        )
+        # (level, slope, rate) carried to the state: the level is independent of the other two.
+        by_slope, by_rate = phi - self.phi_mean, self.slope * (psi - self.psi_mean)
+        slope_by_rate = -self.slope * dt * decay
+        tt = 1.0 / self.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
+        ts = by_slope * decay * ss + (by_slope * slope_by_rate + by_rate * decay) * sr + by_rate * slope_by_rate * rr
+        tr = by_slope * sr + by_rate * rr
+        vv = decay**2 * ss + 2.0 * decay * slope_by_rate * sr + slope_by_rate**2 * rr
+        vr = decay * sr + slope_by_rate * rr
         mean = np.array([self.level + self.slope * (phi - self.phi_mean), self.slope * decay, self.rate])
-        return mean, jacobian @ inner @ jacobian.T
+        return mean, np.array([[tt, ts, tr], [ts, vv, vr], [tr, vr, rr]])
 
 
-def _thinned(time: Array, reading: Array, weight: Array) -> tuple[Array, Array, Array]:
-    """At most GRID_READINGS weighted means of neighbours: enough to tell where a long record's rate lies."""
-    if len(time) <= GRID_READINGS:
-        return time, reading, weight
-    edges = np.linspace(0, len(time), GRID_READINGS + 1).astype(int)[:-1]
-    total = np.add.reduceat(weight, edges)
-    safe = np.where(total > 0.0, total, 1.0)
-    return np.add.reduceat(time * weight, edges) / safe, np.add.reduceat(reading * weight, edges) / safe, total
+def _growths(rate: float, dt: float) -> tuple[float, float, float]:
+    """growth, its derivative by the rate, and exp(-rate dt), of plain numbers."""
+    z = max(rate * dt, -60.0)
+    decay = math.exp(-z)
+    if abs(z) < 1e-3:
+        return float(kernel.growth(rate, dt)), float(kernel.growth_slope(rate, dt)), decay
+    phi = -math.expm1(-z) / rate
+    return phi, (dt * decay - phi) / rate, decay
+
+
+def told_fit(t0: float, values: Sequence[float]) -> DecayFit:
+    """The fit that the kernel tells as a row of numbers, for times counted from t0."""
+    return DecayFit(t0, *values[:10], n=int(values[10]), span=values[11], rate_low=values[12], rate_high=values[13])
 
 
 def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: bool = False) -> DecayFit:
@@ -149,54 +143,93 @@ def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: 
     ValueError: fewer than three readings of positive weight, or all at one time.
     """
     weight = np.ones(len(time)) if weight is None else weight
-    use = weight > 0.0
-    times = time[use]
-    if len(times) < 3 or not times[-1] > times[0]:
-        raise ValueError(f"a fit needs three readings at different times, got {len(times)}")
-    span = float(times[-1] - times[0])
-    spacing = span / (len(times) - 1)
-    low, high = (-3.0 / span if signed else LEAST_CURVATURE / span), 5.0 / spacing
-    grid = np.geomspace(0.05 / span, 0.5 * high, 20)
-    if signed:
-        grid = np.concatenate([[-1.0 / span, 1e-6 / span], grid])
-    thin = _thinned(time[use], reading[use], weight[use])
-    t0 = float(time[0])
-    first = kernel.fit_decay(*thin, grid, low, high)
-    values = kernel.fit_decay(time, reading, weight, np.array([first[0]]), low, high)
-    return DecayFit(t0, span, *values[:10], n=int(values[10]), rate_high=high)  # type: ignore[misc]
+    arrays = (np.ascontiguousarray(a, dtype=float) for a in (time, reading, weight))
+    return told_fit(float(time[0]), kernel.fit_decay(*arrays, signed))
 
 
-def profile_intervals(
-    fit: DecayFit, time: Array, reading: Array, weight: Array | None = None, widening: float = 1.0
-) -> tuple[Interval, Interval]:
-    """95 % likelihood intervals of the steady state [degC] and of the rate [1/min].
+@dataclass(frozen=True)
+class Likelihood:
+    """Fit of the first readings of a record with its 95 % intervals, and the weights (n,) that it ended with."""
 
-    The limit of the residual sum of squares is that of Student's t for one parameter, with the noise estimated from the
-    same readings; `widening` multiplies the noise variance where neighbouring residuals are not independent.
-    A side that the record does not bound is None.
-    """
-    if fit.dof < 1:
-        return Interval(None, None), Interval(None, None)
-    weight = np.ones(len(time)) if weight is None else weight
-    limit = fit.rss + fit.noise_variance * widening * float(stdtrit(fit.dof, 0.975)) ** 2
-    if not limit > fit.rss:  # a noiseless record: the estimate is exact
-        return Interval(fit.steady_state, fit.steady_state), Interval(fit.rate, fit.rate)
-    stride = 2.0 * math.sqrt(min(fit.rate_variance * fit.noise_variance * widening, fit.rate_high**2))
-    rate_low, rate_high, low, high = kernel.profile_decay(
-        np.ascontiguousarray(time),
-        np.ascontiguousarray(reading),
-        weight,
-        fit.rate,
-        fit.rss,
-        limit,
-        fit.rate_low,
-        fit.rate_high,
-        fit.steady_state_rate_correlation,
-        max(stride, 0.01 * fit.rate),
-    )
-    closed = not math.isnan(rate_low)
-    rising = fit.slope >= 0.0
+    fit: DecayFit
+    steady_state: Interval
+    rate: Interval
+    weights: Array
+
+
+def _intervals(fit: DecayFit, rate_low: float, rate_high: float, low: float, high: float) -> tuple[Interval, Interval]:
+    closed, rising = not math.isnan(rate_low), fit.slope >= 0.0
     return (
         Interval(low if closed or rising else None, high if closed or not rising else None),
         Interval(rate_low if closed else None, None if math.isnan(rate_high) else rate_high),
     )
+
+
+def start_rule(resolution: float) -> kernel.StartRule:
+    """How a filter is started on a record with the logger's step `resolution` [K]; see :meth:`models.lump.Lump.start`."""
+    return resolution, SETTLED, FEWEST_READINGS, GROWTH, STRAY
+
+
+def _likelihood_table(
+    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float
+) -> Array:
+    number = np.asarray(counts, dtype=np.intp)
+    usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
+    quantiles = stdtrit(np.maximum(usable - 3, 1), 0.975)
+    out = np.empty((len(number), 18))
+    arrays = np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, number
+    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution), out)
+    return out
+
+
+def likelihood(
+    time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0
+) -> Likelihood | None:
+    """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
+
+    weight (n,) as in :func:`fit_decay`; readings far outside the fit are left out of it, and with no more than `first`
+    readings the weights are those of a start. The limit of the residual sum of squares is that of Student's t for one parameter,
+    the noise being estimated from the same readings.
+    """
+    weight = np.array(weight, dtype=float)
+    values = _likelihood_table(time, reading, weight, [len(time)], first, resolution)[0].tolist()
+    if math.isnan(values[0]):
+        return None
+    fit = told_fit(float(time[0]), values)
+    if fit.dof < 1:
+        steady, rates = Interval(None, None), Interval(None, None)
+    elif math.isnan(values[16]):  # no noise at all: the estimate is exact
+        steady, rates = Interval(fit.steady_state, fit.steady_state), Interval(fit.rate, fit.rate)
+    else:
+        steady, rates = _intervals(fit, *values[14:])
+    return Likelihood(fit, steady, rates, weight)
+
+
+def likelihood_sweep(
+    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float = 0.0
+) -> tuple[Array, Array]:
+    """As :func:`likelihood` for several first stretches of one record, in one call.
+
+    Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, and the width [K] of
+    the steady state's interval (m,), nan where a side is open.
+    """
+    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution)
+    rate, slope, level, phi_mean = out[:, :4].T
+    since = time[np.asarray(counts) - 1] - time[0]
+    temperature = level + slope * (kernel.growth(rate, since) - phi_mean)
+    states = np.column_stack([temperature, slope * np.exp(-rate * since), rate])
+    width = np.where(np.isnan(out[:, 14]), np.nan, out[:, 17] - out[:, 16])
+    exact = (out[:, 10] > 3) & np.isnan(out[:, 16]) & np.isfinite(rate)
+    return states, np.where(exact, 0.0, width)
+
+
+def widened_intervals(
+    fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float
+) -> tuple[Interval, Interval]:
+    """Intervals of steady state [degC] and rate [1/min] with the noise variance times `widening`: for dependent residuals."""
+    noise = fit.noise_variance * widening
+    limit = fit.rss + noise * float(stdtrit(fit.dof, 0.975)) ** 2
+    bounds = kernel.profile_decay(
+        np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit, noise
+    )
+    return _intervals(fit, *bounds)

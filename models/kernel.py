@@ -1,6 +1,6 @@
 """The compiled core where it was built, its numpy twin otherwise. ``COMPILED`` tells which."""
 
-from ._lump_numpy import Array, growth, growth_slope
+from ._lump_numpy import Array, StartRule, growth, growth_slope
 
 try:
     from ._lump import (
@@ -9,7 +9,10 @@ try:
         SLOPE_JACOBIAN,
         SLOPE_STEP,
         fit_decay,
+        likelihoods,
         profile_decay,
+        spike_weights,
+        start_decay,
     )
 
     COMPILED = True
@@ -20,7 +23,10 @@ except ImportError:
         SLOPE_JACOBIAN,
         SLOPE_STEP,
         fit_decay,
+        likelihoods,
         profile_decay,
+        spike_weights,
+        start_decay,
     )
 
     COMPILED = False
@@ -32,8 +38,12 @@ __all__ = [
     "SLOPE_JACOBIAN",
     "SLOPE_STEP",
     "Array",
+    "StartRule",
     "fit_decay",
     "growth",
     "growth_slope",
+    "likelihoods",
     "profile_decay",
+    "spike_weights",
+    "start_decay",
 ]

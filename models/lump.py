@@ -12,16 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import kernel
-from .decay import DecayFit, Interval, fit_decay
+from .decay import Interval, start_rule, told_fit
 from .kernel import Array
-from .spikes import spike_weights
 
-#: A filter may start once the product of rate and time so far is known to this standard deviation: from there on the step
-#: is linear enough that sigma points lose nothing (docs/architecture.md has the trial).
-SETTLED = 0.12
-FEWEST_READINGS = 10
-GROWTH = 1.25
-STRAY = 6.0
 _NODES = np.linspace(-4.5, 4.5, 91)
 _DENSITY = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()
 #: weight of (deviation of the steady state given the rate, rate)
@@ -136,38 +129,16 @@ class Lump:
         Depends on no reading after the index that it returns, so that a filter's state at any time is the same whether
         or not the record goes on. resolution [K] is the logger's step: its rounding is a floor of the noise.
         """
-        count = len(time)
-        used = min(FEWEST_READINGS, count)
-        while True:
-            fit, weights = _robust_fit(time[:used], reading[:used], resolution)
-            mean, covariance = fit.state(float(time[used - 1]))
-            noise = max(fit.noise_variance if fit.dof > 0 else 0.0, resolution**2 / 12.0, 1e-18)
-            spread = math.sqrt(noise * covariance[2, 2]) * fit.span * (1.0 + 1.0 / max(fit.dof, 1))
-            settled = fit.dof > 2 and spread < SETTLED
-            if settled or used == count:
-                return LumpStart(used - 1, mean, covariance, noise, max(fit.dof, 1.0), weights, settled)
-            used = min(count, max(used + 1, int(used * GROWTH)))
-
-
-def _robust_fit(time: Array, reading: Array, resolution: float) -> tuple[DecayFit, Array]:
-    """Fit with stray readings left out: isolated spikes first, then the largest residual while it stands out of the rest."""
-    weights = spike_weights(reading, resolution)
-    fit = fit_decay(time, reading, weights, signed=True)
-    for _ in range(len(time) // 5):
-        residual = np.where(weights > 0.0, reading - fit.predict(time), 0.0)
-        worst = int(np.argmax(np.abs(residual)))
-        # Against the spread of the others: with the worst one in, eight readings hide any outlier.
-        rest = max(fit.rss - residual[worst] ** 2, 0.0) / max(fit.dof - 1, 1)
-        trial = weights.copy()
-        trial[worst] = 0.0
-        if fit.dof < 3 or not abs(residual[worst]) > max(STRAY * math.sqrt(rest), resolution):
-            break
-        without = fit_decay(time, reading, trial, signed=True)
-        gap = abs(reading[worst] - float(without.predict(time[worst : worst + 1])[0]))
-        if not gap > STRAY * (1.0 + 3.0 / without.dof) * math.sqrt(without.noise_variance) + resolution:
-            break
-        fit, weights = without, trial
-    return fit, weights
+        weights = np.ones(len(time))
+        used, noise, settled, values = kernel.start_decay(
+            np.ascontiguousarray(time),
+            np.ascontiguousarray(reading),
+            start_rule(resolution),
+            weights,
+        )
+        fit = told_fit(float(time[0]), values)
+        mean, covariance = fit.state(float(time[used - 1]))
+        return LumpStart(used - 1, mean, covariance, noise, max(fit.dof, 1.0), weights[:used], settled)
 
 
 @dataclass(frozen=True)

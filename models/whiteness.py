@@ -1,6 +1,7 @@
 """Are residuals noise, or does a pattern remain? And how much does it cost where neighbours are alike."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import fdtrc, ndtr
@@ -19,6 +20,13 @@ def _blocks(values: Array, blocks: int) -> Array:
     return means
 
 
+@lru_cache(maxsize=8)
+def _cosines(n: int, count: int) -> Array:
+    phase = math.pi * (np.arange(n) + 0.5) / n
+    cosines: Array = np.cos(np.outer(phase, np.arange(1, count + 1))) * math.sqrt(2.0 / n)
+    return cosines
+
+
 def pattern_p_value(residual: Array, tangent: Array) -> float:
     """Probability that white residuals of a fit would show as much pattern as these.
 
@@ -34,9 +42,8 @@ def pattern_p_value(residual: Array, tangent: Array) -> float:
         residual, tangent = _blocks(residual, MOST_POINTS), _blocks(tangent, MOST_POINTS)
         n = MOST_POINTS
     count = min(COSINES, n // 6)
-    phase = math.pi * (np.arange(n) + 0.5) / n
-    basis = np.column_stack([tangent, np.cos(np.outer(phase, np.arange(1, count + 1)))])
-    q = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300))[0][:, tangent.shape[1] :]
+    tangent = tangent / np.maximum(np.sqrt((tangent * tangent).sum(axis=0)), 1e-300)
+    q = np.linalg.qr(np.concatenate([tangent, _cosines(n, count)], axis=1))[0][:, tangent.shape[1] :]
     # Cosines that the fit can imitate are left with nothing but rounding: they carry no evidence.
     explained = float(((q.T @ residual) ** 2).sum())
     total = float(residual @ residual)

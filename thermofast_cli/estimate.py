@@ -1,7 +1,7 @@
 """Joins a filter and the model: the estimate that a track supports at a reading. Pure functions on arrays, one sensor at a time."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,16 @@ from models import (
     LOG_TWENTY,
     DecayFit,
     Interval,
+    Likelihood,
     Lump,
     PrintedLump,
-    fit_decay,
     growth,
     growth_slope,
+    likelihood,
+    likelihood_sweep,
     pattern_p_value,
-    profile_intervals,
     variance_inflation,
+    widened_intervals,
 )
 
 Array = NDArray[np.float64]
@@ -55,9 +57,9 @@ class Estimate:
     initial: float
     t95: float | None
     t95_interval: Interval
-    pattern_p: float
-    misfit: float
     covariance: Array
+    pattern_p: float = math.nan
+    misfit: float = math.nan
     faded: bool = False
 
     def band(self, times: Array, draws: int = 400) -> tuple[Array, Array]:
@@ -80,58 +82,60 @@ class Estimate:
         return self.steady_state is not None and all(i.low is not None and i.high is not None for i in sides)
 
 
-def likelihood_estimate(time: Array, reading: Array, weights: Array, resolution: float, judge: bool = True) -> Estimate:
+def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float) -> Estimate:
     """Maximum likelihood over the readings (n,) with weights (n,): the closing step.
 
-    `judge` asks whether the residuals are noise, and widens the intervals where they are not.
+    Asks whether the residuals are noise, and widens the intervals where they are not.
 
     Raises
     ------
     ValueError: fewer than three usable readings.
     """
-    fit = fit_decay(time, reading, weights)
-    for _ in range(2):  # strays that the filter could not see while it knew too little
-        residual = (reading - fit.predict(time)) * np.sqrt(weights)
-        limit = 6.0 * (1.0 + 3.0 / max(fit.dof, 1)) * math.sqrt(max(fit.noise_variance, 0.0)) + resolution
-        stray = np.abs(residual) > limit
-        if fit.dof < 3 or not stray.any() or stray.sum() > len(time) // 10:
-            break
-        weights = np.where(stray, 0.0, weights)
-        fit = fit_decay(time, reading, weights)
-    p, widening = math.nan, 1.0
+    found = likelihood(time, reading, weights, resolution, first)
+    if found is None:
+        raise ValueError("a likelihood needs three usable readings")
+    fit, weights = found.fit, found.weights
     used = weights > 0.0
     residual = (reading - fit.predict(time))[used]
-    if judge and used.sum() >= 12:
+    p, widening = math.nan, 1.0
+    if fit.dof >= 9:
         scaled = residual * np.sqrt(weights[used])
         p = pattern_p_value(scaled, _tangent(fit, time[used], weights[used]))
         if p < DOUBT:
             widening = variance_inflation(scaled)
+            steady, rates = widened_intervals(fit, time, reading, weights, widening)
+            found = replace(found, steady_state=steady, rate=rates)
     misfit = math.sqrt(float(residual @ residual) / len(residual))
-    steady, rates = profile_intervals(fit, time, reading, weights, widening)
-    state, covariance = fit.state(float(time[-1]))
+    plain = _from_likelihood(found, time, resolution, widening)
+    return replace(plain, pattern_p=p, misfit=misfit)
+
+
+def _from_likelihood(found: Likelihood, time: Array, resolution: float, widening: float = 1.0) -> Estimate:
+    fit, rates = found.fit, found.rate
+    last = float(time[len(found.weights) - 1])
+    state, covariance = fit.state(last)
     curved = fit.rate > 1.001 * fit.rate_low
     noise = math.sqrt(max(fit.noise_variance, resolution**2 / 12.0)) if fit.dof > 0 else math.nan
-    limit_c = fit.steady_state_limit * noise
+    limit = fit.steady_state_limit * noise
+    known = math.isfinite(noise) and math.isfinite(covariance[2, 2])
     return Estimate(
-        float(time[-1]),
-        state,
-        fit.steady_state if curved else None,
-        steady,
-        fit.rate if curved else None,
-        rates,
-        noise,
-        limit_c if curved and math.isfinite(limit_c) else None,
-        weights,
-        True,
-        float(fit.predict(time[:1])[0]),
-        LOG_TWENTY / fit.rate if curved else None,
-        Interval(
+        time=last,
+        state=state,
+        steady_state=fit.steady_state if curved else None,
+        steady_state_interval=found.steady_state,
+        rate=fit.rate if curved else None,
+        rate_interval=rates,
+        noise=noise,
+        limit=limit if curved and math.isfinite(limit) else None,
+        weights=found.weights,
+        from_likelihood=True,
+        initial=fit.level - fit.slope * fit.phi_mean,
+        t95=LOG_TWENTY / fit.rate if curved else None,
+        t95_interval=Interval(
             LOG_TWENTY / rates.high if rates.high is not None else None,
             LOG_TWENTY / rates.low if rates.low is not None else None,
         ),
-        p,
-        misfit,
-        np.where(np.isfinite(covariance), covariance, 0.0) * (noise**2 * widening if math.isfinite(noise) else 0.0),
+        covariance=covariance * (noise**2 * widening) if known else np.zeros((3, 3)),
     )
 
 
@@ -175,23 +179,22 @@ def filter_estimate(
     elapsed = float(time[k] - time[0])
     t95, t95_interval = settling(curve, spread, elapsed, initial, quantile)
     return Estimate(
-        float(time[k]),
-        curve,
-        temperature + slope / rate if settles else None,
-        steady,
-        rate if settles else None,
-        rates,
-        math.sqrt(float(track.noise_variance[k]) if k >= track.first else noise_variance),
-        None,
-        weights,
-        False,
-        initial,
-        t95,
-        t95_interval,
-        math.nan,
-        misfit,
-        spread,
-        faded,
+        time=float(time[k]),
+        state=curve,
+        steady_state=temperature + slope / rate if settles else None,
+        steady_state_interval=steady,
+        rate=rate if settles else None,
+        rate_interval=rates,
+        noise=math.sqrt(float(track.noise_variance[k]) if k >= track.first else noise_variance),
+        limit=None,
+        weights=weights,
+        from_likelihood=False,
+        initial=initial,
+        t95=t95,
+        t95_interval=t95_interval,
+        covariance=spread,
+        misfit=misfit,
+        faded=faded,
     )
 
 
@@ -223,22 +226,53 @@ def settling(
     )
 
 
+def _closes(method: Filter, track: Track, k: int) -> bool:
+    consistent = not track.forgotten[k] > -math.log(KEPT_SHARE)
+    return method.closing == "always" or (method.closing == "when consistent" and (consistent or k < track.first))
+
+
+def _first(method: Filter, track: Track) -> int:
+    """Readings up to which a likelihood takes its weights from a start: those before the filter began."""
+    return 0 if method.closing == "always" else track.first
+
+
 def estimate_at(
-    model: Model,
-    method: Filter,
-    track: Track,
-    time: Array,
-    reading: Array,
-    k: int,
-    resolution: float,
-    judge: bool = True,
+    model: Model, method: Filter, track: Track, time: Array, reading: Array, k: int, resolution: float
 ) -> Estimate:
     """The estimate that `method` gives from readings 0..k; the same whether or not the record goes on."""
-    consistent = not track.forgotten[k] > -math.log(KEPT_SHARE)
-    if method.closing == "always" or (method.closing == "when consistent" and (consistent or k < track.first)):
-        if k < track.first and method.closing != "always":
-            weights = model.start(time[: k + 1], reading[: k + 1], resolution).weights
-        else:
-            weights = track.likelihood_weight[: k + 1]
-        return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, resolution, judge)
+    if _closes(method, track, k):
+        weights = track.likelihood_weight[: k + 1]
+        return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, _first(method, track), resolution)
     return filter_estimate(model, track, time, reading, k, resolution)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a sweep needs of the estimates after each of m readings: state (m, 3), width [K] of the steady state's interval
+    (m,), nan where a side is open, and whether the filter had forgotten its past (m,)."""
+
+    state: Array
+    width: Array
+    faded: NDArray[np.bool_]
+
+
+def estimates_at(
+    model: Model, method: Filter, track: Track, time: Array, reading: Array, indices: list[int], resolution: float
+) -> Progress:
+    """As :func:`estimate_at` for several readings of one track, in one call of the likelihood where it closes the estimate."""
+    closes = np.array([_closes(method, track, k) for k in indices])
+    states, width = np.full((len(indices), 3), np.nan), np.full(len(indices), np.nan)
+    if closes.any():
+        counts = [k + 1 for k, c in zip(indices, closes, strict=True) if c]
+        weights = track.likelihood_weight
+        states[closes], width[closes] = likelihood_sweep(
+            time, reading, weights, counts, _first(method, track), resolution
+        )
+    faded = np.zeros(len(indices), dtype=bool)
+    for i in np.flatnonzero(~closes):
+        estimate = filter_estimate(model, track, time, reading, indices[i], resolution)
+        low, high = estimate.steady_state_interval.low, estimate.steady_state_interval.high
+        states[i], faded[i] = estimate.state, estimate.faded
+        if low is not None and high is not None:
+            width[i] = high - low
+    return Progress(states, width, faded)

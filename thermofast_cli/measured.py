@@ -22,14 +22,14 @@ def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float] | N
     n = len(reading)
     if n < FEWEST:
         return None
-    tail = slice(n - max(int(n * DRIFT_SHARE), 6), n)
+    tail = n - max(int(n * DRIFT_SHARE), 6)
     steady = float(reading[n - max(int(n * LAST_SHARE), 3) :].mean())
-    rise = steady - float(np.median(reading[:3]))
-    slope, _ = np.polyfit(time[tail], reading[tail], 1)
-    residual = reading[tail] - np.polyval(np.polyfit(time[tail], reading[tail], 1), time[tail])
-    drift = abs(float(slope)) * float(time[-1] - time[tail][0])
-    noise = float(residual.std())
-    if drift > COMPLETE * abs(rise) or noise * math.sqrt(12.0 / len(residual)) > COMPLETE * abs(rise):
+    rise = steady - sorted(reading[:3].tolist())[1]
+    at, values = time[tail:] - time[tail:].mean(), reading[tail:] - reading[tail:].mean()
+    slope = float(at @ values) / float(at @ at)
+    drift = abs(slope) * float(time[-1] - time[tail])
+    noise = math.sqrt(max(float(values @ values) - slope**2 * float(at @ at), 0.0) / len(values))
+    if drift > COMPLETE * abs(rise) or noise * math.sqrt(12.0 / len(values)) > COMPLETE * abs(rise):
         return None
     width = max(3, min(n // 50, 15)) | 1
     smooth = np.convolve(reading, np.ones(width) / width, mode="valid")
@@ -39,4 +39,4 @@ def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float] | N
     k = int(outside[-1]) + width // 2
     if k + 1 >= n - width // 2:
         return None
-    return steady, float(time[min(k + 1, n - 1)] - time[0])
+    return steady, float(time[k + 1] - time[0])

@@ -16,6 +16,10 @@ POOL_COST_S = 0.8
 #: Rough cost of a sensor and of a reading, for that decision alone.
 SENSOR_COST_S = 4e-4
 READING_COST_S = 1e-6
+#: Sensors in a row whose process died, after which no more are retried.
+MOST_DEATHS = 5
+#: Records larger than this surely pay for a pool.
+WARM_BYTES = 8_000_000
 
 
 def cores() -> int:
@@ -49,6 +53,21 @@ def new_pool(jobs: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(jobs, mp_context=_context(), initializer=_quiet_worker)
 
 
+def _nothing() -> None:
+    """What a warming pool does."""
+
+
+def warm_pool(jobs: int | None, size_bytes: int) -> ProcessPoolExecutor | None:
+    """A pool that starts while a large record is still being read, or None where the work will not pay for one."""
+    processes = jobs if jobs is not None else cores()
+    if processes < 2 or size_bytes < WARM_BYTES:
+        return None
+    pool = new_pool(processes)
+    for _ in range(processes):
+        pool.submit(_nothing)
+    return pool
+
+
 def map_tasks(
     work: Callable[[Task], list[Result]],
     tasks: Sequence[Task],
@@ -71,11 +90,18 @@ def map_tasks(
         futures: list[Future[list[Result]]] = []
         for task in tasks:
             futures.append(_submit(pool, work, task))
+        deaths = 0
         for task, future in zip(tasks, futures, strict=True):
             try:
                 yield future.result()
             except BrokenProcessPool:
-                yield [r for single in split(task) for r in _alone(work, single, lost)]
+                results: list[Result] = []
+                for single in split(task):
+                    # When one sensor after another dies, it is not the sensors: do not start a process for each.
+                    again = [] if deaths >= MOST_DEATHS else _alone(work, single)
+                    deaths = 0 if again else deaths + 1
+                    results += again or lost(single)
+                yield results
     except (KeyboardInterrupt, GeneratorExit):
         pool.shutdown(wait=False, cancel_futures=True)
         raise
@@ -95,11 +121,10 @@ def _submit(
         return failed
 
 
-def _alone(
-    work: Callable[[Task], list[Result]], task: Task, lost: Callable[[Task], list[Result]]
-) -> list[Result]:
+def _alone(work: Callable[[Task], list[Result]], task: Task) -> list[Result]:
+    """One task in a process of its own; nothing where that process dies too."""
     with new_pool(1) as pool:
         try:
             return pool.submit(work, task).result()
         except BrokenProcessPool:
-            return lost(task)
+            return []

@@ -1,6 +1,6 @@
 """One record per line of output: the same columns in every format. None is an absent number."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 #: Statuses that are failures of a sensor: exit code 1.
@@ -19,7 +19,7 @@ class Record:
         return tuple(f.name for f in fields(cls))
 
     def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        return dict(vars(self))
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,8 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     """
     stuck = np.zeros(len(reading), dtype=bool)
     for extreme in (reading.max(), reading.min()) if len(reading) > 3 * SATURATED_READINGS else ():
+        if np.count_nonzero(reading == extreme) < SATURATED_READINGS:
+            continue
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             if b - a < SATURATED_READINGS or a < SATURATED_READINGS:

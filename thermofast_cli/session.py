@@ -2,7 +2,9 @@
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ import numpy as np
 from .errors import InputError, ThermofastError, UsageError
 from .options import names
 from .output.screen import say
-from .pool import map_tasks, worth
+from .pool import map_tasks, warm_pool, worth
 from .reading import Options, Run, read_run
 from .sensor import run_start
 
@@ -24,6 +26,7 @@ class Readings:
 
     runs: list[tuple[Run, float]]
     unreadable: list[tuple[str, str]]
+    warm: ProcessPoolExecutor | None = None
 
 
 def read_options(given: dict[str, Any]) -> Options:
@@ -48,7 +51,7 @@ def read_options(given: dict[str, Any]) -> Options:
     )
 
 
-def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool) -> Readings:
+def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: int | None = None) -> Readings:
     """Read every run; what was taken for what goes to standard error.
 
     Raises
@@ -60,6 +63,7 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool) -> Read
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
     options, start = read_options(given), _start(given["start"])
+    warm = warm_pool(jobs, sum(Path(s).stat().st_size for s in sources if Path(s).is_file()))
     runs, unreadable = [], []
     last: ThermofastError | None = None
     for source in sources:
@@ -77,12 +81,14 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool) -> Read
                 say(f"{run.name}: the rise begins at {begins:.4g} min (--start to say otherwise)")
         runs.append((run, begins))
     if not runs and last is not None:
+        if warm is not None:
+            warm.shutdown(wait=False, cancel_futures=True)
         if len(unreadable) == 1:
             raise last
         raise InputError("none of the runs could be read", found="\n  ".join(why for _, why in unreadable))
     for _, why in unreadable:
         say(why)
-    return Readings(runs, unreadable)
+    return Readings(runs, unreadable, warm)
 
 
 def _start(text: str) -> float | None:
@@ -121,7 +127,12 @@ class Interrupted(Exception):
 
 
 def gather(
-    work: Callable[[Any], list[Any]], tasks: list[Any], jobs: int, lost: Callable[[Any], list[Any]], advance: Callable[[int], None]
+    work: Callable[[Any], list[Any]],
+    tasks: list[Any],
+    jobs: int,
+    lost: Callable[[Any], list[Any]],
+    advance: Callable[[int], None],
+    warm: Executor | None = None,
 ) -> Iterator[Any]:
     """Results in order of the sensors.
 
@@ -130,7 +141,7 @@ def gather(
     Interrupted: on an interrupt, after which no more results come.
     """
     try:
-        for results in map_tasks(work, tasks, jobs, lambda task: task.singles(), lost):
+        for results in map_tasks(work, tasks, jobs, lambda task: task.singles(), lost, warm if jobs > 1 else None):
             advance(len(results))
             yield from results
     except KeyboardInterrupt:

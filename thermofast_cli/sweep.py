@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .estimate import FEWEST_READINGS, Estimate, estimate_at
+from models import growth
+
+from .estimate import FEWEST_READINGS, Progress, estimates_at
 from .identify import Method, refusal
 from .records import SweepRecord
 from .sensor import prepare
@@ -55,35 +57,37 @@ def sweep_sensor(
     time, reading = sensor.time[:count], sensor.reading[:count]
     track = method.filter.track(method.model, time, reading, sensor.resolution)
     rmse, width = nothing.copy(), np.full(len(times), np.nan)
-    ends = [sensor.until(w) for w in windows]
-    for i, identification in enumerate(times):
-        k = sensor.until(identification) - 1
-        if k + 1 < FEWEST_READINGS or (track.diverged_at is not None and k >= track.diverged_at):
-            continue
-        if float(np.ptp(reading[: k + 1])) == 0.0:
-            continue
-        estimate = estimate_at(method.model, method.filter, track, time, reading, k, sensor.resolution, judge=False)
-        interval = estimate.steady_state_interval
-        if interval.low is not None and interval.high is not None:
-            width[i] = interval.high - interval.low
-        error = window_error(estimate, track.state, method, time, reading, k)
-        squares = np.cumsum(error**2)
+    ends = [min(sensor.until(w), count) for w in windows]
+    last = np.searchsorted(time, grid * (1 + 1e-12) + 1e-9, "right") - 1
+    broken = track.diverged_at if track.diverged_at is not None else count
+    moved = np.flatnonzero(reading != reading[0])
+    least = max(FEWEST_READINGS - 1, int(moved[0]) if len(moved) else count)
+    usable = [i for i, k in enumerate(last) if least <= k < broken]
+    indices = [int(last[i]) for i in usable]
+    if usable:
+        progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution)
+        squares = np.cumsum(window_errors(progress, indices, track.state, time, reading) ** 2, axis=1)
         for j, (window, end) in enumerate(zip(windows, ends, strict=True)):
-            if identification < window - 1e-9 and end > 1:
-                rmse[j, i] = math.sqrt(float(squares[end - 1]) / (end - 1))
+            if end > 1:
+                rmse[j, usable] = np.sqrt(squares[:, end - 1] / (end - 1))
+            rmse[j, grid >= window - 1e-9] = np.nan
+        width[usable] = progress.width
     return Swept(_records(blank, sensor.notes, note, windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width)
 
 
-def window_error(estimate: Estimate, states: Array, method: Method, time: Array, reading: Array, k: int) -> Array:
-    """Model minus reading (n,) [K] over all readings: the free run both ways from reading k.
+def window_errors(progress: Progress, indices: list[int], states: Array, time: Array, reading: Array) -> Array:
+    """Model minus reading (m, n) [K] over all readings: the free run both ways from reading indices[i].
 
-    Where the filter has forgotten its past, its own track stands for the readings up to k, as in the paper's figures.
+    Where the filter has forgotten its past, its own track stands for the readings up to then, as in the paper's figures.
     """
-    model = estimate.free_run(time)
-    if estimate.faded:
+    since = time - time[indices][:, None]
+    model = progress.state[:, :1] + progress.state[:, 1:2] * growth(progress.state[:, 2:], since)
+    for i in np.flatnonzero(progress.faded):
+        k = indices[i]
         tracked = np.isfinite(states[: k + 1, 0])
-        model[: k + 1] = np.where(tracked, states[: k + 1, 0], reading[: k + 1])
-    return model - reading
+        model[i, : k + 1] = np.where(tracked, states[: k + 1, 0], reading[: k + 1])
+    errors: Array = model - reading
+    return errors
 
 
 def _records(

@@ -56,7 +56,7 @@ def command(
         require_matplotlib()
         check_target(save_plot, SUFFIXES)
     given = {k: reading[k] for k in READING}
-    readings = read_all(sources_or_stdin(runs), given, quiet)
+    readings = read_all(sources_or_stdin(runs), given, quiet, jobs)
     for run, _ in readings.runs:
         if until is not None and until > run.time_s[-1] / 60.0 * 1.001:
             raise UsageError(
@@ -74,7 +74,7 @@ def command(
     interrupted = False
     with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
         try:
-            for result in gather(identify_task, tasks, processes, identify_lost, advance):
+            for result in gather(identify_task, tasks, processes, identify_lost, advance, readings.warm):
                 found.append(result)
         except Interrupted:
             interrupted = True

@@ -71,7 +71,7 @@ def command(
             allowed="files, - for standard input, a pipe, or runs = [...] in thermofast.toml",
             do="as in: thermofast sweep --windows 40,45,50,55 run.csv",
         )
-    readings = read_all(sources, {k: reading[k] for k in READING}, quiet)
+    readings = read_all(sources, {k: reading[k] for k in READING}, quiet, jobs)
     for run, _ in readings.runs:
         length = run.time_s[-1] / 60.0
         if spans[-1] > length * 1.001:
@@ -90,7 +90,7 @@ def command(
     interrupted = False
     with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
         try:
-            for result in gather(sweep_task, tasks, processes, sweep_lost, advance):
+            for result in gather(sweep_task, tasks, processes, sweep_lost, advance, readings.warm):
                 found.append(result)
         except Interrupted:
             interrupted = True

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as papq
 
 from ..errors import InputError
@@ -20,6 +21,13 @@ class Table:
     units: dict[str, str]
     first_line: int
     notes: tuple[str, ...]
+
+
+def to_floats(column: pa.ChunkedArray) -> Array:
+    """A float64 column as an array (N,) with nan for null; pyarrow's own way there would import pandas."""
+    filled = pc.fill_null(column, float("nan"))
+    parts = [np.frombuffer(c.buffers()[1], dtype=float, count=len(c), offset=8 * c.offset) for c in filled.chunks if len(c)]
+    return np.concatenate(parts) if parts else np.empty(0)
 
 
 def read_parquet(data: bytes, name: str) -> Table:
@@ -44,10 +52,10 @@ def read_parquet(data: bytes, name: str) -> Table:
         column = table.column(column_name)
         kind = column.type
         if pa.types.is_timestamp(kind):
-            whole = column.cast(pa.timestamp("ns", tz=kind.tz)).cast(pa.int64()).to_numpy(zero_copy_only=False)
-            columns[column_name] = [str(np.datetime64(int(v), "ns")) if v == v else "" for v in whole]
+            whole = column.cast(pa.timestamp("us", tz=kind.tz), safe=False).cast(pa.int64()).to_pylist()
+            columns[column_name] = [str(np.datetime64(v, "us")) if v is not None else "" for v in whole]
         elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
-            columns[column_name] = column.cast(pa.float64()).to_numpy().astype(float)
+            columns[column_name] = to_floats(column.cast(pa.float64()))
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
             columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
         else:

@@ -10,7 +10,7 @@ import pyarrow.csv as pacsv
 from ..errors import InputError, listed
 from .dialect import MISSING, Dialect, detect_dialect, detect_encoding, is_missing, is_number, split
 from .run import Array, Options
-from .table import Table
+from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
 
@@ -75,14 +75,16 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
             do="mend the header, or say --header-line and --delimiter",
         )
     names: list[str] = []
+    taken: set[str] = set()
     for i in range(width):
         cell = cells[i].strip().lstrip("#").strip() if i < len(cells) else ""
         base = unique = cell or f"column {i + 1}"
         count = 2
-        while unique in names:
+        while unique in taken:
             unique = f"{base} ({count})"
             count += 1
         names.append(unique)
+        taken.add(unique)
     return names, [units[i].strip() if i < len(units) else "" for i in range(width)]
 
 
@@ -107,7 +109,7 @@ def _parse_body(
         ragged.clear()
         return pacsv.read_csv(
             io.BytesIO(body),
-            read_options=pacsv.ReadOptions(column_names=names, use_threads=False, block_size=max(len(body) + 1, 1 << 20)),
+            read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20)),
             parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=ragged_row),
             convert_options=pacsv.ConvertOptions(
                 column_types=types, null_values=spellings, decimal_point=dialect.decimal, strings_can_be_null=False
@@ -132,7 +134,7 @@ def _parse_body(
         elif slow:
             columns[n] = _numbers(column.to_pylist(), n, dialect, name, more)
         else:
-            columns[n] = column.to_numpy().astype(float)
+            columns[n] = to_floats(column)
     return columns, notes
 
 
