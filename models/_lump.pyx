@@ -118,6 +118,7 @@ cdef struct Problem:
     double* psi
     double weight
     double level
+    double squares      # weighted sum of squares of the centred readings
     double t0
     double low
     double high
@@ -156,8 +157,10 @@ cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_
     if m < 3 or not p.t[m - 1] > p.t[0]:
         return 1
     p.level /= p.weight
+    p.squares = 0.0
     for i in range(m):
         p.y[i] -= p.level
+        p.squares += p.w[i] * p.y[i] * p.y[i]
     span = p.t[m - 1] - p.t[0]
     p.low = -3.0 / span if signed_rate else 1e-3 / span
     p.high = 5.0 * (m - 1) / span
@@ -228,9 +231,40 @@ cdef void evaluate(Problem* p, double rate, bint slopes, Sums* s) noexcept nogil
     s.gradient = gradient
 
 
+cdef void glance(Problem* p, double rate, Sums* s) noexcept nogil:
+    """As evaluate, without derivatives and in one pass: the readings are centred, so the basis need not be."""
+    cdef Py_ssize_t i
+    cdef double sum_phi = 0.0, pp = 0.0, py = 0.0, a, em = 0.0, wa, factor, inverse, z
+    if not fabs(rate) * p.t[p.n - 1] > 1e-2:
+        evaluate(p, rate, False, s)
+        return
+    inverse = -1.0 / rate
+    factor = exp(-rate * p.step) if p.even else 0.0
+    for i in range(p.n):
+        if p.even and i % RESYNC != 0:
+            em = (em + 1.0) * factor - 1.0
+        else:
+            z = rate * p.t[i]
+            em = expm1(-z if z > -60.0 else 60.0)
+        a = em * inverse
+        wa = p.w[i] * a
+        sum_phi += wa
+        pp += wa * a
+        py += wa * p.y[i]
+    s.rate = rate
+    s.level = p.level
+    s.weight = p.weight
+    s.phi_mean = sum_phi / p.weight
+    s.phi_phi = pp - sum_phi * s.phi_mean
+    s.slope = py / s.phi_phi if s.phi_phi > 0.0 else 0.0
+    s.rss = p.squares - s.slope * py
+    if s.rss < 0.0:
+        s.rss = 0.0
+
+
 cdef double residual_squares(Problem* p, double rate) noexcept nogil:
     cdef Sums s
-    evaluate(p, rate, False, &s)
+    glance(p, rate, &s)
     return s.rss
 
 
@@ -245,6 +279,7 @@ cdef void search(Problem* p, Problem* thin, bint signed_rate, Sums* best) noexce
         q.weight = p.weight
         q.level = p.level
         q.even = False
+        q.squares = 0.0
         for j in range(GRID_READINGS):
             a = j * p.n // GRID_READINGS
             b = (j + 1) * p.n // GRID_READINGS
@@ -257,6 +292,7 @@ cdef void search(Problem* p, Problem* thin, bint signed_rate, Sums* best) noexce
                 q.w[j] += p.w[i]
             q.t[j] /= q.w[j]
             q.y[j] /= q.w[j]
+            q.squares += q.w[j] * q.y[j] * q.y[j]
     first = 0.05 / span
     ratio = pow(0.5 * p.high / first, 1.0 / (GRID - 1))
     rate = first
@@ -370,7 +406,7 @@ cdef double edge(Problem* p, double theta, double centre, double low, double hig
     cdef Sums s
     cdef double u = sin(theta), rate, reach, arm
     rate = centre + u * (high - centre if u > 0.0 else centre - low)
-    evaluate(p, rate, False, &s)
+    glance(p, rate, &s)
     arm = 1.0 / rate - s.phi_mean
     reach = (1.0 / s.weight + arm * arm / s.phi_phi) * (limit - s.rss)
     return s.level + s.slope * arm + sign * (sqrt(reach) if reach > 0.0 else 0.0)
@@ -669,6 +705,7 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
                 out[i, j] = NAN
             for j in range(n):
                 weights[j] = w[j]
+            r.fewest = n            # shorter starts than this were tried when the filter began, and none was settled
             if n <= first and start_weights(&p, &thin, scratch, &t[0], &y[0], n, &r, weights, &s, &noise, &done) < 0:
                 continue
             if fill(&p, &t[0], &y[0], weights, n, False):

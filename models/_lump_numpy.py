@@ -394,7 +394,8 @@ def likelihoods(
         weights = w[:n].copy()
         try:
             if n <= first:
-                start_decay(t[:n], y[:n], rule, weights)
+                # Shorter starts than this were tried when the filter began, and none was settled.
+                start_decay(t[:n], y[:n], (*rule[:2], int(n), *rule[3:]), weights)
             p = _Problem(t[:n], y[:n], weights, False)
             s = p.best()
             for _ in range(2):

@@ -76,6 +76,17 @@ class DecayFit:
         """Temperatures (n,) at times (n,) [min]."""
         return self.level + self.slope * (kernel.growth(self.rate, time - self.t0) - self.phi_mean)
 
+    def residual_and_tangent(self, time: Array, reading: Array) -> tuple[Array, Array]:
+        """Reading minus model (n,), and a basis (n, 3) of the directions in which the fit can move."""
+        dt = time - self.t0
+        decay = np.exp(-self.rate * dt)
+        model = self.level + self.slope * ((1.0 - decay) / self.rate - self.phi_mean)
+        tangent = np.empty((len(time), 3))
+        tangent[:, 0] = 1.0
+        tangent[:, 1] = decay
+        tangent[:, 2] = dt * decay
+        return reading - model, tangent
+
     def _rate_covariance(self) -> tuple[float, float, float]:
         """Variance of slope, covariance, variance of rate, per unit of the noise variance."""
         a, b, c = self.phi_phi, self.slope * self.phi_psi, self.slope**2 * self.psi_psi

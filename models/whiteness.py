@@ -42,10 +42,14 @@ def pattern_p_value(residual: Array, tangent: Array) -> float:
         residual, tangent = _blocks(residual, MOST_POINTS), _blocks(tangent, MOST_POINTS)
         n = MOST_POINTS
     count = min(COSINES, n // 6)
-    tangent = tangent / np.maximum(np.sqrt((tangent * tangent).sum(axis=0)), 1e-300)
-    q = np.linalg.qr(np.concatenate([tangent, _cosines(n, count)], axis=1))[0][:, tangent.shape[1] :]
-    # Cosines that the fit can imitate are left with nothing but rounding: they carry no evidence.
-    explained = float(((q.T @ residual) ** 2).sum())
+    scale = np.maximum(np.sqrt((tangent * tangent).sum(axis=0)), 1e-300)
+    basis = np.concatenate([tangent / scale, _cosines(n, count)], axis=1)
+    # What the cosines explain beyond the tangent; a cosine that the fit can imitate is left with nothing but rounding.
+    gram, along = basis.T @ basis, basis.T @ residual
+    m = tangent.shape[1]
+    ridge = 1e-11 * np.eye(m + count)
+    everything = float(along @ np.linalg.solve(gram + ridge, along))
+    explained = max(everything - float(along[:m] @ np.linalg.solve((gram + ridge)[:m, :m], along[:m])), 0.0)
     total = float(residual @ residual)
     rest = n - tangent.shape[1] - count
     if not total > 0.0:

@@ -10,13 +10,11 @@ from scipy.special import stdtrit
 from filters import Filter, Track
 from models import (
     LOG_TWENTY,
-    DecayFit,
     Interval,
     Likelihood,
     Lump,
     PrintedLump,
     growth,
-    growth_slope,
     likelihood,
     likelihood_sweep,
     pattern_p_value,
@@ -96,11 +94,12 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
         raise ValueError("a likelihood needs three usable readings")
     fit, weights = found.fit, found.weights
     used = weights > 0.0
-    residual = (reading - fit.predict(time))[used]
+    residual, tangent = fit.residual_and_tangent(time[used], reading[used])
     p, widening = math.nan, 1.0
     if fit.dof >= 9:
-        scaled = residual * np.sqrt(weights[used])
-        p = pattern_p_value(scaled, _tangent(fit, time[used], weights[used]))
+        root = np.sqrt(weights[used])
+        scaled = residual * root
+        p = pattern_p_value(scaled, tangent * root[:, None])
         if p < DOUBT:
             widening = variance_inflation(scaled)
             steady, rates = widened_intervals(fit, time, reading, weights, widening)
@@ -137,12 +136,6 @@ def _from_likelihood(found: Likelihood, time: Array, resolution: float, widening
         ),
         covariance=covariance * (noise**2 * widening) if known else np.zeros((3, 3)),
     )
-
-
-def _tangent(fit: DecayFit, time: Array, weights: Array) -> Array:
-    dt = time - fit.t0
-    columns = [np.ones(len(time)), growth(fit.rate, dt), growth_slope(fit.rate, dt)]
-    return np.column_stack(columns) * np.sqrt(weights)[:, None]
 
 
 def filter_estimate(

@@ -53,10 +53,10 @@ def prepare(time_min: Array, values: Array, start_min: float) -> Sensor:
 
 def logger_step(reading: Array) -> float:
     """The step [K] that all readings are multiples of, or 0 where none shows."""
-    levels = np.unique(np.round(reading, 9))
-    if len(levels) < 2:
+    gaps = np.diff(np.sort(np.round(reading, 9)))
+    gaps = gaps[gaps > 0.0]
+    if not len(gaps):
         return 0.0
-    gaps = np.diff(levels)
     step = float(gaps.min())
     multiples = gaps / step
     if step < 1e-6 or np.abs(multiples - np.round(multiples)).max() > 0.02:

@@ -116,18 +116,24 @@ def _records(
         reached = f" (narrowest {finite.min():.2g} K)" if len(finite) else ""
         shown.append(f"the steady state is not known to {tolerance_c:g} K at any of these times{reached}")
     message = "; ".join([*shown, *told])
+    shortest, agreed = float(times[max(earliest)]), spread <= AGREED_MIN + 1e-9
+    tolerance_time = None if narrow is None else float(times[narrow])
+    first = blank[0]
     return tuple(
-        replace(
-            record,
+        SweepRecord(
+            run=first.run,
+            channel=first.channel,
+            filter=first.filter,
+            window_min=window,
             best_time_min=float(times[best[j]]),
             rmse_c=float(rmse[j, best[j]]),
             earliest_time_min=float(times[earliest[j]]),
-            shortest_time_min=float(times[max(earliest)]),
-            tolerance_time_min=None if narrow is None else float(times[narrow]),
-            agreed=spread <= AGREED_MIN + 1e-9,
+            shortest_time_min=shortest,
+            tolerance_time_min=tolerance_time,
+            agreed=agreed,
             message=message,
         )
-        for j, record in enumerate(blank)
+        for j, window in enumerate(windows)
     )
 
 

@@ -44,6 +44,7 @@ class SweepTask(Task):
     windows: tuple[float, ...] = ()
     times: tuple[float, ...] = ()
     tolerance_c: float = 0.1
+    want_curves: bool = False
 
 
 LOST = "the worker process died twice on this sensor; run it alone with --jobs 1 to see why"
@@ -66,25 +67,29 @@ def identify_lost(task: IdentifyTask) -> list[Identified]:
 
 
 def sweep_task(task: SweepTask) -> list[Swept]:
-    return [
+    swept = [
         sweep_sensor(
             task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note
         )
         for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
     ]
+    # Curves travel back from the worker only where a picture wants them.
+    return swept if task.want_curves else [replace(s, rmse=_NONE, times=_NONE, width=_NONE) for s in swept]
+
+
+_NONE = np.empty(0)
 
 
 def sweep_lost(task: SweepTask) -> list[Swept]:
-    empty = np.full((len(task.windows), len(task.times)), np.nan)
     return [
         Swept(
             tuple(
                 SweepRecord(task.run, c, task.method.filter.name, window_min=w, status="diverged", message=LOST)
                 for w in task.windows
             ),
-            np.array(task.times),
-            empty,
-            np.full(len(task.times), np.nan),
+            _NONE,
+            _NONE,
+            _NONE,
         )
         for c in task.channels
     ]

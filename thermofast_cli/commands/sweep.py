@@ -83,7 +83,7 @@ def command(
             )
 
     def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
-        return SweepTask(name, minutes, part, values, notes, method, start, spans, grid, tolerance)
+        return SweepTask(name, minutes, part, values, notes, method, start, spans, grid, tolerance, bool(save_plot))
 
     tasks, processes = share_out(readings, jobs, 1.0 + 0.1 * len(grid), make)
     found = []

@@ -26,14 +26,18 @@ def harmless(text: str) -> str:
 
 
 def cell(value: Any) -> str:
-    value = plain(value)
+    kind = type(value)
+    if kind is float:
+        return repr(value) if math.isfinite(value) else ""
     if value is None:
         return ""
-    if isinstance(value, bool):
+    if kind is str:
+        return harmless(value)
+    if kind is bool:
         return "true" if value else "false"
-    if isinstance(value, list):
+    if isinstance(value, (list, tuple)):
         return harmless(",".join(cell(v) for v in value))
-    return harmless(value) if isinstance(value, str) else repr(value)
+    return repr(value)
 
 
 def to_csv(columns: Sequence[str], rows: Sequence[Row], header: bool = True) -> str:

@@ -14,6 +14,8 @@ MISSING = frozenset(
 )
 DELIMITERS = ("\t", ";", ",", "|", " ")
 SAMPLE_LINES = 400
+#: Cells of a row that are looked at to tell what it is: a row of ten thousand is known by its first hundred.
+SAMPLE_CELLS = 100
 NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _NUMBER = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"),
@@ -101,6 +103,7 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def _data_like(cells: list[str], decimal: str) -> bool:
+    cells = cells[:SAMPLE_CELLS]
     told = [c for c in cells if not is_missing(c)]
     numbers = sum(is_number(c, decimal) for c in told)
     stamps = sum(bool(_STAMP.match(c.strip())) for c in told)
@@ -161,7 +164,7 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
             header = named[-1]
             if len(named) > 1 and all(_UNIT.match(c.strip()) for c in rows[header]):
                 header, unit = named[-2], header
-    cells = [c for i in data[:100] if i >= first for c in rows[i]]
+    cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
     numbers = sum(is_number(c, decimal) or bool(_STAMP.match(c.strip())) for c in cells if not is_missing(c))
     told = sum(not is_missing(c) for c in cells)
     share = numbers / max(told, 1)

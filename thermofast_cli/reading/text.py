@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from ..errors import InputError, listed
-from .dialect import MISSING, Dialect, detect_dialect, detect_encoding, is_missing, is_number, split
+from .dialect import Dialect, detect_dialect, detect_encoding, is_missing, is_number, split
 from .run import Array, Options
 from .table import Table, to_floats
 
@@ -89,8 +89,19 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
 
 
 def _is_text(cells: list[str], decimal: str, more: frozenset[str]) -> bool:
+    if decimal == "." and _all_floats(cells):
+        return False
     told = [c for c in cells if not is_missing(c, more)]
     return bool(told) and sum(is_number(c, decimal) for c in told) < 0.5 * len(told)
+
+
+def _all_floats(cells: list[str]) -> bool:
+    try:
+        for c in cells:
+            float(c)
+    except ValueError:
+        return False
+    return True
 
 
 def _parse_body(
@@ -102,7 +113,6 @@ def _parse_body(
         ragged.append((row.number or 0, row.actual_columns, row.text))
         return "skip"
 
-    spellings = sorted({s for m in (MISSING | more) for s in (m, m.upper(), m.capitalize())} | {"NaN", "Inf"})
     delimiter = "\t" if dialect.delimiter == " " else dialect.delimiter
 
     def parse(types: dict[str, pa.DataType]) -> pa.Table:
@@ -112,7 +122,7 @@ def _parse_body(
             read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20)),
             parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=ragged_row),
             convert_options=pacsv.ConvertOptions(
-                column_types=types, null_values=spellings, decimal_point=dialect.decimal, strings_can_be_null=False
+                column_types=types, null_values=[""], decimal_point=dialect.decimal, strings_can_be_null=False
             ),
         )
 
@@ -123,7 +133,8 @@ def _parse_body(
     try:
         table = parse(types)
     except pa.ArrowInvalid:
-        # Some cell is neither a number nor a known word for 'no reading': look at each to name it.
+        # Some cell is no number: look at each, for the words that mean 'no reading' and to name the others. The words are not
+        # given to pyarrow, which would look for each of them in every column of every record.
         table, slow = parse(dict.fromkeys(names, pa.string())), True
     notes = _check_ragged(ragged, body, len(names), table.num_rows, dialect, name)
     columns: dict[str, Array | list[str]] = {}

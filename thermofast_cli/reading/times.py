@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from datetime import datetime
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,6 +28,11 @@ _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%I:%M
 
 def words(name: str) -> list[str]:
     """Lower-case words of a column name; digits at the end of a word are not part of it."""
+    return _words(name.rstrip("0123456789"))
+
+
+@lru_cache(maxsize=4096)
+def _words(name: str) -> list[str]:
     spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
     return [w for w in (re.sub(r"\d+$", "", part) for part in re.split(r"[\W_]+", spaced.lower())) if w]
 
