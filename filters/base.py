@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Start:
+class Start(Protocol):
     """State after the first readings, from which a filter goes on.
 
     index: the last reading used; state (n,); covariance (n, n) per unit of the noise variance; noise_variance [K^2] with its
@@ -23,21 +22,29 @@ class Start:
     before the state was known well enough to filter from.
     """
 
-    index: int
-    state: Array
-    covariance: Array
-    noise_variance: float
-    dof: float
-    weights: Array
-    settled: bool
+    @property
+    def index(self) -> int: ...
+    @property
+    def state(self) -> Array: ...
+    @property
+    def covariance(self) -> Array: ...
+    @property
+    def noise_variance(self) -> float: ...
+    @property
+    def dof(self) -> float: ...
+    @property
+    def weights(self) -> Array: ...
+    @property
+    def settled(self) -> bool: ...
 
 
-@dataclass(frozen=True)
-class Compiled:
+class Compiled(Protocol):
     """Capsules around C functions ``void f(const double *state, double dt, double *out)``."""
 
-    step: Any
-    jacobian: Any
+    @property
+    def step(self) -> Any: ...
+    @property
+    def jacobian(self) -> Any: ...
 
 
 class StateModel(Protocol):

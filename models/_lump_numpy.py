@@ -195,9 +195,7 @@ def fit_decay(t: Array, y: Array, w: Array, signed_rate: bool) -> tuple[float, .
     return p.told(p.best())
 
 
-def _contour(
-    p: _Problem, inside: float, outside: float, minimum: float, limit: float, stride: float
-) -> float:
+def _contour(p: _Problem, inside: float, outside: float, minimum: float, limit: float, stride: float) -> float:
     target = math.sqrt(limit - minimum)
     a, fa = inside, -target
     # Walk out first: the signed root of the rise of RSS is close to a straight line only near the minimum.
@@ -283,9 +281,7 @@ def _profile(p: _Problem, s: _Sums, limit: float, noise: float) -> tuple[float, 
     return rate_low, rate_high, lower, upper
 
 
-def profile_decay(
-    t: Array, y: Array, w: Array, rate: float, limit: float, noise: float
-) -> tuple[float, float, float, float]:
+def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float, noise: float) -> tuple[float, float, float, float]:
     """Likelihood interval of the rate and of the steady state: where the residual sum of squares reaches `limit`.
 
     `rate` is the estimate, `noise` the variance of a reading of weight 1, which says how far out to look first. Returns (rate
@@ -325,9 +321,7 @@ def spike_weights(y: Array, resolution: float, out: Array) -> None:
 StartRule = tuple[float, float, int, float, float]
 
 
-def start_decay(
-    t: Array, y: Array, rule: StartRule, w: Array
-) -> tuple[int, float, bool, tuple[float, ...]]:
+def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, float, bool, tuple[float, ...]]:
     """Fit of the first readings, as few as fix the rate; see :meth:`models.lump.Lump.start`.
 
     The number of readings grows by `growing` from `fewest` until rate times span is known to `settled`. `w` (n,) becomes

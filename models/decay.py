@@ -139,7 +139,9 @@ def _growths(rate: float, dt: float) -> tuple[float, float, float]:
 
 def told_fit(t0: float, values: Sequence[float]) -> DecayFit:
     """The fit that the kernel tells as a row of numbers, for times counted from t0."""
-    return DecayFit(t0, *values[:10], n=int(values[10]), span=values[11], rate_low=values[12], rate_high=values[13])
+    rate, slope, level, phi_mean, psi_mean, weight, phi_phi, phi_psi, psi_psi, rss = values[:10]
+    moments = weight, phi_phi, phi_psi, psi_psi
+    return DecayFit(t0, rate, slope, level, phi_mean, psi_mean, *moments, rss, int(values[10]), *values[11:14])
 
 
 def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: bool = False) -> DecayFit:
@@ -154,8 +156,8 @@ def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: 
     ValueError: fewer than three readings of positive weight, or all at one time.
     """
     weight = np.ones(len(time)) if weight is None else weight
-    arrays = (np.ascontiguousarray(a, dtype=float) for a in (time, reading, weight))
-    return told_fit(float(time[0]), kernel.fit_decay(*arrays, signed))
+    t, y, w = (np.ascontiguousarray(a, dtype=float) for a in (time, reading, weight))
+    return told_fit(float(time[0]), kernel.fit_decay(t, y, w, signed))
 
 
 @dataclass(frozen=True)
@@ -181,9 +183,7 @@ def start_rule(resolution: float) -> kernel.StartRule:
     return resolution, SETTLED, FEWEST_READINGS, GROWTH, STRAY
 
 
-def _likelihood_table(
-    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float
-) -> Array:
+def _likelihood_table(time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float) -> Array:
     number = np.asarray(counts, dtype=np.intp)
     usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
     quantiles = stdtrit(np.maximum(usable - 3, 1), 0.975)
@@ -193,9 +193,7 @@ def _likelihood_table(
     return out
 
 
-def likelihood(
-    time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0
-) -> Likelihood | None:
+def likelihood(time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0) -> Likelihood | None:
     """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
 
     weight (n,) as in :func:`fit_decay`; readings far outside the fit are left out of it, and with no more than `first`
@@ -234,13 +232,9 @@ def likelihood_sweep(
     return states, np.where(exact, 0.0, width)
 
 
-def widened_intervals(
-    fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float
-) -> tuple[Interval, Interval]:
+def widened_intervals(fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float) -> tuple[Interval, Interval]:
     """Intervals of steady state [degC] and rate [1/min] with the noise variance times `widening`: for dependent residuals."""
     noise = fit.noise_variance * widening
     limit = fit.rss + noise * float(stdtrit(fit.dof, 0.975)) ** 2
-    bounds = kernel.profile_decay(
-        np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit, noise
-    )
+    bounds = kernel.profile_decay(np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit, noise)
     return _intervals(fit, *bounds)

@@ -17,7 +17,7 @@ try:
 
     COMPILED = True
 except ImportError:
-    from ._lump_numpy import (  # type: ignore[assignment]
+    from ._lump_numpy import (
         PRINTED_JACOBIAN,
         PRINTED_STEP,
         SLOPE_JACOBIAN,

@@ -7,7 +7,7 @@ in what is not yet known, in the paper's (T, b, T_inf) it is not. T_inf = T + sl
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,8 @@ _DENSITY = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()
 _MIXTURE = np.outer(_DENSITY, _DENSITY)
 
 
-class LumpStart(NamedTuple):
+@dataclass(frozen=True)
+class LumpStart:
     """Start of a filter; the fields of :class:`filters.base.Start`."""
 
     index: int
@@ -33,7 +34,10 @@ class LumpStart(NamedTuple):
     settled: bool
 
 
-class Capsules(NamedTuple):
+@dataclass(frozen=True)
+class Capsules:
+    """Compiled steps for a compiled filter loop; the fields of :class:`filters.base.Compiled`."""
+
     step: Any
     jacobian: Any
 
@@ -78,7 +82,8 @@ class Lump:
 
     def free_run(self, state: Array, dt: Array) -> Array:
         """Temperatures (n,) at intervals dt (n,) [min] after, or before, one state (3,)."""
-        return state[0] + state[1] * kernel.growth(state[2], dt)
+        run: Array = state[0] + state[1] * kernel.growth(state[2], dt)
+        return run
 
     def curve_covariance(self, state: Array, covariance: Array) -> Array:
         """The covariance itself."""
@@ -93,7 +98,8 @@ class Lump:
         with np.errstate(all="ignore"):
             by_state = np.array([1.0, 1.0 / state[2], -state[1] / state[2] ** 2])
             variances = [covariance[0, 0], covariance[2, 2], by_state @ covariance @ by_state]
-            return np.sqrt(np.maximum(variances, 0.0))
+            result: Array = np.sqrt(np.maximum(variances, 0.0))
+            return result
 
     def intervals(self, state: Array, covariance: Array, quantile: float) -> tuple[Interval, Interval]:
         """Intervals of the steady state and of the rate from a Gaussian state (3,), covariance (3, 3) [K^2 and so on].
@@ -169,7 +175,8 @@ class PrintedLump:
     def curve_covariance(self, state: Array, covariance: Array) -> Array:
         """Covariance (3, 3) of (temperature, slope, rate), to first order."""
         jacobian = np.array([[1.0, 0.0, 0.0], [-state[1], state[2] - state[0], state[1]], [0.0, 1.0, 0.0]])
-        return jacobian @ covariance @ jacobian.T
+        result: Array = jacobian @ covariance @ jacobian.T
+        return result
 
     def curve_state(self, state: Array) -> Array:
         """(temperature, slope, rate) of a state (temperature, rate, steady state)."""
@@ -177,7 +184,8 @@ class PrintedLump:
 
     def deviations(self, state: Array, covariance: Array) -> Array:
         """Standard deviations (3,) of temperature, rate and steady state."""
-        return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        result: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return result
 
     def intervals(self, state: Array, covariance: Array, quantile: float) -> tuple[Interval, Interval]:
         """Symmetric intervals of the steady state and of the rate: what the printed filter believes of itself."""

@@ -14,9 +14,9 @@ COSINES = 8
 
 def _blocks(values: Array, blocks: int) -> Array:
     edges = np.linspace(0, len(values), blocks + 1).astype(int)[:-1]
-    means: Array = np.add.reduceat(values, edges, axis=0) / np.diff(np.append(edges, len(values)))[
-        (...,) + (None,) * (values.ndim - 1)
-    ]
+    means: Array = (
+        np.add.reduceat(values, edges, axis=0) / np.diff(np.append(edges, len(values)))[(...,) + (None,) * (values.ndim - 1)]
+    )
     return means
 
 

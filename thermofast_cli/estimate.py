@@ -138,9 +138,7 @@ def _from_likelihood(found: Likelihood, time: Array, resolution: float, widening
     )
 
 
-def filter_estimate(
-    model: Model, track: Track, time: Array, reading: Array, k: int, resolution: float
-) -> Estimate:
+def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: int, resolution: float) -> Estimate:
     """The filter's own state after reading k, with the interval that its covariance stands for."""
     weights = track.likelihood_weight[: k + 1]
     if k >= track.first:
@@ -191,9 +189,7 @@ def filter_estimate(
     )
 
 
-def settling(
-    curve: Array, covariance: Array, elapsed: float, initial: float, quantile: float
-) -> tuple[float | None, Interval]:
+def settling(curve: Array, covariance: Array, elapsed: float, initial: float, quantile: float) -> tuple[float | None, Interval]:
     """Minutes from the first reading to within 5 % of the whole rise, and their 95 % interval.
 
     curve (3,) is (temperature, slope, rate) `elapsed` minutes after the first reading, covariance (3, 3) its own. The interval runs
@@ -229,9 +225,7 @@ def _first(method: Filter, track: Track) -> int:
     return 0 if method.closing == "always" else track.first
 
 
-def estimate_at(
-    model: Model, method: Filter, track: Track, time: Array, reading: Array, k: int, resolution: float
-) -> Estimate:
+def estimate_at(model: Model, method: Filter, track: Track, time: Array, reading: Array, k: int, resolution: float) -> Estimate:
     """The estimate that `method` gives from readings 0..k; the same whether or not the record goes on."""
     if _closes(method, track, k):
         weights = track.likelihood_weight[: k + 1]
@@ -242,7 +236,8 @@ def estimate_at(
 @dataclass(frozen=True)
 class Progress:
     """What a sweep needs of the estimates after each of m readings: state (m, 3), width [K] of the steady state's interval
-    (m,), nan where a side is open, and whether the filter had forgotten its past (m,)."""
+    (m,), nan where a side is open, and whether the filter had forgotten its past (m,).
+    """
 
     state: Array
     width: Array
@@ -258,9 +253,7 @@ def estimates_at(
     if closes.any():
         counts = [k + 1 for k, c in zip(indices, closes, strict=True) if c]
         weights = track.likelihood_weight
-        states[closes], width[closes] = likelihood_sweep(
-            time, reading, weights, counts, _first(method, track), resolution
-        )
+        states[closes], width[closes] = likelihood_sweep(time, reading, weights, counts, _first(method, track), resolution)
     faded = np.zeros(len(indices), dtype=bool)
     for i in np.flatnonzero(~closes):
         estimate = filter_estimate(model, track, time, reading, indices[i], resolution)

@@ -190,9 +190,7 @@ def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> di
     }
 
 
-def _curves(
-    run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int
-) -> Curves:
+def _curves(run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int) -> Curves:
     end = float(sensor.time[-1])
     if count == len(sensor.time) and estimate.t95 is not None:
         end = min(max(end, 1.1 * estimate.t95), 5.0 * end)

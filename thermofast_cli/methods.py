@@ -74,9 +74,7 @@ def _set(chosen: Filter, text: str, known: dict[str, type[Filter]]) -> Filter:
     if owner not in known:
         raise UsageError(f"--set {text!r}: unknown filter {owner!r}", allowed=", ".join(known))
     if owner != chosen.name:
-        raise UsageError(
-            f"--set {text!r} is for {owner}, and the filter of this run is {chosen.name}", do=f"add --filter {owner}"
-        )
+        raise UsageError(f"--set {text!r} is for {owner}, and the filter of this run is {chosen.name}", do=f"add --filter {owner}")
     by_name = {f.name: f for f in fields(chosen)}
     if key not in by_name:
         raise UsageError(

@@ -25,11 +25,18 @@ runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.
 filter_options = _together(
     click.option("--filter", "filter_name", default="afukf", show_default=True, metavar="NAME", help=f"One of {FILTERS}."),
     click.option("--preset", type=click.Choice(["paper"]), help="The filter as the spindle paper prints it."),
-    click.option("--set", "settings", multiple=True, metavar="FILTER.KEY=VALUE", help="A filter's setting; see 'thermofast filters NAME'."),
+    click.option(
+        "--set", "settings", multiple=True, metavar="FILTER.KEY=VALUE", help="A filter's setting; see 'thermofast filters NAME'."
+    ),
 )
 
 output_options = _together(
-    click.option("--format", "form", type=click.Choice(["table", "csv", "json", "jsonl", "md"]), help="Table on a terminal, else CSV, by default."),
+    click.option(
+        "--format",
+        "form",
+        type=click.Choice(["table", "csv", "json", "jsonl", "md"]),
+        help="Table on a terminal, else CSV, by default.",
+    ),
     click.option("-o", "--output", metavar="FILE", help="Write to FILE instead: .csv .json .jsonl .parquet .md."),
     click.option("--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."),
     click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error but errors."),
@@ -39,8 +46,19 @@ reading_options = _together(
     click.option("--time", metavar="COLUMN", help="The time column."),
     click.option("--time-unit", type=click.Choice(["ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
     click.option("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
-    click.option("--interval", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Rows are this far apart: there is no time column."),
-    click.option("--start", default="auto", show_default=True, metavar="MIN|auto", help="When the rise begins, minutes from the first reading."),
+    click.option(
+        "--interval",
+        type=click.FloatRange(0, min_open=True),
+        metavar="SECONDS",
+        help="Rows are this far apart: there is no time column.",
+    ),
+    click.option(
+        "--start",
+        default="auto",
+        show_default=True,
+        metavar="MIN|auto",
+        help="When the rise begins, minutes from the first reading.",
+    ),
     click.option("--ambient", metavar="COLUMN", help="The column of the surroundings."),
     click.option("--inputs", metavar="A,B", help="Columns that are inputs, not sensors."),
     click.option("--channels", metavar="A,B", help="Use these sensors only."),
@@ -53,9 +71,22 @@ reading_options = _together(
 )
 
 #: Names of the parameters that ``reading_options`` adds.
-READING = (
-    "time time_unit time_format interval start ambient inputs channels exclude missing delimiter decimal encoding header_line".split()
-)
+READING = [
+    "time",
+    "time_unit",
+    "time_format",
+    "interval",
+    "start",
+    "ambient",
+    "inputs",
+    "channels",
+    "exclude",
+    "missing",
+    "delimiter",
+    "decimal",
+    "encoding",
+    "header_line",
+]
 
 
 def names(text: str | None) -> tuple[str, ...]:

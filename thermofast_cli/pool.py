@@ -87,9 +87,7 @@ def map_tasks(
         return
     pool = executor or new_pool(min(jobs, len(tasks)))
     try:
-        futures: list[Future[list[Result]]] = []
-        for task in tasks:
-            futures.append(_submit(pool, work, task))
+        futures = [_submit(pool, work, task) for task in tasks]
         deaths = 0
         for task, future in zip(tasks, futures, strict=True):
             try:
@@ -110,9 +108,7 @@ def map_tasks(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _submit(
-    pool: Executor, work: Callable[[Task], list[Result]], task: Task
-) -> Future[list[Result]]:
+def _submit(pool: Executor, work: Callable[[Task], list[Result]], task: Task) -> Future[list[Result]]:
     try:
         return pool.submit(work, task)
     except BrokenProcessPool as error:  # broken while tasks were still being handed out

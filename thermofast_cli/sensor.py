@@ -45,7 +45,8 @@ def prepare(time_min: Array, values: Array, start_min: float) -> Sensor:
     stuck = saturated(reading, resolution)
     if stuck.any():
         notes.append(
-            f"{int(stuck.sum())} readings stuck at {reading[stuck][0]:g} degC from {time[stuck][0]:.4g} min left out (range ends there?)"
+            f"{int(stuck.sum())} readings stuck at {reading[stuck][0]:g} degC from {time[stuck][0]:.4g} min left out "
+            "(range ends there?)"
         )
         time, reading = time[~stuck], reading[~stuck]
     return Sensor(time, reading, resolution, tuple(notes))

@@ -1,19 +1,25 @@
 """What every command does around its own work: read the runs, share the sensors out, gather the records, say how it went."""
 
+import os
+import stat
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
+from click.core import ParameterSource
 
 from .errors import InputError, ThermofastError, UsageError
 from .options import names
-from .output.screen import say
+from .output.files import write_table
+from .output.screen import progress, say, show_records
 from .pool import map_tasks, warm_pool, worth
 from .reading import Options, Run, read_run
+from .records import FAILURES, Record
 from .sensor import run_start
 
 #: Sensors per task: enough to make the way to a worker worth it, few enough to share out evenly.
@@ -59,7 +65,11 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
     ThermofastError: there is one run and it cannot be read, or none of several can.
     """
     if not sources:
-        raise UsageError("no RUN given", allowed="one or more CSV or Parquet files, or - for standard input")
+        raise UsageError(
+            "no RUN given",
+            allowed="files, - for standard input, a pipe, or runs = [...] in thermofast.toml",
+            do="as in: thermofast identify run.csv",
+        )
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
     options, start = read_options(given), _start(given["start"])
@@ -103,9 +113,7 @@ def _start(text: str) -> float | None:
     return value
 
 
-def share_out(
-    readings: Readings, jobs: int | None, weight: float, make: Callable[..., Any]
-) -> tuple[list[Any], int]:
+def share_out(readings: Readings, jobs: int | None, weight: float, make: Callable[..., Any]) -> tuple[list[Any], int]:
     """Tasks over all sensors of all runs, and the number of processes that they pay for."""
     sensors = sum(len(run.channels) for run, _ in readings.runs)
     longest = max(len(run.time_s) for run, _ in readings.runs)
@@ -122,34 +130,68 @@ def share_out(
     return tasks, processes
 
 
-class Interrupted(Exception):
-    """The user stopped the work; what is finished is still shown."""
-
-
-def gather(
+def collect(
     work: Callable[[Any], list[Any]],
     tasks: list[Any],
     jobs: int,
     lost: Callable[[Any], list[Any]],
-    advance: Callable[[int], None],
+    quiet: bool,
     warm: Executor | None = None,
-) -> Iterator[Any]:
-    """Results in order of the sensors.
+) -> tuple[list[Any], bool]:
+    """Results in order of the sensors, and whether the user interrupted the work; what was finished by then is kept."""
+    found: list[Any] = []
+    with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
+        try:
+            for results in map_tasks(work, tasks, jobs, lambda task: task.singles(), lost, warm if jobs > 1 else None):
+                advance(len(results))
+                found += results
+        except KeyboardInterrupt:
+            say(f"interrupted: {len(found)} sensors were finished")
+            return found, True
+    return found, False
 
-    Raises
-    ------
-    Interrupted: on an interrupt, after which no more results come.
-    """
+
+def deliver(
+    command: str,
+    records: Sequence[Record],
+    kind: type[Record],
+    output: str | None,
+    form: str | None,
+    quiet: bool,
+    drawn: Sequence[Any],
+) -> None:
+    """Records to the file named, or to standard output."""
+    rows = [record.as_dict() for record in records]
+    if output:
+        write_table(output, command, kind.columns(), rows)
+        if not quiet:
+            say(f"{len(rows)} records in {output}")
+    if form or not output:
+        show_records(command, kind.columns(), rows, form, drawn)
+
+
+def exit_code(records: Sequence[Any], interrupted: bool) -> int:
+    """0 done, 1 some sensor failed, 130 interrupted."""
+    if interrupted:
+        return 130
+    return 1 if any(record.status in FAILURES for record in records) else 0
+
+
+def choose_sources(given: tuple[str, ...]) -> tuple[str, ...]:
+    """The runs named on the command line, else standard input where something is piped in, else those of thermofast.toml."""
+    context = click.get_current_context(silent=True)
+    named = context is None or context.get_parameter_source("runs") is ParameterSource.COMMANDLINE
+    if given and named:
+        return given
+    if _piped() and (not given or sys.stdin.buffer.peek(1)):
+        return ("-",)
+    return given
+
+
+def _piped() -> bool:
+    """Whether standard input is a pipe or a file, not a terminal and not nothing."""
     try:
-        for results in map_tasks(work, tasks, jobs, lambda task: task.singles(), lost, warm if jobs > 1 else None):
-            advance(len(results))
-            yield from results
-    except KeyboardInterrupt:
-        raise Interrupted from None
-
-
-def sources_or_stdin(runs: tuple[str, ...]) -> tuple[str, ...]:
-    """The runs named, else standard input where something is piped in."""
-    if runs or sys.stdin is None or sys.stdin.isatty():
-        return runs
-    return ("-",)
+        mode = os.fstat(sys.stdin.fileno()).st_mode
+    except (AttributeError, OSError, ValueError):
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISREG(mode) or stat.S_ISSOCK(mode)

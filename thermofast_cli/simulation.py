@@ -54,15 +54,13 @@ def draw_probes(
     return probes
 
 
-def simulate(
-    probes: list[Probe], duration_min: float, interval_s: float, ambient: float, step: float, seed: int
-) -> Simulation:
+def simulate(probes: list[Probe], duration_min: float, interval_s: float, ambient: float, step: float, seed: int) -> Simulation:
     """Sample the probes with Gaussian noise, rounded to the logger's `step` [K] (0: not rounded)."""
     rng = np.random.default_rng(seed)
     count = int(duration_min * 60.0 / interval_s + 1e-9) + 1
-    seconds = np.arange(count) * interval_s
+    seconds: Array = np.arange(count, dtype=np.float64) * interval_s
     minutes = interval_s >= 60.0 and math.isclose(interval_s % 60.0, 0.0)
-    columns = {"time_min": seconds / 60.0} if minutes else {"time_s": seconds}
+    columns: dict[str, Array] = {"time_min": seconds / 60.0} if minutes else {"time_s": seconds}
 
     def logged(values: Array) -> Array:
         decimals = max(0, math.ceil(-math.log10(step) - 1e-9)) + 1 if step > 0 else 6

@@ -28,8 +28,7 @@ class Task:
     def singles(self) -> list[Any]:
         """The same task for each sensor alone."""
         return [
-            replace(self, channels=(c,), values=self.values[i : i + 1], notes=(self.notes[i],))
-            for i, c in enumerate(self.channels)
+            replace(self, channels=(c,), values=self.values[i : i + 1], notes=(self.notes[i],)) for i, c in enumerate(self.channels)
         ]
 
 
@@ -52,25 +51,20 @@ LOST = "the worker process died twice on this sensor; run it alone with --jobs 1
 
 def identify_task(task: IdentifyTask) -> list[Identified]:
     return [
-        identify_sensor(
-            task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace
-        )
+        identify_sensor(task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace)
         for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
     ]
 
 
 def identify_lost(task: IdentifyTask) -> list[Identified]:
     return [
-        Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="diverged", message=LOST))
-        for c in task.channels
+        Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="diverged", message=LOST)) for c in task.channels
     ]
 
 
 def sweep_task(task: SweepTask) -> list[Swept]:
     swept = [
-        sweep_sensor(
-            task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note
-        )
+        sweep_sensor(task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note)
         for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
     ]
     # Curves travel back from the worker only where a picture wants them.

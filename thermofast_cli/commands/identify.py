@@ -9,7 +9,12 @@ from ..options import READING, filter_options, output_options, reading_options, 
 
 @click.command("identify", epilog="Example: thermofast identify sample_runs/spindle.csv --until 60 --save-plot spindle.png")
 @runs_argument
-@click.option("--until", type=click.FloatRange(0, min_open=True), metavar="MIN", help="Use the first MIN minutes only; the rest shows the error ahead.")
+@click.option(
+    "--until",
+    type=click.FloatRange(0, min_open=True),
+    metavar="MIN",
+    help="Use the first MIN minutes only; the rest shows the error ahead.",
+)
 @filter_options
 @reading_options
 @output_options
@@ -39,9 +44,9 @@ def command(
     from ..errors import UsageError
     from ..methods import choose
     from ..output.files import TABLE_SUFFIXES, check_target, write_table
-    from ..output.screen import interval, number, progress, say, show_records, text
-    from ..records import FAILURES, TRACE_COLUMNS, IdentifyRecord
-    from ..session import Interrupted, gather, read_all, share_out, sources_or_stdin
+    from ..output.screen import interval, number, text
+    from ..records import TRACE_COLUMNS, IdentifyRecord
+    from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
     from ..work import IdentifyTask, identify_lost, identify_task
 
     method = choose(filter_name, preset, settings)
@@ -56,7 +61,7 @@ def command(
         require_matplotlib()
         check_target(save_plot, SUFFIXES)
     given = {k: reading[k] for k in READING}
-    readings = read_all(sources_or_stdin(runs), given, quiet, jobs)
+    readings = read_all(choose_sources(runs), given, quiet, jobs)
     for run, _ in readings.runs:
         if until is not None and until > run.time_s[-1] / 60.0 * 1.001:
             raise UsageError(
@@ -70,36 +75,22 @@ def command(
         return IdentifyTask(name, minutes, part, values, notes, method, start, until, details)
 
     tasks, processes = share_out(readings, jobs, 1.0, make)
-    found = []
-    interrupted = False
-    with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
-        try:
-            for result in gather(identify_task, tasks, processes, identify_lost, advance, readings.warm):
-                found.append(result)
-        except Interrupted:
-            interrupted = True
+    found, interrupted = collect(identify_task, tasks, processes, identify_lost, quiet, readings.warm)
     records = [r.record for r in found]
     records += [IdentifyRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]
-    rows = [r.as_dict() for r in records]
-    columns = IdentifyRecord.columns()
-    if output:
-        write_table(output, "identify", columns, rows)
-        if not quiet:
-            say(f"{len(rows)} records in {output}")
-    if form or not output:
-        drawn = [
-            ("sensor", text("channel")),
-            ("settles degC", number("steady_state_c")),
-            ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
-            ("measured", number("steady_state_measured_c")),
-            ("t95 min", number("t95_min", 1)),
-            ("95 % interval", interval("t95_lo_min", "t95_hi_min", 1)),
-            ("noise K", number("noise_c", 3)),
-            ("rmse K", number("rmse_fit_c", 3)),
-            ("ahead K", number("rmse_ahead_c", 3)),
-            ("status", text("status")),
-        ]
-        show_records("identify", columns, rows, form, drawn)
+    drawn = [
+        ("sensor", text("channel")),
+        ("settles degC", number("steady_state_c")),
+        ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
+        ("measured", number("steady_state_measured_c")),
+        ("t95 min", number("t95_min", 1)),
+        ("95 % interval", interval("t95_lo_min", "t95_hi_min", 1)),
+        ("noise K", number("noise_c", 3)),
+        ("rmse K", number("rmse_fit_c", 3)),
+        ("ahead K", number("rmse_ahead_c", 3)),
+        ("status", text("status")),
+    ]
+    deliver("identify", records, IdentifyRecord, output, form, quiet, drawn)
     if trace:
         traced = [
             {"run": r.record.run, "channel": r.record.channel, **{c: float(v[i]) for c, v in r.trace.items()}}
@@ -112,7 +103,4 @@ def command(
         from ..output.plots import plot_prediction
 
         plot_prediction(save_plot, [r.curves for r in found if r.curves is not None], plot_trace)
-    if interrupted:
-        say(f"interrupted: {len(found)} sensors were finished")
-        return 130
-    return 1 if any(r.status in FAILURES for r in records) else 0
+    return exit_code(records, interrupted)

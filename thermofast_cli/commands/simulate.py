@@ -8,15 +8,53 @@ import click
 @click.option("--key", metavar="FILE", help="The truth behind it, as JSON.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The same seed makes the same record.")
 @click.option("--sensors", type=click.IntRange(1, 100_000), default=10, show_default=True, help="How many sensors.")
-@click.option("--duration", type=click.FloatRange(0, min_open=True), default=400.0, show_default=True, metavar="MIN", help="Length of the record.")
-@click.option("--interval", type=click.FloatRange(0, min_open=True), default=60.0, show_default=True, metavar="SECONDS", help="Time between readings.")
+@click.option(
+    "--duration",
+    type=click.FloatRange(0, min_open=True),
+    default=400.0,
+    show_default=True,
+    metavar="MIN",
+    help="Length of the record.",
+)
+@click.option(
+    "--interval",
+    type=click.FloatRange(0, min_open=True),
+    default=60.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Time between readings.",
+)
 @click.option("--ambient", type=click.FloatRange(-100, 500), default=17.9, show_default=True, metavar="DEGC", help="The room.")
-@click.option("--rise", type=click.FloatRange(0, min_open=True), default=9.0, show_default=True, metavar="K", help="Typical rise above the room.")
-@click.option("--t95", type=click.FloatRange(0, min_open=True), default=195.0, show_default=True, metavar="MIN", help="Typical time to 95 % of the rise.")
-@click.option("--noise", type=click.FloatRange(0), default=0.02, show_default=True, metavar="K", help="Standard deviation of a reading.")
-@click.option("--step", type=click.FloatRange(0), default=0.01, show_default=True, metavar="K", help="The logger's step; 0 for none.")
+@click.option(
+    "--rise",
+    type=click.FloatRange(0, min_open=True),
+    default=9.0,
+    show_default=True,
+    metavar="K",
+    help="Typical rise above the room.",
+)
+@click.option(
+    "--t95",
+    type=click.FloatRange(0, min_open=True),
+    default=195.0,
+    show_default=True,
+    metavar="MIN",
+    help="Typical time to 95 % of the rise.",
+)
+@click.option(
+    "--noise", type=click.FloatRange(0), default=0.02, show_default=True, metavar="K", help="Standard deviation of a reading."
+)
+@click.option(
+    "--step", type=click.FloatRange(0), default=0.01, show_default=True, metavar="K", help="The logger's step; 0 for none."
+)
 @click.option("--cooling", is_flag=True, help="From warm to the room instead of from the room to warm.")
-@click.option("--sensor", "fixed", multiple=True, metavar="NAME=DEGC:MIN", help="A sensor with this steady state and t95, in place of a drawn one.")
+@click.option(
+    "--sensor",
+    "fixed",
+    multiple=True,
+    metavar="NAME=DEGC:MIN",
+    help="A sensor with this steady state and t95, in place of a drawn one.",
+)
 def command(
     output: str,
     key: str | None,

@@ -10,8 +10,17 @@ from ..options import READING, filter_options, output_options, reading_options, 
 @click.command("sweep", epilog="Example: thermofast sweep --windows 40,45,50,55 sample_runs/spindle.csv --save-plot sweep.png")
 @runs_argument
 @click.option("--windows", default="40,45,50,55", show_default=True, metavar="MIN,MIN", help="Sampling windows.")
-@click.option("--times", metavar="FIRST:LAST:STEP", help="Identification times; from 5 min (or a tenth) to the longest window by default.")
-@click.option("--tolerance", type=click.FloatRange(0, min_open=True), default=0.1, show_default=True, metavar="K", help="Width of the steady state's interval to reach.")
+@click.option(
+    "--times", metavar="FIRST:LAST:STEP", help="Identification times; from 5 min (or a tenth) to the longest window by default."
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0, min_open=True),
+    default=0.1,
+    show_default=True,
+    metavar="K",
+    help="Width of the steady state's interval to reach.",
+)
 @filter_options
 @reading_options
 @output_options
@@ -40,10 +49,10 @@ def command(
     from ..errors import UsageError
     from ..methods import choose
     from ..options import numbers
-    from ..output.files import TABLE_SUFFIXES, check_target, write_table
-    from ..output.screen import number, progress, say, show_records, text
-    from ..records import FAILURES, SweepRecord
-    from ..session import Interrupted, gather, read_all, share_out, sources_or_stdin
+    from ..output.files import TABLE_SUFFIXES, check_target
+    from ..output.screen import number, text
+    from ..records import SweepRecord
+    from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
     from ..work import SweepTask, sweep_lost, sweep_task
 
     method = choose(filter_name, preset, settings)
@@ -64,14 +73,7 @@ def command(
 
         require_matplotlib()
         check_target(save_plot, SUFFIXES)
-    sources = sources_or_stdin(runs)
-    if not sources:
-        raise UsageError(
-            "sweep needs a RUN",
-            allowed="files, - for standard input, a pipe, or runs = [...] in thermofast.toml",
-            do="as in: thermofast sweep --windows 40,45,50,55 run.csv",
-        )
-    readings = read_all(sources, {k: reading[k] for k in READING}, quiet, jobs)
+    readings = read_all(choose_sources(runs), {k: reading[k] for k in READING}, quiet, jobs)
     for run, _ in readings.runs:
         length = run.time_s[-1] / 60.0
         if spans[-1] > length * 1.001:
@@ -85,44 +87,27 @@ def command(
     def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
         return SweepTask(name, minutes, part, values, notes, method, start, spans, grid, tolerance, bool(save_plot))
 
-    tasks, processes = share_out(readings, jobs, 1.0 + 0.1 * len(grid), make)
-    found = []
-    interrupted = False
-    with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
-        try:
-            for result in gather(sweep_task, tasks, processes, sweep_lost, advance, readings.warm):
-                found.append(result)
-        except Interrupted:
-            interrupted = True
+    tasks, processes = share_out(readings, jobs, 1.0 + 0.02 * len(grid), make)
+    found, interrupted = collect(sweep_task, tasks, processes, sweep_lost, quiet, readings.warm)
     records = [record for result in found for record in result.records]
     records += [SweepRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]
-    rows = [r.as_dict() for r in records]
-    columns = SweepRecord.columns()
-    if output:
-        write_table(output, "sweep", columns, rows)
-        if not quiet:
-            say(f"{len(rows)} records in {output}")
-    if form or not output:
-        drawn = [
-            ("sensor", text("channel")),
-            ("window min", number("window_min", 0)),
-            ("best time", number("best_time_min", 1)),
-            ("rmse K", number("rmse_c", 4)),
-            ("earliest", number("earliest_time_min", 1)),
-            ("shortest time", number("shortest_time_min", 1)),
-            ("to tolerance", number("tolerance_time_min", 1)),
-            ("agreed", text("agreed")),
-            ("status", text("status")),
-        ]
-        show_records("sweep", columns, rows, form, drawn)
+    drawn = [
+        ("sensor", text("channel")),
+        ("window min", number("window_min", 0)),
+        ("best time", number("best_time_min", 1)),
+        ("rmse K", number("rmse_c", 4)),
+        ("earliest", number("earliest_time_min", 1)),
+        ("shortest time", number("shortest_time_min", 1)),
+        ("to tolerance", number("tolerance_time_min", 1)),
+        ("agreed", text("agreed")),
+        ("status", text("status")),
+    ]
+    deliver("sweep", records, SweepRecord, output, form, quiet, drawn)
     if save_plot:
         from ..output.plots import plot_sweep
 
         plot_sweep(save_plot, found)
-    if interrupted:
-        say(f"interrupted: {len(found)} sensors were finished")
-        return 130
-    return 1 if any(r.status in FAILURES for r in records) else 0
+    return exit_code(records, interrupted)
 
 
 def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:

@@ -49,9 +49,21 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any]) -> None:
 
     console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
     for run in dict.fromkeys(row["run"] for row in rows):
-        table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title=f"{title}  {run}", title_justify="left", title_style="bold", pad_edge=False)
+        table = Table(
+            box=box.SIMPLE_HEAD,
+            padding=(0, 1, 0, 0),
+            title=f"{title}  {run}",
+            title_justify="left",
+            title_style="bold",
+            pad_edge=False,
+        )
         for heading, _ in drawn:
-            table.add_column(heading, justify="left" if heading in ("sensor", "status") else "right", overflow="fold", no_wrap=heading != "sensor")
+            table.add_column(
+                heading,
+                justify="left" if heading in ("sensor", "status") else "right",
+                overflow="fold",
+                no_wrap=heading != "sensor",
+            )
         mine = [row for row in rows if row["run"] == run]
         for row in mine:
             style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")

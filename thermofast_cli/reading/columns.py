@@ -10,12 +10,51 @@ from ..errors import UsageError, listed
 from .run import Array, Options
 from .times import words
 
-AMBIENT = frozenset("ambient room air surroundings surrounding environment env umgebung raum raumluft luft hall 环境 室温".split())
-INPUTS = frozenset(
-    "speed rpm load power duty heater voltage current coolant fan flow torque humidity pressure pump door valve "
-    "drehzahl last leistung spannung strom".split()
+AMBIENT = frozenset(
+    [
+        "ambient",
+        "room",
+        "air",
+        "surroundings",
+        "surrounding",
+        "environment",
+        "env",
+        "umgebung",
+        "raum",
+        "raumluft",
+        "luft",
+        "hall",
+        "环境",
+        "室温",
+    ]
 )
-COUNTERS = frozenset("no nr index idx sample scan record count row number id".split())
+INPUTS = frozenset(
+    [
+        "speed",
+        "rpm",
+        "load",
+        "power",
+        "duty",
+        "heater",
+        "voltage",
+        "current",
+        "coolant",
+        "fan",
+        "flow",
+        "torque",
+        "humidity",
+        "pressure",
+        "pump",
+        "door",
+        "valve",
+        "drehzahl",
+        "last",
+        "leistung",
+        "spannung",
+        "strom",
+    ]
+)
+COUNTERS = frozenset(["no", "nr", "index", "idx", "sample", "scan", "record", "count", "row", "number", "id"])
 ABSOLUTE_ZERO_C = -273.15
 HOTTEST_C = 5000.0
 

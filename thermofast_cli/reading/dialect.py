@@ -3,14 +3,60 @@
 import csv
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 from ..errors import InputError
 from .run import Options
 
 #: Cells that loggers write where there is no reading (compared in lower case).
 MISSING = frozenset(
-    "|nan|na|n/a|n.a.|null|none|nil|-|--|---|----|ol|o.l|o.l.|0l|+ol|-ol|over|overload|overflow|ovfl|open|short|err|error|"
-    "#n/a|#num!|#value!|#div/0!|inf|+inf|-inf|infinity|bad|fault|fail|invalid|no data|nodata|?|*|***|****|*****".split("|")
+    [
+        "",
+        "nan",
+        "na",
+        "n/a",
+        "n.a.",
+        "null",
+        "none",
+        "nil",
+        "-",
+        "--",
+        "---",
+        "----",
+        "ol",
+        "o.l",
+        "o.l.",
+        "0l",
+        "+ol",
+        "-ol",
+        "over",
+        "overload",
+        "overflow",
+        "ovfl",
+        "open",
+        "short",
+        "err",
+        "error",
+        "#n/a",
+        "#num!",
+        "#value!",
+        "#div/0!",
+        "inf",
+        "+inf",
+        "-inf",
+        "infinity",
+        "bad",
+        "fault",
+        "fail",
+        "invalid",
+        "no data",
+        "nodata",
+        "?",
+        "*",
+        "***",
+        "****",
+        "*****",
+    ]
 )
 DELIMITERS = ("\t", ";", ",", "|", " ")
 SAMPLE_LINES = 400
@@ -21,7 +67,9 @@ _NUMBER = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"),
     ",": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$"),
 }
-_STAMP = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]\d{1,2}:\d{2}.*)?$|\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?( ?[APap]\.?[Mm]\.?)?$")
+_STAMP = re.compile(
+    r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]\d{1,2}:\d{2}.*)?$|\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?( ?[APap]\.?[Mm]\.?)?$"
+)
 _UNIT = re.compile(
     r"[\[(]?(s|sec|secs|seconds|min|mins|minutes|h|hours|ms|°?\s?[CFK]|deg\s?[CFK]|degrees?.*|celsius|kelvin|fahrenheit|v|mv|a|ma|w|kw|%|"
     r"rpm|1/min|um|µm|mm|l/min|bar|pa|kpa|yyyy.*|hh.*|dd.*|)[\])]?$",
@@ -119,9 +167,7 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
     """
     lines = lines[:SAMPLE_LINES]
     if not any(line.strip() for line in lines):
-        raise InputError(
-            f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again"
-        )
+        raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     best: tuple[float, Dialect] | None = None
     for delimiter in (options.delimiter,) if options.delimiter else DELIMITERS:
         decimals = (options.decimal,) if options.decimal else ((".",) if delimiter == "," else (".", ","))
@@ -152,7 +198,7 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
     data = [i for i in data if len(rows[i]) == width]
     first = data[0]
     if len(data) > 2:  # numbers in a preamble are no readings: those come in an unbroken block
-        first = next((a for a, b in zip(data, data[1:], strict=False) if b == a + 1 or not any(rows[a + 1 : b])), first)
+        first = next((a for a, b in pairwise(data) if b == a + 1 or not any(rows[a + 1 : b])), first)
     header: int | None = None
     unit: int | None = None
     if options.header_line is not None:

@@ -38,14 +38,20 @@ def _bytes(source: str) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        near = sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in (".csv", ".parquet", ".txt", ".lvm")) if path.parent.is_dir() else []
+        near = (
+            sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in (".csv", ".parquet", ".txt", ".lvm"))
+            if path.parent.is_dir()
+            else []
+        )
         raise InputError(
             f"{source}: no such file",
             found=f"in {path.parent}: {listed(near, 6)}" if near else "",
             do="check the path",
         ) from None
     except IsADirectoryError:
-        raise InputError(f"{source}: a folder", allowed="a CSV or Parquet file", do=f"name the files, as in {source}/*.csv") from None
+        raise InputError(
+            f"{source}: a folder", allowed="a CSV or Parquet file", do=f"name the files, as in {source}/*.csv"
+        ) from None
     except OSError as error:
         raise InputError(f"{source}: cannot be read", found=str(error.strerror), do="check the permissions") from None
 
@@ -104,11 +110,10 @@ def _time(table: Table, options: Options) -> tuple[Array, set[str], str]:
     """Seconds from the first row, the columns used, and how they were read."""
     rows = len(next(iter(table.columns.values())))
     if rows < FEWEST_ROWS:
-        raise InputError(
-            f"{table.name}: {rows} row of readings", allowed=f"at least {FEWEST_ROWS}", do="export more of the record"
-        )
+        raise InputError(f"{table.name}: {rows} row of readings", allowed=f"at least {FEWEST_ROWS}", do="export more of the record")
     if options.interval_s is not None:
-        return np.arange(rows) * options.interval_s, set(), f"time: one row every {options.interval_s:g} s, as told"
+        even: Array = np.arange(rows, dtype=np.float64) * options.interval_s
+        return even, set(), f"time: one row every {options.interval_s:g} s, as told"
     if options.time is not None:
         check_names([options.time], table.names, "--time", table.name)
         return _convert(table, options.time, None, options)

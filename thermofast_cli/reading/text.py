@@ -23,9 +23,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     InputError: empty, binary, no rows, ragged rows, words for numbers.
     """
     if not data.strip():
-        raise InputError(
-            f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again"
-        )
+        raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     encoding = options.encoding or detect_encoding(data, name)
     if encoding not in ("utf-8", "utf-8-sig", "ascii"):
         try:
@@ -149,9 +147,7 @@ def _parse_body(
     return columns, notes
 
 
-def _check_ragged(
-    ragged: list[tuple[int, int, str]], body: bytes, width: int, rows: int, dialect: Dialect, name: str
-) -> list[str]:
+def _check_ragged(ragged: list[tuple[int, int, str]], body: bytes, width: int, rows: int, dialect: Dialect, name: str) -> list[str]:
     if not ragged:
         return []
     number, cells, text = ragged[0]

@@ -19,10 +19,46 @@ _UNIT_WORDS = {
     "d": ("d", "day", "days", "tage"),
 }
 TIME_WORDS = frozenset(
-    "time times timestamp timestamps datetime date elapsed clock t zeit uhrzeit datum zeitstempel stamp x_value seconds minutes "
-    "hours sec min h s 时间 日期".split()
+    [
+        "time",
+        "times",
+        "timestamp",
+        "timestamps",
+        "datetime",
+        "date",
+        "elapsed",
+        "clock",
+        "t",
+        "zeit",
+        "uhrzeit",
+        "datum",
+        "zeitstempel",
+        "stamp",
+        "x_value",
+        "seconds",
+        "minutes",
+        "hours",
+        "sec",
+        "min",
+        "h",
+        "s",
+        "时间",
+        "日期",
+    ]
 )
-_DATES = ("%Y-%m-%d", "%Y/%m/%d", "%Y.%m.%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d/%m/%y", "%m/%d/%y")
+_DATES = (
+    "%Y-%m-%d",
+    "%Y/%m/%d",
+    "%Y.%m.%d",
+    "%d.%m.%Y",
+    "%d.%m.%y",
+    "%d/%m/%Y",
+    "%m/%d/%Y",
+    "%d-%m-%Y",
+    "%m-%d-%Y",
+    "%d/%m/%y",
+    "%m/%d/%y",
+)
 _CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%I:%M:%S.%f %p")
 
 

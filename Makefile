@@ -1,0 +1,39 @@
+# Short verbs. Everything happens in .venv; nothing else on the machine is touched.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.PHONY: demo test check bench docs clean
+
+demo: $(STAMP)  ## install, run the main job on a sample run, say where the pictures are
+	@mkdir -p out
+	$(BIN)/thermofast identify sample_runs/spindle.csv --until 60 --format table --save-plot out/spindle.png
+	$(BIN)/thermofast sweep --windows 40,45,50,55 sample_runs/spindle.csv --channels T5 --format table -q --save-plot out/sweep.png
+	$(BIN)/thermofast identify sample_runs/spindle.csv --until 60 -q -o out/spindle.json
+	@echo
+	@echo "Each sensor's steady state and settling time from the first 60 of 400 minutes stand above, and in out/spindle.json."
+	@echo "Pictures: out/spindle.png out/sweep.png"
+
+test: $(STAMP)  ## install, run the whole suite
+	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered
+
+check: $(STAMP)  ## linters and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(STAMP)  ## every figure of docs/figures.md, beside its peer
+	$(BIN)/python -m benchmarks
+
+docs: $(STAMP)  ## pictures and tables in docs/ that programs make
+	$(BIN)/python -m benchmarks.pictures
+
+clean:
+	rm -rf .venv build dist out *.egg-info models/*.so filters/*.so models/_lump.c filters/_loop.c
+
+$(STAMP): pyproject.toml setup.py models/_lump.pyx filters/_loop.pyx
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	@$(BIN)/python -c "import models; print('compiled core' if models.COMPILED else 'no compiler found: the numpy core is used, which is slower')"
+	@touch $(STAMP)
