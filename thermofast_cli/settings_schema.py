@@ -5,7 +5,7 @@ from typing import Any, Literal
 import msgspec
 
 
-class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """How records are read: the same words as the options."""
 
     time: str | None = None
@@ -14,31 +14,31 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     interval: float | None = None
     start: float | Literal["auto"] | None = None
     ambient: str | None = None
-    inputs: list[str] = []
-    channels: list[str] = []
-    exclude: list[str] = []
-    missing: list[str] = []
+    inputs: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
     delimiter: str | None = None
     decimal: Literal[".", ","] | None = None
     encoding: str | None = None
     header_line: int | None = None
 
 
-class Identify(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class Identify(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     until: float | None = None
 
 
-class Sweep(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    windows: list[float] = []
+class Sweep(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    windows: tuple[float, ...] = ()
     times: str | None = None
     tolerance: float | None = None
 
 
-class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    runs: list[str] = []
+class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    runs: tuple[str, ...] = ()
     filter: str | None = None
     preset: Literal["paper"] | None = None
-    set: list[str] = []
+    set: tuple[str, ...] = ()
     jobs: int | None = None
     input: Reading = Reading()
     identify: Identify = Identify()
@@ -46,7 +46,7 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     def defaults(self) -> dict[str, Any]:
         """As Click's default map: what a command takes where its option is not given."""
-        joined = {k: ",".join(v) if isinstance(v, list) else v for k, v in msgspec.structs.asdict(self.input).items()}
+        joined = {k: ",".join(v) if isinstance(v, tuple) else v for k, v in msgspec.structs.asdict(self.input).items()}
         shared = {**joined, "filter_name": self.filter, "preset": self.preset, "settings": self.set, "jobs": self.jobs}
         sweep = msgspec.structs.asdict(self.sweep)
         sweep["windows"] = ",".join(f"{w:g}" for w in self.sweep.windows)
@@ -58,7 +58,7 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:
-    return {k: v for k, v in values.items() if v not in (None, "", [])}
+    return {k: v for k, v in values.items() if v not in (None, "", ())}
 
 
 def known_keys() -> str:
