@@ -313,16 +313,20 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                             alpha = 1.0 + settings[5] * (z / wake_threshold) * (z / wake_threshold)
                             if alpha > settings[6]:
                                 alpha = settings[6]
-                    if alpha > 1.0:
+                    if alpha == 100.0:
+                        added = p[0]
+                        p[0] += e * e / scale   # the reading is anew, the machine is not
+                    elif alpha > 1.0:
                         added = p[0]
                         for i in range(n):
                             root[i] = sqrt(alpha)
                             # Forget no more than brings back what was known at the start.
-                            if alpha < 100.0 and p[i * n + i] * alpha > p0[i, i]:
+                            if p[i * n + i] * alpha > p0[i, i]:
                                 root[i] = sqrt(p0[i, i] / p[i * n + i]) if p0[i, i] > p[i * n + i] else 1.0
                         for i in range(n):
                             for j in range(n):
                                 p[i * n + j] *= root[i] * root[j]
+                    if alpha > 1.0:
                         added = p[0] - added
                         forgotten += log(alpha)
                     s = p[0] + r

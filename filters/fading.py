@@ -14,6 +14,10 @@ import numpy as np
 from .base import Array
 
 
+#: Fading reported where a reading has moved for good: all that came before has lost its weight.
+JUMP = 100.0
+
+
 @dataclass
 class Memory:
     """What a rule carries from reading to reading."""
@@ -161,23 +165,26 @@ class AdaptiveFading(FadingRule):
         r = m.spread if m.spread > noise_threshold else 1.0
         alpha, weight = 1.0, 1.0
         if gated and abs(m.gated_run) >= self.jump_readings:  # not stray: the reading has moved for good
-            alpha, r = 100.0, 1.0
+            alpha, r = JUMP, 1.0
             m.gated_run, m.mean, m.spread = 0.0, 0.0, 1.0
         else:
             if gated:
                 weight = 0.0
             if woke:
                 alpha = min(1.0 + self.fading_gain * (z / wake_threshold) ** 2, self.fading_most)
-        added = 0.0
-        if alpha > 1.0:
-            added = p[0, 0]
+        added, before = 0.0, p[0, 0]
+        if alpha == JUMP:
+            p = p.copy()
+            p[0, 0] += e * e / m.scale  # the reading is anew, the machine is not
+        elif alpha > 1.0:
             factor = np.full(len(state), math.sqrt(alpha))
-            if alpha < 100.0:  # forget no more than brings back what was known at the start
-                for i, (now, start) in enumerate(zip(np.diag(p), np.diag(context.start_covariance), strict=True)):
-                    if now * alpha > start:
-                        factor[i] = math.sqrt(start / now) if start > now else 1.0
+            # Forget no more than brings back what was known at the start.
+            for i, (now, start) in enumerate(zip(np.diag(p), np.diag(context.start_covariance), strict=True)):
+                if now * alpha > start:
+                    factor[i] = math.sqrt(start / now) if start > now else 1.0
             p = p * np.outer(factor, factor)
-            added = p[0, 0] - added
+        if alpha > 1.0:
+            added = p[0, 0] - before
             m.forgotten += math.log(alpha)
         s = p[0, 0] + r
         if not gated and m.spread <= noise_threshold:

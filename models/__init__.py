@@ -1,6 +1,6 @@
 """Physics: the lump that a sensor sits on, its forward run, and its maximum-likelihood fit. Knows no file and no filter."""
 
-from .decay import LOG_TWENTY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
+from .decay import LOG_TWENTY, STRAY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
 from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
 from .spikes import spike_weights
@@ -9,6 +9,7 @@ from .whiteness import pattern_p_value, variance_inflation
 __all__ = [
     "COMPILED",
     "LOG_TWENTY",
+    "STRAY",
     "DecayFit",
     "Interval",
     "Likelihood",

@@ -494,13 +494,22 @@ def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w,
 
 
 cdef Py_ssize_t drop_strays(Problem* p, Sums* s, const double* t, const double* y, double* w, Py_ssize_t size,
-                            double resolution) noexcept nogil:
-    """Take the weight of readings far outside the fit; returns how many, 0 where so many stand out that the fit is wrong."""
+                            double stray, double resolution, double* scratch) noexcept nogil:
+    """Take the weight of readings far outside the fit; returns how many, 0 where so many stand out that the fit is wrong.
+
+    Far is `stray` deviations by the median absolute residual, which outliers do not widen.
+    """
     cdef Py_ssize_t i, count = 0
     cdef double dof = p.n - 3, limit, r
-    if dof < 3:
+    if dof < 3 or not stray < INFINITY:
         return 0
-    limit = 6.0 * (1.0 + 3.0 / dof) * sqrt(s.rss / dof) + resolution
+    for i in range(size):
+        if w[i] > 0.0:
+            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
+            scratch[count] = fabs(r) * sqrt(w[i])
+            count += 1
+    limit = stray * (1.0 + 3.0 / dof) * 1.4826 * median_of(scratch, count) * sqrt(count / dof) + resolution
+    count = 0
     for i in range(size):
         if w[i] > 0.0:
             r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
@@ -713,7 +722,7 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
             search(&p, &thin, False, &s)
             refine(&p, &s)
             for round_ in range(2):
-                if drop_strays(&p, &s, &t[0], &y[0], weights, n, r.resolution) == 0:
+                if drop_strays(&p, &s, &t[0], &y[0], weights, n, r.stray, r.resolution, scratch) == 0:
                     break
                 if fill(&p, &t[0], &y[0], weights, n, False):
                     break

@@ -291,15 +291,18 @@ def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float, noise
     return _profile(p, p.evaluate(rate), limit, noise)
 
 
-def _drop_strays(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, resolution: float) -> bool:
+def _drop_strays(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, stray: float, resolution: float) -> bool:
     dof = p.n - 3
-    if dof < 3:
+    if dof < 3 or not stray < math.inf:
         return False
-    limit = 6.0 * (1.0 + 3.0 / dof) * math.sqrt(s.rss / dof) + resolution
-    stray = (np.abs(y - s.predict(t - t[0])) * np.sqrt(w) > limit) & (w > 0.0)
-    if not stray.any() or stray.sum() > len(t) // 10:
+    size = np.abs(y - s.predict(t - t[0])) * np.sqrt(w)
+    used = w > 0.0
+    # By the median absolute residual, which outliers do not widen.
+    limit = stray * (1.0 + 3.0 / dof) * 1.4826 * float(np.median(size[used])) * math.sqrt(p.n / dof) + resolution
+    out = (size > limit) & used
+    if not out.any() or out.sum() > len(t) // 10:
         return False
-    w[stray] = 0.0
+    w[out] = 0.0
     return True
 
 
@@ -393,7 +396,7 @@ def likelihoods(
             p = _Problem(t[:n], y[:n], weights, False)
             s = p.best()
             for _ in range(2):
-                if not _drop_strays(p, s, t[:n], y[:n], weights, rule[0]):
+                if not _drop_strays(p, s, t[:n], y[:n], weights, rule[4], rule[0]):
                     break
                 p = _Problem(t[:n], y[:n], weights, False)
                 s = p.best()

@@ -178,30 +178,34 @@ def _intervals(fit: DecayFit, rate_low: float, rate_high: float, low: float, hig
     )
 
 
-def start_rule(resolution: float) -> kernel.StartRule:
+def start_rule(resolution: float, stray: float = STRAY) -> kernel.StartRule:
     """How a filter is started on a record with the logger's step `resolution` [K]; see :meth:`models.lump.Lump.start`."""
-    return resolution, SETTLED, FEWEST_READINGS, GROWTH, STRAY
+    return resolution, SETTLED, FEWEST_READINGS, GROWTH, stray
 
 
-def _likelihood_table(time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float) -> Array:
+def _likelihood_table(
+    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float, stray: float
+) -> Array:
     number = np.asarray(counts, dtype=np.intp)
     usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
     quantiles = stdtrit(np.maximum(usable - 3, 1), 0.975)
     out = np.empty((len(number), 18))
     arrays = np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, number
-    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution), out)
+    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, stray), out)
     return out
 
 
-def likelihood(time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0) -> Likelihood | None:
+def likelihood(
+    time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0, stray: float = STRAY
+) -> Likelihood | None:
     """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
 
-    weight (n,) as in :func:`fit_decay`; readings far outside the fit are left out of it, and with no more than `first`
+    weight (n,) as in :func:`fit_decay`; readings `stray` deviations outside the fit are left out of it (inf: none), and with no more than `first`
     readings the weights are those of a start. The limit of the residual sum of squares is that of Student's t for one parameter,
     the noise being estimated from the same readings.
     """
     weight = np.array(weight, dtype=float)
-    values = _likelihood_table(time, reading, weight, [len(time)], first, resolution)[0].tolist()
+    values = _likelihood_table(time, reading, weight, [len(time)], first, resolution, stray)[0].tolist()
     if math.isnan(values[0]):
         return None
     fit = told_fit(float(time[0]), values)
@@ -215,14 +219,14 @@ def likelihood(time: Array, reading: Array, weight: Array, resolution: float = 0
 
 
 def likelihood_sweep(
-    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float = 0.0
+    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float = 0.0, stray: float = STRAY
 ) -> tuple[Array, Array]:
     """As :func:`likelihood` for several first stretches of one record, in one call.
 
     Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, and the width [K] of
     the steady state's interval (m,), nan where a side is open.
     """
-    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution)
+    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, stray)
     rate, slope, level, phi_mean = out[:, :4].T
     since = time[np.asarray(counts) - 1] - time[0]
     temperature = level + slope * (kernel.growth(rate, since) - phi_mean)

@@ -10,6 +10,7 @@ from scipy.special import stdtrit
 from filters import Filter, Track
 from models import (
     LOG_TWENTY,
+    STRAY,
     Interval,
     Likelihood,
     Lump,
@@ -80,7 +81,7 @@ class Estimate:
         return self.steady_state is not None and all(i.low is not None and i.high is not None for i in sides)
 
 
-def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float) -> Estimate:
+def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float, stray: float) -> Estimate:
     """Maximum likelihood over the readings (n,) with weights (n,): the closing step.
 
     Asks whether the residuals are noise, and widens the intervals where they are not.
@@ -89,7 +90,7 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
     ------
     ValueError: fewer than three usable readings.
     """
-    found = likelihood(time, reading, weights, resolution, first)
+    found = likelihood(time, reading, weights, resolution, first, stray)
     if found is None:
         raise ValueError("a likelihood needs three usable readings")
     fit, weights = found.fit, found.weights
@@ -220,6 +221,11 @@ def _closes(method: Filter, track: Track, k: int) -> bool:
     return method.closing == "always" or (method.closing == "when consistent" and (consistent or k < track.first))
 
 
+def _stray(method: Filter) -> float:
+    """Deviations at which a reading is stray: none where the method counts each reading alike."""
+    return math.inf if method.closing == "always" else STRAY
+
+
 def _first(method: Filter, track: Track) -> int:
     """Readings up to which a likelihood takes its weights from a start: those before the filter began."""
     return 0 if method.closing == "always" else track.first
@@ -229,7 +235,7 @@ def estimate_at(model: Model, method: Filter, track: Track, time: Array, reading
     """The estimate that `method` gives from readings 0..k; the same whether or not the record goes on."""
     if _closes(method, track, k):
         weights = track.likelihood_weight[: k + 1]
-        return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, _first(method, track), resolution)
+        return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, _first(method, track), resolution, _stray(method))
     return filter_estimate(model, track, time, reading, k, resolution)
 
 
@@ -253,7 +259,9 @@ def estimates_at(
     if closes.any():
         counts = [k + 1 for k, c in zip(indices, closes, strict=True) if c]
         weights = track.likelihood_weight
-        states[closes], width[closes] = likelihood_sweep(time, reading, weights, counts, _first(method, track), resolution)
+        states[closes], width[closes] = likelihood_sweep(
+            time, reading, weights, counts, _first(method, track), resolution, _stray(method)
+        )
     faded = np.zeros(len(indices), dtype=bool)
     for i in np.flatnonzero(~closes):
         estimate = filter_estimate(model, track, time, reading, indices[i], resolution)

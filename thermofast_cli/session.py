@@ -183,7 +183,7 @@ def choose_sources(given: tuple[str, ...]) -> tuple[str, ...]:
     named = context is None or context.get_parameter_source("runs") is ParameterSource.COMMANDLINE
     if given and named:
         return given
-    if _piped() and (not given or sys.stdin.buffer.peek(1)):
+    if _piped() and (not given or _holds_something()):
         return ("-",)
     return given
 
@@ -195,3 +195,8 @@ def _piped() -> bool:
     except (AttributeError, OSError, ValueError):
         return False
     return stat.S_ISFIFO(mode) or stat.S_ISREG(mode) or stat.S_ISSOCK(mode)
+
+
+def _holds_something() -> bool:
+    buffer: Any = sys.stdin.buffer
+    return bool(buffer.peek(1))

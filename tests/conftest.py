@@ -1,0 +1,48 @@
+"""Shared fixtures: the tool called in this process, and where real records lie."""
+
+import io
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from thermofast_cli.main import run
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = ROOT.parent / "shared" / "data"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def tool(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """``tool("identify", path, ...)`` with optional ``stdin=bytes``; standard input is otherwise nothing."""
+
+    def call(*arguments: object, stdin: bytes | None = None) -> Outcome:
+        if stdin is not None:
+            monkeypatch.setattr("thermofast_cli.session._piped", lambda: True)
+            monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(io.BytesIO(stdin))))
+        else:
+            monkeypatch.setattr("thermofast_cli.session._piped", lambda: False)
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            run([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return Outcome(int(stop.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def shared() -> Path:
+    if not SHARED.is_dir():
+        pytest.skip(f"no folder {SHARED}: the measured records are not part of this repository")
+    return SHARED

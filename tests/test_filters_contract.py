@@ -1,0 +1,209 @@
+"""What every filter, built-in or plug-in, must do."""
+
+import pickle
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+from simulator import spindle
+
+from filters import BUILT_IN, PRINTED, Ekf, FadingUkf, Filter, LeastSquares, Ukf
+from filters.fading import AdaptiveFading, InnovationFading, NoFading
+from filters.loop import GaussianFilter
+from filters.loop import run as run_filter
+from filters.moments import Linearised, ScaledPoints, SymmetricPoints, semidefinite_root
+from models import Lump, PrintedLump
+from models.lump import LumpStart
+from thermofast_cli.estimate import estimate_at
+from thermofast_cli.methods import check_filter
+
+GAUSSIAN = [f() for f in BUILT_IN if issubclass(f, GaussianFilter)]
+
+
+@dataclass(frozen=True)
+class Cart:
+    """A linear model: position and speed. On it every Gaussian filter is the Kalman filter."""
+
+    state_names = ("position", "speed")
+    fades = (True, True)
+    compiled = None
+
+    def step(self, state, dt):
+        return state @ np.array([[1.0, 0.0], [dt, 1.0]])
+
+    def jacobian(self, state, dt):
+        return np.array([[1.0, dt], [0.0, 1.0]])
+
+    def start(self, time, reading, resolution):
+        return LumpStart(0, np.array([reading[0], 0.0]), np.diag([1.0, 4.0]), 0.04, 50.0, np.ones(1), True)
+
+
+def kalman(time, reading, noise):
+    """The textbook Kalman filter, written out."""
+    x, p = np.array([reading[0], 0.0]), np.diag([1.0, 4.0]) * noise
+    states = [x]
+    for k in range(1, len(time)):
+        f = np.array([[1.0, time[k] - time[k - 1]], [0.0, 1.0]])
+        x, p = f @ x, f @ p @ f.T
+        gain = p[:, 0] / (p[0, 0] + noise)
+        x = x + gain * (reading[k] - x[0])
+        p = p - np.outer(gain, p[0])
+        states.append(x)
+    return np.array(states), p
+
+
+@pytest.mark.parametrize("moments", [SymmetricPoints(), ScaledPoints(0.9, 1.0), Linearised()], ids=lambda m: type(m).__name__)
+@pytest.mark.parametrize("rule", [NoFading(), InnovationFading(weakening=50.0), AdaptiveFading()], ids=lambda r: r.rule)
+def test_on_a_linear_problem_every_gaussian_filter_is_the_kalman_filter(moments, rule):
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.5, 1.5, 60))
+    reading = 1.0 + 0.3 * time + 0.2 * rng.standard_normal(60)
+    track = run_filter(Cart(), Cart().start(time, reading, 0.0), moments, rule, time, reading)
+    expected, p = kalman(time, reading, 0.04)
+    assert np.abs(track.state - expected).max() < 1e-10
+    assert np.abs(track.covariance[-1] * 0.04 - p).max() < 1e-10
+
+
+@pytest.mark.parametrize("method", [Ukf(), Ekf(), FadingUkf(weakening=50.0)], ids=lambda m: m.name)
+def test_the_lump_with_known_rate_is_linear_too_and_the_compiled_loop_is_the_kalman_filter(method):
+    rng = np.random.default_rng(1)
+    time, rate, noise = np.arange(80.0), 0.02, 0.0009
+    reading = 25 - 7 * np.exp(-rate * time) + 0.03 * rng.standard_normal(80)
+    covariance = np.diag([2.0, 0.5, 0.0])
+    start = LumpStart(0, np.array([18.0, 0.14, rate]), covariance, noise, 1e9, np.ones(1), True)
+    track = run_filter(Lump(), start, method.moments, method.fading_rule, time, reading)
+    x, p = np.array([18.0, 0.14]), np.diag([2.0, 0.5])
+    f = np.array([[1.0, -np.expm1(-rate) / rate], [0.0, np.exp(-rate)]])
+    for k in range(1, 80):
+        x, p = f @ x, f @ p @ f.T
+        gain = p[:, 0] / (p[0, 0] + 1.0)
+        x, p = x + gain * (reading[k] - x[0]), p - np.outer(gain, p[0])
+    assert track.state[-1] == pytest.approx([*x, rate], abs=1e-9)
+    assert np.abs(track.covariance[-1][:2, :2] - p).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", BUILT_IN + PRINTED, ids=lambda k: k.__name__)
+def test_a_filter_is_settings_and_repeats_itself(kind):
+    method = kind()
+    assert pickle.loads(pickle.dumps(method)) == method
+    assert check_filter(kind) is None
+    time, reading = spindle(np.random.default_rng(3), 90.0)
+    model = PrintedLump() if kind in PRINTED else Lump()
+    one, two = (method.track(model, time, reading, 0.0) for _ in range(2))
+    assert np.array_equal(one.state, two.state, equal_nan=True)
+    assert np.array_equal(one.weight, two.weight, equal_nan=True)
+    for field in fields(method):
+        if field.metadata:
+            assert field.metadata["low"] <= field.default <= field.metadata["high"]
+            assert field.metadata["meaning"]
+
+
+@pytest.mark.parametrize("method", [f() for f in BUILT_IN], ids=lambda m: m.name)
+def test_a_state_rests_on_the_readings_so_far_alone(method):
+    time, reading = spindle(np.random.default_rng(4), 120.0)
+    reading[40] += 2.0
+    whole = method.track(Lump(), time, reading, 0.0)
+    for k in (9, 25, 60, 100):
+        part = method.track(Lump(), time[: k + 1], reading[: k + 1], 0.0)
+        if k >= whole.first:
+            assert np.array_equal(part.state[k], whole.state[k], equal_nan=True)
+        a = estimate_at(Lump(), method, whole, time, reading, k, 0.0)
+        b = estimate_at(Lump(), method, part, time[: k + 1], reading[: k + 1], k, 0.0)
+        assert a.steady_state == b.steady_state
+        assert a.steady_state_interval == b.steady_state_interval
+        assert a.t95_interval == b.t95_interval
+
+
+@pytest.mark.parametrize("method", [f() for f in BUILT_IN], ids=lambda m: m.name)
+def test_every_filter_finds_the_steady_state_of_a_cool_down_with_gaps(method):
+    rng = np.random.default_rng(5)
+    time = np.delete(np.arange(240.0), np.arange(50, 70))
+    reading = 18.0 + 12.0 * np.exp(-0.02 * time) + 0.02 * rng.standard_normal(len(time))
+    track = method.track(Lump(), time, reading, 0.0)
+    found = estimate_at(Lump(), method, track, time, reading, len(time) - 1, 0.0)
+    assert found.steady_state == pytest.approx(18.0, abs=0.03)
+    assert found.t95 == pytest.approx(np.log(20) / 0.02, rel=0.02)
+    assert found.steady_state_interval.low < 18.0 < found.steady_state_interval.high
+
+
+def test_the_printed_filter_diverges_and_says_where():
+    broken = 0
+    for seed in range(20):
+        time, reading = spindle(np.random.default_rng(seed), 60.0)
+        track = PRINTED[0]().track(PrintedLump(), time, reading, 0.0)
+        if track.diverged_at is not None:
+            broken += 1
+            assert np.isnan(track.state[track.diverged_at :]).all()
+    assert broken >= 15
+
+
+def test_the_adaptive_rule_tells_three_causes_apart():
+    rng = np.random.default_rng(6)
+    time, reading = spindle(rng, 200.0)
+    method = BUILT_IN[0]()
+    clean = method.track(Lump(), time, reading, 0.0)
+    assert (clean.weight == 1.0).all()
+    assert (clean.fading == 1.0).all()
+
+    spiked = reading.copy()
+    spiked[[40, 90]] += 5.0
+    track = method.track(Lump(), time, spiked, 0.0)
+    assert np.flatnonzero(track.weight == 0.0).tolist() == [40, 90]
+
+    noisy = reading.copy()
+    noisy[100:110] += 0.1 * rng.standard_normal(10)
+    track = method.track(Lump(), time, noisy, 0.0)
+    assert track.noise_factor[103:110].max() > 2.5
+    assert track.noise_factor[:95].max() == 1.0
+
+    ramped = reading + 0.002 * np.maximum(0.0, time - 100.0) ** 1.5
+    track = method.track(Lump(), time, ramped, 0.0)
+    assert track.fading[:100].max() == 1.0
+    assert track.fading[100:].max() > 1.0
+
+    jumped = reading + np.where(time >= 120, 1.0, 0.0)
+    track = method.track(Lump(), time, jumped, 0.0)
+    assert 120 <= int(np.argmax(track.fading)) <= 124
+    assert track.state[140, 0] == pytest.approx(jumped[140], abs=0.05)
+
+
+def test_least_squares_has_no_states_and_fading_wakes_on_a_wrong_model():
+    time, reading = spindle(np.random.default_rng(7), 60.0)
+    assert np.isnan(LeastSquares().track(Lump(), time, reading).state).all()
+    reading[40:] += 0.3
+    track = FadingUkf().track(Lump(), time, reading)
+    assert track.fading[40] > 1.0
+
+
+def test_an_indefinite_covariance_is_refused_and_a_semidefinite_one_is_not():
+    with pytest.raises(np.linalg.LinAlgError, match="indefinite"):
+        semidefinite_root(np.diag([1.0, -1.0]))
+    matrix = np.array([[4.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    root = semidefinite_root(matrix)
+    assert np.abs(root @ root.T - matrix).max() < 1e-12
+
+
+def test_the_check_of_a_plug_in_explains_what_is_wrong():
+    @dataclass(frozen=True)
+    class Nameless(Ukf):
+        name = ""
+
+    @dataclass(frozen=True)
+    class Needy(Ukf):
+        name = "needy"
+        gain: float = None
+
+        def __init__(self, gain):
+            pass
+
+    @dataclass(frozen=True)
+    class Trackless(Filter):
+        name, summary, reference = "trackless", "x", "y"
+        closing = "never"
+
+    assert "derived from filters.Filter" in check_filter(42)
+    assert "name must be" in check_filter(Nameless)
+    assert "default for every setting" in check_filter(Needy)
+    assert "no track" in check_filter(Trackless)
+    assert check_filter(type("Mine", (Ukf,), {"name": "mine"})) is None
+    assert replace(BUILT_IN[0](), gate=4.0).gate == 4.0

@@ -1,0 +1,141 @@
+"""The fit, its intervals and its limit, against scipy and against brute force."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit, minimize
+from scipy.special import stdtrit
+from simulator import lump, spindle
+
+from models import DecayFit, fit_decay, likelihood, pattern_p_value, spike_weights, variance_inflation
+from models.separable import fit_separable, settling_modes
+
+
+def law(t, steady, drop, rate):
+    return steady + drop * np.exp(-rate * t)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_fit_is_that_of_curve_fit_and_so_are_its_errors(seed):
+    rng = np.random.default_rng(seed)
+    t, y = spindle(rng, 120.0)
+    p, covariance = curve_fit(law, t, y, p0=(26.7, -8.8, 0.01536))
+    fit = fit_decay(t, y)
+    assert fit.steady_state == pytest.approx(p[0], abs=1e-5)
+    assert fit.rate == pytest.approx(p[2], rel=1e-6)
+    assert fit.steady_state_limit * math.sqrt(fit.noise_variance) == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-3)
+    state, spread = fit.state(float(t[-1]))
+    assert state[0] == pytest.approx(law(t[-1], *p), abs=1e-6)
+    by_end = np.array([1.0, math.exp(-p[2] * t[-1]), -p[1] * t[-1] * math.exp(-p[2] * t[-1])])
+    assert spread[0, 0] * fit.noise_variance == pytest.approx(by_end @ covariance @ by_end, rel=1e-3)
+
+
+def brute_force_profile(t, y, limit, steady):
+    """Least RSS over drop and rate with the steady state held, minus the limit."""
+    best = min(
+        minimize(lambda p: float(((y - law(t, steady, p[0], math.exp(p[1]))) ** 2).sum()), start, method="Nelder-Mead",
+                 options={"xatol": 1e-10, "fatol": 1e-14, "maxiter": 4000}).fun
+        for start in ([-8.0, -4.0], [-12.0, -4.6])
+    )  # fmt: skip
+    return best - limit
+
+
+@pytest.mark.parametrize(("noise", "minutes"), [(0.005, 28), (0.02, 60)])
+def test_the_interval_is_where_the_profile_likelihood_reaches_its_limit(noise, minutes):
+    t, y = spindle(np.random.default_rng(8), minutes, noise)
+    found = likelihood(t, y, np.ones(len(t)))
+    fit = found.fit
+    limit = fit.rss * (1 + stdtrit(fit.dof, 0.975) ** 2 / fit.dof)
+    for edge in (found.steady_state.low, found.steady_state.high):
+        assert brute_force_profile(t, y, limit, edge) == pytest.approx(0.0, abs=0.01 * (limit - fit.rss))
+    for rate in (found.rate.low, found.rate.high):
+        basis = np.column_stack([np.ones(len(t)), np.exp(-rate * t)])
+        rss = float(np.linalg.lstsq(basis, y, rcond=None)[1][0])
+        assert rss == pytest.approx(limit, abs=0.01 * (limit - fit.rss))
+    assert fit.steady_state - found.steady_state.low < found.steady_state.high - fit.steady_state  # the long side is the upper
+
+
+def test_a_straight_line_has_no_steady_state_and_an_open_interval():
+    t = np.arange(20.0)
+    y = 20 + 0.2 * t + 0.02 * np.random.default_rng(3).standard_normal(20)
+    found = likelihood(t, y, np.ones(20))
+    assert found.steady_state.high is None
+    assert found.rate.low is None
+    assert found.steady_state.low > y[-1]
+    falling = likelihood(t, 40 - y, np.ones(20))
+    assert falling.steady_state.low is None
+    assert falling.steady_state.high == pytest.approx(40 - found.steady_state.low, rel=1e-6)
+
+
+def test_exact_data_give_the_exact_answer():
+    t = np.arange(60.0)
+    found = likelihood(t, lump(t, 0.02, 10.0, 17.9), np.ones(60))
+    assert found.fit.steady_state == pytest.approx(27.9, abs=1e-6)
+    assert found.steady_state.low == pytest.approx(27.9, abs=1e-5)
+    constant = likelihood(t, np.full(60, 5.0), np.ones(60))
+    assert constant.steady_state.low == constant.steady_state.high
+    assert likelihood(t[:2], t[:2], np.ones(2)) is None
+    three = likelihood(t[:3], np.array([0.0, 1.0, 1.5]), np.ones(3))
+    assert three.steady_state.high is None
+    assert math.isnan(three.fit.noise_variance)
+
+
+def test_far_outliers_are_left_out_and_a_fit_needs_three_readings():
+    t, y = spindle(np.random.default_rng(9), 60.0)
+    y[[1, 30]] += 5.0
+    found = likelihood(t, y, np.ones(61))
+    assert np.flatnonzero(found.weights == 0.0).tolist() == [1, 30]
+    with pytest.raises(ValueError, match="three readings"):
+        fit_decay(t[:2], y[:2])
+    assert isinstance(fit_decay(t, y, signed=True), DecayFit)
+
+
+def test_white_residuals_pass_and_a_pattern_is_seen_at_the_stated_rate():
+    rng = np.random.default_rng(10)
+    t = np.arange(300.0)
+    tangent = np.column_stack([np.ones(300), np.exp(-0.01 * t), t * np.exp(-0.01 * t)])
+    q = np.linalg.qr(tangent)[0]
+    p = []
+    for _ in range(1500):
+        r = rng.standard_normal(300)
+        p.append(pattern_p_value(r - q @ (q.T @ r), tangent))
+    share = np.mean(np.array(p) < 0.05)
+    assert 0.03 < share < 0.07
+    r = rng.standard_normal(300) + 0.6 * np.sin(t / 12)
+    assert pattern_p_value(r - q @ (q.T @ r), tangent) < 1e-6
+    long = rng.standard_normal(5000)
+    assert pattern_p_value(long, np.ones((5000, 1))) > 1e-4
+    assert math.isnan(pattern_p_value(np.zeros(5), np.ones((5, 1))))
+    assert pattern_p_value(np.zeros(50), np.ones((50, 1))) == 1.0
+
+
+def test_dependent_readings_count_for_less():
+    rng = np.random.default_rng(11)
+    white = rng.standard_normal(20000)
+    red = np.empty(20000)
+    red[0] = white[0]
+    for k in range(1, 20000):
+        red[k] = 0.8 * red[k - 1] + white[k]
+    assert variance_inflation(white) == pytest.approx(1.0, abs=0.1)
+    assert variance_inflation(red) == pytest.approx(1.8 / 0.2, rel=0.2)  # (1 + a) / (1 - a)
+    assert variance_inflation(np.zeros(3)) == 1.0
+
+
+def test_spikes_are_told_from_steps_and_steep_rises():
+    rng = np.random.default_rng(12)
+    y = np.concatenate([np.linspace(0, 50, 20), np.full(30, 50.0)]) + 0.01 * rng.standard_normal(50)
+    assert spike_weights(y).all()
+    y[30] += 3.0
+    assert np.flatnonzero(spike_weights(y) == 0.0).tolist() == [30]
+    assert spike_weights(y[:4]).all()
+
+
+def test_two_modes_are_separated_and_too_few_readings_refused():
+    x = np.linspace(0, 300, 120)
+    y = 30 - 6 * np.exp(-0.05 * x) - 3 * np.exp(-0.01 * x) + 0.005 * np.random.default_rng(13).standard_normal(120)
+    fit = fit_separable(settling_modes, x, y, modes_count=2)
+    assert fit.amplitudes[0] == pytest.approx(30.0, abs=4 * fit.amplitude_errors[0])
+    assert fit.rates == pytest.approx([0.01, 0.05], rel=0.05)
+    with pytest.raises(ValueError, match="readings for"):
+        fit_separable(settling_modes, x[:4], y[:4], modes_count=2)
