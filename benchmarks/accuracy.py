@@ -1,7 +1,7 @@
 """Accuracy and coverage on T(t) = 26.7 - 8.8 exp(-0.01536 t): ``python -m benchmarks.accuracy [DRAWS]``.
 
-The peer, ``scipy.optimize.curve_fit``, is started at the truth; thermofast is started blind. One row per cell: RMS and median error of
-the steady state over the peer's, for the default, for the filter alone (no closing likelihood step) and how many draws the
+The peer, ``scipy.optimize.curve_fit``, is started at the truth; thermofast is started blind. One row per cell: RMS and median
+error of the steady state over the peer's, for the default, for the filter alone (no closing likelihood step) and how many draws the
 printed filter survives; coverage of both 95 % intervals.
 """
 

@@ -84,7 +84,8 @@ def main(draws: int = 300) -> None:
         for noise in (0.005, 0.02, 0.05):
             e = compare(case, draws, noise)
             print(
-                f"| {case.name} | {1e3 * noise:.0f} | {e['afukf']:.4g} | {e['fading_ukf']:.4g} | {e['ukf']:.4g} | {e['least_squares']:.4g} "
+                f"| {case.name} | {1e3 * noise:.0f} | {e['afukf']:.4g} | {e['fading_ukf']:.4g} | {e['ukf']:.4g} "
+                f"| {e['least_squares']:.4g} "
                 f"| {e['afukf'] / e['ukf']:.3f} | {e['afukf'] / e['least_squares']:.3f} |",
                 flush=True,
             )

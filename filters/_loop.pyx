@@ -286,15 +286,17 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                             m.gated_run += 1.0 if nu > 0.0 else -1.0
                         else:
                             m.gated_run = 1.0 if nu > 0.0 else -1.0
-                    u = nu if fabs(nu) < 3.0 else (3.0 if nu > 0.0 else -3.0)
                     d = nu - m.mean
                     d = d * d if d * d < gate * gate else gate * gate
                     woke = False
                     if gated and fabs(m.gated_run) < 2.0:
                         pass                     # one stray reading teaches nothing
                     else:
-                        m.mean = settings[0] * m.mean + (1.0 - settings[0]) * u
                         m.spread = settings[1] * m.spread + (1.0 - settings[1]) * d
+                        # A mean counts against the spread of the moment: grown noise is no news of the physics.
+                        u = nu / (sqrt(m.spread) if m.spread > 1.0 else 1.0)
+                        u = u if fabs(u) < 3.0 else (3.0 if u > 0.0 else -3.0)
+                        m.mean = settings[0] * m.mean + (1.0 - settings[0]) * u
                         z = fabs(m.mean) * sqrt((1.0 + settings[0]) / (1.0 - settings[0]))
                         woke = z > wake_threshold and fabs(m.mean) * sqrt(s * scale) > dead_band
                     if not gated:
@@ -315,7 +317,10 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                                 alpha = settings[6]
                     if alpha == 100.0:
                         added = p[0]
-                        p[0] += e * e / scale   # the reading is anew, the machine is not
+                        for i in range(n):
+                            for j in range(n):
+                                p[i * n + j] *= alpha
+                        p[0] += e * e / scale
                     elif alpha > 1.0:
                         added = p[0]
                         for i in range(n):

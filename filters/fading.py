@@ -13,7 +13,6 @@ import numpy as np
 
 from .base import Array
 
-
 #: Fading reported where a reading has moved for good: all that came before has lost its weight.
 JUMP = 100.0
 
@@ -156,8 +155,10 @@ class AdaptiveFading(FadingRule):
         woke, z = False, 0.0
         if not (gated and abs(m.gated_run) < 2.0):  # one stray reading teaches nothing
             deviation = nu - m.mean
-            m.mean = self.forgetting * m.mean + (1.0 - self.forgetting) * min(max(nu, -3.0), 3.0)
             m.spread = self.spread_forgetting * m.spread + (1.0 - self.spread_forgetting) * min(deviation**2, gate**2)
+            # A mean counts against the spread of the moment: grown noise is no news of the physics.
+            u = nu / math.sqrt(max(m.spread, 1.0))
+            m.mean = self.forgetting * m.mean + (1.0 - self.forgetting) * min(max(u, -3.0), 3.0)
             z = abs(m.mean) * math.sqrt((1.0 + self.forgetting) / (1.0 - self.forgetting))
             woke = z > wake_threshold and abs(m.mean) * math.sqrt(s * m.scale) > context.dead_band
         if not gated:
@@ -174,8 +175,8 @@ class AdaptiveFading(FadingRule):
                 alpha = min(1.0 + self.fading_gain * (z / wake_threshold) ** 2, self.fading_most)
         added, before = 0.0, p[0, 0]
         if alpha == JUMP:
-            p = p.copy()
-            p[0, 0] += e * e / m.scale  # the reading is anew, the machine is not
+            p = alpha * p
+            p[0, 0] += e * e / m.scale
         elif alpha > 1.0:
             factor = np.full(len(state), math.sqrt(alpha))
             # Forget no more than brings back what was known at the start.

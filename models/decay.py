@@ -200,7 +200,8 @@ def likelihood(
 ) -> Likelihood | None:
     """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
 
-    weight (n,) as in :func:`fit_decay`; readings `stray` deviations outside the fit are left out of it (inf: none), and with no more than `first`
+    weight (n,) as in :func:`fit_decay`; readings `stray` deviations outside the fit are left out of it
+    (inf: none), and with no more than `first`
     readings the weights are those of a start. The limit of the residual sum of squares is that of Student's t for one parameter,
     the noise being estimated from the same readings.
     """

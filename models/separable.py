@@ -84,7 +84,7 @@ def _project(basis: Basis, x: Array, y: Array, start: Array) -> tuple[float, Arr
     def solved(log_rates: Array) -> tuple[Array, Array, Array, Array]:
         phi, slopes = basis(x, np.exp(log_rates))
         q = np.linalg.qr(phi)[0]
-        amplitudes: Array = np.linalg.lstsq(phi, y, rcond=None)[0]
+        amplitudes: Any = np.linalg.lstsq(phi, y, rcond=None)[0]
         return y - phi @ amplitudes, amplitudes, slopes, q
 
     def residual(log_rates: Array) -> Array:
@@ -92,8 +92,9 @@ def _project(basis: Basis, x: Array, y: Array, start: Array) -> tuple[float, Arr
 
     def jacobian(log_rates: Array) -> Array:
         _, amplitudes, slopes, q = solved(log_rates)
-        moved = -np.einsum("pnm,m->np", slopes, amplitudes) * np.exp(log_rates)
-        return moved - q @ (q.T @ moved)
+        moved: Any = -np.einsum("pnm,m->np", slopes, amplitudes) * np.exp(log_rates)
+        reduced: Array = moved - q @ (q.T @ moved)
+        return reduced
 
     limits = np.log(start) - 25.0, np.log(start) + 25.0
     try:

@@ -45,6 +45,8 @@ class Curves:
 
 @dataclass(frozen=True)
 class Identified:
+    """What a worker hands back for one sensor; trace and curves only where they are asked for."""
+
     record: IdentifyRecord
     trace: dict[str, Array] | None = None
     curves: Curves | None = None

@@ -25,16 +25,22 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
 
 
 class Identify(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """Defaults of ``identify``."""
+
     until: float | None = None
 
 
 class Sweep(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """Defaults of ``sweep``."""
+
     windows: tuple[float, ...] = ()
     times: str | None = None
     tolerance: float | None = None
 
 
 class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """The whole file."""
+
     runs: tuple[str, ...] = ()
     filter: str | None = None
     preset: Literal["paper"] | None = None

@@ -34,12 +34,16 @@ class Task:
 
 @dataclass(frozen=True)
 class IdentifyTask(Task):
+    """Sensors to identify."""
+
     until_min: float | None = None
     want_trace: bool = False
 
 
 @dataclass(frozen=True)
 class SweepTask(Task):
+    """Sensors to sweep."""
+
     windows: tuple[float, ...] = ()
     times: tuple[float, ...] = ()
     tolerance_c: float = 0.1
@@ -50,6 +54,7 @@ LOST = "the worker process died twice on this sensor; run it alone with --jobs 1
 
 
 def identify_task(task: IdentifyTask) -> list[Identified]:
+    """Each sensor of the task identified."""
     return [
         identify_sensor(task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace)
         for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
@@ -57,12 +62,14 @@ def identify_task(task: IdentifyTask) -> list[Identified]:
 
 
 def identify_lost(task: IdentifyTask) -> list[Identified]:
+    """Records of sensors whose worker died."""
     return [
         Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="diverged", message=LOST)) for c in task.channels
     ]
 
 
 def sweep_task(task: SweepTask) -> list[Swept]:
+    """Each sensor of the task swept."""
     swept = [
         sweep_sensor(task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note)
         for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
@@ -75,6 +82,7 @@ _NONE = np.empty(0)
 
 
 def sweep_lost(task: SweepTask) -> list[Swept]:
+    """Records of sensors whose worker died."""
     return [
         Swept(
             tuple(

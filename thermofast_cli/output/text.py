@@ -26,6 +26,7 @@ def harmless(text: str) -> str:
 
 
 def cell(value: Any) -> str:
+    """A value as a CSV cell: numbers in full, nothing for an absent one."""
     kind = type(value)
     if kind is float:
         return repr(value) if math.isfinite(value) else ""

@@ -113,10 +113,10 @@ def detect_encoding(data: bytes, name: str) -> str:
             return "utf-16-le"
         if even > 0.3 * len(head) / 2 and odd < 0.02 * len(head):
             return "utf-16-be"
-        raise _binary(name)
+        raise binary(name)
     control = sum(head.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13, 26))
     if control > 0.01 * len(head):
-        raise _binary(name)
+        raise binary(name)
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
@@ -124,7 +124,8 @@ def detect_encoding(data: bytes, name: str) -> str:
     return "utf-8"
 
 
-def _binary(name: str) -> InputError:
+def binary(name: str) -> InputError:
+    """The error of a file that is no text."""
     return InputError(
         f"{name}: not a text table",
         found="binary data",

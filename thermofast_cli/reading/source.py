@@ -26,8 +26,9 @@ def read_run(source: str, options: Options | None = None) -> Run:
     """
     options = options or Options()
     data = _bytes(source)
+    name = "stdin" if source == "-" else source
     parquet = data.startswith(PARQUET_MAGIC) or source.lower().endswith((".parquet", ".pq"))
-    table = read_parquet(data, source) if parquet else read_text(data, source, options)
+    table = read_parquet(data, name) if parquet else read_text(data, name, options)
     return run_from_table(table, options)
 
 
@@ -126,7 +127,7 @@ def _time(table: Table, options: Options) -> tuple[Array, set[str], str]:
         return _convert(table, dates[0], clocks[0], options)
     for n in [n for n in named if n in stamped] + [n for n in named if n not in stamped]:
         column = table.columns[n]
-        if not isinstance(column, np.ndarray) or _runs_forward(column):
+        if not isinstance(column, np.ndarray) or unit_of(n, table.units.get(n, "")) or _runs_forward(column):
             return _convert(table, n, None, options)
     for n in stamped:
         column = table.columns[n]

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from ..errors import InputError, listed
-from .dialect import Dialect, detect_dialect, detect_encoding, is_missing, is_number, split
+from .dialect import Dialect, binary, detect_dialect, detect_encoding, is_missing, is_number, split
 from .run import Array, Options
 from .table import Table, to_floats
 
@@ -27,7 +27,10 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     encoding = options.encoding or detect_encoding(data, name)
     if encoding not in ("utf-8", "utf-8-sig", "ascii"):
         try:
-            data = data.decode(encoding).encode("utf-8")
+            text = data.decode(encoding)
+            if sum(ord(c) < 32 and c not in "\t\n\r" for c in text[:20000]) > 0.01 * len(text[:20000]):
+                raise binary(name)
+            data = text.encode("utf-8")
         except (UnicodeDecodeError, LookupError) as error:
             raise InputError(
                 f"{name}: cannot be decoded as {encoding}", found=str(error), do="say another --encoding, or none"
@@ -64,8 +67,9 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
     width = dialect.width
     cells = split(head[dialect.header_line], dialect.delimiter) if dialect.header_line is not None else []
     units = split(head[dialect.unit_line], dialect.delimiter) if dialect.unit_line is not None else []
-    if dialect.header_line is not None and len(cells) == width - 1 and dialect.delimiter != " ":
-        cells.append("")
+    rows = [split(line, dialect.delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
+    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
+        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
     if cells and len(cells) != width:
         raise InputError(
             f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
@@ -105,10 +109,10 @@ def _all_floats(cells: list[str]) -> bool:
 def _parse_body(
     body: bytes, names: list[str], text_columns: set[str], dialect: Dialect, name: str, more: frozenset[str]
 ) -> tuple[dict[str, Array | list[str]], list[str]]:
-    ragged: list[tuple[int, int, str]] = []
+    ragged: list[str] = []
 
     def ragged_row(row: pacsv.InvalidRow) -> str:
-        ragged.append((row.number or 0, row.actual_columns, row.text))
+        ragged.append(row.text)
         return "skip"
 
     delimiter = "\t" if dialect.delimiter == " " else dialect.delimiter
@@ -134,7 +138,7 @@ def _parse_body(
         # Some cell is no number: look at each, for the words that mean 'no reading' and to name the others. The words are not
         # given to pyarrow, which would look for each of them in every column of every record.
         table, slow = parse(dict.fromkeys(names, pa.string())), True
-    notes = _check_ragged(ragged, body, len(names), table.num_rows, dialect, name)
+    notes = _check_ragged(ragged, body, len(names), delimiter, dialect, name)
     columns: dict[str, Array | list[str]] = {}
     for n in names:
         column = table.column(n)
@@ -147,19 +151,22 @@ def _parse_body(
     return columns, notes
 
 
-def _check_ragged(ragged: list[tuple[int, int, str]], body: bytes, width: int, rows: int, dialect: Dialect, name: str) -> list[str]:
+def _check_ragged(ragged: list[str], body: bytes, width: int, delimiter: str, dialect: Dialect, name: str) -> list[str]:
+    """A note where only the last line is cut short, as when a logger is switched off; else an error naming the row."""
     if not ragged:
         return []
-    number, cells, text = ragged[0]
-    line = dialect.data_line + number
-    unfinished = len(ragged) == 1 and number > rows and cells < width and not body.endswith((b"\n", b"\r"))
-    if unfinished:
+    lines = body.decode("utf-8", errors="replace").splitlines()
+    counts = [(i, len(split(line, delimiter))) for i, line in enumerate(lines) if line.strip()]
+    bad = [(i, cells) for i, cells in counts if cells != width]
+    first, cells = bad[0] if bad else (0, width)
+    line = dialect.data_line + first + 1
+    if len(bad) == 1 and first == counts[-1][0] and cells < width and not body.endswith((b"\n", b"\r")):
         return [f"the last line ({line}) is cut short and was left out"]
     raise InputError(
         f"{name}, line {line}: the row has {cells} cells, the others {width}",
-        found=text[:80],
+        found=lines[first][:80],
         allowed=f"{width} cells in each row",
-        do=f"mend the row{f' and {len(ragged) - 1} more like it' if len(ragged) > 1 else ''}, or check --delimiter and --decimal",
+        do=f"mend the row{f' and {len(bad) - 1} more like it' if len(bad) > 1 else ''}, or check --delimiter and --decimal",
     )
 
 

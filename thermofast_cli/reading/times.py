@@ -28,24 +28,17 @@ TIME_WORDS = frozenset(
         "date",
         "elapsed",
         "clock",
-        "t",
         "zeit",
         "uhrzeit",
         "datum",
         "zeitstempel",
         "stamp",
-        "x_value",
-        "seconds",
-        "minutes",
-        "hours",
-        "sec",
-        "min",
-        "h",
-        "s",
         "时间",
         "日期",
     ]
 )
+#: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
+TIME_NAMES = frozenset(["t", "s", "sec", "seconds", "min", "minutes", "h", "hours", "x_value"])
 _DATES = (
     "%Y-%m-%d",
     "%Y/%m/%d",
@@ -83,7 +76,8 @@ def unit_of(name: str, unit_cell: str = "") -> str | None:
 
 
 def is_time_name(name: str) -> bool:
-    return any(w in TIME_WORDS for w in words(name))
+    whole = re.sub(r"[\[(].*", "", name).strip()
+    return any(w in TIME_WORDS for w in words(name)) or whole in TIME_NAMES or whole.lower() in TIME_NAMES - {"t", "h", "s"}
 
 
 def stamps_to_seconds(cells: Sequence[str], place: str, first_line: int, time_format: str | None = None) -> Array:

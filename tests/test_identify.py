@@ -1,0 +1,145 @@
+"""Records of ``identify`` and ``sweep``: right numbers, honest statuses, and the two agree."""
+
+import numpy as np
+import pytest
+from simulator import lump, spindle
+
+from filters import Afukf, FadingUkf, PrintedAfukf, Ukf
+from models import Lump, PrintedLump
+from thermofast_cli.estimate import estimates_at, settling
+from thermofast_cli.identify import Method, identify_sensor
+from thermofast_cli.sweep import sweep_sensor
+
+DEFAULT = Method(Lump(), Afukf())
+
+
+def record(time, values, until=None, method=DEFAULT, **more):
+    return identify_sensor("run", "T", time, values, method, until, **more).record
+
+
+def test_a_spindle_record_and_the_error_ahead():
+    time, y = spindle(np.random.default_rng(0), 400.0)
+    r = record(time, y, 60.0)
+    assert (r.status, r.samples, r.until_min) == ("ok", 61, 60.0)
+    assert r.steady_state_lo_c < 26.7 < r.steady_state_hi_c
+    assert r.t95_lo_min < 195.03 < r.t95_hi_min
+    assert r.noise_c == pytest.approx(0.02, rel=0.3)
+    assert r.rmse_ahead_c < 0.3
+    assert r.steady_state_measured_c == pytest.approx(26.68, abs=0.03)
+    assert r.steady_state_limit_c == pytest.approx(0.08, rel=0.4)  # the table of algorithms.md: 0.08 K at 20 mK and 60 min
+    whole = record(time, y)
+    assert whole.rmse_ahead_c is None
+    assert whole.until_min == 400.0
+    assert whole.steady_state_c == pytest.approx(26.7, abs=0.01)
+
+
+def test_statuses_of_troubled_sensors():
+    time = np.arange(60.0)
+    assert record(time, np.full(60, np.nan)).status == "no_data"
+    assert record(time, np.full(60, 21.0)).status == "constant"
+    few = np.full(60, np.nan)
+    few[:4] = 20.0
+    assert record(time, few).status == "too_short"
+    assert "in the first 3 min" in record(time, np.arange(60.0), 3.0).message
+    line = 20 + 0.1 * time + 0.01 * np.random.default_rng(1).standard_normal(60)
+    straight = record(time, line)
+    assert straight.status == "not_determined"
+    assert straight.steady_state_hi_c is None
+    assert "measure longer" in straight.message
+    printed = record(time, spindle(np.random.default_rng(2), 59.0)[1], method=Method(PrintedLump(), PrintedAfukf()))
+    assert printed.status == "diverged"
+    assert "diverged at reading" in printed.message
+
+
+def test_a_wrong_model_is_doubted_and_a_right_one_hardly_ever():
+    rng = np.random.default_rng(3)
+    time = np.arange(240.0)
+    two = 18 + 5 * (1 - np.exp(-0.05 * time)) + 5 * (1 - np.exp(-0.006 * time)) + 0.01 * rng.standard_normal(240)
+    r = record(time, two)
+    assert r.status in {"model_doubtful", "not_determined"}
+    assert "model" in r.message
+    doubted = sum(record(*spindle(np.random.default_rng(100 + i), 200.0)).status != "ok" for i in range(150))
+    assert doubted <= 3
+
+
+def test_spikes_are_told():
+    time, y = spindle(np.random.default_rng(4), 120.0)
+    y[[20, 70]] += 5.0
+    r = record(time, y)
+    assert "2 stray readings left out" in r.message
+    assert r.steady_state_lo_c < 26.7 < r.steady_state_hi_c
+
+
+def test_whole_degree_steps_are_no_doubt_of_the_model():
+    time = np.arange(0, 10, 1 / 12)
+    r = record(time, np.round(lump(time, 1.0, 12.0, 42.0 - 12.0 + 12.0, sink=42.0)))
+    assert r.status in {"ok", "not_determined"}
+    assert r.steady_state_c == pytest.approx(54.0, abs=0.3)
+
+
+def test_a_fading_filter_says_from_when_and_keeps_its_numbers_sane():
+    rng = np.random.default_rng(5)
+    time = np.arange(200.0)
+    y = lump(time, 0.015, 9.0, 17.9, ramp=0.05, ramp_from=80.0) + 0.01 * rng.standard_normal(200)
+    r = record(time, y)
+    assert "fails from about" in r.message
+    assert 15 < r.initial_c < 21
+    assert r.rmse_fit_c < 0.5
+    assert r.status in {"model_doubtful", "not_determined"}
+
+
+@pytest.mark.parametrize("method", [DEFAULT, Method(Lump(), Ukf()), Method(Lump(), FadingUkf())], ids=lambda m: m.filter.name)
+def test_a_sweep_is_identify_at_every_time(method):
+    time, y = spindle(np.random.default_rng(6), 80.0)
+    y[12] += 1.0
+    windows, times = (40.0, 55.0), tuple(np.arange(6.0, 55.0, 6.0))
+    swept = sweep_sensor("run", "T", time, y, method, windows, times, 0.1)
+    track = method.filter.track(method.model, time, y, 0.0)
+    progress = estimates_at(method.model, method.filter, track, time, y, [int(t) for t in times], 0.0)
+    for i, minutes in enumerate(times):
+        alone = record(time, y, minutes, method)
+        steady = Lump().steady_state(progress.state[i])
+        if alone.steady_state_c is not None:
+            assert steady == pytest.approx(alone.steady_state_c, rel=1e-9)
+        if alone.steady_state_lo_c is not None and alone.steady_state_hi_c is not None and alone.status == "ok":
+            assert swept.width[i] == pytest.approx(alone.steady_state_hi_c - alone.steady_state_lo_c, rel=1e-6)
+        if minutes < 40:
+            model = Lump().free_run(progress.state[i], time[:41] - minutes)
+            assert swept.rmse[0, i] == pytest.approx(np.sqrt(((model - y[:41]) ** 2).sum() / 40), rel=1e-6)
+        else:
+            assert np.isnan(swept.rmse[0, i])
+
+
+def test_the_rules_of_a_sweep():
+    time, y = spindle(np.random.default_rng(7), 120.0, 0.002)
+    windows, times = (60.0, 90.0, 110.0), tuple(np.arange(5.0, 110.0))
+    swept = sweep_sensor("run", "T", time, y, DEFAULT, windows, times, 0.1)
+    for j, r in enumerate(swept.records):
+        row = swept.rmse[j]
+        assert r.best_time_min == times[int(np.nanargmin(row))]
+        assert r.rmse_c == pytest.approx(np.nanmin(row))
+        limit = np.nanmin(row) * (1 + 2 / np.sqrt(2 * (windows[j] + 1)))
+        later = row[int(r.earliest_time_min - 5) :]
+        assert np.nanmax(later) <= limit
+        assert r.earliest_time_min == 5.0 or row[int(r.earliest_time_min - 6)] > limit
+        assert r.shortest_time_min == max(s.earliest_time_min for s in swept.records)
+    spread = max(s.earliest_time_min for s in swept.records) - min(s.earliest_time_min for s in swept.records)
+    assert swept.records[0].agreed == (spread <= 5.0)
+    narrow = swept.records[0].tolerance_time_min
+    assert swept.width[int(narrow - 5) :].max() < 0.1
+    assert swept.width[int(narrow - 6)] >= 0.1 or np.isnan(swept.width[int(narrow - 6)])
+    failed = sweep_sensor("run", "T", time, np.full(121, np.nan), DEFAULT, windows, times, 0.1)
+    assert {r.status for r in failed.records} == {"no_data"}
+    lost = sweep_sensor("run", "T", time, y, Method(PrintedLump(), PrintedAfukf()), windows, times, 0.1)
+    assert lost.records[0].status == "diverged"
+
+
+def test_settling_of_an_overtaken_state_has_no_made_up_number():
+    state = np.array([20.0, 0.1, -0.01])
+    t95, interval = settling(state, np.diag([1e-4, 1e-4, 1e-6]), 30.0, 18.0, 1.96)
+    assert t95 is None
+    assert interval.high is None
+    state = np.array([20.0, 0.04, 0.02])
+    t95, interval = settling(state, np.diag([1e-6, 1e-8, 1e-8]), 30.0, 18.0, 1.96)
+    assert t95 == pytest.approx(30 + np.log(2.0 / (0.05 * 4.0)) / 0.02)
+    assert interval.low < t95 < interval.high

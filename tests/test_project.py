@@ -1,0 +1,122 @@
+"""The shape of the house: layers, docstrings, help texts, and documentation that is executed."""
+
+import ast
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from conftest import ROOT
+
+from filters import BUILT_IN
+from thermofast_cli.main import COMMANDS, cli
+
+PACKAGES = ("models", "filters", "thermofast_cli")
+SOURCES = [p for package in PACKAGES for p in sorted((ROOT / package).rglob("*.py"))]
+
+
+def imported(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {a.name.split(".")[0] for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names.add(node.module.split(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_layers_hold(path):
+    package = path.relative_to(ROOT).parts[0]
+    others = imported(path) & set(PACKAGES)
+    assert others <= {"models": set(), "filters": set(), "thermofast_cli": {"models", "filters"}}[package]
+    if package != "thermofast_cli":
+        assert not imported(path) & {"click", "pandas", "pyarrow", "rich"}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_files_are_small_and_printing_and_opening_have_one_place(path):
+    text = path.read_text()
+    assert len(text.splitlines()) < 480
+    where = str(path.relative_to(ROOT))
+    if where != "thermofast_cli/output/screen.py":
+        assert not re.search(r"^\s*print\(", text, re.M)
+    if where not in ("thermofast_cli/reading/source.py", "thermofast_cli/output/files.py"):
+        assert not re.search(r"(?<![\w.])open\(|read_bytes\(|write_text\(", text)
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_everything_public_is_explained(path):
+    tree = ast.parse(path.read_text())
+    assert ast.get_docstring(tree)
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            short = isinstance(node, ast.FunctionDef) and len(node.body) <= 6
+            assert short or ast.get_docstring(node), f"{path}:{node.lineno} {node.name}"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_and_an_example_that_runs(name, tmp_path):
+    shown = CliRunner().invoke(cli, [name, "--help"])
+    assert shown.exit_code == 0
+    example = re.search(r"Example:\s+thermofast (.*)", " ".join(shown.output.split()))
+    assert example
+    words = [str(ROOT / w) if w.startswith("sample_runs/") else w for w in shlex.split(example.group(1))]
+    done = subprocess.run(
+        [sys.executable, "-m", "thermofast_cli", *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env=environment(),
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def environment():
+    import os
+
+    return {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def test_the_help_of_the_tool_lists_every_command_and_option_name_of_filters():
+    shown = CliRunner().invoke(cli, ["--help"]).output
+    for name, line in COMMANDS.items():
+        assert name in shown
+        assert line in shown
+    help_text = " ".join(CliRunner().invoke(cli, ["identify", "--help"]).output.split())
+    for kind in BUILT_IN:
+        assert kind.name in help_text
+
+
+README = (ROOT / "README.md").read_text() if (ROOT / "README.md").exists() else ""
+EXAMPLES = re.findall(r"^\$ (.*)$", README, re.M)
+
+
+def test_the_readme_has_examples():
+    assert len(EXAMPLES) >= 5
+
+
+@pytest.mark.parametrize("line", EXAMPLES)
+def test_an_example_of_the_readme_runs(line, tmp_path):
+    (tmp_path / "sample_runs").symlink_to(ROOT / "sample_runs")
+    command = re.sub(r"\bthermofast\b(?!\.)", f"{sys.executable} -m thermofast_cli", line)
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], cwd=tmp_path, capture_output=True, text=True, env=environment(), check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout or "-o" in line
+
+
+def test_documents_name_files_that_exist():
+    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\(([^)#]+)\)", document.read_text()):
+            if not target.startswith("http"):
+                assert (document.parent / target).exists(), f"{document.name}: {target}"
+        for target in re.findall(
+            r"`((?:models|filters|thermofast_cli|benchmarks|sample_runs|tests)/[\w./]+)`", document.read_text()
+        ):
+            assert (ROOT / target).exists(), f"{document.name}: {target}"

@@ -1,0 +1,182 @@
+"""Records as loggers write them, read right; and the rules that say so."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thermofast_cli.errors import InputError, UsageError
+from thermofast_cli.reading import Options, read_run
+from thermofast_cli.reading.text import read_text
+from thermofast_cli.reading.times import stamps_to_seconds, unit_of, words
+
+TIMES = [0.0, 1.0, 2.0, 3.0]
+T1 = [18.25, 18.5, 18.75, 19.0]
+
+
+def written(tmp_path, text, encoding="utf-8", name="run.csv"):
+    path = tmp_path / name
+    path.write_bytes(text.encode(encoding) if isinstance(text, str) else text)
+    return str(path)
+
+
+DIALECTS = {
+    "comma": ("time_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-8"),
+    "crlf": ("time_min,T1,room\r\n0,18.25,17.9\r\n1,18.5,17.9\r\n2,18.75,17.9\r\n3,19,17.9\r\n", "utf-8"),
+    "cr": ("time_min,T1,room\r0,18.25,17.9\r1,18.5,17.9\r2,18.75,17.9\r3,19,17.9\r", "utf-8"),
+    "german": ("Zeit [min];T1;Raum\n0;18,25;17,9\n1;18,5;17,9\n2;18,75;17,9\n3;19;17,9\n", "cp1252"),
+    "tab": ("time_min\tT1\troom\n0\t18.25\t17.9\n1\t18.5\t17.9\n2\t18.75\t17.9\n3\t19\t17.9\n", "utf-8"),
+    "tab with decimal comma": ("time_min\tT1\troom\n0\t18,25\t17,9\n1\t18,5\t17,9\n2\t18,75\t17,9\n3\t19\t17,9\n", "utf-8"),
+    "blanks": ("time_min  T1   room\n 0  18.25  17.9\n 1  18.5   17.9\n 2  18.75  17.9\n 3  19     17.9\n", "utf-8"),
+    "bom": ("\ufefftime_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-8"),
+    "utf-16": ("time_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-16"),
+    "utf-16 without bom": ("time_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-16-le"),
+    "utf-16 big without bom": ("time_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-16-be"),
+    "unit row": ("time,T1,room\nmin,°C,°C\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "cp1252"),
+    "preamble": ("Logger 7\nSerial,123\n\ntime_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-8"),
+    "comment": ("# made in 2026\ntime_min,T1,room\n0,18.25,17.9\n1,18.5,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-8"),
+    "quoted": ('"time_min","T1","room"\n"0","18.25","17.9"\n"1","18.5","17.9"\n"2","18.75","17.9"\n"3","19","17.9"\n', "utf-8"),
+    "spaces": ("time_min, T1, room\n0, 18.25, 17.9\n1, 18.5, 17.9\n2, 18.75, 17.9\n3, 19, 17.9\n", "utf-8"),
+    "trailing delimiter": ("time_min,T1,room,\n0,18.25,17.9,\n1,18.5,17.9,\n2,18.75,17.9,\n3,19,17.9,\n", "utf-8"),
+    "hours": ("time_h,T1,room\n0,18.25,17.9\n0.016666666666667,18.5,17.9\n0.033333333333333,18.75,17.9\n0.05,19,17.9\n", "utf-8"),
+    "iso stamps": (
+        "timestamp,T1,room\n2026-05-03T20:38:00Z,18.25,17.9\n2026-05-03T20:39:00Z,18.5,17.9\n"
+        "2026-05-03T20:40:00Z,18.75,17.9\n2026-05-03T20:41:00Z,19,17.9\n", "utf-8"),
+    "german stamps": (
+        "Zeitstempel;T1;Raum\n03.05.2026 20:38:00;18,25;17,9\n03.05.2026 20:39:00;18,5;17,9\n"
+        "03.05.2026 20:40:00;18,75;17,9\n03.05.2026 20:41:00;19;17,9\n", "utf-8"),
+    "date and clock": (
+        "Date,Time,T1,room\n5/13/2026,8:38:00 PM,18.25,17.9\n5/13/2026,8:39:00 PM,18.5,17.9\n"
+        "5/13/2026,8:40:00 PM,18.75,17.9\n5/13/2026,8:41:00 PM,19,17.9\n", "utf-8"),
+    "over midnight": ("clock,T1,room\n23:58:30,18.25,17.9\n23:59:30,18.5,17.9\n00:00:30,18.75,17.9\n00:01:30,19,17.9\n", "utf-8"),
+    "unsorted": ("time_min,T1,room\n1,18.5,17.9\n0,18.25,17.9\n3,19,17.9\n2,18.75,17.9\n", "utf-8"),
+    "repeated": ("time_min,T1,room\n0,18.25,17.9\n1,18.4,17.9\n1,18.6,17.9\n2,18.75,17.9\n3,19,17.9\n", "utf-8"),
+    "kelvin": ("time_min,T1 [K],room\n0,291.4,17.9\n1,291.65,17.9\n2,291.9,17.9\n3,292.15,17.9\n", "utf-8"),
+    "counter": ("No,time_min,T1,room\n1,0,18.25,17.9\n2,1,18.5,17.9\n3,2,18.75,17.9\n4,3,19,17.9\n", "utf-8"),
+    "words": ("time_min,T1,room,remark\n0,18.25,17.9,start\n1,18.5,17.9,ok\n2,18.75,17.9,ok\n3,19,17.9,end\n", "utf-8"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_each_dialect_gives_the_same_record(name, tmp_path):
+    text, encoding = DIALECTS[name]
+    run = read_run(written(tmp_path, text, encoding))
+    assert run.time_s / 60 == pytest.approx(TIMES, abs=1e-9)
+    assert len(run.channels) == 1
+    assert next(iter(run.channels.values())) == pytest.approx(T1, abs=1e-9)
+    assert next(iter(run.ambient.values())) == pytest.approx([17.9] * 4)
+    assert run.notes
+
+
+def test_words_for_no_reading_and_overloads_are_nan(tmp_path):
+    text = "time_s,a,b,speed\n0,OL,20,1\n1,NaN,9.9E+37,1\n2,---,21,1\n3,22,-9999,1\n4,,22,1\n5,bad data,22.5,1\n"
+    run = read_run(written(tmp_path, text), Options(missing=("bad data",)))
+    assert np.isnan(run.channels["a"]).tolist() == [True, True, True, False, True, True]
+    assert np.isnan(run.channels["b"]).tolist() == [False, True, False, True, False, False]
+    assert "2 overload" in run.channel_notes["b"]
+    assert list(run.inputs) == ["speed"]
+
+
+def test_parquet_with_stamps_integers_and_nulls(tmp_path):
+    start = datetime(2026, 5, 3, 20, 38)
+    frame = pd.DataFrame(
+        {
+            "timestamp": [start + timedelta(minutes=i) for i in range(4)],
+            "T1": T1,
+            "T2": pd.array([20, None, 21, 22], dtype="Int64"),
+            "flag": [True, False, True, True],
+            "label": list("abcd"),
+        }
+    )
+    path = tmp_path / "run.parquet"
+    frame.to_parquet(path)
+    run = read_run(str(path))
+    assert run.time_s.tolist() == [0, 60, 120, 180]
+    assert run.channels["T1"].tolist() == T1
+    assert np.isnan(run.channels["T2"][1])
+
+
+def test_the_user_has_the_last_word(tmp_path):
+    path = written(tmp_path, "when,a,b,c\n0,20,1,30\n1,21,2,31\n2,22,3,32\n")
+    run = read_run(path, Options(time="when", time_unit="h", ambient="c", inputs=("b",)))
+    assert run.time_s.tolist() == [0, 3600, 7200]
+    assert (list(run.channels), list(run.ambient), list(run.inputs)) == (["a"], ["c"], ["b"])
+    assert list(read_run(path, Options(interval_s=10.0, channels=("a",))).channels) == ["a"]
+    assert list(read_run(path, Options(interval_s=10.0, exclude=("a", "when"))).channels) == ["b", "c"]
+    with pytest.raises(UsageError, match="no column"):
+        read_run(path, Options(time="clock"))
+    headless = written(tmp_path, "0;1,5\n1;2,5\n2;3,5\n", name="h.csv")
+    assert read_run(headless, Options(header_line=0)).channels["column 2"].tolist() == [1.5, 2.5, 3.5]
+    assert read_run(headless).channels["column 2"].tolist() == [1.5, 2.5, 3.5]
+    named = written(tmp_path, "x\ntime_s|T\n0|1\n1|2\n", name="n.csv")
+    assert read_run(named, Options(header_line=2, delimiter="|")).channels["T"].tolist() == [1, 2]
+
+
+def test_duplicate_and_empty_names_are_told_apart(tmp_path):
+    run = read_run(written(tmp_path, "time_s,T,T,\n0,1,2,3\n1,2,3,4\n2,3,4,5\n"))
+    assert list(run.channels) == ["T", "T (2)", "column 4"]
+
+
+def test_a_last_line_cut_short_is_left_out_and_told(tmp_path):
+    run = read_run(written(tmp_path, "time_s,a,b\n0,1,2\n1,2,3\n2,3"))
+    assert len(run.time_s) == 2
+    assert any("cut short" in note for note in run.notes)
+
+
+def test_ambiguous_days_are_refused_and_others_decided():
+    same_day = ["03/04/2026 10:00:00", "03/04/2026 10:01:00"]
+    assert stamps_to_seconds(same_day, "x", 1).tolist() == [0, 60]
+    days = ["03/04/2026", "04/04/2026", "05/04/2026"]
+    with pytest.raises(InputError, match="day and month"):
+        stamps_to_seconds(["01/02/2026", "02/02/2026", "02/03/2026"], "x", 1)
+    assert stamps_to_seconds(days, "x", 1, "%d/%m/%Y").tolist() == [0, 86400, 172800]
+    assert stamps_to_seconds(["13/04/2026", "14/04/2026"], "x", 1).tolist() == [0, 86400]
+    assert stamps_to_seconds(["2026-01-01 10:00:00.5", "2026-01-01 10:00:01"], "x", 1).tolist() == [0, 0.5]
+    with pytest.raises(InputError, match=r"line 3.*unreadable time"):
+        stamps_to_seconds(["2026-01-01 10:00:00", "2026-01-01 25:00:00"], "x", 1)
+
+
+def test_names_tell_units_and_words():
+    assert unit_of("time_min") == "min"
+    assert unit_of("Zeit [h]") == "h"
+    assert unit_of("t", "sec") == "s"
+    assert unit_of("elapsed") is None
+    assert words("CPU_Temp2") == ["cpu", "temp"]
+    assert words("spindleSpeed_rpm") == ["spindle", "speed", "rpm"]
+
+
+names = st.text(st.characters(whitelist_categories=("Lu", "Ll")), min_size=1, max_size=6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    values=st.lists(st.lists(st.floats(-200, 900).map(lambda v: round(v, 3)), min_size=2, max_size=2), min_size=3, max_size=30),
+    delimiter=st.sampled_from([",", ";", "\t", "|"]),
+    comma=st.booleans(),
+    newline=st.sampled_from(["\n", "\r\n"]),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]),
+    preamble=st.integers(0, 3),
+)
+def test_what_was_written_is_read(values, delimiter, comma, newline, encoding, preamble):
+    comma = comma and delimiter != ","
+    rows = [[str(float(i)), *(f"{v:.3f}" for v in row)] for i, row in enumerate(values)]
+    if comma:
+        rows = [[c.replace(".", ",") for c in row] for row in rows]
+    lines = ["Logger of the lab"] * preamble + [delimiter.join(["time_s", "Lager", "Gehäuse"])] + [delimiter.join(r) for r in rows]
+    table = read_text((newline.join(lines) + newline).encode(encoding), "x", Options())
+    assert table.names == ["time_s", "Lager", "Gehäuse"]
+    assert np.column_stack([table.columns["Lager"], table.columns["Gehäuse"]]) == pytest.approx(np.array(values), abs=1e-9)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=300))
+def test_any_bytes_give_a_record_or_an_input_error(data):
+    try:
+        table = read_text(data, "x", Options())
+    except InputError as error:
+        assert str(error).startswith("x")
+    else:
+        assert len(table.names) > 1

@@ -1,0 +1,74 @@
+"""Records that nobody shaped for the program: read as they are, and an honest status for every sensor."""
+
+import json
+
+import pytest
+
+# file -> (sensors, surroundings, inputs, rows, length [min])
+RECORDS = {
+    "cooking_pot/0cm_1L_a.csv": (10, 1, 0, 318, 52.8),
+    "cooking_pot/20cm_3L_b.csv": (10, 1, 0, 516, 85.8),
+    "cooking_pot/boil_tests.csv": (15, 0, 0, 1619, 269.7),
+    "heatshield/duty_sequence.csv": (1, 0, 1, 8640, 288.0),
+    "laptop/cooling_Test_300.csv": (3, 0, 0, 114, 9.9),
+    "laptop/normal_stand.csv": (3, 0, 0, 114, 9.9),
+    "daisy_heating/lamp_steps.csv": (1, 0, 1, 801, 26.7),
+    "tclab/energy_balance.csv": (2, 0, 2, 599, 10.0),
+    "tclab/hybrid.csv": (2, 0, 2, 201, 10.0),
+    "tclab/second_order.csv": (2, 0, 2, 201, 10.0),
+    "tclab/step_kelvin.csv": (1, 0, 1, 571, 9.5),
+    "ulg_pipe/150801.csv": (4, 0, 1, 274, 14.6),
+    "leaf_battery/cell-discharge-temperature-3c.lvm": (4, 0, 0, 1316, 21.9),
+}
+HONEST = {"ok", "not_determined", "model_doubtful"}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_each_record_is_read_as_it_is(name, shared, tool):
+    from thermofast_cli.reading import Options, read_run
+
+    sensors, surroundings, inputs, rows, minutes = RECORDS[name]
+    options = Options(interval_s=1.0) if name.endswith(".lvm") else Options()
+    run = read_run(str(shared / name), options)
+    assert (len(run.channels), len(run.ambient), len(run.inputs), len(run.time_s)) == (sensors, surroundings, inputs, rows)
+    assert run.time_s[-1] / 60 == pytest.approx(minutes, abs=0.1)
+    for until in (None, round(0.4 * minutes, 2)):
+        extra = ["--interval", 1] if name.endswith(".lvm") else []
+        extra += ["--until", until] if until else []
+        done = tool("identify", shared / name, "--format", "jsonl", "-q", *extra)
+        assert done.code == 0, done.err
+        records = [json.loads(line) for line in done.out.splitlines()]
+        assert len(records) == sensors
+        for r in records:
+            assert r["status"] in HONEST
+            assert r["samples"] > 10
+            if r["status"] == "ok":
+                assert r["steady_state_lo_c"] <= r["steady_state_c"] <= r["steady_state_hi_c"]
+                assert 0 < r["t95_lo_min"] <= r["t95_hi_min"]
+            else:
+                assert r["message"]
+            for side in ("lo", "hi"):
+                if r[f"steady_state_{side}_c"] is None or r[f"t95_{side}_min"] is None:
+                    assert r["status"] == "not_determined"
+
+
+def test_the_battery_record_asks_for_its_sampling(shared, tool):
+    done = tool("identify", shared / "leaf_battery" / "cell-discharge-temperature-3c.lvm")
+    assert done.code == 2
+    assert "--interval SECONDS" in done.err
+
+
+def test_the_laptops_graphics_chip_settles_where_it_was_measured(shared, tool):
+    done = tool(
+        "identify", shared / "laptop" / "cooling_Test_300.csv", "--channels", "GPU_Temp", "--until", 4, "--format", "jsonl", "-q"
+    )
+    r = json.loads(done.out)
+    assert r["steady_state_measured_c"] == pytest.approx(54.0, abs=0.2)
+    assert r["steady_state_c"] == pytest.approx(54.0, abs=0.5)
+    assert r["noise_c"] >= 0.28  # the rounding to whole degrees is a floor
+
+
+def test_the_pots_water_is_no_single_lump(shared, tool):
+    done = tool("identify", shared / "cooking_pot" / "0cm_1L_a.csv", "--format", "jsonl", "-q")
+    statuses = [json.loads(line)["status"] for line in done.out.splitlines()]
+    assert "ok" not in statuses  # water that boils is not an exponential rise

@@ -1,0 +1,309 @@
+"""The tool as a user calls it: commands, formats, settings file, pool and interrupts."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ROOT
+
+from thermofast_cli import pool
+from thermofast_cli.output.screen import FORMATS
+from thermofast_cli.records import IdentifyRecord, SweepRecord
+
+SPINDLE = ROOT / "sample_runs" / "spindle.csv"
+TOOL = [sys.executable, "-m", "thermofast_cli"]
+
+
+def test_identify_prints_the_columns_of_the_design(tool):
+    done = tool("identify", SPINDLE, "--until", 60, "--format", "json")
+    assert done.code == 0
+    document = json.loads(done.out)
+    assert document["schema"] == "thermofast.identify/1"
+    records = document["records"]
+    assert len(records) == 10
+    assert list(records[0]) == list(IdentifyRecord.columns())
+    truth = json.loads((ROOT / "sample_runs" / "spindle.key.json").read_text())["sensors"]
+    inside = sum(
+        r["steady_state_lo_c"] <= s["steady_state_c"] <= r["steady_state_hi_c"] for r, s in zip(records, truth, strict=True)
+    )
+    assert inside >= 8
+    assert "10 sensors" in done.err
+    assert "surroundings: ambient" in done.err
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_has_every_sensor(form, tool):
+    done = tool("identify", SPINDLE, "--format", form, "-q")
+    assert done.code == 0
+    assert done.err == ""
+    for i in range(1, 11):
+        assert f"T{i}" in done.out
+
+
+def test_files_are_written_in_the_format_of_their_suffix(tool, tmp_path):
+    frames = {}
+    for suffix in ("csv", "json", "jsonl", "parquet", "md"):
+        path = tmp_path / f"out.{suffix}"
+        assert tool("identify", SPINDLE, "--until", 100, "-q", "-o", path).code == 0
+        frames[suffix] = path
+    csv, parquet = pd.read_csv(frames["csv"]), pd.read_parquet(frames["parquet"])
+    lines = [json.loads(line) for line in frames["jsonl"].read_text().splitlines()]
+    assert csv["steady_state_c"].tolist() == parquet["steady_state_c"].tolist() == [x["steady_state_c"] for x in lines]
+    assert json.loads(frames["json"].read_text())["records"] == lines
+    assert frames["md"].read_text().startswith("| run | channel |")
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(p.name for p in frames.values())
+
+
+def test_several_runs_standard_input_and_a_bad_one_among_them(tool, tmp_path):
+    bad = tmp_path / "bad.csv"
+    bad.write_text("nothing here\n")
+    done = tool("identify", SPINDLE, ROOT / "sample_runs" / "cool_down.csv", bad, "--format", "jsonl")
+    assert done.code == 1
+    rows = [json.loads(line) for line in done.out.splitlines()]
+    assert len(rows) == 21
+    assert rows[-1]["status"] == "unreadable"
+    assert "bad.csv" in rows[-1]["message"]
+    piped = tool("identify", "-", "--format", "jsonl", "-q", stdin=SPINDLE.read_bytes())
+    named = tool("identify", SPINDLE, "--format", "jsonl", "-q")
+    strip = [{**json.loads(line), "run": ""} for line in piped.out.splitlines()]
+    assert strip == [{**json.loads(line), "run": ""} for line in named.out.splitlines()]
+    assert tool("identify", stdin=SPINDLE.read_bytes()).code == 0
+
+
+def test_one_bad_sensor_is_a_row_and_exit_one(tool):
+    done = tool("identify", ROOT / "sample_runs" / "gaps_and_bad_cells.csv", "--format", "jsonl", "-q")
+    assert done.code == 1
+    rows = {json.loads(line)["channel"]: json.loads(line) for line in done.out.splitlines()}
+    assert rows["T5"]["status"] == "no_data"
+    assert rows["T5"]["steady_state_c"] is None
+    for name, truth in {"T1": 25.4, "T2": 25.9, "T3": 26.3, "T4": 26.1}.items():
+        assert rows[name]["steady_state_c"] == pytest.approx(truth, abs=0.03)
+    assert "stray" in rows["T3"]["message"]
+    assert "overload" in rows["T2"]["message"]
+
+
+@pytest.mark.parametrize("name", ["afukf", "fading_ukf", "ukf", "ekf", "least_squares"])
+def test_every_filter_runs_on_the_sample(name, tool):
+    done = tool("identify", SPINDLE, "--filter", name, "--format", "jsonl", "-q", "--channels", "T5")
+    row = json.loads(done.out)
+    assert row["filter"] == name
+    assert row["steady_state_c"] == pytest.approx(26.7, abs=0.05)
+
+
+def test_the_paper_preset_diverges_and_a_setting_changes_the_result(tool):
+    done = tool("identify", SPINDLE, "--preset", "paper", "--format", "jsonl", "-q")
+    assert done.code == 1
+    assert {json.loads(line)["status"] for line in done.out.splitlines()} == {"diverged"}
+    common = ("identify", SPINDLE, "--channels", "T5", "--until", 200, "--format", "csv", "-q")
+    plain, off = tool(*common).out, tool(*common, "--set", "afukf.closing_step=false").out
+    gated = tool(*common, "--set", "afukf.gate=2").out
+    assert len({plain, off, gated}) == 3
+
+
+def test_sweep_and_its_columns(tool):
+    done = tool("sweep", "--windows", "40,45,50,55", SPINDLE, "--channels", "T5,T8", "--format", "json")
+    assert done.code == 0
+    document = json.loads(done.out)
+    assert document["schema"] == "thermofast.sweep/1"
+    assert [r["window_min"] for r in document["records"]] == [40, 45, 50, 55] * 2
+    assert list(document["records"][0]) == list(SweepRecord.columns())
+    for r in document["records"]:
+        assert 5 <= r["best_time_min"] < r["window_min"]
+        assert isinstance(r["agreed"], bool)
+    loose = tool(
+        "sweep", "--times", "10:200:10", "--windows", "200", "--tolerance", "0.5", SPINDLE, "--channels", "T5", "--format", "json"
+    )
+    record = json.loads(loose.out)["records"][0]
+    assert 20 <= record["tolerance_time_min"] <= 80
+    assert tool("sweep", SPINDLE, "--format", "table", "-q").out.count("T10") >= 4
+
+
+def test_pictures_and_the_trace(tool, tmp_path):
+    picture, swept, trace = tmp_path / "a.png", tmp_path / "b.svg", tmp_path / "t.parquet"
+    runs = [SPINDLE, ROOT / "sample_runs" / "cool_down.csv"]
+    done = tool(
+        "identify", *runs, "--until", 40, "-q", "--channels", "T1,T5", "--save-plot", picture, "--plot-trace", "--trace", trace
+    )
+    assert done.code == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    frame = pd.read_parquet(trace)
+    assert len(frame) == 2 * 2 * 41
+    last = frame[(frame["run"] == str(SPINDLE)) & (frame["channel"] == "T5")].iloc[-1]
+    assert last["steady_state_c"] == pytest.approx(26.7, abs=1.0)
+    assert last["rate_sd_per_min"] > 0
+    assert last["measurement_noise_k2"] == pytest.approx(0.0004, rel=0.8)
+    assert tool("sweep", SPINDLE, "-q", "--channels", "T5", "--save-plot", swept).code == 0
+    assert b"<svg" in swept.read_bytes()[:2000]
+    assert tool("identify", SPINDLE, "-q", "--save-plot", tmp_path / "whole.png").code == 0
+
+
+def test_filters_lists_and_explains(tool):
+    listing = tool("filters")
+    assert [line.split()[0] for line in listing.out.splitlines()] == ["afukf", "fading_ukf", "ukf", "ekf", "least_squares"]
+    one = tool("filters", "afukf").out
+    assert "afukf.forgetting = 0.9" in one
+    assert "closing_step = true" in one
+
+
+def test_simulate_repeats_itself_and_identify_recovers_its_truth(tool, tmp_path):
+    for name in ("a", "b"):
+        done = tool(
+            "simulate", "--seed", 7, "-o", tmp_path / f"{name}.csv", "--key", tmp_path / f"{name}.json", "--sensor", "T2=30:120"
+        )
+        assert done.code == 0
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    truth = {s["channel"]: s for s in json.loads((tmp_path / "a.json").read_text())["sensors"]}
+    assert truth["T2"]["steady_state_c"] == 30.0
+    rows = [json.loads(x) for x in tool("identify", tmp_path / "a.csv", "--format", "jsonl", "-q").out.splitlines()]
+    for row in rows:
+        assert row["steady_state_c"] == pytest.approx(truth[row["channel"]]["steady_state_c"], abs=0.05)
+        assert row["t95_min"] == pytest.approx(truth[row["channel"]]["t95_min"], rel=0.03)
+    fast = tool(
+        "simulate", "-o", tmp_path / "f.parquet", "--interval", 5, "--duration", 30, "--cooling", "--sensors", 2, "--step", 0
+    )
+    assert fast.code == 0
+    assert pd.read_parquet(tmp_path / "f.parquet").shape == (361, 4)
+
+
+def test_the_settings_file_speaks_where_the_command_line_is_silent(tool, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thermofast.toml").write_text(
+        f'runs = ["{SPINDLE}"]\nset = ["afukf.gate=6"]\n[input]\nchannels = ["T5"]\nstart = 0\n[identify]\nuntil = 50\n'
+        '[sweep]\nwindows = [40, 45]\ntimes = "10:40:5"\n'
+    )
+    row = json.loads(tool("identify", "--format", "jsonl", "-q").out)
+    assert (row["channel"], row["until_min"]) == ("T5", 50.0)
+    rows = [json.loads(x) for x in tool("sweep", "--format", "jsonl", "-q").out.splitlines()]
+    assert [r["window_min"] for r in rows] == [40.0, 45.0]
+    other = tool("identify", ROOT / "sample_runs" / "cool_down.csv", "--channels", "T1", "--until", 99, "--format", "jsonl", "-q")
+    assert json.loads(other.out)["until_min"] == 99.0
+    other = tmp_path / "other.toml"
+    other.write_text("[sweep]\ntolerance = 0.2\n")
+    assert tool("--config", other, "sweep", SPINDLE, "-q", "--channels", "T1").code == 0
+
+
+def test_results_do_not_depend_on_jobs(tool):
+    one = tool("identify", SPINDLE, "--jobs", 1, "--format", "csv", "-q").out
+    assert tool("identify", SPINDLE, "--jobs", 2, "--format", "csv", "-q").out == one
+    assert (
+        tool("sweep", SPINDLE, "--jobs", 2, "--format", "csv", "-q").out
+        == tool("sweep", SPINDLE, "--jobs", 1, "--format", "csv", "-q").out
+    )
+
+
+def die_on_three(numbers):
+    if 3 in numbers:
+        os._exit(1)
+    return [n * 10 for n in numbers]
+
+
+def always_die(numbers):
+    os._exit(1)
+
+
+def test_a_dying_worker_costs_one_sensor():
+    tasks = [[1, 2], [3, 4], [5, 6]]
+
+    def split(task):
+        return [[n] for n in task]
+
+    def lost(task):
+        return [-n for n in task]
+
+    results = [r for part in pool.map_tasks(die_on_three, tasks, 2, split, lost) for r in part]
+    assert results == [10, 20, -3, 40, 50, 60]
+
+
+def test_when_every_worker_dies_the_retries_end():
+    tasks = [[n] for n in range(30)]
+    begun = time.monotonic()
+    results = [r for part in pool.map_tasks(always_die, tasks, 2, lambda t: [t], lambda t: [-1]) for r in part]
+    assert results == [-1] * 30
+    assert time.monotonic() - begun < 60
+
+
+def test_any_executor_may_be_passed_in():
+    with ThreadPoolExecutor(2) as threads:
+        results = [r for part in pool.map_tasks(sorted, [[2, 1], [4, 3]], 2, lambda t: [t], list, threads) for r in part]
+    assert results == [1, 2, 3, 4]
+
+
+def test_the_work_decides_on_processes(monkeypatch):
+    monkeypatch.setattr(pool, "cores", lambda: 8)
+    assert pool.worth(10, 401) == 1
+    assert pool.worth(10_000, 401) == 8
+    assert pool.worth(3000, 401) in range(2, 8)
+    assert pool.warm_pool(1, 10**9) is None
+    assert pool.warm_pool(None, 1000) is None
+    assert pool.cores() == 8
+
+
+def test_an_interrupt_keeps_what_is_finished(tmp_path):
+    rng = np.random.default_rng(0)
+    t = np.arange(401.0)
+    frame = pd.DataFrame(
+        {"time_min": t} | {f"T{i}": 20 + 8 * (1 - np.exp(-0.015 * t)) + 0.02 * rng.standard_normal(401) for i in range(12000)}
+    )
+    path = tmp_path / "big.parquet"
+    frame.to_parquet(path)
+    process = subprocess.Popen(
+        [*TOOL, "identify", str(path), "--jobs", "1", "--format", "jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+    )
+    assert process.stderr is not None
+    process.stderr.readline()
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"Traceback" not in err
+    finished = int(re.search(rb"interrupted: (\d+) sensors", err).group(1))
+    assert len(out.splitlines()) == finished < 12000
+    for line in out.splitlines()[:5]:
+        assert json.loads(line)["status"] == "ok"
+
+
+def test_a_reader_that_goes_away_is_no_error():
+    command = f"{sys.executable} -m thermofast_cli identify {SPINDLE} -q --format jsonl | head -1"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, cwd=ROOT, check=False)
+    assert b"Traceback" not in done.stderr
+    assert json.loads(done.stdout)["channel"] == "T1"
+
+
+def test_help_is_quick_to_import_nothing_heavy():
+    code = (
+        "import sys; from thermofast_cli.main import cli; cli.main(['--help'], standalone_mode=False); print(sorted(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    loaded = done.stdout
+    for heavy in ("'numpy'", "'scipy'", "'pandas'", "'pyarrow'", "'rich'", "'matplotlib'"):
+        assert heavy not in loaded
+
+
+def test_the_sample_runs_are_what_their_script_makes(tmp_path):
+    subprocess.run(
+        [sys.executable, ROOT / "sample_runs" / "make.py", tmp_path],
+        check=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    for made in tmp_path.iterdir():
+        kept = ROOT / "sample_runs" / made.name
+        if made.suffix == ".parquet":
+            assert pd.read_parquet(made).equals(pd.read_parquet(kept))
+        else:
+            assert made.read_bytes() == kept.read_bytes(), made.name
+
+
+def test_python_m_is_the_same_tool():
+    done = subprocess.run([*TOOL, "--version"], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.startswith("thermofast, version")
+    assert Path(ROOT / "pyproject.toml").read_text().count(f'version = "{done.stdout.split()[-1]}"') == 1
