@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from . import kernel
@@ -184,7 +185,13 @@ def start_rule(resolution: float, stray: float = STRAY) -> kernel.StartRule:
 
 
 def _likelihood_table(
-    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float, stray: float
+    time: Array,
+    reading: Array,
+    weight: Array,
+    counts: Sequence[int] | NDArray[np.intp],
+    first: int,
+    resolution: float,
+    stray: float,
 ) -> Array:
     number = np.asarray(counts, dtype=np.intp)
     usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
@@ -220,7 +227,13 @@ def likelihood(
 
 
 def likelihood_sweep(
-    time: Array, reading: Array, weight: Array, counts: Sequence[int], first: int, resolution: float = 0.0, stray: float = STRAY
+    time: Array,
+    reading: Array,
+    weight: Array,
+    counts: Sequence[int] | NDArray[np.intp],
+    first: int,
+    resolution: float = 0.0,
+    stray: float = STRAY,
 ) -> tuple[Array, Array]:
     """As :func:`likelihood` for several first stretches of one record, in one call.
 

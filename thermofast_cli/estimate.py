@@ -254,14 +254,14 @@ def estimates_at(
     model: Model, method: Filter, track: Track, time: Array, reading: Array, indices: list[int], resolution: float
 ) -> Progress:
     """As :func:`estimate_at` for several readings of one track, in one call of the likelihood where it closes the estimate."""
-    closes = np.array([_closes(method, track, k) for k in indices])
+    at = np.array(indices)
+    consistent = ~(track.forgotten[at] > -math.log(KEPT_SHARE)) | (at < track.first)
+    closes = consistent if method.closing == "when consistent" else np.full(len(at), method.closing == "always")
     states, width = np.full((len(indices), 3), np.nan), np.full(len(indices), np.nan)
     if closes.any():
-        counts = [k + 1 for k, c in zip(indices, closes, strict=True) if c]
         weights = track.likelihood_weight
-        states[closes], width[closes] = likelihood_sweep(
-            time, reading, weights, counts, _first(method, track), resolution, _stray(method)
-        )
+        first, stray = _first(method, track), _stray(method)
+        states[closes], width[closes] = likelihood_sweep(time, reading, weights, at[closes] + 1, first, resolution, stray)
     faded = np.zeros(len(indices), dtype=bool)
     for i in np.flatnonzero(~closes):
         estimate = filter_estimate(model, track, time, reading, indices[i], resolution)

@@ -1,6 +1,5 @@
 """From one sensor's readings to the records of ``sweep``: the paper's search for the shortest identification time (section 1.5)."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,13 +101,19 @@ def _records(
     tolerance_c: float,
 ) -> tuple[SweepRecord, ...]:
     told = [m for m in (*notes, note) if m]
-    if not np.isfinite(rmse).any(axis=1).all():
-        bad = [f"{w:g}" for w, row in zip(windows, rmse, strict=True) if not np.isfinite(row).any()]
+    counted = np.isfinite(rmse)
+    least = np.where(counted, rmse, np.inf)
+    if not counted.any(axis=1).all():
+        bad = [f"{w:g}" for w, row in zip(windows, counted, strict=True) if not row.any()]
         message = "; ".join([f"no identification time gave a model for the window of {', '.join(bad)} min", *told])
         return tuple(replace(b, status="diverged", message=message) for b in blank)
-    best = [int(np.nanargmin(row)) for row in rmse]
-    earliest = [_settles(row, end) for row, end in zip(rmse, ends, strict=True)]
-    spread = float(times[max(earliest)] - times[min(earliest)])
+    best = least.argmin(axis=1)
+    # From the earliest time on the RMSE stays within (1 + 2 / sqrt(2 N)) of its minimum.
+    limit = least.min(axis=1) * (1.0 + 2.0 / np.sqrt(2.0 * np.array(ends)))
+    outside = counted & (rmse > limit[:, None])
+    after = np.where(outside.any(axis=1), outside.shape[1] - outside[:, ::-1].argmax(axis=1), 0)
+    earliest = np.maximum(after, counted.argmax(axis=1))
+    spread = float(times[earliest.max()] - times[earliest.min()])
     narrow = _from_there_on(width < tolerance_c)
     shown = []
     if narrow is None:
@@ -116,7 +121,7 @@ def _records(
         reached = f" (narrowest {finite.min():.2g} K)" if len(finite) else ""
         shown.append(f"the steady state is not known to {tolerance_c:g} K at any of these times{reached}")
     message = "; ".join([*shown, *told])
-    shortest, agreed = float(times[max(earliest)]), spread <= AGREED_MIN + 1e-9
+    shortest, agreed = float(times[earliest.max()]), spread <= AGREED_MIN + 1e-9
     tolerance_time = None if narrow is None else float(times[narrow])
     first = blank[0]
     return tuple(
@@ -135,15 +140,6 @@ def _records(
         )
         for j, window in enumerate(windows)
     )
-
-
-def _settles(row: Array, readings: int) -> int:
-    """Index of the earliest time from which the RMSE stays within (1 + 2 / sqrt(2 N)) of its minimum."""
-    limit = float(np.nanmin(row)) * (1.0 + 2.0 / math.sqrt(2.0 * readings))
-    counted = np.isfinite(row)
-    within = _from_there_on(~counted | (row <= limit))
-    first = int(np.argmax(counted))
-    return max(within if within is not None else int(np.nanargmin(row)), first)
 
 
 def _from_there_on(good: NDArray[np.bool_]) -> int | None:
