@@ -30,6 +30,10 @@ cdef int cholesky(const double* p, double* l, Py_ssize_t n) noexcept nogil:
         s = p[j * n + j]
         for k in range(j):
             s -= l[j * n + k] * l[j * n + k]
+        if 0.0 <= p[j * n + j] < 1e-200:     # a slope long settled: its variance has run out of digits
+            for i in range(j, n):
+                l[i * n + j] = 0.0
+            continue
         if not s > 1e-14 * p[j * n + j]:
             if not s >= -1e-9 * fabs(p[j * n + j]):
                 return 1
@@ -315,13 +319,7 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                             alpha = 1.0 + settings[5] * (z / wake_threshold) * (z / wake_threshold)
                             if alpha > settings[6]:
                                 alpha = settings[6]
-                    if alpha == 100.0:
-                        added = p[0]
-                        for i in range(n):
-                            for j in range(n):
-                                p[i * n + j] *= alpha
-                        p[0] += e * e / scale
-                    elif alpha > 1.0:
+                    if alpha > 1.0:
                         added = p[0]
                         for i in range(n):
                             root[i] = sqrt(alpha)
@@ -331,7 +329,8 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                         for i in range(n):
                             for j in range(n):
                                 p[i * n + j] *= root[i] * root[j]
-                    if alpha > 1.0:
+                        if alpha == 100.0:
+                            p[0] += e * e / scale    # the reading is anew
                         added = p[0] - added
                         forgotten += log(alpha)
                     s = p[0] + r

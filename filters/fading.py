@@ -174,17 +174,15 @@ class AdaptiveFading(FadingRule):
             if woke:
                 alpha = min(1.0 + self.fading_gain * (z / wake_threshold) ** 2, self.fading_most)
         added, before = 0.0, p[0, 0]
-        if alpha == JUMP:
-            p = alpha * p
-            p[0, 0] += e * e / m.scale
-        elif alpha > 1.0:
+        if alpha > 1.0:
             factor = np.full(len(state), math.sqrt(alpha))
             # Forget no more than brings back what was known at the start.
             for i, (now, start) in enumerate(zip(np.diag(p), np.diag(context.start_covariance), strict=True)):
                 if now * alpha > start:
                     factor[i] = math.sqrt(start / now) if start > now else 1.0
             p = p * np.outer(factor, factor)
-        if alpha > 1.0:
+            if alpha == JUMP:
+                p[0, 0] += e * e / m.scale  # the reading is anew
             added = p[0, 0] - before
             m.forgotten += math.log(alpha)
         s = p[0, 0] + r

@@ -3,7 +3,7 @@
 from .decay import LOG_TWENTY, STRAY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
 from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
-from .spikes import spike_weights
+from .spikes import difference_noise, spike_weights
 from .whiteness import pattern_p_value, variance_inflation
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Likelihood",
     "Lump",
     "PrintedLump",
+    "difference_noise",
     "fit_decay",
     "growth",
     "growth_slope",

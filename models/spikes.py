@@ -1,9 +1,19 @@
-"""Stray readings: those that leave their two neighbours on one side and come straight back."""
+"""Stray readings: those that leave their two neighbours on one side and come straight back; and the noise of a record."""
+
+import math
 
 import numpy as np
 
 from . import kernel
 from .kernel import Array
+
+
+def difference_noise(reading: Array) -> float:
+    """Standard deviation of the noise [K] from the differences of neighbours (n,), whatever the curve does."""
+    if len(reading) < 3:
+        return 0.0
+    step = np.diff(reading)
+    return 1.4826 * float(np.median(np.abs(step - np.median(step)))) / math.sqrt(2.0)
 
 
 def spike_weights(reading: Array, resolution: float = 0.0) -> Array:

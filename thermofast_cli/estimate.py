@@ -11,10 +11,12 @@ from filters import Filter, Track
 from models import (
     LOG_TWENTY,
     STRAY,
+    DecayFit,
     Interval,
     Likelihood,
     Lump,
     PrintedLump,
+    difference_noise,
     growth,
     likelihood,
     likelihood_sweep,
@@ -60,6 +62,7 @@ class Estimate:
     pattern_p: float = math.nan
     misfit: float = math.nan
     faded: bool = False
+    too_large: bool = False
 
     def band(self, times: Array, draws: int = 400) -> tuple[Array, Array]:
         """95 % band (n,), (n,) of the model's temperature at times (n,) [min]: quantiles over draws of the state."""
@@ -103,11 +106,30 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
         p = pattern_p_value(scaled, tangent * root[:, None])
         if p < DOUBT:
             widening = variance_inflation(scaled)
-            steady, rates = widened_intervals(fit, time, reading, weights, widening)
-            found = replace(found, steady_state=steady, rate=rates)
+    widening = max(widening, _rounding(fit, reading[used], resolution))
+    if widening > 1.0 and fit.dof > 0 and fit.rss > 0.0:
+        steady, rates = widened_intervals(fit, time, reading, weights, widening)
+        found = replace(found, steady_state=steady, rate=rates)
     misfit = math.sqrt(float(residual @ residual) / len(residual))
     plain = _from_likelihood(found, time, resolution, widening)
-    return replace(plain, pattern_p=p, misfit=misfit)
+    # Neighbours differ by noise alone: residuals several times larger are something else, even where they show no pattern.
+    too_large = misfit > 3.0 * difference_noise(reading) + resolution and len(reading) >= 12
+    return replace(plain, pattern_p=p, misfit=misfit, too_large=too_large)
+
+
+def _rounding(fit: DecayFit, reading: Array, resolution: float) -> float:
+    """Factor on the noise variance that makes room for rounding.
+
+    Noise of half a step or more spreads the rounding over many steps, and it averages out; with less, a settled record may
+    sit up to half a step beside the truth for ever.
+    """
+    if resolution <= 0.0 or fit.dof < 1:
+        return 1.0
+    bias = 0.5 * resolution * max(0.0, 1.0 - 2.0 * difference_noise(reading) / resolution)
+    spread = fit.steady_state_limit * math.sqrt(fit.noise_variance)
+    if bias <= 0.0 or not 0.0 < spread < math.inf:
+        return 1.0
+    return (1.0 + bias / (float(stdtrit(fit.dof, 0.975)) * spread)) ** 2
 
 
 def _from_likelihood(found: Likelihood, time: Array, resolution: float, widening: float = 1.0) -> Estimate:
@@ -232,8 +254,18 @@ def _first(method: Filter, track: Track) -> int:
 
 
 def estimate_at(model: Model, method: Filter, track: Track, time: Array, reading: Array, k: int, resolution: float) -> Estimate:
-    """The estimate that `method` gives from readings 0..k; the same whether or not the record goes on."""
-    if _closes(method, track, k):
+    """The estimate that `method` gives from readings 0..k; the same whether or not the record goes on.
+
+    Where the filter has forgotten its past, it must be right to have done so: one likelihood over all readings stands all the
+    same if its residuals are noise, because chance alone wakes a filter now and then in a long record.
+    """
+    faded = method.closing == "when consistent" and not _closes(method, track, k)
+    if faded:
+        weights = track.likelihood_weight[: k + 1]
+        whole = likelihood_estimate(time[: k + 1], reading[: k + 1], weights, track.first, resolution, STRAY)
+        if whole.pattern_p >= DOUBT and not whole.too_large:
+            return whole
+    elif _closes(method, track, k):
         weights = track.likelihood_weight[: k + 1]
         return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, _first(method, track), resolution, _stray(method))
     return filter_estimate(model, track, time, reading, k, resolution)
@@ -251,9 +283,19 @@ class Progress:
 
 
 def estimates_at(
-    model: Model, method: Filter, track: Track, time: Array, reading: Array, indices: list[int], resolution: float
+    model: Model,
+    method: Filter,
+    track: Track,
+    time: Array,
+    reading: Array,
+    indices: list[int],
+    resolution: float,
+    narrow: float = math.inf,
 ) -> Progress:
-    """As :func:`estimate_at` for several readings of one track, in one call of the likelihood where it closes the estimate."""
+    """As :func:`estimate_at` for several readings of one track, in one call of the likelihood where it closes the estimate.
+
+    A width below `narrow` [K] is that of :func:`estimate_at`; a larger one has not been widened for dependent residuals.
+    """
     at = np.array(indices)
     consistent = ~(track.forgotten[at] > -math.log(KEPT_SHARE)) | (at < track.first)
     closes = consistent if method.closing == "when consistent" else np.full(len(at), method.closing == "always")
@@ -263,10 +305,10 @@ def estimates_at(
         first, stray = _first(method, track), _stray(method)
         states[closes], width[closes] = likelihood_sweep(time, reading, weights, at[closes] + 1, first, resolution, stray)
     faded = np.zeros(len(indices), dtype=bool)
-    for i in np.flatnonzero(~closes):
-        estimate = filter_estimate(model, track, time, reading, indices[i], resolution)
+    # Intervals that pass for narrow are judged one by one: where residuals are not noise they are wider than they look.
+    for i in np.flatnonzero(~closes | (width < narrow)):
+        estimate = estimate_at(model, method, track, time, reading, indices[i], resolution)
         low, high = estimate.steady_state_interval.low, estimate.steady_state_interval.high
         states[i], faded[i] = estimate.state, estimate.faded
-        if low is not None and high is not None:
-            width[i] = high - low
+        width[i] = high - low if low is not None and high is not None else math.nan
     return Progress(states, width, faded)

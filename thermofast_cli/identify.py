@@ -17,6 +17,9 @@ from .sensor import Sensor, prepare
 
 Array = NDArray[np.float64]
 
+#: An interval of the steady state wider than this many times the rise seen so far determines nothing.
+WIDEST = 5.0
+
 
 @dataclass(frozen=True)
 class Method:
@@ -108,7 +111,7 @@ def _record(
     initial = estimate.initial
     measured = measured_equilibrium(time, reading)
     ahead = None
-    if count < len(time):
+    if count < len(time) and estimate.rate is not None:
         kept = spike_weights(reading, sensor.resolution)[count:] > 0.0
         error = estimate.free_run(time[count:])[kept] - reading[count:][kept]
         ahead = math.sqrt(float(np.mean(error**2))) if len(error) else None
@@ -137,8 +140,9 @@ def _record(
 def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, list[str]]:
     """Status and what to say: how far the numbers can be trusted."""
     messages = []
-    # A misfit smaller than the logger's step is its rounding, however regular it looks.
-    patterned = estimate.pattern_p < DOUBT and estimate.misfit > 0.5 * sensor.resolution
+    # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
+    least = max(0.5 * sensor.resolution, 1e-9 * float(np.abs(sensor.reading).max()))
+    patterned = (estimate.pattern_p < DOUBT or estimate.too_large) and estimate.misfit > least
     if estimate.faded:
         when = sensor.time[int(np.argmax(track.fading > 1.0))]
         messages.append(
@@ -154,6 +158,10 @@ def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, lis
     if out:
         messages.append(f"{out} stray reading{'s' if out > 1 else ''} left out")
     status = "model_doubtful" if patterned or estimate.faded else "ok"
+    unsure = _too_wide(estimate)
+    if unsure and estimate.bounded:
+        status = "not_determined"
+        messages.insert(0, f"the steady state is known only to within {unsure:.3g} K, many times the rise so far; measure longer")
     if not estimate.bounded:
         status = "not_determined"
         sides = estimate.steady_state_interval
@@ -164,6 +172,15 @@ def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, lis
         else:
             messages.insert(0, "these readings do not bound the settling time on one side; measure longer")
     return status, messages
+
+
+def _too_wide(estimate: Estimate) -> float | None:
+    """Width [K] of the steady state's interval where it is no knowledge: several times the rise seen so far."""
+    low, high = estimate.steady_state_interval.low, estimate.steady_state_interval.high
+    if low is None or high is None:
+        return None
+    seen = abs(float(estimate.state[0]) - estimate.initial)
+    return high - low if high - low > WIDEST * max(seen, 4.0 * estimate.noise) else None
 
 
 def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> dict[str, Array]:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models import spike_weights
+from models import difference_noise
 
 Array = NDArray[np.float64]
 
 SATURATED_READINGS = 8
 FLAT_READINGS = 5
+BLOCKS = 120
 
 
 @dataclass(frozen=True)
@@ -65,19 +66,12 @@ def logger_step(reading: Array) -> float:
     return step
 
 
-def noise_of(reading: Array) -> float:
-    """Standard deviation of the noise [K] from the differences of neighbours, whatever the curve does."""
-    if len(reading) < 3:
-        return 0.0
-    step = np.diff(reading)
-    return 1.4826 * float(np.median(np.abs(step - np.median(step)))) / math.sqrt(2.0)
-
-
 def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     """Readings stuck at the end of the instrument's range: shape (n,).
 
-    A run of equal readings at the record's extreme, entered while the curve was plainly moving, in a record whose noise
-    would not leave that many readings alike.
+    A run of equal readings at the record's extreme, entered while the curve was moving without slowing down: over as
+    many readings as the run lasts, the second half of the way to it rose at least half as much as the first. A curve
+    that settles by itself slows down long before it stands still.
     """
     stuck = np.zeros(len(reading), dtype=bool)
     for extreme in (reading.max(), reading.min()) if len(reading) > 3 * SATURATED_READINGS else ():
@@ -85,32 +79,51 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
-            if b - a < SATURATED_READINGS or a < SATURATED_READINGS:
+            length = min(b - a, a)
+            if b - a < SATURATED_READINGS or length < SATURATED_READINGS:
                 continue
-            before = reading[a - SATURATED_READINGS : a]
-            noise = noise_of(reading[:a])
-            moved = abs(float(extreme) - float(before.mean()))
-            if noise > 0.5 * resolution and moved > 4.0 * max(noise, resolution):
+            before = reading[a - length : a]
+            noise = max(difference_noise(before), resolution)
+            ends = max(1, length // 8)
+            first, middle, last = before[:ends].mean(), before[length // 2 - ends // 2 :][:ends].mean(), before[-ends:].mean()
+            way = 1.0 if extreme == reading.max() else -1.0
+            early, late = way * float(middle - first), way * float(last - middle)
+            if late > 0.5 * early and late > 4.0 * noise:
                 stuck[a:b] = True
     return stuck
 
 
-def stray_count(reading: Array, resolution: float) -> int:
-    """How many isolated spikes the record has."""
-    return int((spike_weights(reading, resolution) == 0.0).sum())
+def _blocks(time: Array, reading: Array) -> tuple[Array, Array]:
+    """At most BLOCKS means of neighbours: the noise of a fast logger averaged away."""
+    if len(reading) <= 2 * BLOCKS:
+        return time, reading
+    edges = np.linspace(0, len(reading), BLOCKS + 1).astype(int)
+    size = np.diff(edges)
+    return np.add.reduceat(time, edges[:-1]) / size, np.add.reduceat(reading, edges[:-1]) / size
+
+
+def _slope(time: Array, reading: Array) -> tuple[float, float]:
+    """Slope of a straight line through a stretch and its standard error."""
+    t, y = time - time.mean(), reading - reading.mean()
+    spread = float(t @ t)
+    slope = float(t @ y) / spread
+    rest = max(float(y @ y) - slope**2 * spread, 0.0) / max(len(t) - 2, 1)
+    return slope, math.sqrt(rest / spread)
 
 
 def rise_start(time_min: Array, values: Array) -> float | None:
     """When a sensor that was still at first begins to move [min]; 0 if it moves from the start; None if it never does.
 
     A still stretch ends where three readings in a row leave its mean by four deviations on one side. It counts as
-    still only if it drifts by less than a fifth of the slope that follows: a slow rise under noise is not still.
+    still only if it plainly drifts by less than a fifth of the slope that follows: a slow rise under noise is not still. A
+    start that would leave less than a third of the record is not believed.
     """
     good = np.isfinite(values)
-    time, reading = time_min[good], values[good]
+    step = logger_step(values[good])
+    time, reading = _blocks(time_min[good], values[good])
     if len(reading) < 3 * FLAT_READINGS:
         return None
-    noise = max(noise_of(reading), logger_step(reading) / math.sqrt(12.0), 1e-9)
+    noise = max(difference_noise(reading), step / math.sqrt(12.0), 1e-9)
     count = np.arange(1, len(reading) + 1)
     mean = np.cumsum(reading) / count
     away = (reading[1:] - mean[:-1]) / (noise * np.sqrt(1.0 + 1.0 / count[:-1]))
@@ -118,16 +131,16 @@ def rise_start(time_min: Array, values: Array) -> float | None:
     thrice = np.flatnonzero((side[:-2] != 0) & (side[:-2] == side[1:-1]) & (side[1:-1] == side[2:]))
     if not len(thrice):
         return None
-    alarm = int(thrice[0]) + 1
-    still = alarm
+    still = int(thrice[0]) + 1
     while still > 0 and abs(reading[still - 1] - mean[max(still - 2, 0)]) > 2.0 * noise:
         still -= 1
-    after = slice(still, min(len(reading), still + max(still, FLAT_READINGS)))
-    if still < FLAT_READINGS or len(reading[after]) < FLAT_READINGS:
+    after = slice(still, min(len(reading), still + max(still, 2 * FLAT_READINGS)))
+    if still < FLAT_READINGS or time[still] > time[0] + 0.67 * (time[-1] - time[0]):
         return 0.0
-    drift = abs(np.polyfit(time[:still], reading[:still], 1)[0])
-    rise = abs(np.polyfit(time[after], reading[after], 1)[0])
-    return float(time[still - 1]) if drift < 0.2 * rise else 0.0
+    drift, unsure = _slope(time[:still], reading[:still])
+    rise, rise_unsure = _slope(time[after], reading[after])
+    told = abs(rise) > 4.0 * rise_unsure and abs(drift) + 2.0 * unsure < (0.2 if unsure < 0.05 * abs(rise) else 0.5) * abs(rise)
+    return float(time[still - 1]) if told else 0.0
 
 
 def run_start(time_min: Array, channels: list[Array], most: int = 32) -> float:

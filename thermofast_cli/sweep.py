@@ -64,7 +64,7 @@ def sweep_sensor(
     usable = [i for i, k in enumerate(last) if least <= k < broken]
     indices = [int(last[i]) for i in usable]
     if usable:
-        progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution)
+        progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution, tolerance_c)
         squares = np.cumsum(window_errors(progress, indices, track.state, time, reading) ** 2, axis=1)
         for j, (window, end) in enumerate(zip(windows, ends, strict=True)):
             if end > 1:

@@ -1,0 +1,121 @@
+"""Time of a filter step, of the commands on large files, and of starting up: ``python -m benchmarks.speed``.
+
+Each row is measured in one run beside its peer or its limit; the ratio is what counts, machines differ.
+"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+from filters import Afukf, Ukf
+from models import Lump
+
+TOOL = [sys.executable, "-m", "thermofast_cli"]
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def best_of(repeats: int, work: Callable[[], object]) -> float:
+    """Least wall time [s] of several runs."""
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def command(*arguments: str) -> Callable[[], object]:
+    """A command in a process of its own."""
+    return lambda: subprocess.run(arguments, check=True, capture_output=True, cwd=ROOT)
+
+
+def filter_step() -> list[tuple[str, float, str, float, str]]:
+    """One step of the compiled filters, steady, over long records; filterpy's UKF on the same model and readings."""
+    rng = np.random.default_rng(0)
+    n = 20_000
+    t = np.arange(n) / 60.0
+    y = 26.7 - 8.8 * np.exp(-0.01536 * t) + 0.02 * rng.standard_normal(n)
+    model = Lump()
+    rows = []
+    points = MerweScaledSigmaPoints(3, 0.5, 2.0, 0.0)
+    peer = UnscentedKalmanFilter(3, 1, t[1], lambda x: x[:1], lambda x, dt: model_step(x, dt), points)
+    peer.x, peer.P, peer.R = np.array([17.9, 0.13, 0.015]), np.diag([4e-4, 1e-4, 1e-5]), np.array([[4e-4]])
+    peer.Q = np.zeros((3, 3))
+
+    def run_peer() -> None:
+        for value in y[:300]:
+            peer.predict()
+            peer.update(value)
+
+    peer_step = best_of(3, run_peer) / 300
+    for method in (Afukf(), Ukf()):
+        start = model.start(t, y, 0.0)
+        steps = n - 1 - start.index
+        mine = best_of(5, lambda method=method: method.track(model, t, y, 0.0)) - best_of(5, lambda: model.start(t, y, 0.0))
+        rows.append(
+            (f"{method.name}: one step, us", 1e6 * mine / steps, "filterpy UKF, us", 1e6 * peer_step, "step <= 0.5 us; >= 200 x")
+        )
+    return rows
+
+
+def model_step(x: np.ndarray, dt: float) -> np.ndarray:
+    """The lump's step in plain numpy, as a user of filterpy would write it."""
+    decay = np.exp(-x[2] * dt)
+    return np.array([x[0] + x[1] * (1.0 - decay) / x[2], x[1] * decay, x[2]])
+
+
+def large_file(folder: Path, sensors: int = 10_000, readings: int = 401) -> Path:
+    """A wide CSV of spindle-like sensors."""
+    rng = np.random.default_rng(0)
+    t = np.arange(float(readings))
+    rise, rate = rng.uniform(4, 12, sensors), np.log(20) / rng.uniform(100, 300, sensors)
+    y = 17.9 + rise * (1 - np.exp(-np.outer(t, rate))) + 0.02 * rng.standard_normal((readings, sensors))
+    path = folder / "large.csv"
+    with path.open("w") as out:
+        out.write("time_min," + ",".join(f"T{i}" for i in range(sensors)) + "\n")
+        for k in range(readings):
+            out.write(f"{t[k]:g}," + ",".join([f"{v:.2f}" for v in y[k]]) + "\n")
+    return path
+
+
+def whole_commands() -> list[tuple[str, float, str, float, str]]:
+    """Wall time of commands, each in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        large = str(large_file(Path(folder)))
+        out = str(Path(folder) / "out.csv")
+        pandas = best_of(3, command(sys.executable, "-c", f"import pandas; pandas.read_csv({large!r})"))
+        identify = best_of(3, command(*TOOL, "identify", large, "-q", "-o", out))
+        times = ("--windows", "40,45,50,55", "--times", "5:55:1")
+        sweep = best_of(3, command(*TOOL, "sweep", large, "-q", "-o", out, *times))
+        spindle = "sample_runs/spindle.csv"
+        ten = best_of(5, command(*TOOL, "identify", spindle, "-q", "-o", out))
+        ten_sweep = best_of(5, command(*TOOL, "sweep", spindle, "-q", "-o", out, *times))
+        bare = best_of(9, command(sys.executable, "-c", "pass"))
+        shown = best_of(9, command(*TOOL, "--help"))
+    return [
+        ("identify, 10,000 sensors x 401, s", identify, "pandas.read_csv, bare Python, s", pandas, "ratio <= 4"),
+        ("sweep 4 windows x 51 times, 10,000 sensors, s", sweep, "identify, same file, s", identify, "ratio <= 1.5"),
+        ("sweep 4 windows x 51 times, 10 sensors, s", ten_sweep, "identify, same file, s", ten, "ratio <= 1.5"),
+        ("identify, 10 sensors, s", ten, "limit, s", 1.0, "ratio <= 1"),
+        ("--help, s", shown, "python -c pass, s", bare, "difference <= 0.15 s"),
+    ]
+
+
+def main() -> None:
+    print("| what | time | beside | time | ratio | to reach |")
+    print("| --- | ---: | --- | ---: | ---: | --- |")
+    for what, mine, beside, other, goal in filter_step() + whole_commands():
+        ratio = f"{other / mine:.0f} x faster" if "x" in goal.split() else f"{mine / other:.2f}"
+        if "difference" in goal:
+            ratio = f"+{mine - other:.3f} s"
+        print(f"| {what} | {mine:.3g} | {beside} | {other:.3g} | {ratio} | {goal} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
