@@ -30,7 +30,7 @@ cdef int cholesky(const double* p, double* l, Py_ssize_t n) noexcept nogil:
         s = p[j * n + j]
         for k in range(j):
             s -= l[j * n + k] * l[j * n + k]
-        if 0.0 <= p[j * n + j] < 1e-200:     # a slope long settled: its variance has run out of digits
+        if fabs(p[j * n + j]) < 1e-200:     # a slope long settled: its variance has run out of digits
             for i in range(j, n):
                 l[i * n + j] = 0.0
             continue

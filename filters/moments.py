@@ -19,7 +19,7 @@ def semidefinite_root(matrix: Array) -> Array:
     n = len(matrix)
     root = np.zeros((n, n))
     for j in range(n):
-        if matrix[j, j] < 1e-200 and matrix[j, j] >= 0.0:  # a slope long settled: its variance has run out of digits
+        if abs(matrix[j, j]) < 1e-200:  # a slope long settled: its variance has run out of digits
             continue
         pivot = matrix[j, j] - root[j, :j] @ root[j, :j]
         if not pivot > 1e-14 * matrix[j, j]:

@@ -106,7 +106,7 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
         p = pattern_p_value(scaled, tangent * root[:, None])
         if p < DOUBT:
             widening = variance_inflation(scaled)
-    widening = max(widening, _rounding(fit, reading[used], resolution))
+    widening = max(widening, _rounding(fit, resolution))
     if widening > 1.0 and fit.dof > 0 and fit.rss > 0.0:
         steady, rates = widened_intervals(fit, time, reading, weights, widening)
         found = replace(found, steady_state=steady, rate=rates)
@@ -117,7 +117,7 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
     return replace(plain, pattern_p=p, misfit=misfit, too_large=too_large)
 
 
-def _rounding(fit: DecayFit, reading: Array, resolution: float) -> float:
+def _rounding(fit: DecayFit, resolution: float) -> float:
     """Factor on the noise variance that makes room for rounding.
 
     Noise of half a step or more spreads the rounding over many steps, and it averages out; with less, a settled record may
@@ -125,7 +125,9 @@ def _rounding(fit: DecayFit, reading: Array, resolution: float) -> float:
     """
     if resolution <= 0.0 or fit.dof < 1:
         return 1.0
-    bias = 0.5 * resolution * max(0.0, 1.0 - 2.0 * difference_noise(reading) / resolution)
+    # Rounding alone leaves residuals of a step over sqrt(12): what is beyond that is the probe's.
+    noise = math.sqrt(max(fit.noise_variance - resolution**2 / 12.0, 0.0))
+    bias = 0.5 * resolution * max(0.0, 1.0 - 2.0 * noise / resolution)
     spread = fit.steady_state_limit * math.sqrt(fit.noise_variance)
     if bias <= 0.0 or not 0.0 < spread < math.inf:
         return 1.0

@@ -139,25 +139,11 @@ def _record(
 
 def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, list[str]]:
     """Status and what to say: how far the numbers can be trusted."""
-    messages = []
-    # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
-    least = max(0.5 * sensor.resolution, 1e-9 * float(np.abs(sensor.reading).max()))
-    patterned = (estimate.pattern_p < DOUBT or estimate.too_large) and estimate.misfit > least
-    if estimate.faded:
-        when = sensor.time[int(np.argmax(track.fading > 1.0))]
-        messages.append(
-            f"the base model fails from about {when:.4g} min on and the filter forgets what was before; "
-            "the interval holds only if nothing else changes"
-        )
-    elif patterned:
-        messages.append(
-            f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
-            "the interval does not cover what the model lacks"
-        )
+    messages = doubts(estimate, track, sensor)
+    status = "model_doubtful" if messages else "ok"
     out = int((estimate.weights == 0.0).sum())
     if out:
         messages.append(f"{out} stray reading{'s' if out > 1 else ''} left out")
-    status = "model_doubtful" if patterned or estimate.faded else "ok"
     unsure = _too_wide(estimate)
     if unsure and estimate.bounded:
         status = "not_determined"
@@ -172,6 +158,24 @@ def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, lis
         else:
             messages.insert(0, "these readings do not bound the settling time on one side; measure longer")
     return status, messages
+
+
+def doubts(estimate: Estimate, track: Track, sensor: Sensor) -> list[str]:
+    """Why the base model does not fit, in words; empty where nothing speaks against it."""
+    # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
+    least = max(0.5 * sensor.resolution, 1e-9 * float(np.abs(sensor.reading).max()))
+    if estimate.faded:
+        when = sensor.time[int(np.argmax(track.fading > 1.0))]
+        return [
+            f"the base model fails from about {when:.4g} min on and the filter forgets what was before; "
+            "the interval holds only if nothing else changes"
+        ]
+    if (estimate.pattern_p < DOUBT or estimate.too_large) and estimate.misfit > least:
+        return [
+            f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
+            "the interval does not cover what the model lacks"
+        ]
+    return []
 
 
 def _too_wide(estimate: Estimate) -> float | None:

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from models import growth
 
-from .estimate import FEWEST_READINGS, Progress, estimates_at
-from .identify import Method, refusal
+from .estimate import FEWEST_READINGS, Progress, estimate_at, estimates_at
+from .identify import Method, doubts, refusal
 from .records import SweepRecord
 from .sensor import prepare
 
@@ -63,6 +63,7 @@ def sweep_sensor(
     least = max(FEWEST_READINGS - 1, int(moved[0]) if len(moved) else count)
     usable = [i for i, k in enumerate(last) if least <= k < broken]
     indices = [int(last[i]) for i in usable]
+    doubted: list[str] = []
     if usable:
         progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution, tolerance_c)
         squares = np.cumsum(window_errors(progress, indices, track.state, time, reading) ** 2, axis=1)
@@ -71,7 +72,9 @@ def sweep_sensor(
                 rmse[j, usable] = np.sqrt(squares[:, end - 1] / (end - 1))
             rmse[j, grid >= window - 1e-9] = np.nan
         width[usable] = progress.width
-    return Swept(_records(blank, sensor.notes, note, windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width)
+        last_one = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
+        doubted = doubts(last_one, track, sensor)
+    return Swept(_records(blank, doubted, [*sensor.notes, note], windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width)
 
 
 def window_errors(progress: Progress, indices: list[int], states: Array, time: Array, reading: Array) -> Array:
@@ -91,8 +94,8 @@ def window_errors(progress: Progress, indices: list[int], states: Array, time: A
 
 def _records(
     blank: tuple[SweepRecord, ...],
-    notes: tuple[str, ...],
-    note: str,
+    doubted: list[str],
+    notes: list[str],
     windows: tuple[float, ...],
     times: Array,
     rmse: Array,
@@ -100,7 +103,7 @@ def _records(
     ends: list[int],
     tolerance_c: float,
 ) -> tuple[SweepRecord, ...]:
-    told = [m for m in (*notes, note) if m]
+    told = [m for m in (*doubted, *notes) if m]
     counted = np.isfinite(rmse)
     least = np.where(counted, rmse, np.inf)
     if not counted.any(axis=1).all():
@@ -136,6 +139,7 @@ def _records(
             shortest_time_min=shortest,
             tolerance_time_min=tolerance_time,
             agreed=agreed,
+            status="model_doubtful" if doubted else "ok",
             message=message,
         )
         for j, window in enumerate(windows)
