@@ -455,8 +455,8 @@ cdef void rate_covariance(Sums* s, double* out) noexcept nogil:
         out[2] = INFINITY
 
 
-cdef void profile(Problem* p, Sums* s, double limit, double noise, double* out) noexcept nogil:
-    """Rate low, rate high, steady state low, high at which RSS reaches `limit`; noise is the variance that sets the stride."""
+cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil:
+    """Rate low, rate high, steady state low, high at which RSS reaches `limit`."""
     cdef double v[3]
     cdef double by_slope, by_rate, variance, correlation = 0.0, stride, a, b, theta
     rate_covariance(s, v)
@@ -465,7 +465,7 @@ cdef void profile(Problem* p, Sums* s, double limit, double noise, double* out) 
     variance = 1.0 / s.weight + by_slope * by_slope * v[0] + 2.0 * by_slope * by_rate * v[1] + by_rate * by_rate * v[2]
     if v[2] < INFINITY and variance > 0.0:
         correlation = (by_slope * v[1] + by_rate * v[2]) / sqrt(variance * v[2])
-    stride = 2.0 * sqrt(v[2] * noise)
+    stride = 1.1 * sqrt(v[2] * (limit - s.rss))     # just outside, if the likelihood were Gaussian
     if not stride < p.high:
         stride = p.high
     if stride < 0.01 * s.rate:
@@ -479,7 +479,7 @@ cdef void profile(Problem* p, Sums* s, double limit, double noise, double* out) 
     out[2] = extreme(p, -theta, s.rate, a, b, limit, -1)
 
 
-def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit, double noise):
+def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit):
     """See :func:`models._lump_numpy.profile_decay`."""
     cdef Problem p = allocate(t.shape[0])
     cdef Sums s
@@ -487,7 +487,7 @@ def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w,
     try:
         fill(&p, &t[0], &y[0], &w[0], t.shape[0], False)
         evaluate(&p, rate, True, &s)
-        profile(&p, &s, limit, noise, out)
+        profile(&p, &s, limit, out)
         return out[0], out[1], out[2], out[3]
     finally:
         free(p.t)
@@ -746,7 +746,7 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
                 noise = s.rss / (p.n - 3)
                 limit = s.rss + noise * quantiles[i] * quantiles[i]
                 if limit > s.rss:
-                    profile(&p, &s, limit, noise, bounds)
+                    profile(&p, &s, limit, bounds)
                     for j in range(4):
                         out[i, 14 + j] = bounds[j]
         if counts.shape[0] == 1:  # the caller of one wants to know which readings were left out

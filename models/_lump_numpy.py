@@ -254,7 +254,7 @@ def _extreme(edge: Callable[[float], float], theta: float) -> float:
     return mid
 
 
-def _profile(p: _Problem, s: _Sums, limit: float, noise: float) -> tuple[float, float, float, float]:
+def _profile(p: _Problem, s: _Sums, limit: float) -> tuple[float, float, float, float]:
     ss, sr, rr = s.rate_covariance()
     by_slope, by_rate = 1.0 / s.rate - s.phi_mean, s.slope * (-1.0 / s.rate**2 - s.psi_mean)
     correlation = 0.0
@@ -262,7 +262,8 @@ def _profile(p: _Problem, s: _Sums, limit: float, noise: float) -> tuple[float, 
         variance = 1.0 / s.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
         if variance > 0.0:
             correlation = (by_slope * sr + by_rate * rr) / math.sqrt(variance * rr)
-    stride = max(min(2.0 * math.sqrt(rr * noise), p.high), 0.01 * s.rate)
+    # Just outside, if the likelihood were Gaussian.
+    stride = max(min(1.1 * math.sqrt(rr * (limit - s.rss)), p.high), 0.01 * s.rate)
     rate_low = _contour(p, s.rate, p.low, s.rss, limit, stride)
     rate_high = _contour(p, s.rate, p.high, s.rss, limit, stride)
     a = p.low if math.isnan(rate_low) else rate_low
@@ -281,14 +282,14 @@ def _profile(p: _Problem, s: _Sums, limit: float, noise: float) -> tuple[float, 
     return rate_low, rate_high, lower, upper
 
 
-def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float, noise: float) -> tuple[float, float, float, float]:
+def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float) -> tuple[float, float, float, float]:
     """Likelihood interval of the rate and of the steady state: where the residual sum of squares reaches `limit`.
 
-    `rate` is the estimate, `noise` the variance of a reading of weight 1, which says how far out to look first. Returns (rate
-    low, rate high, steady state low, steady state high); a rate is nan where the contour does not close.
+    `rate` is the estimate. Returns (rate low, rate high, steady state low, steady state high); a rate is nan where the contour
+    does not close.
     """
     p = _Problem(t, y, w, False)
-    return _profile(p, p.evaluate(rate), limit, noise)
+    return _profile(p, p.evaluate(rate), limit)
 
 
 def _drop_strays(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, stray: float, resolution: float) -> bool:
@@ -407,6 +408,6 @@ def likelihoods(
             noise = s.rss / (p.n - 3)
             limit = s.rss + noise * quantiles[i] ** 2
             if limit > s.rss:
-                out[i, 14:] = _profile(p, s, limit, noise)
+                out[i, 14:] = _profile(p, s, limit)
         if len(counts) == 1:
             w[:n] = weights

@@ -254,5 +254,5 @@ def widened_intervals(fit: DecayFit, time: Array, reading: Array, weight: Array,
     """Intervals of steady state [degC] and rate [1/min] with the noise variance times `widening`: for dependent residuals."""
     noise = fit.noise_variance * widening
     limit = fit.rss + noise * float(stdtrit(fit.dof, 0.975)) ** 2
-    bounds = kernel.profile_decay(np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit, noise)
+    bounds = kernel.profile_decay(np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit)
     return _intervals(fit, *bounds)

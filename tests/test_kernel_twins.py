@@ -83,8 +83,8 @@ def test_profiles_agree_where_the_contour_is_open():
     w = np.ones(12)
     fit = _lump_numpy.fit_decay(t, y, w, False)
     limit = fit[9] * 1.6
-    fast = _lump.profile_decay(t, y, w, fit[0], limit, fit[9] / 9)
-    plain = _lump_numpy.profile_decay(t, y, w, fit[0], limit, fit[9] / 9)
+    fast = _lump.profile_decay(t, y, w, fit[0], limit)
+    plain = _lump_numpy.profile_decay(t, y, w, fit[0], limit)
     assert math.isnan(fast[0])
     assert math.isnan(plain[0])
     assert fast[1:3] == pytest.approx(plain[1:3], rel=1e-3)

@@ -100,12 +100,9 @@ def map_tasks(
                     deaths = 0 if again else deaths + 1
                     results += again or lost(single)
                 yield results
-    except (KeyboardInterrupt, GeneratorExit):
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
     finally:
         if executor is None:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
 
 def _submit(pool: Executor, work: Callable[[Task], list[Result]], task: Task) -> Future[list[Result]]:

@@ -92,7 +92,7 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
         runs.append((run, begins))
     if not runs and last is not None:
         if warm is not None:
-            warm.shutdown(wait=False, cancel_futures=True)
+            warm.shutdown(cancel_futures=True)
         if len(unreadable) == 1:
             raise last
         raise InputError("none of the runs could be read", found="\n  ".join(why for _, why in unreadable))
@@ -148,6 +148,9 @@ def collect(
         except KeyboardInterrupt:
             say(f"interrupted: {len(found)} sensors were finished")
             return found, True
+        finally:
+            if warm is not None:
+                warm.shutdown(cancel_futures=True)
     return found, False
 
 
