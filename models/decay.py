@@ -35,6 +35,12 @@ class Interval:
     low: float | None
     high: float | None
 
+    def around(self, estimate: float) -> "Interval":
+        """The interval, stretched where it must be to hold the estimate."""
+        return Interval(
+            None if self.low is None else min(self.low, estimate), None if self.high is None else max(self.high, estimate)
+        )
+
 
 @dataclass(frozen=True)
 class DecayFit:

@@ -47,6 +47,13 @@ def test_each_record_is_read_as_it_is(name, shared, tool):
                 assert 0 < r["t95_lo_min"] <= r["t95_hi_min"]
             else:
                 assert r["message"]
+            for value in ("steady_state_c", "t95_min"):
+                stem, unit = value.rsplit("_", 1)
+                low, high = r[f"{stem}_lo_{unit}"], r[f"{stem}_hi_{unit}"]
+                if r[value] is not None:
+                    assert low is None or low <= r[value]
+                    assert high is None or r[value] <= high
+            assert r["initial_c"] is None or -30 < r["initial_c"] < 130
             for side in ("lo", "hi"):
                 if r[f"steady_state_{side}_c"] is None or r[f"t95_{side}_min"] is None:
                     assert r["status"] == "not_determined"

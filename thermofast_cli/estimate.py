@@ -194,6 +194,9 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
     misfit = math.sqrt(float(remembered @ residual**2) / max(float(remembered.sum()), 1e-9))
     elapsed = float(time[k] - time[0])
     t95, t95_interval = settling(curve, spread, elapsed, initial, quantile)
+    if settles:
+        steady = steady.around(temperature + slope / rate)
+        rates = rates.around(rate)
     return Estimate(
         time=float(time[k]),
         state=curve,
@@ -234,6 +237,7 @@ def settling(curve: Array, covariance: Array, elapsed: float, initial: float, qu
     weight = np.cumsum(np.exp(-0.5 * nodes[order] ** 2))
     low, high = times[order][np.searchsorted(weight / weight[-1], [0.025, 0.975])]
     centre = float(times[90])
+    low, high = min(low, centre), max(high, centre)  # log(share) bends: near zero the middle of the draws is not the estimate
     return (
         centre if math.isfinite(centre) and centre > 0.0 else None,
         Interval(float(low) if math.isfinite(low) and low > 0.0 else None, float(high) if math.isfinite(high) else None),

@@ -219,7 +219,7 @@ def _curves(run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: d
         end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
     grid = np.linspace(float(sensor.time[0]), end, 300)
     low, high = estimate.band(grid)
-    note = f"settles at {estimate.steady_state:.2f} degC" if estimate.steady_state is not None else "not determined"
+    note = f"settles at {estimate.steady_state:.2f} °C" if estimate.steady_state is not None else "not determined"
     return Curves(
         run,
         channel,

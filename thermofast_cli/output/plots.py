@@ -1,6 +1,7 @@
 """Pictures, with matplotlib loaded only here and only when one is asked for."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = Fals
     several = len({c.run for c in shown}) > 1
     for i, c in enumerate(shown):
         row = flat[3 * i : 3 * i + 3] if with_trace else [flat[i]]
-        _prediction(row[0], c, f"{c.run}: {c.channel}" if several else c.channel)
+        _prediction(row[0], c, f"{Path(c.run).name}: {c.channel}" if several else c.channel)
         if with_trace:
             _converging(row[1], c, "rate_per_min", "rate_sd_per_min", "rate b, 1/min")
             _converging(row[2], c, "steady_state_c", "steady_state_sd_c", "steady state, °C")
@@ -63,7 +64,7 @@ def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = Fals
     flat[0].legend(fontsize=8, frameon=False, loc="best")
     left_out = len(curves) - len(shown)
     more = f"  (first {len(shown)} of {len(curves)} sensors)" if left_out else ""
-    figure.suptitle(f"{shown[0].run if not several else 'thermofast identify'}{more}", fontsize=11)
+    figure.suptitle(f"{Path(shown[0].run).name if not several else 'thermofast identify'}{more}", fontsize=11)
     _save(path, figure)
 
 
@@ -116,12 +117,12 @@ def plot_sweep(path: str, results: Sequence[Swept]) -> None:
         first = result.records[0]
         if first.shortest_time_min is not None:
             axis.axvline(first.shortest_time_min, color=MARK, lw=1, ls="--", label="shortest time")
-        axis.set_title(f"{first.run}: {first.channel}" if several else first.channel, fontsize=9)
+        axis.set_title(f"{Path(first.run).name}: {first.channel}" if several else first.channel, fontsize=9)
         axis.set_xlabel("identification time, min", fontsize=8)
         axis.set_ylabel("RMSE over the window, K", fontsize=8)
         axis.tick_params(labelsize=8, which="both")
     for axis in flat[len(shown) :]:
         axis.set_visible(False)
     flat[0].legend(fontsize=8, frameon=False, title="window", title_fontsize=8)
-    figure.suptitle("thermofast sweep" if several else shown[0].records[0].run, fontsize=11)
+    figure.suptitle("thermofast sweep" if several else Path(shown[0].records[0].run).name, fontsize=11)
     _save(path, figure)
