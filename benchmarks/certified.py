@@ -1,4 +1,7 @@
-"""Agreeing digits with NIST certified values, from both starts: ``python -m benchmarks.certified``. Needs the NIST files in ../shared/data."""
+"""Agreeing digits with NIST certified values, from both starts: ``python -m benchmarks.certified``.
+
+Needs the NIST files in ../shared/data.
+"""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""What identify says of the measured records in ../shared/data: ``python -m benchmarks.real_records``; the table of docs/real-records.md."""
+"""What identify says of the measured records in ../shared/data: ``python -m benchmarks.real_records``.
+
+It prints the table of docs/real-records.md.
+"""
 
 from collections import Counter
 from pathlib import Path

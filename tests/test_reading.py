@@ -180,3 +180,54 @@ def test_any_bytes_give_a_record_or_an_input_error(data):
         assert str(error).startswith("x")
     else:
         assert len(table.names) > 1
+
+
+STAMPS = [f"2026-05-03 20:{38 + i}:00" for i in range(4)]
+#: Records that were once read wrong without a word.
+MISREAD = {
+    "an unnamed column of stamps beside T1": ",T1,room\n" + "".join(f"{s},{v},17.9\n" for s, v in zip(STAMPS, T1, strict=True)),
+    "an unknown name over stamps": "Zeitpunkt,T1,room\n" + "".join(f"{s},{v},17.9\n" for s, v in zip(STAMPS, T1, strict=True)),
+    "time in the last column": "T1,room,time_min\n" + "".join(f"{v},17.9,{i}\n" for i, v in enumerate(T1)),
+    "newest first": "time_min,T1,room\n" + "".join(f"{3 - i},{v},17.9\n" for i, v in enumerate(T1[::-1])),
+    "kelvin by suffix": "time_min,T_K,room\n" + "".join(f"{i},{v + 273.15:.2f},17.9\n" for i, v in enumerate(T1)),
+    "a thermocouple of type K": "time_min,T (K),room\n" + "".join(f"{i},{v},17.9\n" for i, v in enumerate(T1)),
+    "fahrenheit": "time_min,T [°F],room\n" + "".join(f"{i},{v * 1.8 + 32:.2f},17.9\n" for i, v in enumerate(T1)),
+    "an unknown unit in the unit row": "time;T1;room;force\nmin;°C;°C;kN\n" + "".join(f"{i};{v};17.9;3\n" for i, v in enumerate(T1)),
+    "a header behind a hash": "#time_min,T1,room\n" + "".join(f"{i},{v},17.9\n" for i, v in enumerate(T1)),
+    "an unnamed row counter": ",time_min,T1,room\n" + "".join(f"{i + 1},{i},{v},17.9\n" for i, v in enumerate(T1)),
+    "epoch in ms": "timestamp,T1,room\n" + "".join(f"{1777000000000 + 60000 * i},{v},17.9\n" for i, v in enumerate(T1)),
+    "a form feed in the preamble": "Logger\x0cpage 1\ntime_min,T1,room\n" + "".join(f"{i},{v},17.9\n" for i, v in enumerate(T1)),
+    "whole numbers among decimal commas": "time_min;T1;room\n0;18,25;17,9\n1;18,5;17,9\n2;18,75;17,9\n3;19;18\n".replace(";18\n", ";17,9\n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISREAD)
+def test_what_was_once_misread(name, tmp_path):
+    run = read_run(written(tmp_path, MISREAD[name]), Options(exclude=("force",) if "force" in MISREAD[name] else ()))
+    assert run.time_s / 60 == pytest.approx(TIMES, abs=1e-9)
+    assert len(run.channels) == 1, list(run.channels)
+    assert next(iter(run.channels.values())) == pytest.approx(T1, abs=0.01)
+
+
+def test_dropout_rows_do_not_decide_the_decimal_sign(tmp_path):
+    rows = "".join(f"{i};{18 + i / 8:.3f};17,9\n".replace(".", ",") for i in range(40)) + "40;;\n41;29;35\n42;OL;OL\n"
+    run = read_run(written(tmp_path, "time_min;T1;T2\n" + rows))
+    assert run.channels["T1"][8] == 19.0
+    assert run.channels["T1"][41] == 29.0
+
+
+def test_numbers_that_mean_no_reading_and_interval_beside_a_time_column(tmp_path):
+    path = written(tmp_path, "time_min,T1\n0,20\n1,85\n2,21\n3,22\n")
+    assert np.isnan(read_run(path, Options(missing=("85",))).channels["T1"]).tolist() == [False, True, False, False]
+    assert list(read_run(path, Options(interval_s=60.0)).channels) == ["T1"]
+    busy = written(tmp_path, "time_min,T1,event\n0,20,\n1,21,\n2,22,door\n" + "3,23,\n" * 300, name="b.csv")
+    assert list(read_run(busy, Options(exclude=("event",))).channels) == ["T1"]
+
+
+def test_a_very_wide_record(tmp_path):
+    columns = 30_000
+    text = "time_s," + ",".join(f"c{i}" for i in range(columns)) + "\n"
+    text += "".join(f"{k}," + ",".join([f"{20 + k}.25"] * columns) + "\n" for k in range(3))
+    run = read_run(written(tmp_path, text))
+    assert len(run.channels) == columns
+    assert run.channels["c29999"].tolist() == [20.25, 21.25, 22.25]

@@ -307,3 +307,55 @@ def test_python_m_is_the_same_tool():
     done = subprocess.run([*TOOL, "--version"], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.startswith("thermofast, version")
     assert Path(ROOT / "pyproject.toml").read_text().count(f'version = "{done.stdout.split()[-1]}"') == 1
+
+
+def test_one_stray_reading_does_not_move_the_sweep(tool, tmp_path):
+    frame = pd.read_csv(SPINDLE)[["time_min", "T5"]]
+    frame.to_csv(tmp_path / "clean.csv", index=False)
+    frame.loc[[10, 48], "T5"] += 15.0
+    frame.to_csv(tmp_path / "stray.csv", index=False)
+    clean, stray = (
+        [json.loads(x) for x in tool("sweep", tmp_path / f"{name}.csv", "--format", "jsonl", "-q").out.splitlines()]
+        for name in ("clean", "stray")
+    )
+    for a, b in zip(clean, stray, strict=True):
+        assert b["rmse_c"] == pytest.approx(a["rmse_c"], rel=0.15)
+        assert abs(b["shortest_time_min"] - a["shortest_time_min"]) <= 12
+
+
+def test_every_filter_doubts_a_record_that_falls_again(tool, tmp_path):
+    t = np.arange(120.0)
+    y = np.where(t < 60, 30 - 12 * np.exp(-t / 25), 21.0) + 0.02 * np.random.default_rng(0).standard_normal(120)
+    pd.DataFrame({"time_min": t, "T": y}).to_csv(tmp_path / "fall.csv", index=False)
+    for name in ("afukf", "ukf", "ekf", "fading_ukf", "least_squares"):
+        done = tool("identify", tmp_path / "fall.csv", "--filter", name, "--format", "jsonl", "-q")
+        assert json.loads(done.out)["status"] in {"model_doubtful", "not_determined"}, name
+
+
+def test_odd_names_and_places_give_no_traceback(tool, tmp_path, monkeypatch):
+    folder = tmp_path / "[red]"
+    folder.mkdir()
+    odd = folder / "[bold].csv"
+    odd.write_bytes(SPINDLE.read_bytes())
+    assert tool("identify", odd, "--format", "table", "-q").code == 0
+    assert tool("identify", SPINDLE, "-q", "-o", tmp_path / ("n" * 300 + ".csv")).code == 2
+    for arguments in (
+        ["identify", SPINDLE, "--until", "nan"],
+        ["sweep", SPINDLE, "--tolerance", "inf"],
+        ["simulate", "-o", tmp_path / "x.csv", "--rise", "nan"],
+        ["simulate", "-o", tmp_path / "x.csv", "--sensor", "a,b=30:60"],
+        ["simulate", "-o", tmp_path / "x.csv", "--sensor", "ambient=30:60"],
+        ["identify", SPINDLE, "--start", 900],
+    ):
+        assert tool(*arguments).code == 2
+    copy = tmp_path / "run.csv"
+    copy.write_bytes(SPINDLE.read_bytes())
+    done = tool("identify", copy, "-o", copy)
+    assert done.code == 2
+    assert "would overwrite the record" in done.err
+    assert tool("identify", copy, "-o", tmp_path / "x.csv", "--trace", tmp_path / "x.csv").code == 2
+    assert copy.read_bytes() == SPINDLE.read_bytes()
+    with open("/dev/full", "w") as full:
+        command = [*TOOL, "identify", str(SPINDLE), "-q"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, cwd=ROOT, check=False)
+    assert b"Traceback" not in done.stderr

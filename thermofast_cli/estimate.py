@@ -214,6 +214,7 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
         covariance=spread,
         misfit=misfit,
         faded=faded,
+        too_large=len(reading) >= 12 and misfit > 3.0 * difference_noise(reading[: k + 1]) + resolution,
     )
 
 

@@ -53,6 +53,8 @@ def cli(ctx: click.Context, config: str | None) -> None:
 def run(arguments: list[str] | None = None) -> None:
     """Entry point of the script. Exit code 0 done; 1 some sensor failed; 2 bad usage or input; 130 interrupted."""
     code: Any = 0
+    if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a degree sign must not end the work on a plain terminal
     try:
         code = cli.main(args=arguments, prog_name="thermofast", standalone_mode=False)
     except ThermofastError as error:
@@ -67,7 +69,13 @@ def run(arguments: list[str] | None = None) -> None:
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted", err=True)
         code = 130
+    except UnicodeError as error:
+        click.echo(f"Error: a name cannot be written here: {error}", err=True)
+        code = 2
     except BrokenPipeError:  # the reader of our output has gone: nothing more to say to it
         sys.stderr.close()
         code = 0
+    except OSError as error:
+        click.echo(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else ""), err=True)
+        code = 2
     sys.exit(code if isinstance(code, int) else 0)

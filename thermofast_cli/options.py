@@ -1,5 +1,6 @@
 """Options that commands share, each said once. Imports Click only: ``--help`` must not wait for numpy."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,16 @@ def _together(*options: Decorator) -> Decorator:
         return function
 
     return wrap
+
+
+class Finite(click.FloatRange):
+    """A number in a range; unlike Click's own it refuses nan and infinity."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
 
 
 runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())
@@ -48,7 +59,7 @@ reading_options = _together(
     click.option("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
     click.option(
         "--interval",
-        type=click.FloatRange(0, min_open=True),
+        type=Finite(0, min_open=True),
         metavar="SECONDS",
         help="Rows are this far apart: there is no time column.",
     ),

@@ -38,7 +38,7 @@ class Readings:
 def read_options(given: dict[str, Any]) -> Options:
     """The user's word on reading, from the command's options."""
     delimiter = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}.get(given["delimiter"] or "", given["delimiter"])
-    if delimiter is not None and len(delimiter) != 1:
+    if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
         raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
     return Options(
         time=given["time"],
@@ -85,6 +85,8 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
             continue
         minutes = run.time_s / 60.0
         begins = start if start is not None else run_start(minutes, list(run.channels.values()))
+        if begins >= minutes[-1]:
+            raise UsageError(f"{run.name}: --start {begins:g} is after the end of the record", found=f"{minutes[-1]:.4g} min")
         if not quiet:
             say(f"{run.name}: {'; '.join(run.notes)}")
             if start is None and begins > 0.0:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models import growth
+from models import growth, spike_weights
 
 from .estimate import FEWEST_READINGS, Progress, estimate_at, estimates_at
 from .identify import Method, doubts, refusal
@@ -66,10 +66,13 @@ def sweep_sensor(
     doubted: list[str] = []
     if usable:
         progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution, tolerance_c)
-        squares = np.cumsum(window_errors(progress, indices, track.state, time, reading) ** 2, axis=1)
+        # A stray reading says nothing about the model: it counts in no window.
+        kept = spike_weights(reading, sensor.resolution) > 0.0
+        squares = np.cumsum(window_errors(progress, indices, track.state, time, reading) ** 2 * kept, axis=1)
+        counts = np.cumsum(kept)
         for j, (window, end) in enumerate(zip(windows, ends, strict=True)):
-            if end > 1:
-                rmse[j, usable] = np.sqrt(squares[:, end - 1] / (end - 1))
+            if end > 1 and counts[end - 1] > 1:
+                rmse[j, usable] = np.sqrt(squares[:, end - 1] / (counts[end - 1] - 1))
             rmse[j, grid >= window - 1e-9] = np.nan
         width[usable] = progress.width
         last_one = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
@@ -121,7 +124,7 @@ def _records(
     shown = []
     if narrow is None:
         finite = width[np.isfinite(width)]
-        reached = f" (narrowest {finite.min():.2g} K)" if len(finite) else ""
+        reached = f" (narrowest {finite.min():.2g} K)" if len(finite) and finite.min() > tolerance_c else ""
         shown.append(f"the steady state is not known to {tolerance_c:g} K at any of these times{reached}")
     message = "; ".join([*shown, *told])
     shortest, agreed = float(times[earliest.max()]), spread <= AGREED_MIN + 1e-9

@@ -4,14 +4,14 @@ from typing import Any
 
 import click
 
-from ..options import READING, filter_options, output_options, reading_options, runs_argument
+from ..options import READING, Finite, filter_options, output_options, reading_options, runs_argument
 
 
 @click.command("identify", epilog="Example: thermofast identify sample_runs/spindle.csv --until 60 --save-plot spindle.png")
 @runs_argument
 @click.option(
     "--until",
-    type=click.FloatRange(0, min_open=True),
+    type=Finite(0, min_open=True),
     metavar="MIN",
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
@@ -43,7 +43,7 @@ def command(
     """
     from ..errors import UsageError
     from ..methods import choose
-    from ..output.files import TABLE_SUFFIXES, check_target, write_table
+    from ..output.files import TABLE_SUFFIXES, check_target, check_targets, write_table
     from ..output.screen import interval, number, text
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
@@ -61,7 +61,9 @@ def command(
         require_matplotlib()
         check_target(save_plot, SUFFIXES)
     given = {k: reading[k] for k in READING}
-    readings = read_all(choose_sources(runs), given, quiet, jobs)
+    sources = choose_sources(runs)
+    check_targets([output, trace, save_plot], sources)
+    readings = read_all(sources, given, quiet, jobs)
     for run, _ in readings.runs:
         if until is not None and until > run.time_s[-1] / 60.0 * 1.001:
             raise UsageError(

@@ -2,6 +2,8 @@
 
 import click
 
+from ..options import Finite
+
 
 @click.command("simulate", epilog="Example: thermofast simulate --seed 7 -o run.csv --key key.json")
 @click.option("-o", "--output", required=True, metavar="RUN", help="The record to write: .csv or .parquet.")
@@ -10,7 +12,7 @@ import click
 @click.option("--sensors", type=click.IntRange(1, 100_000), default=10, show_default=True, help="How many sensors.")
 @click.option(
     "--duration",
-    type=click.FloatRange(0, min_open=True),
+    type=Finite(0, min_open=True),
     default=400.0,
     show_default=True,
     metavar="MIN",
@@ -18,16 +20,16 @@ import click
 )
 @click.option(
     "--interval",
-    type=click.FloatRange(0, min_open=True),
+    type=Finite(0, min_open=True),
     default=60.0,
     show_default=True,
     metavar="SECONDS",
     help="Time between readings.",
 )
-@click.option("--ambient", type=click.FloatRange(-100, 500), default=17.9, show_default=True, metavar="DEGC", help="The room.")
+@click.option("--ambient", type=Finite(-100, 500), default=17.9, show_default=True, metavar="DEGC", help="The room.")
 @click.option(
     "--rise",
-    type=click.FloatRange(0, min_open=True),
+    type=Finite(0, min_open=True),
     default=9.0,
     show_default=True,
     metavar="K",
@@ -35,18 +37,14 @@ import click
 )
 @click.option(
     "--t95",
-    type=click.FloatRange(0, min_open=True),
+    type=Finite(0, min_open=True),
     default=195.0,
     show_default=True,
     metavar="MIN",
     help="Typical time to 95 % of the rise.",
 )
-@click.option(
-    "--noise", type=click.FloatRange(0), default=0.02, show_default=True, metavar="K", help="Standard deviation of a reading."
-)
-@click.option(
-    "--step", type=click.FloatRange(0), default=0.01, show_default=True, metavar="K", help="The logger's step; 0 for none."
-)
+@click.option("--noise", type=Finite(0), default=0.02, show_default=True, metavar="K", help="Standard deviation of a reading.")
+@click.option("--step", type=Finite(0), default=0.01, show_default=True, metavar="K", help="The logger's step; 0 for none.")
 @click.option("--cooling", is_flag=True, help="From warm to the room instead of from the room to warm.")
 @click.option(
     "--sensor",
@@ -89,7 +87,8 @@ def command(
         name, _, numbers = text.partition("=")
         try:
             steady, settle = (float(part) for part in numbers.split(":"))
-            if not (name and settle > 0.0 and np.isfinite([steady, settle]).all()):
+            plain = name and name.isprintable() and not set(name) & set(',;"=@') and name not in ("ambient", "time_min", "time_s")
+            if not (plain and settle > 0.0 and np.isfinite([steady, settle]).all()):
                 raise ValueError
         except ValueError:
             raise UsageError(f"--sensor {text!r}", allowed="NAME=DEGC:MIN, as in --sensor T5=26.7:195") from None

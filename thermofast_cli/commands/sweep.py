@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, filter_options, output_options, reading_options, runs_argument
+from ..options import READING, Finite, filter_options, output_options, reading_options, runs_argument
 
 
 @click.command("sweep", epilog="Example: thermofast sweep --windows 40,45,50,55 sample_runs/spindle.csv --save-plot sweep.png")
@@ -15,7 +15,7 @@ from ..options import READING, filter_options, output_options, reading_options, 
 )
 @click.option(
     "--tolerance",
-    type=click.FloatRange(0, min_open=True),
+    type=Finite(0, min_open=True),
     default=0.1,
     show_default=True,
     metavar="K",
@@ -49,7 +49,7 @@ def command(
     from ..errors import UsageError
     from ..methods import choose
     from ..options import numbers
-    from ..output.files import TABLE_SUFFIXES, check_target
+    from ..output.files import TABLE_SUFFIXES, check_target, check_targets
     from ..output.screen import number, text
     from ..records import SweepRecord
     from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
@@ -73,7 +73,9 @@ def command(
 
         require_matplotlib()
         check_target(save_plot, SUFFIXES)
-    readings = read_all(choose_sources(runs), {k: reading[k] for k in READING}, quiet, jobs)
+    sources = choose_sources(runs)
+    check_targets([output, save_plot], sources)
+    readings = read_all(sources, {k: reading[k] for k in READING}, quiet, jobs)
     for run, _ in readings.runs:
         length = run.time_s[-1] / 60.0
         if spans[-1] > length * 1.001:

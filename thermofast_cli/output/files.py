@@ -13,6 +13,23 @@ from .text import Row, plain, to_csv, to_json, to_jsonl, to_markdown
 TABLE_SUFFIXES = (".csv", ".json", ".jsonl", ".parquet", ".md")
 
 
+def check_targets(targets: Sequence[str | None], sources: Sequence[str]) -> None:
+    """Refuses an output that would replace a record or another output.
+
+    Raises
+    ------
+    UsageError: two paths are the same file.
+    """
+    seen = {os.path.realpath(s): f"the record {s}" for s in sources if s != "-"}
+    for target in targets:
+        if target is None:
+            continue
+        real = os.path.realpath(target)
+        if real in seen:
+            raise UsageError(f"{target}: would overwrite {seen[real]}", do="name another file")
+        seen[real] = "another output of this command"
+
+
 def check_target(path: str, suffixes: Sequence[str]) -> None:
     """Refuses a target before any work is done for it.
 
@@ -86,7 +103,7 @@ def write_columns(path: str, columns: dict[str, Any]) -> None:
 
 
 def _write_text(path: str, text: str) -> None:
-    with open(path, "w", encoding="utf-8", newline="") as out:
+    with open(path, "w", encoding="utf-8", errors="backslashreplace", newline="") as out:
         out.write(text)
 
 

@@ -10,6 +10,7 @@ from ..errors import UsageError
 from ..identify import Curves
 from ..sweep import Swept
 from .files import write_whole
+from .screen import say
 
 SUFFIXES = (".png", ".pdf", ".svg")
 MOST_PANELS = 24
@@ -39,15 +40,12 @@ def _save(path: str, figure: Any) -> None:
     write_whole(path, lambda p: figure.savefig(p, dpi=110))
 
 
-def _few(curves: Sequence[Any], figure_of: str) -> Sequence[Any]:
-    if not curves:
-        raise UsageError(f"no sensor to draw {figure_of} of", do="see the status of each record")
-    return curves[:MOST_PANELS]
-
-
 def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = False) -> None:
     """One panel per sensor: measurement, model, 95 % band, identification time; beside it, on request, rate and T_inf."""
-    shown = _few(curves, "a prediction")
+    shown = curves[:MOST_PANELS]
+    if not shown:
+        say("no sensor to draw: see the status of each record")
+        return
     across = 3 if with_trace else min(3, len(shown))
     panels = 3 * len(shown) if with_trace else len(shown)
     figure, axes = _figure(panels, across, 4.6, 3.0)
@@ -103,7 +101,10 @@ def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) ->
 
 def plot_sweep(path: str, results: Sequence[Swept]) -> None:
     """RMSE against identification time, one curve per window, one panel per sensor; the paper's figure 6."""
-    shown = _few([r for r in results if np.isfinite(r.rmse).any()], "a sweep")
+    shown = [r for r in results if np.isfinite(r.rmse).any()][:MOST_PANELS]
+    if not shown:
+        say("no sensor to draw: see the status of each record")
+        return
     figure, axes = _figure(len(shown), min(3, len(shown)), 4.6, 3.0)
     flat = axes.ravel()
     several = len({r.records[0].run for r in shown}) > 1

@@ -52,7 +52,7 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any]) -> None:
         table = Table(
             box=box.SIMPLE_HEAD,
             padding=(0, 1, 0, 0),
-            title=f"{title}  {run}",
+            title=Text(f"{title}  {run}"),
             title_justify="left",
             title_style="bold",
             pad_edge=False,

@@ -73,4 +73,4 @@ def to_markdown(columns: Sequence[str], rows: Sequence[Row]) -> str:
 def short(value: Any) -> str:
     """A value for a reader's eye."""
     value = plain(value)
-    return f"{value:.5g}" if isinstance(value, float) else cell(value)
+    return f"{value:.5g}" if isinstance(value, float) else " ".join(cell(value).split())

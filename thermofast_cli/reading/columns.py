@@ -85,7 +85,6 @@ def classify(names: list[str], values: dict[str, Array], options: Options, run: 
     """Roles of the numeric columns, by the user's word first and by their names else."""
     check_names(options.channels, names, "--channels", run)
     check_names(options.inputs, names, "--inputs", run)
-    check_names(options.exclude, names, "--exclude", run)
     if options.ambient:
         check_names([options.ambient], names, "--ambient", run)
     ambient, inputs, sensors, counters = [], [], [], []
@@ -108,7 +107,7 @@ def classify(names: list[str], values: dict[str, Array], options: Options, run: 
             ambient.append(name)
         elif told & INPUTS:
             inputs.append(name)
-        elif told & COUNTERS and _counts(values[name]):
+        elif (told & COUNTERS or name == "column 1") and _counts(values[name]):
             counters.append(name)
         else:
             sensors.append(name)
@@ -121,12 +120,14 @@ def _counts(values: Array) -> bool:
 
 def to_celsius(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
     """Temperatures in degC and a note where they were in another unit, told by the name (``T_kelvin``, ``T [K]``) or unit line."""
-    text = f"{name} {unit_cell}"
-    kelvin = re.search(r"kelvin|\[K\]|\(K\)|_K$|deg ?K\b|°K", text) or unit_cell.strip() == "K"
-    fahrenheit = re.search(r"fahrenheit|\[°?F\]|\(°?F\)|_F$|deg ?F\b|°F", text, re.IGNORECASE) or unit_cell.strip() == "F"
-    if kelvin:
+    unit = unit_cell.strip("[]() ").lower()
+    kelvin = re.search(r"(?i:kelvin)|[\[(]K[\])]|[_ /]K$|(?i:deg) ?K\b|°K", name) or unit in ("k", "kelvin", "°k", "degk", "deg k")
+    fahrenheit = re.search(r"(?i:fahrenheit)|[\[(]°?F[\])]|[_ /]F$|(?i:deg) ?F\b|°F", name)
+    is_fahrenheit = bool(fahrenheit) or unit in ("f", "°f", "degf", "deg f", "fahrenheit")
+    # (K) may be the type of a thermocouple: nothing in a test lab is colder than 170 K.
+    if kelvin and float(np.nanmedian(values)) > 170.0 if np.isfinite(values).any() else False:
         return values + ABSOLUTE_ZERO_C, f"{name}: kelvin, turned into degC"
-    if fahrenheit:
+    if is_fahrenheit:
         return (values - 32.0) / 1.8, f"{name}: degF, turned into degC"
     return values, None
 

@@ -60,6 +60,7 @@ MISSING = frozenset(
 )
 DELIMITERS = ("\t", ";", ",", "|", " ")
 SAMPLE_LINES = 400
+csv.field_size_limit(1 << 30)  # a row of thirty thousand cells, read with the wrong delimiter, is one cell
 #: Cells of a row that are looked at to tell what it is: a row of ten thousand is known by its first hundred.
 SAMPLE_CELLS = 100
 NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
@@ -178,8 +179,9 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
             if found and (best is None or found[0] > best[0] + 1e-9):
                 best = found
     if best is None:
+        alone = sum(bool(line.strip()) for line in lines) == 1
         raise InputError(
-            f"{name}: no row of readings",
+            f"{name}: a header and no row of readings" if alone else f"{name}: no row of readings",
             found=f"first line: {next(x for x in lines if x.strip())[:80]!r}",
             allowed="rows with a time and at least one number",
             do="check the export, or say --delimiter, --decimal and --header-line",
@@ -209,11 +211,20 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         named = [i for i in above[-3:] if abs(len(rows[i]) - width) <= 1 and not _data_like(rows[i], decimal)]
         if named:
             header = named[-1]
-            if len(named) > 1 and all(_UNIT.match(c.strip()) for c in rows[header]):
+            units = sum(bool(_UNIT.match(c.strip())) for c in rows[header])
+            before = named[-2] if len(named) > 1 else None
+            if before is not None and len(rows[before]) == len(rows[header]) and units >= 0.5 * len(rows[header]):
                 header, unit = named[-2], header
+    if header is None and options.header_line is None:
+        header = next(
+            (i for i in range(first - 1, -1, -1) if lines[i].startswith("#") and len(split(lines[i], delimiter)) == width), None
+        )
+    explained = len(data) / max(sum(1 for row in rows if row), 1)
     cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
     numbers = sum(is_number(c, decimal) or bool(_STAMP.match(c.strip())) for c in cells if not is_missing(c))
     told = sum(not is_missing(c) for c in cells)
     share = numbers / max(told, 1)
-    score = share * min(width, 1000) ** 0.25 + (0.1 if header is not None and len(rows[header]) == width else 0.0)
+    score = share * explained * min(width, 1000) ** 0.25 + (
+        0.1 if header is not None and len(split(lines[header], delimiter)) == width else 0.0
+    )
     return score, Dialect(encoding, delimiter, decimal, header, unit, first, width)

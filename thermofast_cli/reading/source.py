@@ -10,7 +10,7 @@ from .columns import check_names, classify, to_celsius, without_impossible
 from .run import Array, Options, Run
 from .table import Table, read_parquet
 from .text import read_text
-from .times import UNITS, is_time_name, stamps_to_seconds, unit_of
+from .times import UNITS, epoch_unit, is_time_name, stamps_to_seconds, unit_of
 
 PARQUET_MAGIC = b"PAR1"
 FEWEST_ROWS = 2
@@ -34,6 +34,8 @@ def read_run(source: str, options: Options | None = None) -> Run:
 
 def _bytes(source: str) -> bytes:
     if source == "-":
+        if sys.stdin is None:
+            raise InputError("standard input is closed", do="pipe a record in, or name a file")
         return sys.stdin.buffer.read()
     path = Path(source)
     try:
@@ -67,6 +69,7 @@ def run_from_table(table: Table, options: Options) -> Run:
     words = [n for n, c in table.columns.items() if n not in used and not isinstance(c, np.ndarray)]
     if words:
         notes.append(f"columns of words left out: {listed(words, 6)}")
+    check_names(options.exclude, table.names, "--exclude", table.name)
     if options.channels:
         check_names(options.channels, [*named, *words], "--channels", table.name)
     roles = classify(named, numbers, options, table.name)
@@ -79,7 +82,7 @@ def run_from_table(table: Table, options: Options) -> Run:
             allowed="at least one column of temperatures",
             do="name the sensors with --channels",
         )
-    time, numbers, mended = _in_order(time, numbers)
+    time, numbers, mended = _in_order(time, numbers, table.name)
     notes += mended
     channel_notes: dict[str, str] = {}
     temperatures: dict[str, Array] = {}
@@ -114,7 +117,7 @@ def _time(table: Table, options: Options) -> tuple[Array, set[str], str]:
         raise InputError(f"{table.name}: {rows} row of readings", allowed=f"at least {FEWEST_ROWS}", do="export more of the record")
     if options.interval_s is not None:
         even: Array = np.arange(rows, dtype=np.float64) * options.interval_s
-        return even, set(), f"time: one row every {options.interval_s:g} s, as told"
+        return even, {n for n in table.names if is_time_name(n)}, f"time: one row every {options.interval_s:g} s, as told"
     if options.time is not None:
         check_names([options.time], table.names, "--time", table.name)
         return _convert(table, options.time, None, options)
@@ -127,7 +130,7 @@ def _time(table: Table, options: Options) -> tuple[Array, set[str], str]:
         return _convert(table, dates[0], clocks[0], options)
     for n in [n for n in named if n in stamped] + [n for n in named if n not in stamped]:
         column = table.columns[n]
-        if not isinstance(column, np.ndarray) or unit_of(n, table.units.get(n, "")) or _runs_forward(column):
+        if not isinstance(column, np.ndarray) or np.isfinite(column).any():
             return _convert(table, n, None, options)
     for n in stamped:
         column = table.columns[n]
@@ -144,11 +147,6 @@ def _time(table: Table, options: Options) -> tuple[Array, set[str], str]:
     )
 
 
-def _runs_forward(column: Array) -> bool:
-    finite = column[np.isfinite(column)]
-    return len(finite) > 1 and float(np.mean(np.diff(finite) >= 0)) > 0.5
-
-
 def _convert(table: Table, name: str, clock: str | None, options: Options) -> tuple[Array, set[str], str]:
     column = table.columns[name]
     if isinstance(column, np.ndarray):
@@ -161,7 +159,7 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> tu
                 allowed="a number in every row",
                 do="mend or remove the rows",
             )
-        told = unit or "s"
+        told = unit or epoch_unit(column) or "s"
         how = "" if unit else " (no unit found: say --time-unit if they are not)"
         return column * UNITS[told], {name}, f"time: {name!r} in {told}{how}"
     cells = column
@@ -175,7 +173,7 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> tu
     return seconds, used, f"time: wall-clock stamps in {' and '.join(repr(u) for u in sorted(used))}"
 
 
-def _in_order(time: Array, columns: dict[str, Array]) -> tuple[Array, dict[str, Array], list[str]]:
+def _in_order(time: Array, columns: dict[str, Array], name: str) -> tuple[Array, dict[str, Array], list[str]]:
     """Sorted by time, readings of one stamp averaged, time from the first."""
     notes = []
     step = np.diff(time)
@@ -196,5 +194,5 @@ def _in_order(time: Array, columns: dict[str, Array]) -> tuple[Array, dict[str, 
 
         time, columns = time[edges], {n: mean(c) for n, c in columns.items()}
     if len(time) < FEWEST_ROWS:
-        raise UsageError("all rows carry the same time stamp", do="name another column with --time, or say --interval")
+        raise UsageError(f"{name}: all rows carry the same time stamp", do="name another column with --time, or say --interval")
     return time - time[0], columns, notes

@@ -55,9 +55,11 @@ def read_parquet(data: bytes, name: str) -> Table:
             whole = column.cast(pa.timestamp("us", tz=kind.tz), safe=False).cast(pa.int64()).to_pylist()
             columns[column_name] = [str(np.datetime64(v, "us")) if v is not None else "" for v in whole]
         elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
-            columns[column_name] = to_floats(column.cast(pa.float64()))
+            columns[column_name] = to_floats(column.cast(pa.float64(), safe=False))
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
             columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
         else:
             notes.append(f"column {column_name!r} of type {kind} left out")
+    if not columns:
+        raise InputError(f"{name}: no column of numbers or stamps", found="; ".join(notes), do="export the record with its columns")
     return Table(name, list(columns), columns, dict.fromkeys(columns, ""), 0, tuple(notes))

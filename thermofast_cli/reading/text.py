@@ -13,6 +13,7 @@ from .run import Array, Options
 from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
+LINE_END = re.compile(r"\r\n|\n|\r")
 
 
 def read_text(data: bytes, name: str, options: Options) -> Table:
@@ -25,19 +26,19 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if not data.strip():
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     encoding = options.encoding or detect_encoding(data, name)
-    if encoding not in ("utf-8", "utf-8-sig", "ascii"):
+    if options.encoding or encoding not in ("utf-8", "utf-8-sig"):
         try:
             text = data.decode(encoding)
             if sum(ord(c) < 32 and c not in "\t\n\r" for c in text[:20000]) > 0.01 * len(text[:20000]):
                 raise binary(name)
-            data = text.encode("utf-8")
-        except (UnicodeDecodeError, LookupError) as error:
+            data = text.lstrip("\ufeff").encode("utf-8")
+        except (UnicodeError, LookupError) as error:
             raise InputError(
                 f"{name}: cannot be decoded as {encoding}", found=str(error), do="say another --encoding, or none"
             ) from None
     elif data.startswith(b"\xef\xbb\xbf"):
         data = data[3:]
-    head = data[:SAMPLE_BYTES].decode("utf-8", errors="replace").splitlines()
+    head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     dialect = detect_dialect(head, encoding, name, options)
     names, units = _names(head, dialect, name)
     start = _offset(data, dialect.data_line)
@@ -50,9 +51,18 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     text_columns = {
         n for i, n in enumerate(names) if _is_text([r[i] for r in sample if len(r) == len(names)], dialect.decimal, more)
     }
+    text_columns |= {n for n in names if n in options.exclude}  # nobody will read them: they may hold anything
     columns, notes = _parse_body(body, names, text_columns, dialect, name, more)
     notes = [dialect.describe(), *notes]
     return Table(name, names, columns, dict(zip(names, units, strict=True)), dialect.data_line, tuple(notes))
+
+
+def _sample_end(data: bytes) -> int:
+    """Where the sample ends that tells the layout: at a line's end, after SAMPLE_BYTES and at least eight lines."""
+    for count, found in enumerate(re.finditer(rb"\r\n|\n|\r", data)):
+        if found.end() >= SAMPLE_BYTES and count >= 8:
+            return found.end()
+    return len(data)
 
 
 def _offset(data: bytes, line: int) -> int:
@@ -147,15 +157,21 @@ def _parse_body(
         elif slow:
             columns[n] = _numbers(column.to_pylist(), n, dialect, name, more)
         else:
-            columns[n] = to_floats(column)
+            columns[n] = _without(to_floats(column), more)
     return columns, notes
+
+
+def _without(values: Array, missing: frozenset[str]) -> Array:
+    """Numbers that the user said mean 'no reading' (85, -999) as nan."""
+    numbers = [float(m) for m in missing if is_number(m, ".")]
+    return np.where(np.isin(values, numbers), np.nan, values) if numbers else values
 
 
 def _check_ragged(ragged: list[str], body: bytes, width: int, delimiter: str, dialect: Dialect, name: str) -> list[str]:
     """A note where only the last line is cut short, as when a logger is switched off; else an error naming the row."""
     if not ragged:
         return []
-    lines = body.decode("utf-8", errors="replace").splitlines()
+    lines = LINE_END.split(body.decode("utf-8", errors="replace"))
     counts = [(i, len(split(line, delimiter))) for i, line in enumerate(lines) if line.strip()]
     bad = [(i, cells) for i, cells in counts if cells != width]
     first, cells = bad[0] if bad else (0, width)

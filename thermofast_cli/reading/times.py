@@ -10,8 +10,9 @@ import numpy as np
 from ..errors import InputError
 from .run import Array
 
-UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _UNIT_WORDS = {
+    "us": ("us", "µs", "μs", "microseconds"),
     "ms": ("ms", "msec", "millis", "milliseconds"),
     "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
     "min": ("min", "mins", "minute", "minutes", "minuten"),
@@ -77,6 +78,8 @@ def unit_of(name: str, unit_cell: str = "") -> str | None:
 
 def is_time_name(name: str) -> bool:
     whole = re.sub(r"[\[(].*", "", name).strip()
+    if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name):
+        return True
     return any(w in TIME_WORDS for w in words(name)) or whole in TIME_NAMES or whole.lower() in TIME_NAMES - {"t", "h", "s"}
 
 
@@ -135,10 +138,10 @@ def _parse(cells: Sequence[str], fmt: str) -> tuple[Array | None, int]:
         text = cell.replace(",", ".")
         try:
             stamp = datetime.fromisoformat(text) if fmt == "iso" else datetime.strptime(text, fmt)
-        except ValueError:
+        except (ValueError, re.error):
             try:
                 stamp = datetime.strptime(text.replace("T", " ", 1), plain or fmt)
-            except ValueError:
+            except (ValueError, re.error):
                 return None, i
         if origin is None:
             origin = stamp
@@ -153,3 +156,9 @@ def _parse(cells: Sequence[str], fmt: str) -> tuple[Array | None, int]:
             last = value
         seconds[i] = value
     return seconds, -1
+
+
+def epoch_unit(values: Array) -> str | None:
+    """Unit of numbers too large for elapsed seconds: an epoch in ms, us or ns, or None."""
+    largest = float(np.abs(values).max())
+    return "us" if largest > 1e14 else "ms" if largest > 1e11 else None
