@@ -94,17 +94,6 @@ def main(draws: int = 2000) -> None:
     print("to reach: default <= 1.05; filter alone <= 1.5, from 120 min <= 1.1; coverage 93 to 97 %")
     heads = ["noise mK", "minutes", "default rms", "median", "lost", "alone rms", "median"]
     heads += ["covers steady %", "t95 %", "printed survives"]
-        "noise mK",
-        "minutes",
-        "default rms",
-        "median",
-        "lost",
-        "alone rms",
-        "median",
-        "covers steady %",
-        "t95 %",
-        "printed survives",
-    )
     print("| " + " | ".join(heads) + " |")
     print("|" + " ---: |" * 10)
     for noise, minutes in CELLS:

@@ -1,7 +1,8 @@
 """Which state to filter in: ``python -m benchmarks.states``; the table of docs/architecture.md.
 
 A plain sigma-point filter on T = 26.7 - 8.8 exp(-0.01536 t) in three coordinates, 2000 draws at once; RMS error of the
-steady state over that of least squares. The readings before the start go into a fit: a straight line with a wide prior for log b, else the law.
+steady state over that of least squares. The readings before the start go into a fit: a straight line with a wide prior for
+log b, else the law.
 """
 
 import numpy as np

@@ -20,6 +20,7 @@ def likelihoods(
     quantiles: Array,
     first: int,
     rule: StartRule,
+    wide: float,
     out: Array,
 ) -> None: ...
 def spike_weights(y: Array, resolution: float, out: Array) -> None: ...

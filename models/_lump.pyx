@@ -455,6 +455,14 @@ cdef void rate_covariance(Sums* s, double* out) noexcept nogil:
         out[2] = INFINITY
 
 
+cdef double steady_variance(Sums* s) noexcept nogil:
+    """Variance of the steady state to first order, per unit of the noise variance."""
+    cdef double v[3]
+    cdef double by_slope = 1.0 / s.rate - s.phi_mean, by_rate = s.slope * (-1.0 / (s.rate * s.rate) - s.psi_mean)
+    rate_covariance(s, v)
+    return 1.0 / s.weight + by_slope * by_slope * v[0] + 2.0 * by_slope * by_rate * v[1] + by_rate * by_rate * v[2]
+
+
 cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil:
     """Rate low, rate high, steady state low, high at which RSS reaches `limit`."""
     cdef double v[3]
@@ -462,7 +470,7 @@ cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil
     rate_covariance(s, v)
     by_slope = 1.0 / s.rate - s.phi_mean
     by_rate = s.slope * (-1.0 / (s.rate * s.rate) - s.psi_mean)
-    variance = 1.0 / s.weight + by_slope * by_slope * v[0] + 2.0 * by_slope * by_rate * v[1] + by_rate * by_rate * v[2]
+    variance = steady_variance(s)
     if v[2] < INFINITY and variance > 0.0:
         correlation = (by_slope * v[1] + by_rate * v[2]) / sqrt(variance * v[2])
     stride = 1.1 * sqrt(v[2] * (limit - s.rss))     # just outside, if the likelihood were Gaussian
@@ -693,13 +701,13 @@ def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1
 
 
 def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const Py_ssize_t[::1] counts,
-                const double[::1] quantiles, Py_ssize_t first, tuple rule, double[:, ::1] out):
+                const double[::1] quantiles, Py_ssize_t first, tuple rule, double wide, double[:, ::1] out):
     """See :func:`models._lump_numpy.likelihoods`."""
     cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
     cdef double* weights = <double*> malloc((t.shape[0] + 1) * sizeof(double))
     cdef Py_ssize_t i, j, n = 0, round_
     cdef Sums s
-    cdef double limit, noise
+    cdef double limit, noise, reach, steady
     cdef double bounds[4]
     cdef double* scratch = <double*> malloc((t.shape[0] + 1) * sizeof(double))
     cdef StartRule r
@@ -745,7 +753,14 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
             if p.n > 3:
                 noise = s.rss / (p.n - 3)
                 limit = s.rss + noise * quantiles[i] * quantiles[i]
-                if limit > s.rss:
+                reach = quantiles[i] * sqrt(noise * steady_variance(&s))
+                if reach > wide:       # far too wide whatever its shape: the first order will do
+                    steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
+                    out[i, 14] = s.rate
+                    out[i, 15] = s.rate
+                    out[i, 16] = steady - reach
+                    out[i, 17] = steady + reach
+                elif limit > s.rss:
                     profile(&p, &s, limit, bounds)
                     for j in range(4):
                         out[i, 14 + j] = bounds[j]

@@ -64,6 +64,12 @@ class _Sums:
             return (1.0 / a if a > 0.0 else math.inf), 0.0, math.inf
         return c / determinant, -b / determinant, a / determinant
 
+    def steady_variance(self) -> float:
+        """Variance of the steady state to first order, per unit of the noise variance."""
+        ss, sr, rr = self.rate_covariance()
+        by_slope, by_rate = 1.0 / self.rate - self.phi_mean, self.slope * (-1.0 / self.rate**2 - self.psi_mean)
+        return 1.0 / self.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
+
     def predict(self, dt: Array) -> Array:
         return self.level + self.slope * (growth(self.rate, dt) - self.phi_mean)
 
@@ -378,6 +384,7 @@ def likelihoods(
     quantiles: Array,
     first: int,
     rule: StartRule,
+    wide: float,
     out: Array,
 ) -> None:
     """Fits and profile intervals of the first counts[i] readings, for every i, into out (len(counts), 18).
@@ -386,6 +393,7 @@ def likelihoods(
     Readings far outside a fit are left out of it, twice at the most and never more than a tenth; with a single count `w`
     itself is changed to tell which. quantiles (len(counts),) are those of Student's t. Columns: as :func:`fit_decay`, then as
     :func:`profile_decay`; nan where nothing can be fitted, or where no reading is spare.
+    Where the half-width of the steady state is beyond `wide` to first order, that stands for the interval.
     """
     out[:] = np.nan
     for i, n in enumerate(counts):
@@ -407,7 +415,11 @@ def likelihoods(
         if p.n > 3:
             noise = s.rss / (p.n - 3)
             limit = s.rss + noise * quantiles[i] ** 2
-            if limit > s.rss:
+            reach = quantiles[i] * math.sqrt(max(noise * s.steady_variance(), 0.0))
+            if reach > wide:
+                steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
+                out[i, 14:] = s.rate, s.rate, steady - reach, steady + reach
+            elif limit > s.rss:
                 out[i, 14:] = _profile(p, s, limit)
         if len(counts) == 1:
             w[:n] = weights

@@ -198,13 +198,14 @@ def _likelihood_table(
     first: int,
     resolution: float,
     stray: float,
+    wide: float = math.inf,
 ) -> Array:
     number = np.asarray(counts, dtype=np.intp)
     usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
     quantiles = stdtrit(np.maximum(usable - 3, 1), 0.975)
     out = np.empty((len(number), 18))
     arrays = np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, number
-    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, stray), out)
+    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, stray), wide, out)
     return out
 
 
@@ -240,13 +241,15 @@ def likelihood_sweep(
     first: int,
     resolution: float = 0.0,
     stray: float = STRAY,
+    narrow: float = math.inf,
 ) -> tuple[Array, Array]:
     """As :func:`likelihood` for several first stretches of one record, in one call.
 
     Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, and the width [K] of
-    the steady state's interval (m,), nan where a side is open.
+    the steady state's interval (m,), nan where a side is open. Only a width that may come near `narrow` is looked for on the
+    likelihood; a far larger one is to first order, whatever its shape.
     """
-    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, stray)
+    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, stray, 2.0 * narrow)
     rate, slope, level, phi_mean = out[:, :4].T
     since = time[np.asarray(counts) - 1] - time[0]
     temperature = level + slope * (kernel.growth(rate, since) - phi_mean)

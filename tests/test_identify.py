@@ -93,7 +93,7 @@ def test_a_sweep_is_identify_at_every_time(method):
     time, y = spindle(np.random.default_rng(6), 80.0)
     y[12] += 1.0
     windows, times = (40.0, 55.0), tuple(np.arange(6.0, 55.0, 6.0))
-    swept = sweep_sensor("run", "T", time, y, method, windows, times, 0.1)
+    swept = sweep_sensor("run", "T", time, y, method, windows, times, 50.0)
     track = method.filter.track(method.model, time, y, 0.0)
     progress = estimates_at(method.model, method.filter, track, time, y, [int(t) for t in times], 0.0)
     for i, minutes in enumerate(times):

@@ -39,14 +39,14 @@ def test_fits_agree(seed, n, even, signed):
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(0, 10**6), st.integers(12, 120), st.booleans())
-def test_likelihoods_agree(seed, n, even):
+@given(st.integers(0, 10**6), st.integers(12, 120), st.booleans(), st.sampled_from([math.inf, 0.5]))
+def test_likelihoods_agree(seed, n, even, wide):
     t, y, _ = record(seed, n, even, spikes=1)
     counts = np.array([6, n // 2, n], dtype=np.intp)
     quantiles = np.full(3, 2.2)
     out = [np.empty((3, 18)) for _ in range(2)]
     for module, table in zip((_lump, _lump_numpy), out, strict=True):
-        module.likelihoods(t, y, np.ones(n), counts, quantiles, 8, start_rule(0.01), table)
+        module.likelihoods(t, y, np.ones(n), counts, quantiles, 8, start_rule(0.01), wide, table)
     fast, plain = out
     assert (np.isnan(fast) == np.isnan(plain)).all()
     good = np.isfinite(plain)

@@ -301,7 +301,8 @@ def estimates_at(
 ) -> Progress:
     """As :func:`estimate_at` for several readings of one track, in one call of the likelihood where it closes the estimate.
 
-    A width below `narrow` [K] is that of :func:`estimate_at`; a larger one has not been widened for dependent residuals.
+    A width below `narrow` [K] is that of :func:`estimate_at`; a larger one has not been widened for dependent residuals, and a
+    far larger one is to first order.
     """
     at = np.array(indices)
     consistent = ~(track.forgotten[at] > -math.log(KEPT_SHARE)) | (at < track.first)
@@ -310,7 +311,7 @@ def estimates_at(
     if closes.any():
         weights = track.likelihood_weight
         first, stray = _first(method, track), _stray(method)
-        states[closes], width[closes] = likelihood_sweep(time, reading, weights, at[closes] + 1, first, resolution, stray)
+        states[closes], width[closes] = likelihood_sweep(time, reading, weights, at[closes] + 1, first, resolution, stray, narrow)
     faded = np.zeros(len(indices), dtype=bool)
     # Intervals that pass for narrow are judged one by one: where residuals are not noise they are wider than they look.
     for i in np.flatnonzero(~closes | (width < narrow)):
