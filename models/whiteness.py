@@ -48,8 +48,8 @@ def pattern_p_value(residual: Array, tangent: Array) -> float:
     gram, along = basis.T @ basis, basis.T @ residual
     m = tangent.shape[1]
     ridge = 1e-11 * np.eye(m + count)
-    everything = float(along @ np.linalg.solve(gram + ridge, along))
-    explained = max(everything - float(along[:m] @ np.linalg.solve((gram + ridge)[:m, :m], along[:m])), 0.0)
+    along[:m] = 0.0  # at its optimum a fit leaves nothing along its own directions but rounding
+    explained = float(along @ np.linalg.solve(gram + ridge, along))
     total = float(residual @ residual)
     rest = n - tangent.shape[1] - count
     if not total > 0.0:

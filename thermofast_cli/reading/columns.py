@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -120,16 +121,24 @@ def _counts(values: Array) -> bool:
 
 def to_celsius(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
     """Temperatures in degC and a note where they were in another unit, told by the name (``T_kelvin``, ``T [K]``) or unit line."""
-    unit = unit_cell.strip("[]() ").lower()
-    kelvin = re.search(r"(?i:kelvin)|[\[(]K[\])]|[_ /]K$|(?i:deg) ?K\b|°K", name) or unit in ("k", "kelvin", "°k", "degk", "deg k")
-    fahrenheit = re.search(r"(?i:fahrenheit)|[\[(]°?F[\])]|[_ /]F$|(?i:deg) ?F\b|°F", name)
-    is_fahrenheit = bool(fahrenheit) or unit in ("f", "°f", "degf", "deg f", "fahrenheit")
+    unit = _temperature_unit(name.rstrip("0123456789"), unit_cell.strip("[]() ").lower())
     # (K) may be the type of a thermocouple: nothing in a test lab is colder than 170 K.
-    if kelvin and float(np.nanmedian(values)) > 170.0 if np.isfinite(values).any() else False:
+    if unit == "K" and np.isfinite(values).any() and float(np.nanmedian(values)) > 170.0:
         return values + ABSOLUTE_ZERO_C, f"{name}: kelvin, turned into degC"
-    if is_fahrenheit:
+    if unit == "F":
         return (values - 32.0) / 1.8, f"{name}: degF, turned into degC"
     return values, None
+
+
+@lru_cache(maxsize=4096)
+def _temperature_unit(name: str, unit: str) -> str | None:
+    if unit in ("k", "kelvin", "°k", "degk", "deg k") or re.search(r"(?i:kelvin)|[\[(]K[\])]|[_ /]K$|(?i:deg) ?K\b|°K", name):
+        return "K"
+    if unit in ("f", "°f", "degf", "deg f", "fahrenheit") or re.search(
+        r"(?i:fahrenheit)|[\[(]°?F[\])]|[_ /]F$|(?i:deg) ?F\b|°F", name
+    ):
+        return "F"
+    return None
 
 
 def without_impossible(values: Array) -> tuple[Array, int]:

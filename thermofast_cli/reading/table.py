@@ -25,7 +25,7 @@ class Table:
 
 def to_floats(column: pa.ChunkedArray) -> Array:
     """A float64 column as an array (N,) with nan for null; pyarrow's own way there would import pandas."""
-    filled = pc.fill_null(column, float("nan"))
+    filled = pc.fill_null(column, float("nan")) if column.null_count else column
     parts = [np.frombuffer(c.buffers()[1], dtype=float, count=len(c), offset=8 * c.offset) for c in filled.chunks if len(c)]
     return np.concatenate(parts) if parts else np.empty(0)
 

@@ -78,6 +78,8 @@ def unit_of(name: str, unit_cell: str = "") -> str | None:
 
 def is_time_name(name: str) -> bool:
     whole = re.sub(r"[\[(].*", "", name).strip()
+    if name[-1:].isdigit():
+        return any(w in TIME_WORDS for w in words(name))
     if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name):
         return True
     return any(w in TIME_WORDS for w in words(name)) or whole in TIME_NAMES or whole.lower() in TIME_NAMES - {"t", "h", "s"}
