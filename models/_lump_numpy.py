@@ -42,8 +42,13 @@ GRID = 12
 GRID_READINGS = 64
 
 
-@dataclass
-class _Sums:
+@dataclass(frozen=True)
+class FitMoments:
+    """What a fit says of its own spread; all variances per unit of the noise variance of a reading of weight 1.
+
+    phi and psi are the centred basis function of the slope and its derivative by the rate.
+    """
+
     rate: float
     slope: float
     level: float
@@ -54,21 +59,29 @@ class _Sums:
     phi_psi: float
     psi_psi: float
     rss: float
-    gradient: float
 
     def rate_covariance(self) -> tuple[float, float, float]:
-        """Variance of slope, covariance, variance of rate, per unit of the noise variance."""
+        """Variance of slope, covariance, variance of rate."""
         a, b, c = self.phi_phi, self.slope * self.phi_psi, self.slope**2 * self.psi_psi
         determinant = a * c - b * b
         if not determinant > 0.0:
             return (1.0 / a if a > 0.0 else math.inf), 0.0, math.inf
         return c / determinant, -b / determinant, a / determinant
 
+    def steady_gradient(self) -> tuple[float, float]:
+        """Derivatives of the steady state by slope and by rate."""
+        return 1.0 / self.rate - self.phi_mean, self.slope * (-1.0 / self.rate**2 - self.psi_mean)
+
     def steady_variance(self) -> float:
-        """Variance of the steady state to first order, per unit of the noise variance."""
+        """Variance of the steady state to first order."""
         ss, sr, rr = self.rate_covariance()
-        by_slope, by_rate = 1.0 / self.rate - self.phi_mean, self.slope * (-1.0 / self.rate**2 - self.psi_mean)
+        by_slope, by_rate = self.steady_gradient()
         return 1.0 / self.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
+
+
+@dataclass(frozen=True)
+class _Sums(FitMoments):
+    gradient: float
 
     def predict(self, dt: Array) -> Array:
         return self.level + self.slope * (growth(self.rate, dt) - self.phi_mean)
@@ -261,11 +274,11 @@ def _extreme(edge: Callable[[float], float], theta: float) -> float:
 
 
 def _profile(p: _Problem, s: _Sums, limit: float) -> tuple[float, float, float, float]:
-    ss, sr, rr = s.rate_covariance()
-    by_slope, by_rate = 1.0 / s.rate - s.phi_mean, s.slope * (-1.0 / s.rate**2 - s.psi_mean)
+    _, sr, rr = s.rate_covariance()
+    by_slope, by_rate = s.steady_gradient()
     correlation = 0.0
     if rr < math.inf:
-        variance = 1.0 / s.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
+        variance = s.steady_variance()
         if variance > 0.0:
             correlation = (by_slope * sr + by_rate * rr) / math.sqrt(variance * rr)
     # Just outside, if the likelihood were Gaussian.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from . import kernel
-from .kernel import Array
+from .kernel import Array, FitMoments
 
 #: The rise is counted as done when 95 % of it is: ln 20 time constants.
 LOG_TWENTY = math.log(20.0)
@@ -43,27 +43,17 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class DecayFit:
+class DecayFit(FitMoments):
     """Fit of T(t) = level + slope (growth(rate, t - t0) - phi_mean); see :func:`fit_decay`.
 
     rss is the weighted residual sum of squares [K^2], n the number of readings used, span the time they cover [min].
     """
 
-    t0: float
-    rate: float
-    slope: float
-    level: float
-    phi_mean: float
-    psi_mean: float
-    weight: float
-    phi_phi: float
-    phi_psi: float
-    psi_psi: float
-    rss: float
     n: int
     span: float
     rate_low: float
     rate_high: float
+    t0: float
 
     @property
     def dof(self) -> int:
@@ -94,34 +84,18 @@ class DecayFit:
         tangent[:, 2] = dt * decay
         return reading - model, tangent
 
-    def _rate_covariance(self) -> tuple[float, float, float]:
-        """Variance of slope, covariance, variance of rate, per unit of the noise variance."""
-        a, b, c = self.phi_phi, self.slope * self.phi_psi, self.slope**2 * self.psi_psi
-        determinant = a * c - b * b
-        if not determinant > 0.0:
-            return (1.0 / a if a > 0.0 else math.inf), 0.0, math.inf
-        return c / determinant, -b / determinant, a / determinant
-
-    def _steady_state_gradient(self) -> tuple[float, float]:
-        return 1.0 / self.rate - self.phi_mean, self.slope * (-1.0 / self.rate**2 - self.psi_mean)
-
     @property
     def steady_state_limit(self) -> float:
         """Cramer-Rao bound of the steady state's standard deviation, per unit of the noise's, at the estimate."""
-        if self.rate <= 0.0:
+        if self.rate <= 0.0 or math.isinf(self.rate_covariance()[2]):
             return math.inf
-        ss, sr, rr = self._rate_covariance()
-        by_slope, by_rate = self._steady_state_gradient()
-        if math.isinf(rr):
-            return math.inf
-        variance = 1.0 / self.weight + by_slope**2 * ss + 2 * by_slope * by_rate * sr + by_rate**2 * rr
-        return math.sqrt(max(variance, 0.0))
+        return math.sqrt(max(self.steady_variance(), 0.0))
 
     def state(self, time: float) -> tuple[Array, Array]:
         """State (temperature, slope, rate) (3,) at a time [min] and its covariance (3, 3) per unit of the noise variance."""
         dt = time - self.t0
         phi, psi, decay = _growths(self.rate, dt)
-        ss, sr, rr = self._rate_covariance()
+        ss, sr, rr = self.rate_covariance()
         # (level, slope, rate) carried to the state: the level is independent of the other two.
         by_slope, by_rate = phi - self.phi_mean, self.slope * (psi - self.psi_mean)
         slope_by_rate = -self.slope * dt * decay
@@ -147,8 +121,8 @@ def _growths(rate: float, dt: float) -> tuple[float, float, float]:
 def told_fit(t0: float, values: Sequence[float]) -> DecayFit:
     """The fit that the kernel tells as a row of numbers, for times counted from t0."""
     rate, slope, level, phi_mean, psi_mean, weight, phi_phi, phi_psi, psi_psi, rss = values[:10]
-    moments = weight, phi_phi, phi_psi, psi_psi
-    return DecayFit(t0, rate, slope, level, phi_mean, psi_mean, *moments, rss, int(values[10]), *values[11:14])
+    basis = phi_mean, psi_mean, weight, phi_phi, phi_psi, psi_psi
+    return DecayFit(rate, slope, level, *basis, rss, int(values[10]), values[11], values[12], values[13], t0)
 
 
 def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: bool = False) -> DecayFit:

@@ -1,6 +1,6 @@
 """The compiled core where it was built, its numpy twin otherwise. ``COMPILED`` tells which."""
 
-from ._lump_numpy import Array, StartRule, growth, growth_slope
+from ._lump_numpy import Array, FitMoments, StartRule, growth, growth_slope
 
 try:
     from ._lump import (
@@ -38,6 +38,7 @@ __all__ = [
     "SLOPE_JACOBIAN",
     "SLOPE_STEP",
     "Array",
+    "FitMoments",
     "StartRule",
     "fit_decay",
     "growth",
