@@ -144,3 +144,32 @@ def test_settling_of_an_overtaken_state_has_no_made_up_number():
     t95, interval = settling(state, np.diag([1e-6, 1e-8, 1e-8]), 30.0, 18.0, 1.96)
     assert t95 == pytest.approx(30 + np.log(2.0 / (0.05 * 4.0)) / 0.02)
     assert interval.low < t95 < interval.high
+
+
+def test_rounding_that_hides_the_noise_is_given_room():
+    rng = np.random.default_rng(8)
+    time = np.arange(601.0)
+    covered = 0
+    for _ in range(40):
+        steady = 40 + rng.uniform(0, 0.1)
+        y = steady - 20 * np.exp(-time / 60) + 0.01 * rng.standard_normal(601)
+        r = record(time, np.round(y / 0.1) * 0.1)
+        covered += r.steady_state_lo_c <= steady <= r.steady_state_hi_c
+    assert covered >= 36  # without room for half a step it is about a third
+
+
+def test_a_complete_record_of_hundreds_of_time_constants_keeps_its_numbers():
+    time = np.arange(301.0)
+    y = 40 - 20 * np.exp(-time / 0.5) + 0.02 * np.random.default_rng(1).standard_normal(301)
+    r = record(time, y)
+    assert r.status == "ok"
+    assert r.steady_state_c == pytest.approx(40.0, abs=0.01)
+
+
+def test_a_long_fast_record_is_not_doubted_by_chance():
+    time = np.arange(0, 240, 1 / 60)
+    doubted = 0
+    for seed in range(12):
+        y = 26.7 - 8.8 * np.exp(-time / 65) + 0.02 * np.random.default_rng(seed).standard_normal(len(time))
+        doubted += record(time, y).status != "ok"
+    assert doubted <= 1
