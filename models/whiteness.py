@@ -48,8 +48,9 @@ def pattern_p_value(residual: Array, tangent: Array) -> float:
     gram, along = basis.T @ basis, basis.T @ residual
     m = tangent.shape[1]
     ridge = 1e-11 * np.eye(m + count)
-    along[:m] = 0.0  # at its optimum a fit leaves nothing along its own directions but rounding
     explained = float(along @ np.linalg.solve(gram + ridge, along))
+    # At its optimum a fit leaves nothing along its own directions; the means of uneven blocks do.
+    explained = max(explained - float(along[:m] @ np.linalg.solve((gram + ridge)[:m, :m], along[:m])), 0.0)
     total = float(residual @ residual)
     rest = n - tangent.shape[1] - count
     if not total > 0.0:
