@@ -4,6 +4,7 @@ from .decay import LOG_TWENTY, STRAY, DecayFit, Interval, Likelihood, fit_decay,
 from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
 from .spikes import difference_noise, spike_weights
+from .tails import t_quantile
 from .whiteness import pattern_p_value, variance_inflation
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "likelihood_sweep",
     "pattern_p_value",
     "spike_weights",
+    "t_quantile",
     "variance_inflation",
     "widened_intervals",
 ]

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from . import kernel
 from .kernel import Array, FitMoments
+from .tails import t_quantile
 
 #: The rise is counted as done when 95 % of it is: ln 20 time constants.
 LOG_TWENTY = math.log(20.0)
@@ -176,7 +176,7 @@ def _likelihood_table(
 ) -> Array:
     number = np.asarray(counts, dtype=np.intp)
     usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
-    quantiles = stdtrit(np.maximum(usable - 3, 1), 0.975)
+    quantiles = t_quantile(np.maximum(usable - 3, 1))
     out = np.empty((len(number), 18))
     arrays = np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, number
     kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, stray), wide, out)
@@ -236,6 +236,6 @@ def likelihood_sweep(
 def widened_intervals(fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float) -> tuple[Interval, Interval]:
     """Intervals of steady state [degC] and rate [1/min] with the noise variance times `widening`: for dependent residuals."""
     noise = fit.noise_variance * widening
-    limit = fit.rss + noise * float(stdtrit(fit.dof, 0.975)) ** 2
+    limit = fit.rss + noise * float(t_quantile(fit.dof)) ** 2
     bounds = kernel.profile_decay(np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit)
     return _intervals(fit, *bounds)

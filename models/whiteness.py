@@ -4,9 +4,9 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import fdtrc, ndtr
 
 from .kernel import Array
+from .tails import f_tail, normal_tail
 
 MOST_POINTS = 1000
 COSINES = 8
@@ -56,10 +56,10 @@ def pattern_p_value(residual: Array, tangent: Array) -> float:
     if not total > 0.0:
         return 1.0
     f = (explained / count) / max((total - explained) / rest, 1e-300)
-    slow = float(fdtrc(count, rest, f))
+    slow = f_tail(count, rest, f)
     # A fit makes neighbouring residuals slightly opposite: about -m/n in the lag-one correlation.
     lag_one = float(residual[1:] @ residual[:-1]) / total + tangent.shape[1] / n
-    fast = float(ndtr(-lag_one * math.sqrt(n)))
+    fast = normal_tail(lag_one * math.sqrt(n))
     return min(1.0, 2.0 * min(slow, fast))
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from filters import Filter, Track
 from models import (
@@ -21,6 +20,7 @@ from models import (
     likelihood,
     likelihood_sweep,
     pattern_p_value,
+    t_quantile,
     variance_inflation,
     widened_intervals,
 )
@@ -131,7 +131,7 @@ def _rounding(fit: DecayFit, resolution: float) -> float:
     spread = fit.steady_state_limit * math.sqrt(fit.noise_variance)
     if bias <= 0.0 or not 0.0 < spread < math.inf:
         return 1.0
-    return (1.0 + bias / (float(stdtrit(fit.dof, 0.975)) * spread)) ** 2
+    return (1.0 + bias / (float(t_quantile(fit.dof)) * spread)) ** 2
 
 
 def _from_likelihood(found: Likelihood, time: Array, resolution: float, widening: float = 1.0) -> Estimate:
@@ -175,7 +175,7 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
         start = model.start(time[: k + 1], reading[: k + 1], resolution)
         state, covariance, noise_variance, dof = start.state, start.covariance, start.noise_variance, start.dof
         weights = start.weights
-    quantile = float(stdtrit(dof, 0.975)) if math.isfinite(dof) else 1.96
+    quantile = float(t_quantile(dof)) if math.isfinite(dof) else 1.96
     covariance = covariance * noise_variance
     steady, rates = model.intervals(state, covariance, quantile)
     curve, spread = model.curve_state(state), model.curve_covariance(state, covariance)
