@@ -188,10 +188,9 @@ def likelihood(
 ) -> Likelihood | None:
     """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
 
-    weight (n,) as in :func:`fit_decay`; readings `stray` deviations outside the fit are left out of it
-    (inf: none), and with no more than `first`
-    readings the weights are those of a start. The limit of the residual sum of squares is that of Student's t for one parameter,
-    the noise being estimated from the same readings.
+    weight (n,) as in :func:`fit_decay`; readings `stray` deviations outside the fit are left out of it (inf: none), and with no
+    more than `first` readings the weights are those of a start. The limit of the residual sum of squares is that of Student's
+    t for one parameter, the noise being estimated from the same readings.
     """
     weight = np.array(weight, dtype=float)
     values = _likelihood_table(time, reading, weight, [len(time)], first, resolution, stray)[0].tolist()
@@ -216,11 +215,11 @@ def likelihood_sweep(
     resolution: float = 0.0,
     stray: float = STRAY,
     narrow: float = math.inf,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, DecayFit | None]:
     """As :func:`likelihood` for several first stretches of one record, in one call.
 
-    Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, and the width [K] of
-    the steady state's interval (m,), nan where a side is open. Only a width that may come near `narrow` is looked for on the
+    Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, the width [K] of
+    the steady state's interval (m,), nan where a side is open, and the fit of the longest stretch. Only a width that may come near `narrow` is looked for on the
     likelihood; a far larger one is to first order, whatever its shape.
     """
     out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, stray, 2.0 * narrow)
@@ -230,7 +229,9 @@ def likelihood_sweep(
     states = np.column_stack([temperature, slope * np.exp(-rate * since), rate])
     width = np.where(np.isnan(out[:, 14]), np.nan, out[:, 17] - out[:, 16])
     exact = (out[:, 10] > 3) & np.isnan(out[:, 16]) & np.isfinite(rate)
-    return states, np.where(exact, 0.0, width)
+    longest = out[-1].tolist()
+    fit = None if math.isnan(longest[0]) else told_fit(float(time[0]), longest)
+    return states, np.where(exact, 0.0, width), fit
 
 
 def widened_intervals(fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float) -> tuple[Interval, Interval]:

@@ -278,15 +278,32 @@ def estimate_at(model: Model, method: Filter, track: Track, time: Array, reading
     return filter_estimate(model, track, time, reading, k, resolution)
 
 
+def _looks_white(fit: DecayFit, time: Array, reading: Array, weights: Array, resolution: float) -> bool:
+    """Whether the residuals of a fit of the first readings show neither a pattern nor more than noise."""
+    count = int(np.searchsorted(time, fit.t0 + fit.span * (1.0 + 1e-12), "right"))
+    used = weights[:count] > 0.0
+    if fit.dof < 9 or int(used.sum()) != fit.n:  # some reading was left out on the way: look closely
+        return False
+    residual, tangent = fit.residual_and_tangent(time[:count][used], reading[:count][used])
+    root = np.sqrt(weights[:count][used])
+    if pattern_p_value(residual * root, tangent * root[:, None]) < DOUBT:
+        return False
+    misfit = math.sqrt(float(residual @ residual) / len(residual))
+    return misfit <= 3.0 * difference_noise(reading[:count]) + resolution
+
+
 @dataclass(frozen=True)
 class Progress:
-    """What a sweep needs of the estimates after each of m readings: state (m, 3), width [K] of the steady state's interval
-    (m,), nan where a side is open, and whether the filter had forgotten its past (m,).
+    """What a sweep needs of the estimates after each of m readings.
+
+    state (m, 3); width [K] of the steady state's interval (m,), nan where a side is open; faded (m,), whether the filter
+    had forgotten its past; sound, whether the last one's residuals plainly are noise.
     """
 
     state: Array
     width: Array
     faded: NDArray[np.bool_]
+    sound: bool
 
 
 def estimates_at(
@@ -308,10 +325,13 @@ def estimates_at(
     consistent = ~(track.forgotten[at] > -math.log(KEPT_SHARE)) | (at < track.first)
     closes = consistent if method.closing == "when consistent" else np.full(len(at), method.closing == "always")
     states, width = np.full((len(indices), 3), np.nan), np.full(len(indices), np.nan)
+    fit: DecayFit | None = None
     if closes.any():
         weights = track.likelihood_weight
         first, stray = _first(method, track), _stray(method)
-        states[closes], width[closes] = likelihood_sweep(time, reading, weights, at[closes] + 1, first, resolution, stray, narrow)
+        states[closes], width[closes], fit = likelihood_sweep(
+            time, reading, weights, at[closes] + 1, first, resolution, stray, narrow
+        )
     faded = np.zeros(len(indices), dtype=bool)
     # Intervals that pass for narrow are judged one by one: where residuals are not noise they are wider than they look.
     for i in np.flatnonzero(~closes | (width < narrow)):
@@ -319,4 +339,5 @@ def estimates_at(
         low, high = estimate.steady_state_interval.low, estimate.steady_state_interval.high
         states[i], faded[i] = estimate.state, estimate.faded
         width[i] = high - low if low is not None and high is not None else math.nan
-    return Progress(states, width, faded)
+    sound = fit is not None and bool(closes[-1]) and _looks_white(fit, time, reading, track.likelihood_weight, resolution)
+    return Progress(states, width, faded, sound)

@@ -75,8 +75,9 @@ def sweep_sensor(
                 rmse[j, usable] = np.sqrt(squares[:, end - 1] / (counts[end - 1] - 1))
             rmse[j, grid >= window - 1e-9] = np.nan
         width[usable] = progress.width
-        last_one = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
-        doubted = doubts(last_one, track, sensor)
+        if not progress.sound:
+            last_one = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
+            doubted = doubts(last_one, track, sensor)
     return Swept(_records(blank, doubted, [*sensor.notes, note], windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width)
 
 
