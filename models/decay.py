@@ -219,8 +219,8 @@ def likelihood_sweep(
     """As :func:`likelihood` for several first stretches of one record, in one call.
 
     Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, the width [K] of
-    the steady state's interval (m,), nan where a side is open, and the fit of the longest stretch. Only a width that may come near `narrow` is looked for on the
-    likelihood; a far larger one is to first order, whatever its shape.
+    the steady state's interval (m,), nan where a side is open, and the fit of the longest stretch. Only a width that may
+    come near `narrow` is looked for on the likelihood; a far larger one is to first order, whatever its shape.
     """
     out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, stray, 2.0 * narrow)
     rate, slope, level, phi_mean = out[:, :4].T
