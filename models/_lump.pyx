@@ -707,7 +707,7 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
     cdef double* weights = <double*> malloc((t.shape[0] + 1) * sizeof(double))
     cdef Py_ssize_t i, j, n = 0, round_
     cdef Sums s
-    cdef double limit, noise, reach, steady
+    cdef double limit, noise, reach, steady, begun
     cdef double bounds[4]
     cdef double* scratch = <double*> malloc((t.shape[0] + 1) * sizeof(double))
     cdef StartRule r
@@ -723,11 +723,17 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
             for j in range(n):
                 weights[j] = w[j]
             r.fewest = n            # shorter starts than this were tried when the filter began, and none was settled
-            if n <= first and start_weights(&p, &thin, scratch, &t[0], &y[0], n, &r, weights, &s, &noise, &done) < 0:
-                continue
+            begun = 0.0
+            if n <= first:
+                if start_weights(&p, &thin, scratch, &t[0], &y[0], n, &r, weights, &s, &noise, &done) < 0:
+                    continue
+                begun = s.rate
             if fill(&p, &t[0], &y[0], weights, n, False):
                 continue
-            search(&p, &thin, False, &s)
+            if begun > p.low:
+                evaluate(&p, begun, True, &s)       # the start has searched the same readings already
+            else:
+                search(&p, &thin, False, &s)
             refine(&p, &s)
             for round_ in range(2):
                 if drop_strays(&p, &s, &t[0], &y[0], weights, n, r.stray, r.resolution, scratch) == 0:

@@ -411,12 +411,14 @@ def likelihoods(
     out[:] = np.nan
     for i, n in enumerate(counts):
         weights = w[:n].copy()
+        begun = 0.0
         try:
             if n <= first:
                 # Shorter starts than this were tried when the filter began, and none was settled.
-                start_decay(t[:n], y[:n], (*rule[:2], int(n), *rule[3:]), weights)
+                begun = start_decay(t[:n], y[:n], (*rule[:2], int(n), *rule[3:]), weights)[3][0]
             p = _Problem(t[:n], y[:n], weights, False)
-            s = p.best()
+            # The start has searched the same readings already.
+            s = _refine(p, p.evaluate(begun)) if begun > p.low else p.best()
             for _ in range(2):
                 if not _drop_strays(p, s, t[:n], y[:n], weights, rule[4], rule[0]):
                     break
