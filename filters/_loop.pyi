@@ -13,7 +13,6 @@ def run(
     scale: float,
     dof: float,
     dead_band: float,
-    fades: Any,
     rule: str,
     moments: Array,
     settings: Array,

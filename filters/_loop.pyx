@@ -145,7 +145,7 @@ cdef void joseph(double* x, double* p, Py_ssize_t n, double innovation, double s
 
 def run(object step_capsule, object jacobian_capsule, const double[::1] t, const double[::1] y, Py_ssize_t first,
         const double[::1] x0, const double[:, ::1] p0, double scale, double dof, double dead_band,
-        const unsigned char[::1] fades, str rule, double[::1] moments, double[::1] settings,
+        str rule, double[::1] moments, double[::1] settings,
         double[:, ::1] states, double[:, :, ::1] covariances, double[:, ::1] columns):
     """Filter readings first+1.. ; row k of the outputs holds the posterior of reading k. Returns the index where it broke, or -1.
 

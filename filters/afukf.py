@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from .base import Closing, setting
 from .fading import AdaptiveFading, FadingRule
 from .loop import GaussianFilter
-from .moments import Moments, SymmetricPoints
+from .moments import Moments, sigma_points
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,12 @@ class Afukf(GaussianFilter):
     fading_gain: float = setting(0.3, "fading factor - 1 at the wake threshold", 0.0, 10.0)
     fading_most: float = setting(1.5, "largest fading factor of one reading", 1.0, 10.0)
     jump_readings: float = setting(4.0, "stray readings in a row, on one side, that count as a jump", 2.0, 100.0)
+    spread: float = setting(0.0, "phi of the scaled sigma points (4); 0: the 2n points of (3)", 0.0, 10.0)
     closing_step: bool = True
 
     @property
     def moments(self) -> Moments:
-        return SymmetricPoints()
+        return sigma_points(self.spread)
 
     @property
     def fading_rule(self) -> FadingRule:

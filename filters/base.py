@@ -54,10 +54,6 @@ class StateModel(Protocol):
     def state_names(self) -> tuple[str, ...]: ...
 
     @property
-    def fades(self) -> tuple[bool, ...]:
-        """States that a fading rule may inflate (moving ones); the others are constants of the machine."""
-
-    @property
     def compiled(self) -> Compiled | None: ...
 
     def start(self, time: Array, reading: Array, resolution: float) -> Start:

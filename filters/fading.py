@@ -34,10 +34,9 @@ class Memory:
 
 @dataclass(frozen=True)
 class Context:
-    """What stays the same over a record: covariance at the start, which states fade, innovations too small to matter [K]."""
+    """What stays the same over a record: covariance at the start, innovations too small to matter [K]."""
 
     start_covariance: Array
-    fades: Array
     dead_band: float
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from .base import Closing, setting
 from .fading import FadingRule, InnovationFading
 from .loop import GaussianFilter
-from .moments import Moments, SymmetricPoints
+from .moments import Moments, sigma_points
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,11 @@ class FadingUkf(GaussianFilter):
 
     forgetting: float = setting(0.95, "xi of equation (22)", 0.0, 1.0)
     weakening: float = setting(3.0, "rho of equation (21)", 0.0, 100.0)
+    spread: float = setting(0.0, "phi of the scaled sigma points (4); 0: the 2n points of (3)", 0.0, 10.0)
 
     @property
     def moments(self) -> Moments:
-        return SymmetricPoints()
+        return sigma_points(self.spread)
 
     @property
     def fading_rule(self) -> FadingRule:

@@ -78,7 +78,6 @@ def run(
             start.noise_variance,
             start.dof,
             dead_band,
-            np.array(model.fades, dtype=np.uint8),
             rule.rule,
             moments.compiled_settings(n),
             rule.compiled_settings(),
@@ -87,7 +86,7 @@ def run(
             columns,
         )
     else:
-        context = Context(start.covariance, np.array(model.fades), dead_band)
+        context = Context(start.covariance, dead_band)
         broken = run_readable(model, start, moments, rule, context, time, reading, (states, covariances, columns))
     if broken >= 0:
         states[broken:], covariances[broken:], columns[broken:] = np.nan, np.nan, np.nan

@@ -91,6 +91,11 @@ class ScaledPoints(_SigmaPoints):
         return math.sqrt(n + delta), mean0, mean0 + 1.0 - self.spread**2 + self.shape, 0.5 / (n + delta)
 
 
+def sigma_points(spread: float) -> Moments:
+    """The 2n points for a spread of 0, the scaled 2n + 1 points for the paper's phi above it."""
+    return ScaledPoints(spread) if spread > 0.0 else SymmetricPoints()
+
+
 @dataclass(frozen=True)
 class Linearised(Moments):
     """First-order propagation with the Jacobian of the step: the extended Kalman filter."""

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from .base import Closing
+from .base import Closing, setting
 from .fading import FadingRule, NoFading
 from .loop import GaussianFilter
-from .moments import Moments, SymmetricPoints
+from .moments import Moments, sigma_points
 
 
 @dataclass(frozen=True)
@@ -16,9 +16,11 @@ class Ukf(GaussianFilter):
     summary = "unscented Kalman filter: sigma points, no fading"
     reference = "Julier & Uhlmann 2004, Proc. IEEE 92(3); equations (2)-(13) with alpha = 1"
 
+    spread: float = setting(0.0, "phi of the scaled sigma points (4); 0: the 2n points of (3)", 0.0, 10.0)
+
     @property
     def moments(self) -> Moments:
-        return SymmetricPoints()
+        return sigma_points(self.spread)
 
     @property
     def fading_rule(self) -> FadingRule:

@@ -47,8 +47,6 @@ class Lump:
     """The base model in the coordinates (temperature degC, slope K/min, rate 1/min)."""
 
     state_names = ("temperature_c", "slope_c_per_min", "rate_per_min")
-    #: Temperature and slope move; the rate is a constant of the machine.
-    fades = (True, True, False)
 
     @property
     def compiled(self) -> Capsules | None:
@@ -152,7 +150,6 @@ class PrintedLump:
     """The paper's model (37): state (temperature, rate, steady state), and its start of section 2.1."""
 
     state_names = ("temperature_c", "rate_per_min", "steady_state_c")
-    fades = (True, False, False)
     start_state: tuple[float, float, float] = (10.0, 0.01, 30.0)
     start_variance: tuple[float, float, float] = (0.25, 0.01, 0.01)
 

@@ -25,7 +25,6 @@ class Cart:
     """A linear model: position and speed. On it every Gaussian filter is the Kalman filter."""
 
     state_names = ("position", "speed")
-    fades = (True, True)
     compiled = None
 
     def step(self, state, dt):

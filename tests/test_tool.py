@@ -107,6 +107,10 @@ def test_the_paper_preset_diverges_and_a_setting_changes_the_result(tool):
     plain, off = tool(*common).out, tool(*common, "--set", "afukf.closing_step=false").out
     gated = tool(*common, "--set", "afukf.gate=2").out
     assert len({plain, off, gated}) == 3
+    alone = ("identify", SPINDLE, "--channels", "T5", "--until", 60, "--format", "jsonl", "-q", "--filter", "ukf")
+    symmetric, scaled = (json.loads(tool(*alone, *extra).out) for extra in ((), ("--set", "ukf.spread=0.5")))
+    assert symmetric["steady_state_c"] != scaled["steady_state_c"]
+    assert scaled["steady_state_c"] == pytest.approx(symmetric["steady_state_c"], abs=0.05)
 
 
 def test_sweep_and_its_columns(tool):
