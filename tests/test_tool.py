@@ -366,3 +366,15 @@ def test_odd_names_and_places_give_no_traceback(tool, tmp_path, monkeypatch):
         command = [*TOOL, "identify", str(SPINDLE), "-q"]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, cwd=ROOT, check=False)
     assert b"Traceback" not in done.stderr
+
+
+def test_a_foreign_package_of_our_name_is_named(tmp_path):
+    (tmp_path / "filters").mkdir()
+    (tmp_path / "filters" / "__init__.py").write_text("")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-P", "-m", "thermofast_cli", "filters"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert "'filters' that Python finds is not thermofast's" in done.stderr
+    assert str(tmp_path) in done.stderr
+    assert "Traceback" not in done.stderr
