@@ -1,7 +1,7 @@
 """All benchmarks, one after the other: ``python -m benchmarks``."""
 
-from . import accuracy, certified, disturbance, speed
+from . import accuracy, certified, disturbance, real_records, speed, states
 
-for part in (accuracy, disturbance, speed, certified):
+for part in (accuracy, disturbance, speed, certified, states, real_records):
     print(f"\n## {part.__name__.split('.')[-1]}\n")
     part.main()

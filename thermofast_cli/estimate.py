@@ -50,11 +50,9 @@ class Estimate:
     steady_state: float | None
     steady_state_interval: Interval
     rate: float | None
-    rate_interval: Interval
     noise: float
     limit: float | None
     weights: Array
-    from_likelihood: bool
     initial: float
     t95: float | None
     t95_interval: Interval
@@ -148,11 +146,9 @@ def _from_likelihood(found: Likelihood, time: Array, resolution: float, widening
         steady_state=fit.steady_state if curved else None,
         steady_state_interval=found.steady_state,
         rate=fit.rate if curved else None,
-        rate_interval=rates,
         noise=noise,
         limit=limit if curved and math.isfinite(limit) else None,
         weights=found.weights,
-        from_likelihood=True,
         initial=fit.level - fit.slope * fit.phi_mean,
         t95=LOG_TWENTY / fit.rate if curved else None,
         t95_interval=Interval(
@@ -177,7 +173,7 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
         weights = start.weights
     quantile = float(t_quantile(dof)) if math.isfinite(dof) else 1.96
     covariance = covariance * noise_variance
-    steady, rates = model.intervals(state, covariance, quantile)
+    steady, _ = model.intervals(state, covariance, quantile)
     curve, spread = model.curve_state(state), model.curve_covariance(state, covariance)
     temperature, slope, rate = (float(v) for v in curve)
     settles = rate > 0.0
@@ -196,18 +192,15 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
     t95, t95_interval = settling(curve, spread, elapsed, initial, quantile)
     if settles:
         steady = steady.around(temperature + slope / rate)
-        rates = rates.around(rate)
     return Estimate(
         time=float(time[k]),
         state=curve,
         steady_state=temperature + slope / rate if settles else None,
         steady_state_interval=steady,
         rate=rate if settles else None,
-        rate_interval=rates,
         noise=math.sqrt(float(track.noise_variance[k]) if k >= track.first else noise_variance),
         limit=None,
         weights=weights,
-        from_likelihood=False,
         initial=initial,
         t95=t95,
         t95_interval=t95_interval,

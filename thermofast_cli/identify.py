@@ -86,7 +86,7 @@ def identify_sensor(
     estimate = estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, sensor.resolution)
     record = _record(blank, sensor, estimate, track, count, notes)
     trace = trace_columns(method.model, track, time[:count], reading[:count]) if want_trace else None
-    curves = _curves(run, channel, sensor, estimate, trace, count) if want_trace else None
+    curves = _curves(run, channel, sensor, estimate, trace, count, until_min) if want_trace else None
     return Identified(record, trace, curves)
 
 
@@ -213,7 +213,9 @@ def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> di
     }
 
 
-def _curves(run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int) -> Curves:
+def _curves(
+    run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int, until_min: float | None
+) -> Curves:
     end = float(sensor.time[-1])
     if count == len(sensor.time) and estimate.t95 is not None:
         end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
@@ -229,7 +231,7 @@ def _curves(run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: d
         estimate.free_run(grid),
         low,
         high,
-        float(sensor.time[count - 1]),
+        float(sensor.time[count - 1]) if until_min is None else until_min,
         note,
         trace or {},
     )

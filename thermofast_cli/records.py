@@ -54,7 +54,7 @@ class IdentifyRecord(Record):
 
 @dataclass(frozen=True)
 class SweepRecord(Record):
-    """One sensor and window of a sweep; see docs/sweep in the README for the two rules."""
+    """One sensor and window of a sweep; docs/architecture.md has the rules."""
 
     filter: str
     window_min: float | None = None
