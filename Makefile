@@ -29,9 +29,9 @@ docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m benchmarks.pictures
 
 clean:
-	rm -rf .venv build dist out *.egg-info models/*.so filters/*.so models/_lump.c filters/_loop.c
+	rm -rf .venv build dist out *.egg-info models/*.so filters/*.so models/_lump.c models/_forward.c filters/_loop.c
 
-$(STAMP): pyproject.toml setup.py models/_lump.pyx filters/_loop.pyx
+$(STAMP): pyproject.toml setup.py models/_lump.pyx models/_forward.pyx filters/_loop.pyx
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"

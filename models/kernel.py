@@ -3,6 +3,7 @@
 from ._lump_numpy import Array, FitMoments, StartRule, growth, growth_slope
 
 try:
+    from ._forward import followed, forward
     from ._lump import (
         PRINTED_JACOBIAN,
         PRINTED_STEP,
@@ -17,6 +18,7 @@ try:
 
     COMPILED = True
 except ImportError:
+    from ._forward_numpy import followed, forward
     from ._lump_numpy import (
         PRINTED_JACOBIAN,
         PRINTED_STEP,
@@ -41,6 +43,8 @@ __all__ = [
     "FitMoments",
     "StartRule",
     "fit_decay",
+    "followed",
+    "forward",
     "growth",
     "growth_slope",
     "likelihoods",

@@ -1,4 +1,4 @@
-"""Quantiles and tails of three distributions, from scipy.special, which is imported at the first use: it takes as long to
+"""Quantiles and tails of four distributions, from scipy.special, which is imported at the first use: it takes as long to
 load as numpy, and a process that only hands work out does not need it.
 """
 
@@ -26,3 +26,10 @@ def normal_tail(value: float) -> float:
     from scipy.special import ndtr
 
     return float(ndtr(-value))
+
+
+def chi2_tail(dof: int, value: float) -> float:
+    """Probability that a chi-squared number with `dof` degrees of freedom exceeds `value`."""
+    from scipy.special import chdtrc
+
+    return float(chdtrc(dof, max(value, 0.0)))

@@ -27,13 +27,14 @@ def _cosines(n: int, count: int) -> Array:
     return cosines
 
 
-def pattern_p_value(residual: Array, tangent: Array) -> float:
+def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> float:
     """Probability that white residuals of a fit would show as much pattern as these.
 
     residual (n,) in units of their noise, in order of time; tangent (n, m), the fit's Jacobian, whose directions the fit has
     already used up. Two looks, each at half the level: an F test of the first COSINES cosines over the record, which sees
     slow misfit, and the lag-one correlation (Durbin & Watson), which sees the rest. Long records are averaged
-    over blocks first. Returns nan for fewer than 12 readings.
+    over blocks first. `slack` is the variance, relative to the noise's, of slow disturbances that are no misfit (the noise of
+    a logged input); with it only the slow look is taken. Returns nan for fewer than 12 readings.
     """
     n = len(residual)
     if n < 12:
@@ -56,7 +57,9 @@ def pattern_p_value(residual: Array, tangent: Array) -> float:
     if not total > 0.0:
         return 1.0
     f = (explained / count) / max((total - explained) / rest, 1e-300)
-    slow = f_tail(count, rest, f)
+    slow = f_tail(count, rest, f / (1.0 + slack))
+    if slack > 0.0:
+        return slow
     # A fit makes neighbouring residuals slightly opposite: about -m/n in the lag-one correlation.
     lag_one = float(residual[1:] @ residual[:-1]) / total + tangent.shape[1] / n
     fast = normal_tail(lag_one * math.sqrt(n))

@@ -1,0 +1,147 @@
+"""The forward run of any drive, in numpy: the readable twin of ``_forward.pyx``, and its fallback.
+
+Rows are independent lumps; columns are readings. See docs/architecture.md for the picture.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: No interval is cut into more pieces than this.
+MOST_SUBSTEPS = 256
+#: Fastest rate times substep that the Runge-Kutta rule is used with: an error of 1e-5 of the rise.
+STEP = 0.3
+#: Temperature difference at which a nonlinear loss equals the linear one [K] (physics of the catalogue).
+REFERENCE_K = 40.0
+
+
+def forward(
+    time: Array,
+    rate: Array,
+    rise: Array,
+    start: Array,
+    heat: Array,
+    loss: Array,
+    sink: Array,
+    exponent: Array,
+    hidden: Array,
+    hidden_rate: Array,
+    links: Array,
+    linked: Array,
+    lag: Array,
+    delay: Array,
+    out: Array,
+) -> None:
+    """Readings out (B, N) of B lumps at times (N,) [min].
+
+    dT/dt = rate [rise heat - loss g (T - sink)] - hidden (T - Z) - (links T - linked), g = (|T - sink| / 40 K)^exponent,
+    dZ/dt = hidden_rate (T - Z), Z(0) = T(0) = start; the reading follows T with time constant `lag`, `delay` minutes late.
+
+    rate, rise, start, exponent, hidden, hidden_rate, links, lag, delay are (B,); heat, loss (1 or B, N) are means over the interval
+    that ends at each reading; sink, linked (1 or B, N) are values at the readings, straight in between. links is the sum of the
+    couplings to measured neighbours and linked the sum of coupling times neighbour temperature.
+    """
+    rows, n = out.shape
+    shape = (rows, n)
+    heat, loss, sink, linked = (np.broadcast_to(a, shape) for a in (heat, loss, sink, linked))
+    simple = (exponent == 0.0) & (hidden == 0.0)
+    temperature, mass, reading = start.copy(), start.copy(), start.copy()
+    slope = np.zeros(shape)
+    out[:, 0] = start
+
+    def moves(T: Array, Z: Array, k: int, s: Array, q: Array) -> Array:
+        above = T - s
+        g = loss[:, k] * np.where(exponent == 0.0, 1.0, ((np.abs(above) + 1e-9) / REFERENCE_K) ** exponent)
+        change: Array = rate * (rise * heat[:, k] - g * above) - hidden * (T - Z) - (links * T - q)
+        return change
+
+    for k in range(1, n):
+        dt = float(time[k] - time[k - 1])
+        lam = rate * loss[:, k] + links
+        a = lam * dt
+        small = a < 1e-3
+        safe = np.where(small, 1.0, lam)
+        phi = np.where(small, dt * (1.0 - 0.5 * a + a * a / 6.0), -np.expm1(-a) / safe)
+        psi = np.where(small, dt * dt * (0.5 - a / 6.0 + a * a / 24.0), (dt - phi) / safe)
+        u0 = rate * (rise * heat[:, k] + loss[:, k] * sink[:, k - 1]) + linked[:, k - 1]
+        u1 = rate * (rise * heat[:, k] + loss[:, k] * sink[:, k]) + linked[:, k]
+        exact = temperature * np.exp(-a) + u0 * phi + (u1 - u0) / dt * psi
+        begin = moves(temperature, mass, k, sink[:, k - 1], linked[:, k - 1])
+        end = moves(exact, mass, k, sink[:, k], linked[:, k])
+        probed = _late_probe(reading, temperature, exact, begin, end, dt, lag)
+        stepped, mass, stepped_probe = _substeps(
+            k, dt, temperature, mass, reading, (rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag), moves, simple
+        )
+        temperature = np.where(simple, exact, stepped)
+        reading = np.where(lag > 0.0, np.where(simple, probed, stepped_probe), temperature)
+        out[:, k] = reading
+        follows = (temperature - reading) / np.where(lag > 0.0, lag, 1.0)
+        slope[:, k] = np.where(lag > 0.0, follows, moves(temperature, mass, k, sink[:, k], linked[:, k]))
+    slope[:, 0] = np.where(lag > 0.0, 0.0, moves(start, start, 1, sink[:, 0], linked[:, 0]))
+    for b in np.flatnonzero(delay > 0.0):
+        out[b] = _late(time, out[b].copy(), slope[b], float(delay[b]))
+
+
+def _substeps(k, dt, T, Z, y, parts, moves, simple):  # type: ignore[no-untyped-def]
+    """One interval by the classical Runge-Kutta rule, each row in its own number of equal pieces."""
+    rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag = parts
+    fast = rate * loss[:, k] * (1.0 + exponent) + hidden + hidden_rate + links
+    fast = np.where(simple, 0.0, fast)
+    pieces = np.array([min(MOST_SUBSTEPS, 1 << max(0, math.ceil(math.log2(max(f * dt / STEP, 1.0))))) for f in fast])
+    for i in range(int(pieces.max())):
+        live = i < pieces
+        h = dt / pieces
+        ds, dq = (sink[:, k] - sink[:, k - 1]) / pieces, (linked[:, k] - linked[:, k - 1]) / pieces
+        s, q = sink[:, k - 1] + i * ds, linked[:, k - 1] + i * dq
+        k1, z1 = moves(T, Z, k, s, q), hidden_rate * (T - Z)
+        T2, Z2 = T + 0.5 * h * k1, Z + 0.5 * h * z1
+        k2, z2 = moves(T2, Z2, k, s + 0.5 * ds, q + 0.5 * dq), hidden_rate * (T2 - Z2)
+        T3, Z3 = T + 0.5 * h * k2, Z + 0.5 * h * z2
+        k3, z3 = moves(T3, Z3, k, s + 0.5 * ds, q + 0.5 * dq), hidden_rate * (T3 - Z3)
+        T4, Z4 = T + h * k3, Z + h * z3
+        k4, z4 = moves(T4, Z4, k, s + ds, q + dq), hidden_rate * (T4 - Z4)
+        T1 = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        Z1 = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+        y1 = _late_probe(y, T, T1, k1, moves(T1, Z1, k, s + ds, q + dq), h, lag)
+        T, Z, y = np.where(live, T1, T), np.where(live, Z1, Z), np.where(live, y1, y)
+    return T, Z, y
+
+
+def _late_probe(y: Array, T0: Array, T1: Array, s0: Array, s1: Array, h: Array | float, lag: Array) -> Array:
+    """A first-order probe one step on, exactly, while its object moves along the cubic of these ends and slopes."""
+    lag = np.where(lag > 0.0, lag, 1.0)
+    c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
+    d = (2.0 * (T0 - T1) / h + s0 + s1) / h**2
+    first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))
+    last = T1 - lag * (s1 - lag * (2.0 * c + 6.0 * d * h - lag * 6.0 * d))
+    moved: Array = last + (y - first) * np.exp(-h / lag)
+    return moved
+
+
+def _late(time: Array, curve: Array, slope: Array, delay: float) -> Array:
+    """The curve `delay` minutes later; cubic between readings, its first value before."""
+    at = time - delay
+    j = np.clip(np.searchsorted(time, at, "left") - 1, 0, len(time) - 2)
+    dt = time[j + 1] - time[j]
+    x = (at - time[j]) / dt
+    value: Array = (
+        curve[j] * (1.0 + 2.0 * x) * (1.0 - x) ** 2
+        + slope[j] * dt * x * (1.0 - x) ** 2
+        + curve[j + 1] * x * x * (3.0 - 2.0 * x)
+        + slope[j + 1] * dt * x * x * (x - 1.0)
+    )
+    return np.where(at <= time[0], curve[0], value)
+
+
+def followed(time: Array, values: Array, lag: Array, out: Array) -> None:
+    """First-order followers out (B, N) of values (N,) at times (N,) with time constants lag (B,) [min]; 0 follows at once."""
+    out[:, 0] = values[0]
+    for k in range(1, len(time)):
+        a = (time[k] - time[k - 1]) / np.where(lag > 0.0, lag, 1.0)
+        E = np.exp(-a)
+        phi = np.where(a > 1e-8, (1.0 - E) / np.where(a > 1e-8, a, 1.0), 1.0 - 0.5 * a)
+        moved = E * out[:, k - 1] + (phi - E) * values[k - 1] + (1.0 - phi) * values[k]
+        out[:, k] = np.where(lag > 0.0, moved, values[k])

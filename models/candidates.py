@@ -1,0 +1,266 @@
+"""One effect added to a fit: every way it could act, from every promising start, on the sensors that it concerns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .effects.base import Choice, Effect
+from .joint import Fit, Model, Part, fit_model, rows_of, search, with_parts
+from .judge import PATTERN, Identifiability, chance, gains, identifiability, noise_floor
+from .kernel import Array
+from .observations import Observations
+from .scan import Scan, own_starts, scan, shared_starts
+
+#: Starts of a shared effect that are followed to their end.
+FOLLOWED = 3
+#: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
+CONCERNED = 0.01
+#: A way of acting with one more parameter must gain this much over the plain one.
+WORTH = 12.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model with effects, beside the fit it was grown from: own (S,) gains over that, p chance of that gain."""
+
+    fit: Fit
+    own: Array
+    p: float
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.fit.model.parts
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        return tuple(part.id for part in self.parts)
+
+    @property
+    def gain(self) -> float:
+        return float(self.own.sum())
+
+    @cached_property
+    def floor(self) -> Array:
+        """p values (S,) of the residuals being noise."""
+        return noise_floor(self.fit)
+
+    @property
+    def at_floor(self) -> bool:
+        return bool(self.floor.min() >= PATTERN)
+
+    @cached_property
+    def identifiable(self) -> Identifiability:
+        return identifiability(self.fit)
+
+    @property
+    def parameters(self) -> float:
+        """Searched effect parameters; a neighbour that was chosen counts as half a one."""
+        choices = sum(0.5 * int(p.concerns(self.fit.run.sensors).sum()) for p in self.parts if p.id == "neighbour_heat")
+        return self.fit.searched + choices
+
+
+#: Effective number of independent places at which an effect is looked for, and how it grows with the number of readings;
+#: docs/false-alarms.md has the script that finds these.
+TRIALS: dict[str, tuple[float, float]] = {
+    "ambient": (2.0, 0.0),
+    "second_mode": (4.0, 0.0),
+    "load_step": (30.0, 0.0),
+    "cooling_switch": (30.0, 0.0),
+    "sensor_lag": (3.0, 0.0),
+    "transport_delay": (6.0, 0.0),
+    "nonlinear_loss": (2.0, 0.0),
+    "neighbour_heat": (8.0, 0.0),
+    "cyclic_load": (2.0, 1.0),
+    "friction_decay": (6.0, 0.0),
+    "sensor_drift": (1.0, 0.0),
+    "reading_jump": (2.0, 1.0),
+}
+UNKNOWN_TRIALS = (30.0, 0.0)
+
+
+def trials(effect: Effect, run: Observations) -> float:
+    """Effective number of places at which an effect is looked for on a run."""
+    constant, by_reading = TRIALS.get(effect.id, UNKNOWN_TRIALS)
+    return constant + by_reading * float(run.used.any(axis=0).sum())
+
+
+def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Scan]]]:
+    """Gain that a straight-line step promises, over all simple ways of acting, and the scans behind it."""
+    scans = [(c, scan(fit, effect, c)) for c in effect.choices(fit.run) if c.simple]
+    if not scans:
+        return 0.0, []
+    if effect.scope == "run":
+        best = 0.0
+        for _, found in scans:
+            starts = shared_starts(found, effect, 0, 1)
+            best = max(best, starts[0][0] if starts else 0.0)
+        return best, scans
+    per_sensor = np.max([found.gain.max(axis=0) for _, found in scans], axis=0)
+    return float(per_sensor.sum() if effect.scope == "sensor" else per_sensor.max()), scans
+
+
+def try_add(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None = None) -> Candidate | None:
+    """The best model that adds `effect` to a fit; None where the run lacks what it needs."""
+    scans = first_order(before, effect)[1] if scans is None else scans
+    if not scans:
+        return None
+    if effect.scope == "run":
+        return _shared(before, effect, scans)
+    if effect.scope == "one":
+        return _single(before, effect, scans)
+    return _own(before, effect, scans)
+
+
+def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate:
+    own = gains(before, after)
+    if effect.scope != "run":
+        own = np.where(part.concerns(before.run.sensors), own, 0.0)
+    free = len([p for p in effect.active(part.choice)])
+    return Candidate(after, own, chance(effect, own, free, trials(effect, before.run)))
+
+
+def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate:
+    run, at = before.run, len(before.model.parts)
+    best: tuple[float, Fit, Part] | None = None
+    most = FOLLOWED if len(scans) < 3 else 1
+    for choice, found in scans:
+        part = Part(effect, choice)
+        parts = [*before.model.parts, part]
+        base = with_parts(before, parts)
+        for _, start in shared_starts(found, effect, at, most):
+            fit = fit_model(run, parts, {**base, **start})
+            value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
+            if best is None or value > best[0]:
+                best = value, fit, part
+    assert best is not None
+    best = _elaborate(before, effect, best)
+    return _candidate(before, best[1], effect, best[2])
+
+
+def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
+    """Less simple ways of acting, where the simple one leaves a pattern."""
+    more = [c for c in effect.choices(before.run) if not c.simple]
+    if not more or best[0] < WORTH or noise_floor(best[1]).min() >= PATTERN:
+        return best
+    at = len(before.model.parts)
+    values = best[1].values
+    for choice in more:
+        label = best[2].choice.constants.get("column")
+        if label and choice.constants.get("column") != label:
+            continue
+        part = Part(effect, choice)
+        parts = [*before.model.parts, part]
+        start = {k: v for k, v in values.items() if k[0] < at}
+        start |= {k: v for k, v in values.items() if k[0] == at}
+        fit = fit_model(before.run, parts, start)
+        value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
+        if value > best[0] + WORTH:
+            best = value, fit, part
+    return best
+
+
+def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate:
+    run, at, n = before.run, len(before.model.parts), before.run.sensors
+    best: Candidate | None = None
+    for choice, found in scans:
+        promised, start = own_starts(found, effect, at)
+        for i in np.argsort(promised)[::-1][:2]:
+            part = Part(effect, choice, tuple(bool(j == i) for j in range(n)))
+            parts = [*before.model.parts, part]
+            fit = fit_model(run, parts, {**with_parts(before, parts), **start})
+            candidate = _candidate(before, fit, effect, part)
+            if best is None or candidate.gain > best.gain:
+                best = candidate
+    assert best is not None
+    return best
+
+
+def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate | None:
+    """Each sensor by itself from several starts, all at once; then those it concerns, with what is shared."""
+    run, at, n = before.run, len(before.model.parts), before.run.sensors
+    sensors = np.arange(n)
+    best_cost = before.rss.copy()
+    best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
+    for choice, starts in _own_choices(before, effect, scans, at):
+        part = Part(effect, choice)
+        parts = [*before.model.parts, part]
+        model = Model(run, parts)
+        base = with_parts(before, parts)
+        stacked, shared = [], np.zeros(0)
+        for start in starts:
+            local, shared = model.vector({**base, **start})
+            stacked.append(local)
+        tiled = np.tile(sensors, len(starts))
+        fit = search(model, np.concatenate(stacked), shared, None, 25, tiled, hold_shared=True)
+        cost = np.where(np.isfinite(fit.rss), fit.rss, np.inf).reshape(len(starts), n)
+        row = np.argmin(cost, axis=0)
+        for i in sensors:
+            if cost[row[i], i] < best_cost[i] * (1.0 - 1e-12):
+                best_cost[i] = cost[row[i], i]
+                best_rows[i] = choice, fit, int(row[i]) * n + int(i)
+    trial = replace(before, rss=best_cost)
+    own = np.array([g if r is not None else 0.0 for g, r in zip(_plain_gains(before, trial), best_rows, strict=True)])
+    free = len(effect.parameters)
+    number = trials(effect, run)
+    concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < CONCERNED for i in range(n)])
+    if not concerned.any():
+        concerned[int(np.argmax(own))] = True
+    return _joined(before, effect, best_rows, concerned)
+
+
+def _plain_gains(before: Fit, after: Fit) -> Array:
+    floor = 1e-12
+    return np.asarray(before.dof * np.log((before.rss + floor) / (after.rss + floor)))
+
+
+def _own_choices(
+    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], at: int
+) -> list[tuple[Choice, list[dict[tuple[int, str], Any]]]]:
+    """Ways of acting and starts of an effect that each sensor has for itself; neighbours are composed from the most promising."""
+    run = before.run
+    main = effect.parameter(effect.amplitude)
+    scale = run.span if main.share else 1.0
+    found = []
+    if len(scans) > 1 and "source" in scans[0][0].constants:
+        promised = np.array([s.gain[0] for _, s in scans])
+        amplitude = np.array([s.amplitude[0] for _, s in scans])
+        order = np.argsort(-promised, axis=0)
+        sensors = np.arange(run.sensors)
+        for rank in range(min(9, len(scans))):
+            pick = order[rank]
+            source = np.array([int(scans[p][0].constants["source"][i]) for i, p in enumerate(pick)])
+            small = {(at, effect.amplitude): amplitude[pick, sensors]}
+            found.append((Choice("", {"source": source}), [small, {(at, effect.amplitude): np.full(run.sensors, 0.01)}]))
+        return found
+    for choice, s in scans:
+        _, start = own_starts(s, effect, at)
+        starts = [start]
+        for amplitude in effect.large_starts():
+            for point in s.points[1::5] if len(s.points) > 1 else [{}]:
+                values = {(at, k): np.full(run.sensors, v) for k, v in point.items()}
+                starts.append({(at, effect.amplitude): np.full(run.sensors, amplitude * scale), **values})
+        found.append((choice, starts))
+    return found
+
+
+def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any) -> Candidate | None:
+    run, n = before.run, before.run.sensors
+    chosen = next((r for r in rows if r is not None), None)
+    if chosen is None:
+        return None
+    constants = dict(chosen[0].constants)
+    if "source" in constants:
+        other = (np.arange(n) + 1) % n
+        constants["source"] = np.array([int(r[0].constants["source"][i]) if r else int(other[i]) for i, r in enumerate(rows)])
+    part = Part(effect, Choice("", constants), tuple(bool(c) for c in concerned))
+    parts = [*before.model.parts, part]
+    model = Model(run, parts)
+    local, shared = model.vector(with_parts(before, parts))
+    for i, r in enumerate(rows):
+        if r is not None and concerned[i]:
+            local[i] = rows_of(r[1], np.array([r[2]])).local[0]
+    fit = search(model, local, shared)
+    return _candidate(before, fit, effect, part)

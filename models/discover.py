@@ -1,0 +1,166 @@
+"""Which effect is missing: a search over single effects and pairs that knows how often it would name one by chance.
+
+The rules: a set of effects is named only if chance would not give its gain (over everything that was tried), it lowers the error
+on readings left out, the record determines its parameters, and every sensor is down to its noise. Among sets that fit
+equally well the one with the fewest parameters is the verdict.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .candidates import Candidate, first_order, try_add
+from .effects.base import Effect
+from .heldout import held_out_errors
+from .joint import Fit, fit_model
+from .judge import PATTERN, gains, noise_floor
+from .kernel import Array
+from .observations import Observations
+
+#: Chance, over all effects and sensors of a run, of naming an effect that is not there.
+FALSE_ALARM = 0.01
+#: Pairs that are fitted to their end.
+PAIRS = 16
+#: A log-likelihood ratio (times two) within which two models fit equally well.
+EQUAL = 9.0
+#: A model that leaves more than this share of the best one's misfit is no rival.
+MOST_ALSO = 6
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What a search found. `named` is the verdict's model, None for `none` and `unexplained`.
+
+    singles are in the order of their gain; also_possible are those models that fit as well, or for `unexplained` the nearest.
+    ahead_base, ahead (S,) [K] are errors on readings left out.
+    """
+
+    base: Fit
+    base_floor: Array
+    singles: tuple[Candidate, ...]
+    named: Candidate | None
+    also: tuple[Candidate, ...]
+    p: float
+    ahead_base: Array
+    ahead: Array | None
+    why: str
+
+    @property
+    def verdict(self) -> str:
+        if self.named is not None:
+            return "+".join(self.named.ids)
+        return "none" if self.why == "none" else "unexplained"
+
+
+def discover(run: Observations, effects: Sequence[Effect], false_alarm: float = FALSE_ALARM, most: int = 2) -> Discovery:
+    """Search the effects, singly and in pairs, that the base model lacks on a run."""
+    base = fit_model(run)
+    floor = noise_floor(base)
+    singles: list[Candidate] = []
+    for effect in effects:
+        found = try_add(base, effect)
+        if found is not None:
+            singles.append(found)
+    singles.sort(key=lambda c: -c.gain)
+    number = max(1, len(effects))
+
+    def passes(candidate: Candidate) -> bool:
+        return candidate.p * number < false_alarm and candidate.at_floor and candidate.identifiable.ok and physical(candidate)
+
+    good = [c for c in singles if passes(c)]
+    pairs: list[Candidate] = []
+    above = bool(floor.min() < PATTERN)
+    if most > 1 and (above or good):
+        pairs = _pairs(base, singles, effects, good, number, false_alarm)
+    best_single = max((c.gain for c in good), default=0.0)
+    finalists = good + [c for c in pairs if passes(c)]
+    named, also = _choose(base, finalists)
+    p = min(1.0, min((c.p for c in singles), default=1.0) * number)
+    blank = np.full(run.sensors, np.nan)
+    if named is None:
+        if not above:
+            return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
+        near = sorted(singles + pairs, key=lambda c: -total_gain(base, c))[:3]
+        return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
+    del best_single
+    ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
+    if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
+        why = "none" if not above else "the error on readings left out does not fall"
+        return Discovery(base, floor, tuple(singles), None, (named, *also), p, ahead_base, None, why)
+    return Discovery(base, floor, tuple(singles), named, tuple(also), min(1.0, named.p * number), ahead_base, ahead, "")
+
+
+def total_gain(base: Fit, candidate: Candidate) -> float:
+    """Gain over the base model."""
+    return float(gains(base, candidate.fit).sum())
+
+
+def _pairs(
+    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], number: int, false_alarm: float
+) -> list[Candidate]:
+    """Pairs in the order of what a first-order step promises; on top of a single that does, only what is clearly promised."""
+    by_id = {e.id: e for e in effects}
+    promised: dict[frozenset[str], tuple[float, Candidate, str]] = {}
+    scans = {}
+    starts = good[:3] if good else singles
+    for single in starts:
+        own = total_gain(base, single)
+        for effect in effects:
+            if effect.id in single.ids:
+                continue
+            value, found = first_order(single.fit, effect)
+            if not found or (good and value < 25.0):
+                continue
+            key = frozenset((*single.ids, effect.id))
+            if key not in promised or own + value > promised[key][0]:
+                promised[key] = own + value, single, effect.id
+                scans[key] = found
+    order = sorted(promised, key=lambda k: -promised[k][0])[: 4 if good else PAIRS]
+    of_single = {c.ids[0]: c for c in singles}
+    found_pairs = []
+    for key in order:
+        _, single, added = promised[key]
+        pair = try_add(single.fit, by_id[added], scans[key])
+        if pair is None:
+            continue
+        # Both must be needed: over the first alone, and over the second alone.
+        other = of_single.get(added)
+        p = pair.p
+        if other is not None:
+            beyond = float(gains(other.fit, pair.fit).sum())
+            if beyond < 2.0 * EQUAL + 2.0 * (pair.parameters - other.parameters):
+                p = 1.0
+        found_pairs.append(Candidate(pair.fit, pair.own, p))
+    return found_pairs
+
+
+def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
+    if not finalists:
+        return None, []
+    value = {id(c): total_gain(base, c) for c in finalists}
+    best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.parameters)
+    limit = value[id(best)]
+    equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.parameters - c.parameters)]
+    equal.sort(key=lambda c: (len(c.ids), c.parameters, -value[id(c)]))
+    named = equal[0]
+    also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
+    return named, also[:MOST_ALSO]
+
+
+def physical(candidate: Candidate) -> bool:
+    """Physics that statistics does not see: two sensors that explain each other share an unknown cause."""
+    for p, part in enumerate(candidate.parts):
+        if part.id == "neighbour_heat":
+            source = np.asarray(part.choice.constants["source"])
+            who = part.concerns(candidate.fit.run.sensors)
+            if any(who[source[i]] and source[source[i]] == i for i in np.flatnonzero(who)):
+                return False
+            del p
+    return True
+
+
+def falling_order(ids: Sequence[str], errors: Sequence[float]) -> bool:
+    """Whether errors fall from step to step."""
+    return all(b < a for a, b in pairwise(errors)) and len(errors) == len(ids) + 1

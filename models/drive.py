@@ -1,0 +1,88 @@
+"""What drives a lump: the picture that an effect changes, and its run forward.
+
+    dT/dt = b [ R heat - loss g (T - sink) ] - kappa (T - Z) - sum kappa_k (T - Z_k),   reading = probe(T) + offset
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from . import kernel
+from .kernel import Array
+from .observations import Observations
+
+
+@dataclass
+class Drive:
+    """Drive of B rows (one lump each) over N readings; an effect replaces what it changes.
+
+    heat, loss: dimensionless, mean over the interval that ends at each reading, broadcastable to (B, N); times to take are
+    ``run.middle``, and ``run.after(t)`` for a step. sink [degC], offset [K]: value at each reading, times ``run.time``.
+    exponent, hidden [1/min], hidden_rate [1/min], lag [min], delay [min]: (B, 1).
+    links: (coupling (B, 1) [1/min], neighbour's temperature (B or 1, N) [degC]).
+    sensor (B,): the index of each row's sensor. sink_c: the surroundings' reference [degC].
+    """
+
+    sensor: Any
+    sink_c: Array
+    heat: Array
+    loss: Array
+    sink: Array
+    offset: Array
+    exponent: Array
+    hidden: Array
+    hidden_rate: Array
+    lag: Array
+    delay: Array
+    links: list[tuple[Array, Array]] = field(default_factory=list)
+
+    @classmethod
+    def plain(cls, run: Observations, sensor: Any, sink_c: Array) -> "Drive":
+        """The base model: heat = loss = g = 1, constant surroundings, no links, a perfect probe."""
+        zero = np.zeros((len(sensor), 1))
+        one = np.ones((1, len(run.time)))
+        return cls(
+            sensor, sink_c, one, one, sink_c + 0.0 * one, 0.0 * one, zero, zero.copy(), zero.copy(), zero.copy(), zero.copy()
+        )
+
+    def forward(self, run: Observations, rate: Array, rise: Array, start: Array) -> Array:
+        """Readings (B, N) [degC] of lumps with rate [1/min], rise [K] and start [degC], each (B,)."""
+        n, rows = len(run.time), len(rate)
+        couplings = np.zeros((rows, 1))
+        linked: Array = np.zeros((1, n))
+        for coupling, neighbour in self.links:
+            couplings = couplings + coupling
+            linked = linked + coupling * neighbour
+        out = np.empty((rows, n))
+        kernel.forward(
+            run.time,
+            _row(rate, rows),
+            _row(rise, rows),
+            _row(start, rows),
+            _grid(self.heat, rows, n),
+            _grid(self.loss, rows, n),
+            _grid(self.sink, rows, n),
+            _row(self.exponent, rows),
+            _row(self.hidden, rows),
+            _row(self.hidden_rate, rows),
+            _row(couplings, rows),
+            _grid(linked, rows, n),
+            _row(self.lag, rows),
+            _row(self.delay, rows),
+            out,
+        )
+        out += self.offset
+        return out
+
+
+def _row(values: Array, rows: int) -> Array:
+    flat = np.ascontiguousarray(values, dtype=float).reshape(-1)
+    return flat if len(flat) == rows else np.ascontiguousarray(np.broadcast_to(flat, rows))
+
+
+def _grid(values: Array, rows: int, n: int) -> Array:
+    wide = np.atleast_2d(np.asarray(values, dtype=float))
+    if wide.shape not in ((rows, n), (1, n)):
+        wide = np.broadcast_to(wide, (rows, n))
+    return np.ascontiguousarray(wide)

@@ -1,0 +1,135 @@
+"""What an effect is: data that describe it, and one function that changes the drive.
+
+A new effect is a class derived from :class:`Effect`, with its parameters declared and ``apply`` written in numpy; see
+docs/add-an-effect.md. Effects add up: each changes the drive that the one before it left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..drive import Drive
+from ..kernel import Array
+from ..observations import Observations
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    low, high, start: bounds and start value, in `unit`; with ``share`` they are shares of the record's length. `least_steps`
+    raises the lower bound to that many sampling intervals, `fastest` lowers the upper bound of a rate to that per interval. null is the value at which the effect vanishes (None: this
+    parameter alone cannot make it vanish). belongs: 'machine', carried to other runs of it, or 'run'.
+    each: 'run', one value for all sensors, or 'sensor', one for each. log: search on a logarithmic scale.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    meaning: str
+    null: float | None = None
+    belongs: str = "machine"
+    each: str = "run"
+    log: bool = False
+    share: bool = False
+    least_steps: float = 0.0
+    fastest: float = 0.0
+
+    def bounds(self, run: Observations) -> tuple[float, float]:
+        """Lower and upper bound for a run."""
+        scale = run.span if self.share else 1.0
+        low = max(self.low * scale, self.least_steps * run.step) if self.least_steps else self.low * scale
+        high = self.high * scale if not self.fastest else min(self.high * scale, self.fastest / run.step)
+        return low, max(high, 2.0 * low if self.log else low)
+
+    def grid(self, run: Observations, points: int) -> Array:
+        """Places from which to start a search, `points` of them between the bounds."""
+        low, high = self.bounds(run)
+        if self.log:
+            return np.geomspace(max(low, 1e-6 * high), high, points + 2)[1:-1]
+        return np.linspace(low, high, points + 2)[1:-1]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One way for an effect to act on a run: which logged column it follows, which neighbour, which shape of wave.
+
+    constants are carried in the model file. simple is False for a way that is tried only where the simple ones do not do.
+    """
+
+    label: str = ""
+    constants: dict[str, Any] = field(default_factory=dict)
+    omitted: tuple[str, ...] = ()
+    simple: bool = True
+
+
+class Values:
+    """Parameter values of an effect by name, each (B, 1), and the constants of its choice."""
+
+    def __init__(self, values: dict[str, Any], constants: dict[str, Any]) -> None:
+        self.__dict__.update(constants)
+        self.__dict__.update(values)
+
+    def __getattr__(self, name: str) -> Any:
+        known = ", ".join(sorted(self.__dict__))
+        raise AttributeError(f"no parameter {name!r}; declared are: {known}")
+
+
+class Effect:
+    """A missing piece of physics. Class attributes describe it; ``apply`` changes the drive.
+
+    amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
+    sensors have it, each with its own values; 'one', it concerns a single sensor.
+    """
+
+    id: ClassVar[str] = "abstract"
+    summary: ClassVar[str] = ""
+    equation: ClassVar[str] = ""
+    tell_tale: ClassVar[str] = ""
+    mistaken_for: ClassVar[tuple[str, ...]] = ()
+    needs: ClassVar[str] = ""
+    separate: ClassVar[str] = ""
+    reference: ClassVar[str] = ""
+    scope: ClassVar[str] = "run"
+    event: ClassVar[str | None] = None
+    uses_sink: ClassVar[bool] = False
+    amplitude: ClassVar[str] = ""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        """Change the drive. p.<name> are arrays (B, 1), one row per lump; run.time, run.middle are (N,) [min]."""
+        raise NotImplementedError
+
+    def choices(self, run: Observations) -> Sequence[Choice]:
+        """The ways in which this effect could act on a run; none where it lacks an input."""
+        return (Choice(),)
+
+    def parameter(self, name: str) -> Parameter:
+        return next(p for p in self.parameters if p.name == name)
+
+    def active(self, choice: Choice) -> tuple[Parameter, ...]:
+        """Parameters that are searched under a choice."""
+        return tuple(p for p in self.parameters if p.name not in choice.omitted)
+
+    def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:
+        """Values of the parameters other than the amplitude from which to start a search."""
+        others = [p for p in self.active(choice) if p.name != self.amplitude]
+        if not others:
+            return [{}]
+        points = max(3, round(48 ** (1.0 / len(others)))) if self.event else max(3, round(16 ** (1.0 / len(others))))
+        meshes = np.meshgrid(*[p.grid(run, points) for p in others], indexing="ij")
+        columns = [m.ravel() for m in meshes]
+        return [{p.name: float(c[i]) for p, c in zip(others, columns, strict=True)} for i in range(len(columns[0]))]
+
+    def large_starts(self) -> tuple[float, ...]:
+        """Amplitudes, beside the one a straight line suggests, from which a search is worth starting."""
+        return ()
+
+
+def varying(columns: dict[str, Array]) -> dict[str, Array]:
+    """Those logged columns that change during the run."""
+    return {n: c for n, c in columns.items() if float(np.ptp(c)) > 1e-6 * max(1.0, float(np.abs(c).max()))}

@@ -1,0 +1,40 @@
+"""``cooling_switch``: coolant, fan or door changes the loss."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..drive import Drive
+from ..observations import Observations
+from .base import Choice, Effect, Parameter, varying
+from .load_step import held
+
+
+class CoolingSwitch(Effect):
+    """The loss steps at an unknown time, or follows a logged column."""
+
+    id = "cooling_switch"
+    summary = "coolant, fan or door changes the loss"
+    equation = "loss(t) = ratio after event, 1 before; or 1 + (ratio - 1) u/u_max, u a logged column"
+    tell_tale = "kink at the event, then a new exponential with another b"
+    mistaken_for = ("load_step",)
+    separate = "log the coolant or the fan; wait longer after the change"
+    reference = "lumped capacitance with a changed film coefficient, Incropera ch. 5"
+    event = "event"
+    uses_sink = True
+    amplitude = "ratio"
+    parameters = (
+        Parameter("ratio", "1", 0.05, 12.0, 1.3, "loss after the change over the loss before", null=1.0, belongs="run"),
+        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True),
+    )
+
+    def choices(self, run: Observations) -> Sequence[Choice]:
+        found = [Choice("", {"column": ""})]
+        for name, column in list(varying(run.inputs).items())[:6]:
+            found.append(Choice(name, {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}, ("event",)))
+        return found
+
+    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        changed = held(run, p.column, p.scale, 1.0) if p.column else run.after(p.event)
+        drive.loss = drive.loss * np.maximum(1.0 + (p.ratio - 1.0) * changed, 1e-3)

@@ -1,0 +1,61 @@
+"""``cyclic_load``: a duty cycle, the hysteresis of a chiller."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..drive import Drive
+from ..kernel import Array
+from ..observations import Observations
+from .base import Choice, Effect, Parameter
+
+
+class CyclicLoad(Effect):
+    """The heat is a periodic wave."""
+
+    id = "cyclic_load"
+    summary = "the heat comes and goes: duty cycle, chiller hysteresis"
+    equation = "heat(t) = 1 + depth wave(t / period - phase), wave a sine or a square of mean 0"
+    tell_tale = "a spectral line"
+    mistaken_for = ()
+    separate = "log the duty or the power"
+    reference = "response of a lump to periodic heating, Carslaw & Jaeger, Conduction of Heat in Solids, ch. 2"
+    uses_sink = True
+    amplitude = "depth"
+    parameters = (
+        Parameter("depth", "1", -6.0, 6.0, 0.2, "amplitude of the heat's wave over its mean", null=0.0),
+        Parameter("period", "min", 0.0, 0.8, 0.1, "period of the wave", log=True, share=True, least_steps=2.5),
+        Parameter("phase", "1", -2.0, 3.0, 0.25, "start of the wave, in periods", belongs="run"),
+        Parameter("duty", "1", 0.08, 0.92, 0.5, "share of the period that a square wave is on"),
+    )
+
+    def choices(self, run: Observations) -> Sequence[Choice]:
+        return (
+            Choice("sine", {"wave": "sine", "duty": 0.5}, ("duty",)),
+            Choice("square", {"wave": "square", "duty": 0.5}, ("duty",), simple=False),
+            Choice("square, uneven", {"wave": "square"}, simple=False),
+        )
+
+    def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:
+        """Periods half a line apart, each with two phases; 400 at most."""
+        low, high = self.parameter("period").bounds(run)
+        lines = np.arange(1.0 / high, 1.0 / low, 0.4 / run.span)
+        lines = lines if len(lines) <= 300 else np.geomspace(1.0 / high, 1.0 / low, 300)
+        return [{"period": float(1.0 / f), "phase": phase} for f in lines for phase in (0.0, 0.25)]
+
+    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        length = np.maximum(np.diff(run.time, prepend=run.time[0] - run.step), 1e-12)
+        end, begin = run.time / p.period - p.phase, run.before(0.0) / p.period - p.phase
+        if p.wave == "sine":
+            whole: Array = (np.cos(2 * np.pi * begin) - np.cos(2 * np.pi * end)) / (2 * np.pi)
+        else:
+            whole = _square_area(end, p.duty) - _square_area(begin, p.duty)
+        drive.heat = drive.heat + p.depth * (whole * p.period / length)
+
+
+def _square_area(x: Array, duty: Any) -> Array:
+    """Integral of the square wave of mean 0 (1 while on) that is on during the first `duty` of each period, at x periods."""
+    rest = x - np.floor(x)
+    area: Array = 2.0 * (np.minimum(rest, duty) - duty * rest)
+    return area

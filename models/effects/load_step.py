@@ -1,0 +1,55 @@
+"""``load_step``: the load changes during the run."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..drive import Drive
+from ..observations import Observations
+from .base import Choice, Effect, Parameter, varying
+
+
+class LoadStep(Effect):
+    """The heat steps at an unknown time, or follows a logged column."""
+
+    id = "load_step"
+    summary = "the load changes during the run"
+    equation = "heat(t) = 1 + change after event; or 1 + change ((u/u0)^power - 1), u a logged column"
+    tell_tale = "kink in slope at the event, then a new exponential with the same b"
+    mistaken_for = ("cooling_switch", "reading_jump")
+    separate = "log the speed or the power"
+    reference = "step response of a lump, e.g. Incropera, Fundamentals of Heat and Mass Transfer, ch. 5"
+    event = "event"
+    uses_sink = True
+    amplitude = "change"
+    parameters = (
+        Parameter("change", "1", -1.5, 8.0, 0.2, "change of the heat, relative to the heat at the start", null=0.0, belongs="run"),
+        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True),
+        Parameter("power", "1", 0.25, 4.0, 1.0, "exponent of the logged column", log=True),
+    )
+
+    def choices(self, run: Observations) -> Sequence[Choice]:
+        free = Choice("", {"column": "", "power": 1.0}, ("power",))
+        found = [free]
+        for name, column in list(varying(run.inputs).items())[:6]:
+            top = float(np.abs(column).max())
+            constants = {"column": name, "scale": top, "event": 0.0}
+            found.append(Choice(name, {**constants, "power": 1.0}, ("event", "power")))
+            if len(np.unique(column)) > 2 and float(column.min()) >= 0.0:
+                found.append(Choice(f"{name}, to a power", constants, ("event",), simple=False))
+        return found
+
+    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        if not p.column:
+            drive.heat = drive.heat + p.change * run.after(p.event)
+            return
+        drive.heat = drive.heat + p.change * (held(run, p.column, p.scale, p.power) - 1.0)
+
+
+def held(run: Observations, name: str, scale: float, power: Any) -> Any:
+    """A logged column over `scale`, to a power, as mean over the interval that ends at each reading; (1 or B, N)."""
+    level = np.maximum(run.inputs[name] / scale, 0.0) if np.any(np.asarray(power) != 1.0) else run.inputs[name] / scale
+    raised = level**power
+    before = np.concatenate([raised[..., :1], raised[..., :-1]], axis=-1)
+    return 0.5 * (raised + before)

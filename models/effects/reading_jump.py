@@ -1,0 +1,34 @@
+"""``reading_jump``: the probe slips or is touched."""
+
+from typing import Any
+
+from ..drive import Drive
+from ..observations import Observations
+from .base import Choice, Effect, Parameter
+
+
+class ReadingJump(Effect):
+    """The reading of one sensor steps within one reading."""
+
+    id = "reading_jump"
+    summary = "the probe slips or is touched"
+    equation = "reading = T + jump after event"
+    tell_tale = "step within one reading, in one sensor only, b unchanged"
+    mistaken_for = ("load_step",)
+    separate = "fix the probe and look whether it happens again"
+    reference = "level shift, e.g. Chen & Liu 1993, JASA 88"
+    scope = "one"
+    event = "event"
+    amplitude = "jump"
+    parameters = (
+        Parameter("jump", "K", -60.0, 60.0, 0.1, "size of the step", null=0.0, belongs="run", each="sensor"),
+        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the step", belongs="run", each="sensor", share=True),
+    )
+
+    def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:
+        """Every interval between readings."""
+        every = max(1, len(run.time) // 600)
+        return [{"event": float(t)} for t in 0.5 * (run.time[2:-2:every] + run.time[1:-3:every])]
+
+    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        drive.offset = drive.offset + p.jump * run.after(p.event)

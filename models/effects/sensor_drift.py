@@ -1,0 +1,25 @@
+"""``sensor_drift``: the reading walks."""
+
+from typing import Any
+
+from ..drive import Drive
+from ..observations import Observations
+from .base import Effect, Parameter
+
+
+class SensorDrift(Effect):
+    """The reading of one sensor moves off in a straight line."""
+
+    id = "sensor_drift"
+    summary = "the reading of one sensor walks"
+    equation = "reading = T + drift t"
+    tell_tale = "straight line without end, in one sensor only"
+    mistaken_for = ("ambient", "second_mode")
+    separate = "swap the probe, or compare it with a second one at the same place"
+    reference = "thermocouple drift, e.g. Bentley, Handbook of Temperature Measurement, vol. 3"
+    scope = "one"
+    amplitude = "drift"
+    parameters = (Parameter("drift", "K/min", -0.5, 0.5, 0.001, "drift of the reading", null=0.0, each="sensor"),)
+
+    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        drive.offset = drive.offset + p.drift * (run.time - run.time[0])

@@ -1,0 +1,489 @@
+"""The grey-box model of all sensors of a run, and its least-squares fit.
+
+Parameters are of two kinds: those of one sensor (rate, level, start, and an effect's own) and those that all sensors share (one
+event time, one wave). The normal equations then have the form of an arrow: one small block per sensor and a border for what
+is shared; they are solved by the border's Schur complement inside a projected Levenberg-Marquardt iteration.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .decay import fit_decay
+from .drive import Drive
+from .effects.base import Choice, Effect, Parameter, Values
+from .kernel import Array
+from .observations import Observations
+
+#: Relative step of a derivative, in the search's coordinates (logarithms for scales, the bounds' width otherwise).
+NUDGE = 1e-5
+MOST_ITERATIONS = 40
+#: The search ends when a step gains less than this in units of the noise variance, or this share of the sum of squares.
+GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
+
+
+@dataclass(frozen=True)
+class Part:
+    """An effect in a model: how it acts (choice) and the sensors (S,) that it concerns; None: all."""
+
+    effect: Effect
+    choice: Choice = Choice()
+    concerned: tuple[bool, ...] | None = None
+
+    @property
+    def id(self) -> str:
+        return self.effect.id
+
+    def concerns(self, sensors: int) -> NDArray[np.bool_]:
+        """Mask (S,)."""
+        return np.ones(sensors, dtype=bool) if self.concerned is None else np.array(self.concerned)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One searched parameter: of part `part`, or of the base model (-1)."""
+
+    part: int
+    parameter: Parameter
+
+
+BASE = (
+    Parameter("rate", "1/min", 1e-5, 4.0, 0.015, "rate b", each="sensor", log=True, fastest=4.0),
+    Parameter("level", "degC", -1e4, 1e5, 25.0, "steady state at nominal load", belongs="run", each="sensor"),
+    Parameter("start", "degC", -500.0, 5000.0, 20.0, "temperature at the first reading", belongs="run", each="sensor"),
+)
+SINK = Parameter("sink", "degC", -200.0, 2000.0, 20.0, "temperature of the surroundings", belongs="run")
+
+
+class Model:
+    """Base model and effects on one run: the layout of its parameters, and its forward run."""
+
+    def __init__(self, run: Observations, parts: Sequence[Part] = ()) -> None:
+        self.run, self.parts = run, tuple(parts)
+        columns = [Column(i, p) for i, part in enumerate(self.parts) for p in part.effect.active(part.choice)]
+        self.local = [Column(-1, p) for p in BASE] + [c for c in columns if c.parameter.each == "sensor"]
+        self.shared = [c for c in columns if c.parameter.each == "run"]
+        # Without a logged ambient the surroundings are what several sensors under one cause agree on.
+        heating = any(part.effect.uses_sink for part in self.parts)
+        if run.sink_c is None and heating and run.sensors > 1:
+            self.shared.append(Column(-1, SINK))
+        self.low_local, self.high_local = self._bounds(self.local)
+        self.low_shared, self.high_shared = self._bounds(self.shared)
+        self.log_local = np.array([c.parameter.log for c in self.local], dtype=bool)
+        self.log_shared = np.array([c.parameter.log for c in self.shared], dtype=bool)
+        n = run.sensors
+        self.active = np.ones((n, len(self.local)), dtype=bool)
+        for j, c in enumerate(self.local):
+            if c.part >= 0:
+                self.active[:, j] = self.parts[c.part].concerns(n)
+
+    def _bounds(self, columns: list[Column]) -> tuple[Array, Array]:
+        pairs = [c.parameter.bounds(self.run) for c in columns]
+        low, high = (np.array([p[i] for p in pairs], dtype=float) for i in (0, 1))
+        log = np.array([c.parameter.log for c in columns], dtype=bool)
+        return (np.where(log, np.log(np.maximum(v, 1e-300)), v) if len(v) else v for v in (low, high))  # type: ignore[return-value]
+
+    @property
+    def sink_guess(self) -> float:
+        """Temperature of the surroundings: as logged, else the coolest first reading [degC]."""
+        if self.run.sink_c is not None:
+            return self.run.sink_c
+        return _coolest_start(self.run)
+
+    def forward(self, local: Array, shared: Array, sensor: Any) -> Array:
+        """Readings (R, N) of rows with parameters local (R, kl), shared (R, ks) in search coordinates, of sensors (R,)."""
+        here = np.where(self.log_local, np.exp(np.where(self.log_local, local, 0.0)), local)
+        common = np.where(self.log_shared, np.exp(np.where(self.log_shared, shared, 0.0)), shared) if len(self.shared) else shared
+        sink_c = np.full((len(sensor), 1), self.sink_guess)
+        values: list[dict[str, Any]] = [{} for _ in self.parts]
+        for j, c in enumerate(self.local):
+            if c.part >= 0:
+                column = here[:, j : j + 1]
+                null = c.parameter.null
+                if null is not None and not self.active[:, j].all():
+                    column = np.where(self.active[sensor, j][:, None], column, null)
+                values[c.part][c.parameter.name] = column
+        for j, c in enumerate(self.shared):
+            if c.part < 0:
+                sink_c = common[:, j : j + 1]
+            else:
+                values[c.part][c.parameter.name] = common[:, j : j + 1]
+        drive = Drive.plain(self.run, sensor, sink_c)
+        for part, named in zip(self.parts, values, strict=True):
+            part.effect.apply(drive, self.run, Values(named, part.choice.constants))
+        return drive.forward(self.run, here[:, 0], here[:, 1] - sink_c[:, 0], here[:, 2])
+
+    def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array, Array]:
+        """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters)."""
+        rows, kl, ks = len(sensor), len(self.local), len(self.shared)
+        step_l = self._steps(local, self.low_local, self.high_local, self.log_local)
+        step_s = self._steps(shared, self.low_shared, self.high_shared, self.log_shared)
+        many_l = np.repeat(local[None], 1 + kl + ks, axis=0)
+        many_s = np.repeat(shared[None], 1 + kl + ks, axis=0)
+        for j in range(kl):
+            many_l[1 + j, :, j] += step_l[:, j]
+        for j in range(ks):
+            many_s[1 + kl + j, :, j] += step_s[:, j]
+        curves = self.forward(many_l.reshape(-1, kl), many_s.reshape(len(many_s) * rows, ks), np.tile(sensor, 1 + kl + ks))
+        curves = curves.reshape(1 + kl + ks, rows, -1)
+        by = curves[1:] - curves[0]
+        by[:kl] /= step_l.T[:, :, None]
+        by[kl:] /= step_s.T[:, :, None]
+        return curves[0], by[:kl], by[kl:]
+
+    @staticmethod
+    def _steps(values: Array, low: Array, high: Array, log: NDArray[np.bool_]) -> Array:
+        width = np.where(log, 10.0, np.minimum(high - low, 100.0))
+        step = NUDGE * width * np.ones_like(values)
+        return np.where(values + step > high, -step, step)
+
+    def vector(self, named: dict[tuple[int, str], Any]) -> tuple[Array, Array]:
+        """Search coordinates local (S, kl), shared (ks,) from values by (part, name), clipped to the bounds; else start values."""
+        n = self.run.sensors
+        local, shared = np.empty((n, len(self.local))), np.empty(len(self.shared))
+        for columns, out, log, low, high in (
+            (self.local, local, self.log_local, self.low_local, self.high_local),
+            (self.shared, shared, self.log_shared, self.low_shared, self.high_shared),
+        ):
+            for j, c in enumerate(columns):
+                p = c.parameter
+                value = named.get((c.part, p.name))
+                if value is None:
+                    value = self.sink_guess if p is SINK else p.start * (self.run.span if p.share else 1.0)
+                value = np.asarray(value, dtype=float)
+                out[..., j] = np.clip(np.log(np.maximum(value, 1e-300)) if log[j] else value, low[j], high[j])
+        return local, shared
+
+    def named(self, local: Array, shared: Array) -> dict[tuple[int, str], Any]:
+        """Natural values by (part, name): (S,) for local, a number for shared parameters."""
+        found: dict[tuple[int, str], Any] = {}
+        for j, c in enumerate(self.local):
+            found[c.part, c.parameter.name] = np.exp(local[:, j]) if self.log_local[j] else local[:, j].copy()
+        for j, c in enumerate(self.shared):
+            found[c.part, c.parameter.name] = float(np.exp(shared[j]) if self.log_shared[j] else shared[j])
+        return found
+
+
+def _coolest_start(run: Observations) -> float:
+    firsts = [float(np.median(row[used][:3])) for row, used in zip(run.reading, run.used, strict=True) if used.any()]
+    return min(firsts) if firsts else 20.0
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of the parameters before the fit, in search coordinates: mean and sd (inf: nothing) like the parameters."""
+
+    local: Array
+    local_sd: Array
+    shared: Array
+    shared_sd: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model: parameters in search coordinates, curve (S, N) [degC], weighted residual sums of squares rss (S,) [K^2].
+
+    by_local (kl, S, N) and by_shared (ks, S, N) are the model's derivatives.
+    """
+
+    model: Model
+    local: Array
+    shared: Array
+    curve: Array
+    by_local: Array
+    by_shared: Array
+    rss: Array
+    converged: bool
+    prior: Prior | None = None
+
+    @property
+    def run(self) -> Observations:
+        return self.model.run
+
+    @cached_property
+    def residual(self) -> Array:
+        """Reading minus model (S, N) [K]; 0 where there is no reading in use."""
+        return np.where(self.run.used, np.nan_to_num(self.run.reading) - self.curve, 0.0)
+
+    @cached_property
+    def readings(self) -> NDArray[np.int_]:
+        return np.asarray(self.run.used.sum(axis=1))
+
+    @cached_property
+    def searched(self) -> int:
+        """Number of effect parameters."""
+        n = int(self.model.active[:, len(BASE) :].sum())
+        return n + sum(c.part >= 0 for c in self.model.shared)
+
+    @cached_property
+    def dof(self) -> Array:
+        """Readings minus parameters of each sensor, shared ones spread evenly (S,)."""
+        own = self.model.active.sum(axis=1) + len(self.model.shared) / max(1, self.run.sensors)
+        return np.maximum(self.readings - own, 1.0)
+
+    @cached_property
+    def noise(self) -> Array:
+        """Standard deviation (S,) [K] of a reading: of the residuals, but no less than the logger's rounding."""
+        floor = self.run.resolution**2 / 12.0
+        return np.asarray(np.sqrt(np.maximum(self.rss / self.dof, np.maximum(floor, 1e-18))))
+
+    @cached_property
+    def rmse(self) -> Array:
+        """Root mean square residual (S,) [K] of the readings in use."""
+        total = (self.residual**2).sum(axis=1)
+        return np.asarray(np.sqrt(total / np.maximum(self.readings, 1)))
+
+    def tangent(self, sensor: int) -> Array:
+        """Directions (n used, m) in which the fit of a sensor can move."""
+        used = self.run.used[sensor]
+        own = self.by_local[self.model.active[sensor], sensor][:, used]
+        return np.concatenate([own, self.by_shared[:, sensor][:, used]]).T
+
+    @property
+    def values(self) -> dict[tuple[int, str], Any]:
+        return self.model.named(self.local, self.shared)
+
+    @cached_property
+    def covariance(self) -> tuple[Array, Array, Array]:
+        """Covariances in search coordinates: local (S, kl, kl), shared (ks, ks), and shared with local (S, kl, ks).
+
+        The noise of each sensor is that of its residuals.
+        """
+        weight = self.run.weight / self.noise[:, None] ** 2
+        blocks, border, corner, _, _ = _normal_equations(self, weight)
+        return _arrow_inverse(blocks, border, corner, self.model.active)
+
+    @cached_property
+    def deviations(self) -> dict[tuple[int, str], Any]:
+        """Standard errors in search coordinates (of the logarithm where one is searched) by (part, name)."""
+        local, shared, _ = self.covariance
+        found: dict[tuple[int, str], Any] = {}
+        for j, c in enumerate(self.model.local):
+            found[c.part, c.parameter.name] = np.sqrt(np.maximum(local[:, j, j], 0.0))
+        for j, c in enumerate(self.model.shared):
+            found[c.part, c.parameter.name] = float(np.sqrt(max(shared[j, j], 0.0)))
+        return found
+
+
+def _normal_equations(fit: Fit, weight: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Blocks (S, kl, kl), border (S, kl, ks), corner (ks, ks) and right sides (S, kl), (ks,) with weights (S, N)."""
+    return _assemble(fit.by_local, fit.by_shared, fit.residual, weight, fit.model.active, fit.prior, fit.local, fit.shared)
+
+
+def _assemble(
+    by_local: Array,
+    by_shared: Array,
+    residual: Array,
+    weight: Array,
+    active: NDArray[np.bool_],
+    prior: Prior | None,
+    local: Array,
+    shared: Array,
+) -> tuple[Array, Array, Array, Array, Array]:
+    root = np.sqrt(weight)
+    jl = (by_local * root).transpose(1, 0, 2) * active[:, :, None]
+    js = (by_shared * root).transpose(1, 0, 2)
+    r = residual * root
+    blocks = jl @ jl.transpose(0, 2, 1)
+    border = jl @ js.transpose(0, 2, 1)
+    corner = (js @ js.transpose(0, 2, 1)).sum(axis=0)
+    right = (jl @ r[:, :, None])[:, :, 0]
+    right_shared = (js @ r[:, :, None])[:, :, 0].sum(axis=0)
+    if prior is not None:
+        pull = 1.0 / prior.local_sd**2
+        right += np.where(pull > 0.0, pull * (prior.local - local), 0.0) * active
+        blocks += np.eye(blocks.shape[1]) * (pull * active)[:, None, :]
+        pull_shared = 1.0 / prior.shared_sd**2
+        right_shared += np.where(pull_shared > 0.0, pull_shared * (prior.shared - shared), 0.0)
+        corner = corner + np.diag(pull_shared)
+    blocks += np.eye(blocks.shape[1]) * (~active)[:, None, :]
+    return blocks, border, corner, right, right_shared
+
+
+def _scaled(blocks: Array, corner: Array) -> tuple[Array, Array]:
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("sii->si", blocks), 1e-300))
+    scale_shared = 1.0 / np.sqrt(np.maximum(np.diag(corner), 1e-300))
+    return scale, scale_shared
+
+
+def _arrow_inverse(blocks: Array, border: Array, corner: Array, active: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    scale, scale_shared = _scaled(blocks, corner)
+    a = blocks * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(blocks.shape[1])
+    b = border * scale[:, :, None] * scale_shared
+    inverse = np.linalg.inv(a)
+    solved = inverse @ b
+    schur = corner * np.outer(scale_shared, scale_shared) - (b.transpose(0, 2, 1) @ solved).sum(axis=0)
+    shared = np.linalg.inv(schur + 1e-13 * np.eye(len(schur))) if len(schur) else schur
+    local = inverse + solved @ shared @ solved.transpose(0, 2, 1)
+    cross = -(solved @ shared) * scale[:, :, None] * scale_shared
+    local = local * scale[:, :, None] * scale[:, None, :] * active[:, :, None] * active[:, None, :]
+    return local, shared * np.outer(scale_shared, scale_shared), cross
+
+
+def start_values(run: Observations) -> dict[tuple[int, str], Any]:
+    """Rate, level and start of each sensor (S,) from the base law alone."""
+    rate, level, start = (np.empty(run.sensors) for _ in range(3))
+    for i in range(run.sensors):
+        used = run.used[i]
+        if int(used.sum()) < 3:
+            rate[i], level[i], start[i] = 0.01, 20.0, 20.0
+            continue
+        time = run.time[used]
+        fit = fit_decay(time, run.reading[i][used], run.weight[i][used])
+        rate[i] = max(fit.rate, 0.05 / run.span)
+        if fit.rate < rate[i]:
+            first, slope = float(fit.predict(time[:1])[0]), fit.slope
+            start[i], level[i] = first, first + slope / rate[i]
+        else:
+            start[i], level[i] = float(fit.predict(run.time[:1])[0]), fit.steady_state
+    return {(-1, "rate"): rate, (-1, "level"): level, (-1, "start"): start}
+
+
+def fit_model(
+    run: Observations,
+    parts: Sequence[Part] = (),
+    start: dict[tuple[int, str], Any] | None = None,
+    prior: Prior | None = None,
+    most: int = MOST_ITERATIONS,
+) -> Fit:
+    """Least-squares fit of the base model and `parts`, all sensors together, from `start` (values by (part, name))."""
+    model = Model(run, parts)
+    local, shared = model.vector({**start_values(run), **(start or {})} if not start or (-1, "rate") not in start else start)
+    return search(model, local, shared, prior, most)
+
+
+def search(
+    model: Model,
+    local: Array,
+    shared: Array,
+    prior: Prior | None = None,
+    most: int = MOST_ITERATIONS,
+    sensor: Any = None,
+    hold_shared: bool = False,
+) -> Fit:
+    """Projected Levenberg-Marquardt from search coordinates local (R, kl), shared (ks,).
+
+    Where nothing is shared each row has its own damping and ends by itself; otherwise all move together. `sensor` (R,) allows
+    several rows of one sensor (several starts at once); rows are the sensors by default. `hold_shared` searches the local
+    parameters alone.
+    """
+    run = model.run
+    sensor = np.arange(run.sensors) if sensor is None else sensor
+    reading, used = np.nan_to_num(run.reading)[sensor], run.used[sensor]
+    weight = run.weight[sensor] / np.maximum(run.noise[sensor], 1e-9)[:, None] ** 2
+    active = model.active[sensor]
+    rows, together = len(sensor), len(model.shared) > 0 and not hold_shared
+
+    def evaluate(at_local: Array, at_shared: Array) -> tuple[Array, ...]:
+        with np.errstate(all="ignore"):
+            curve, dl, ds = model.with_jacobian(at_local, np.broadcast_to(at_shared, (rows, len(model.shared))), sensor)
+            residual = np.where(used, reading - curve, 0.0)
+            cost = (weight * residual**2).sum(axis=1)
+            if prior is not None:
+                cost = cost + np.nan_to_num((((at_local - prior.local) / prior.local_sd) ** 2) * active).sum(axis=1)
+                cost = cost + np.nan_to_num(((at_shared - prior.shared) / prior.shared_sd) ** 2).sum() / rows
+        bad = ~np.isfinite(cost)
+        return curve, dl, ds, residual, np.where(bad, np.inf, cost)
+
+    curve, dl, ds, residual, cost = evaluate(local, shared)
+    damping = np.full(rows, 1e-3)
+    live = np.ones(rows, dtype=bool)
+    converged = False
+    for _ in range(most):
+        blocks, border, corner, right, right_shared = _assemble(
+            np.nan_to_num(dl), np.nan_to_num(ds), residual, weight, active, prior, local, shared
+        )
+        if hold_shared:
+            border, corner, right_shared = border[:, :, :0], corner[:0, :0], right_shared[:0]
+        # A parameter at its bound that wants beyond it stays there for this step.
+        stuck = ((local <= model.low_local) & (right < 0.0)) | ((local >= model.high_local) & (right > 0.0))
+        stuck_shared = np.zeros(0, dtype=bool)
+        if together:
+            stuck_shared = (shared <= model.low_shared) & (right_shared < 0.0)
+            stuck_shared |= (shared >= model.high_shared) & (right_shared > 0.0)
+        move, move_shared = _arrow_step(blocks, border, corner, right, right_shared, stuck | ~active, stuck_shared, damping)
+        trial = np.clip(local + move, model.low_local, model.high_local)
+        trial = np.where(live[:, None] & active, trial, local)
+        trial_shared = np.clip(shared + move_shared, model.low_shared, model.high_shared) if together else shared
+        after = evaluate(trial, trial_shared)
+        if together:
+            better = np.full(rows, bool(after[4].sum() < cost.sum()))
+            gain = np.full(rows, cost.sum() - after[4].sum())
+            total = np.full(rows, cost.sum())
+        else:
+            better, gain, total = after[4] < cost, cost - after[4], cost
+        local = np.where(better[:, None], trial, local)
+        if together and better[0]:
+            shared = trial_shared
+        curve, residual = (np.where(better[:, None], new, old) for new, old in ((after[0], curve), (after[3], residual)))
+        dl, ds = (np.where(better[None, :, None], new, old) for new, old in ((after[1], dl), (after[2], ds)))
+        cost = np.where(better, after[4], cost)
+        done = better & (gain < GAIN_AT_END + SHARE_AT_END * total)
+        damping = np.where(better, damping * 0.2, damping * 8.0)
+        live &= ~(done | (damping > 1e8))
+        if not live.any():
+            converged = True
+            break
+    rss = (run.weight[sensor] * residual**2).sum(axis=1)
+    return Fit(model, local, shared, curve, dl, ds, rss, converged, prior)
+
+
+def _arrow_step(
+    blocks: Array,
+    border: Array,
+    corner: Array,
+    right: Array,
+    right_shared: Array,
+    stuck: NDArray[np.bool_],
+    stuck_shared: NDArray[np.bool_],
+    damping: Array,
+) -> tuple[Array, Array]:
+    """One damped Gauss-Newton step (R, kl), (ks,); parameters marked stuck do not move."""
+    scale, scale_shared = _scaled(blocks, corner)
+    free, free_shared = (~stuck) * scale, (~stuck_shared) * scale_shared
+    eye = np.eye(blocks.shape[1])
+    a = blocks * free[:, :, None] * free[:, None, :]
+    a = a + eye * (damping[:, None] + stuck)[:, None, :] + 1e-12 * eye
+    b = border * free[:, :, None] * free_shared
+    g, gs = right * free, right_shared * free_shared
+    if not len(corner):
+        return np.linalg.solve(a, g[:, :, None])[:, :, 0] * free, np.zeros(0)
+    solved = np.linalg.solve(a, np.concatenate([b, g[:, :, None]], axis=2))
+    by_b, by_g = solved[:, :, :-1], solved[:, :, -1]
+    schur = corner * np.outer(free_shared, free_shared) - (b.transpose(0, 2, 1) @ by_b).sum(axis=0)
+    schur = schur + np.eye(len(corner)) * (damping[0] + stuck_shared + 1e-12)
+    shared = np.linalg.solve(schur, gs - (b * by_g[:, :, None]).sum(axis=(0, 1)))
+    local = by_g - (by_b @ shared[:, None])[:, :, 0]
+    return local * free, shared * free_shared
+
+
+def refit(fit: Fit, run: Observations, most: int = 12) -> Fit:
+    """The same model fitted to other weights of the same grid, from where `fit` ended."""
+    model = Model(run, fit.model.parts)
+    return search(model, fit.local.copy(), fit.shared.copy(), fit.prior, most)
+
+
+def with_parts(fit: Fit, parts: Sequence[Part]) -> dict[tuple[int, str], Any]:
+    """Start values for a model of `parts` from a fit, effects matched by their id."""
+    ids = {part.id: i for i, part in enumerate(parts)}
+    return {
+        (ids[fit.model.parts[p].id] if p >= 0 else -1, name): value
+        for (p, name), value in fit.values.items()
+        if p < 0 or fit.model.parts[p].id in ids
+    }
+
+
+def rows_of(fit: Fit, keep: Any) -> Fit:
+    """A fit of many rows reduced to one row per sensor: keep (S,) row indices."""
+    return replace(
+        fit,
+        local=fit.local[keep],
+        curve=fit.curve[keep],
+        by_local=fit.by_local[:, keep],
+        by_shared=fit.by_shared[:, keep],
+        rss=fit.rss[keep],
+    )

@@ -1,0 +1,177 @@
+"""What a fit may claim: is it down to the noise, does the record determine its parameters, could chance have done it?"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .effects.base import Effect
+from .joint import BASE, Fit, Part
+from .kernel import Array
+from .tails import chi2_tail
+from .whiteness import pattern_p_value, variance_inflation
+
+#: A right model's residuals look more patterned than this once in so many sensors.
+PATTERN = 1e-4
+#: Rounding alone leaves residuals of 0.29 steps; a misfit below this share of a step is not told from it.
+ROUNDING = 0.36
+#: Deviations by which an effect's amplitude must differ from nothing.
+SURE = 1.5
+#: Correlation of two parameters above which the record does not tell them apart.
+ALIKE = 0.9995
+#: A scale (time constant, period, rate) known worse than by this standard error of its logarithm is not known.
+VAGUE = 1.2
+
+
+def noise_floor(fit: Fit) -> Array:
+    """p values (S,): would white noise leave residuals as patterned as these? 1 where the misfit is the logger's rounding."""
+    run = fit.run
+    values = np.ones(run.sensors)
+    for i in range(run.sensors):
+        used = run.used[i]
+        if int(used.sum()) < 12:
+            continue
+        root = np.sqrt(run.weight[i][used])
+        slack = _input_noise(fit, i)
+        values[i] = pattern_p_value(fit.residual[i][used] * root, fit.tangent(i) * root[:, None], slack)
+        if fit.rmse[i] <= ROUNDING * run.resolution[i]:
+            values[i] = 1.0
+    return values
+
+
+def _input_noise(fit: Fit, sensor: int) -> float:
+    """Low-frequency variance, relative to the sensor's noise, that the noise of the inputs puts into the model's curve."""
+    total = 0.0
+    for p, part in enumerate(fit.model.parts):
+        if part.id == "ambient" and fit.run.ambient_noise > 0.0:
+            gain = float(np.max(np.abs(fit.values[p, "gain"])))
+            total += (gain * fit.run.ambient_noise / fit.noise[sensor]) ** 2
+        if part.id == "neighbour_heat" and part.concerns(fit.run.sensors)[sensor]:
+            kappa, rate = fit.values[p, "kappa"][sensor], fit.values[-1, "rate"][sensor]
+            source = int(np.asarray(part.choice.constants["source"])[sensor])
+            total += (kappa / (kappa + rate) * fit.noise[source] / fit.noise[sensor]) ** 2
+    return total
+
+
+def gains(before: Fit, after: Fit) -> Array:
+    """Log-likelihood ratios times two (S,) of `after` over `before`; rounding that repeats itself counts once."""
+    run = before.run
+    floor = (run.resolution**2 / 12.0) * np.maximum(before.readings, 1) * 1e-3 + 1e-12
+    ratio = np.log((before.rss + floor) / (after.rss + floor))
+    value = after.dof * ratio
+    for i in range(run.sensors):
+        if run.resolution[i] > 1.2 * fit_noise(after, i):
+            value[i] /= variance_inflation(after.residual[i][run.used[i]])
+    return np.asarray(value)
+
+
+def fit_noise(fit: Fit, sensor: int) -> float:
+    """Noise of a sensor [K] beyond the logger's rounding."""
+    rest = fit.rss[sensor] / fit.dof[sensor] - fit.run.resolution[sensor] ** 2 / 12.0
+    return math.sqrt(max(float(rest), 1e-18))
+
+
+def chance(effect: Effect, own: Array, free: int, trials: float) -> float:
+    """Probability that an effect which is not there gains this much on a record of this many sensors.
+
+    own (S,) gains by sensor (0 where not concerned), `free` parameters in all or per sensor, `trials` the effective number of
+    independent places at which it was looked for (docs/false-alarms.md tells how these were found).
+    """
+    if effect.scope == "run":
+        return min(1.0, trials * chi2_tail(free, float(own.sum())))
+    best = float(own.max(initial=0.0))
+    single = min(1.0, trials * len(own) * chi2_tail(free, best))
+    if effect.scope == "one":
+        return single
+    summed = min(1.0, trials * chi2_tail(free * len(own), float(own.sum())))
+    return min(1.0, 2.0 * min(single, summed))
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Whether the record determines an effect's parameters, and why not."""
+
+    ok: bool
+    why: str = ""
+
+
+def identifiability(fit: Fit, parts: tuple[Part, ...] | None = None) -> Identifiability:
+    """No flat direction, no parameter at a bound, none that another one imitates, no scale without a value."""
+    model = fit.model
+    local, shared, cross = fit.covariance
+    for p, part in enumerate(model.parts):
+        if parts is not None and part not in parts:
+            continue
+        effect = part.effect
+        for j, c in enumerate(model.shared):
+            if c.part != p:
+                continue
+            why = _doubt(
+                effect, c.parameter, float(fit.shared[j]), float(shared[j, j]), model.low_shared[j], model.high_shared[j], fit
+            )
+            if why:
+                return Identifiability(False, f"{part.id}: {why}")
+            deviation = math.sqrt(max(float(shared[j, j]), 1e-300))
+            others = np.sqrt(np.maximum(np.diag(shared), 1e-300))
+            alike = np.abs(np.delete(shared[j] / (deviation * others), j))
+            own = np.abs(cross[:, :, j]) / (deviation * np.sqrt(np.maximum(np.einsum("sii->si", local), 1e-300)))
+            if len(alike) and alike.max() > ALIKE:
+                return Identifiability(False, f"{part.id}: {c.parameter.name} cannot be told from another parameter")
+            if float(np.nan_to_num(own[model.active]).max(initial=0.0)) > ALIKE and fit.run.sensors == 1:
+                return Identifiability(False, f"{part.id}: {c.parameter.name} cannot be told from the sensor's own parameters")
+        if effect.scope != "run":
+            why = _own_doubts(fit, p, part, local)
+            if why:
+                return Identifiability(False, why)
+    return Identifiability(True)
+
+
+def _own_doubts(fit: Fit, p: int, part: Part, local: Array) -> str:
+    """Why the sensors' own parameters of a part are not determined: nothing where at least half of the sensors' are."""
+    model, found, good = fit.model, "", 0
+    who = np.flatnonzero(part.concerns(fit.run.sensors))
+    for i in who:
+        spread = np.sqrt(np.maximum(np.diag(local[i]), 1e-300))
+        why = ""
+        for j, c in enumerate(model.local):
+            if c.part != p or why:
+                continue
+            bounds = model.low_local[j], model.high_local[j]
+            why = _doubt(part.effect, c.parameter, float(fit.local[i, j]), float(local[i, j, j]), *bounds, fit)
+            others = np.flatnonzero(model.active[i] & (np.arange(len(spread)) != j))
+            if float(np.abs(local[i, j, others] / (spread[j] * spread[others])).max(initial=0.0)) > ALIKE:
+                why = why or f"{c.parameter.name} cannot be told from another parameter"
+        good += not why
+        found = found or (f"{part.id} in {fit.run.channels[i]}: {why}" if why else "")
+    return "" if 2 * good >= len(who) else found
+
+
+def _doubt(effect, parameter, value, variance, low, high, fit) -> str:  # type: ignore[no-untyped-def]
+    """Why one searched parameter is not determined, or nothing."""
+    if not variance < 1e12 or not variance >= 0.0:
+        return f"{parameter.name} is not determined"
+    deviation = math.sqrt(variance)
+    width = high - low
+    at_bound = value <= low + 1e-6 * width or value >= high - 1e-6 * width
+    if parameter.name == effect.amplitude:
+        scale = fit.run.span if parameter.share else 1.0
+        if abs(value - (parameter.null or 0.0) * scale) < SURE * deviation:
+            return f"{parameter.name} is within {SURE:g} standard errors of no effect"
+        return f"{parameter.name} is at the end of its range" if at_bound else ""
+    if parameter.name == "phase":
+        return ""
+    if at_bound:
+        return f"{parameter.name} is at the end of its range"
+    if parameter.log and deviation > VAGUE:
+        return f"{parameter.name} is known only to a factor of {math.exp(min(deviation, 20.0)):.1f}"
+    return ""
+
+
+def free_parameters(part: Part, effect: Effect) -> int:
+    """Searched parameters of a part: in all for a shared one, per sensor else."""
+    return len(effect.active(part.choice))
+
+
+def base_parameters() -> int:
+    """Parameters of the base model per sensor."""
+    return len(BASE)

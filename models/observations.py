@@ -1,0 +1,103 @@
+"""All sensors of one run on one time grid: what a joint fit looks at, and what an effect may use."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kernel import Array
+
+#: An interval longer than this many usual ones is a gap; the grid gets points inside it, without readings.
+GAP = 3.0
+
+
+@dataclass(frozen=True)
+class Observations:
+    """time (N,) [min]; reading (S, N) [degC], nan for none; weight (S, N), how many readings each is the mean of, 0 leaves it out.
+
+    noise (S,) [K] of one reading of weight 1, a first guess; resolution (S,) [K] the logger's step, 0 if none shows.
+    ambient name -> (N,) [degC] and inputs name -> (N,) are logged columns without holes. sink_c is the temperature of the
+    surroundings where it is logged, else None. rate_seen (N,) are nothing but the grid.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    time: Array
+    reading: Array
+    weight: Array
+    noise: Array
+    resolution: Array
+    ambient: dict[str, Array] = field(default_factory=dict)
+    inputs: dict[str, Array] = field(default_factory=dict)
+    ambient_noise: float = 0.0
+
+    @property
+    def sensors(self) -> int:
+        return len(self.channels)
+
+    @property
+    def span(self) -> float:
+        """Length of the record [min]."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def step(self) -> float:
+        """Usual time between readings [min]."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def middle(self) -> Array:
+        """Middle of the interval that ends at each reading (N,) [min]: the time to take for heat and loss."""
+        middle = self.time.copy()
+        middle[1:] -= 0.5 * np.diff(self.time)
+        return middle
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        return self.weight > 0.0
+
+    @cached_property
+    def sink_c(self) -> float | None:
+        """Mean temperature of the first logged surroundings [degC]."""
+        return float(np.mean(next(iter(self.ambient.values())))) if self.ambient else None
+
+    def before(self, time: Array | float) -> Array:
+        """Start of each reading's interval relative to `time`, broadcast to (..., N) [min]."""
+        first = np.concatenate([self.time[:1] - self.step, self.time[:-1]])
+        return np.asarray(first - time)
+
+    def after(self, time: Array | float) -> Array:
+        """Share of the interval that ends at each reading which lies after `time`: 0 before, 1 after, (..., N)."""
+        ends = self.time - time
+        length = np.concatenate([[self.step], np.diff(self.time)])
+        share: Array = np.clip(ends / length, 0.0, 1.0)
+        return share
+
+    def until(self, minutes: float | None) -> "Observations":
+        """The same grid with the readings after `minutes` left out."""
+        if minutes is None:
+            return self
+        seen = self.time <= minutes * (1.0 + 1e-12) + 1e-9
+        return replace(self, weight=np.where(seen, self.weight, 0.0))
+
+    def without(self, left_out: NDArray[np.bool_]) -> "Observations":
+        """The same grid with the readings (N,) or (S, N) marked left out."""
+        return replace(self, weight=np.where(left_out, 0.0, self.weight))
+
+
+def held_out_blocks(run: Observations, blocks: int = 8) -> list[NDArray[np.bool_]]:
+    """Contiguous blocks (N,) of equal length that together cover the readings in use, the first tenth of the first excepted.
+
+    What the first readings fix, the start of the curve, no later reading can tell: the first block begins after them.
+    """
+    seen = np.flatnonzero(run.used.any(axis=0))
+    if len(seen) < 3 * blocks:
+        return []
+    edges = np.linspace(0, len(seen), blocks + 1).astype(int)
+    found = []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        mask = np.zeros(len(run.time), dtype=bool)
+        mask[seen[max(a, (b - a) // 3) if a == 0 else a : b]] = True
+        found.append(mask)
+    return found

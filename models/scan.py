@@ -1,0 +1,133 @@
+"""Where to start the search for an effect: the gain that a small amount of it would bring, at every place it could act.
+
+To first order an effect of amplitude a adds a h(t) to each sensor's curve. What of h the present fit cannot imitate is compared
+with the residuals: one division gives the best amplitude and its gain, for hundreds of event times or periods at once.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .effects.base import Choice, Effect
+from .joint import Fit, Model, Part, with_parts
+from .kernel import Array
+
+#: Rows times readings that one forward run takes at once.
+CHUNK = 1_500_000
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Grid points (G values of the other parameters) with first-order amplitude and gain (G, S), and the amplitude and gain
+    (G,) where the sensors share it. least (S,) is the amplitude whose gain would be 1, at the best-seen place."""
+
+    points: list[dict[str, float]]
+    amplitude: Array
+    gain: Array
+    shared_amplitude: Array
+    shared_gain: Array
+    strength: Array
+
+
+def scan(fit: Fit, effect: Effect, choice: Choice) -> Scan:
+    """First-order gains of adding an effect to a fit."""
+    run = fit.run
+    parts = [*fit.model.parts, Part(effect, choice)]
+    model = Model(run, parts)
+    at = len(parts) - 1
+    main = effect.parameter(effect.amplitude)
+    assert main.null is not None
+    points = effect.grid(run, choice)
+    nudge = 0.02 * ((main.start - main.null) or 1.0) * (run.span if main.share else 1.0)
+    base = with_parts(fit, parts)
+    n = run.sensors
+    weight = run.weight / fit.noise[:, None] ** 2
+    root = np.sqrt(weight)
+    seen = np.flatnonzero(run.used.any(axis=0))
+    bases = []
+    for i in range(n):
+        tangent = np.zeros((len(run.time), len(fit.by_local) + len(fit.by_shared)))
+        tangent[:, : len(fit.by_local)] = (fit.by_local[:, i] * fit.model.active[i][:, None]).T
+        tangent[:, len(fit.by_local) :] = fit.by_shared[:, i].T
+        tangent = tangent * root[i][:, None]
+        scale = np.maximum(np.sqrt((tangent**2).sum(axis=0)), 1e-300)
+        u, s, _ = np.linalg.svd((tangent / scale)[seen], full_matrices=False)
+        bases.append(u[:, s > 1e-7])
+    residual = (fit.residual * root)[:, seen]
+    per = max(1, CHUNK // (n * len(run.time)))
+    along, size = np.empty((len(points), n)), np.empty((len(points), n))
+    sensors = np.arange(n)
+    for first in range(0, len(points), per):
+        some = points[first : first + per]
+        local, shared = [], []
+        for point in some:
+            named = {**base, (at, effect.amplitude): main.null + nudge, **{(at, k): v for k, v in point.items()}}
+            rows, common = model.vector(named)
+            local.append(rows)
+            shared.append(np.broadcast_to(common, (n, len(common))))
+        curves = model.forward(np.concatenate(local), np.concatenate(shared), np.tile(sensors, len(some)))
+        change = (curves.reshape(len(some), n, -1) - fit.curve) * (root / nudge)
+        change = np.nan_to_num(change[:, :, seen])
+        for i in range(n):
+            h = change[:, i]
+            whole = (h * h).sum(axis=1)
+            h = h - (h @ bases[i]) @ bases[i].T
+            along[first : first + per, i] = h @ residual[i]
+            own = (h * h).sum(axis=1)
+            # What the fit imitates to the last digits is no direction of its own.
+            size[first : first + per, i] = np.where(own > 1e-9 * whole, own, 0.0)
+    low, high = (b - main.null for b in main.bounds(run))
+    with np.errstate(all="ignore"):
+        amplitude = np.clip(np.nan_to_num(along / size), 0.9 * low, 0.9 * high)
+        together = np.clip(np.nan_to_num(along.sum(axis=1) / size.sum(axis=1)), 0.9 * low, 0.9 * high)
+    gain = np.maximum(2.0 * amplitude * along - amplitude**2 * size, 0.0)
+    shared_gain = np.maximum(2.0 * together * along.sum(axis=1) - together**2 * size.sum(axis=1), 0.0)
+    return Scan(points, amplitude + main.null, gain, together + main.null, shared_gain, size)
+
+
+def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
+    """The best distinct places of a shared effect: (first-order gain, start values of part `at`)."""
+    gains = found.shared_gain.copy()
+    if len(gains) > 1 and "phase" in found.points[0]:
+        return _wave_starts(found, effect, at, most)
+    starts = []
+    apart = max(1, len(gains) // 16)
+    for _ in range(most):
+        best = int(np.argmax(gains))
+        if gains[best] <= 0.0 and starts:
+            break
+        values: dict[tuple[int, str], Any] = {(at, k): v for k, v in found.points[best].items()}
+        values[at, effect.amplitude] = found.shared_amplitude[best]
+        starts.append((float(found.shared_gain[best]), values))
+        gains[max(0, best - apart) : best + apart + 1] = -1.0
+    return starts
+
+
+def _wave_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
+    """A wave's two phases, a quarter apart, are one amplitude and one phase."""
+    quarter = found.shared_amplitude.reshape(-1, 2)
+    gains = found.shared_gain.reshape(-1, 2).sum(axis=1)
+    starts = []
+    for _ in range(most):
+        best = int(np.argmax(gains))
+        sine, cosine = quarter[best]
+        depth = float(np.hypot(sine, cosine))
+        # sin(x) sine + sin(x - 90 deg) cosine = depth sin(x - phase)
+        phase = float(np.arctan2(cosine, sine) / (2 * np.pi)) % 1.0
+        low, high = effect.parameter("depth").low, effect.parameter("depth").high
+        values: dict[tuple[int, str], Any] = {(at, "period"): found.points[2 * best]["period"], (at, "phase"): phase}
+        values[at, "depth"] = float(np.clip(depth, 0.9 * low, 0.9 * high))
+        starts.append((float(gains[best]), values))
+        gains[max(0, best - 2) : best + 3] = -1.0
+    return starts
+
+
+def own_starts(found: Scan, effect: Effect, at: int) -> tuple[Array, dict[tuple[int, str], Any]]:
+    """Each sensor's best place: (first-order gains (S,), start values (S,) of part `at`)."""
+    best = np.argmax(found.gain, axis=0)
+    sensors = np.arange(found.gain.shape[1])
+    values: dict[tuple[int, str], Any] = {(at, effect.amplitude): found.amplitude[best, sensors]}
+    for name in found.points[0]:
+        values[at, name] = np.array([found.points[b][name] for b in best])
+    return found.gain[best, sensors], values
