@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from .effects.base import Choice, Effect
-from .joint import Fit, Model, Part, fit_model, rows_of, search, with_parts
-from .judge import PATTERN, Identifiability, chance, gains, identifiability, noise_floor
+from .joint import Fit, Model, Part, at_rates, fit_model, rows_of, search, with_parts
+from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, noise_floor
 from .kernel import Array
 from .observations import Observations
 from .scan import Scan, own_starts, scan, shared_starts
@@ -18,6 +18,10 @@ from .scan import Scan, own_starts, scan, shared_starts
 FOLLOWED = 3
 #: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
 CONCERNED = 0.01
+#: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.
+NEEDED = 4.0
+#: Rates, relative to the present fit's, from which an effect in single sensors is looked for too.
+OTHER_RATES = (0.5, 2.0, 4.0)
 #: A way of acting with one more parameter must gain this much over the plain one.
 WORTH = 12.0
 
@@ -49,7 +53,7 @@ class Candidate:
 
     @property
     def at_floor(self) -> bool:
-        return bool(self.floor.min() >= PATTERN)
+        return least_p(self.floor) >= PATTERN
 
     @cached_property
     def identifiable(self) -> Identifiability:
@@ -143,7 +147,11 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Ca
 def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
     """Less simple ways of acting, where the simple one leaves a pattern."""
     more = [c for c in effect.choices(before.run) if not c.simple]
-    if not more or best[0] < WORTH or noise_floor(best[1]).min() >= PATTERN:
+    if effect.changes_heat and any(part.effect.changes_heat for part in before.model.parts):
+        plain = best[2].choice
+        more = [replace(plain, label=f"{plain.label} times the rest".strip(), constants={**plain.constants, "product": True}), *more]
+        more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
+    if not more or best[0] < WORTH or least_p(noise_floor(best[1])) >= PATTERN:
         return best
     at = len(before.model.parts)
     values = best[1].values
@@ -166,7 +174,7 @@ def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Ca
     run, at, n = before.run, len(before.model.parts), before.run.sensors
     best: Candidate | None = None
     for choice, found in scans:
-        promised, start = own_starts(found, effect, at)
+        promised, start = own_starts([found, *_from_other_rates(before, effect, choice)], effect, at)
         for i in np.argsort(promised)[::-1][:2]:
             part = Part(effect, choice, tuple(bool(j == i) for j in range(n)))
             parts = [*before.model.parts, part]
@@ -176,6 +184,10 @@ def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Ca
                 best = candidate
     assert best is not None
     return best
+
+
+def _from_other_rates(before: Fit, effect: Effect, choice: Choice) -> list[Scan]:
+    return [scan(at_rates(before, factor), effect, choice, before.noise) for factor in OTHER_RATES]
 
 
 def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate | None:
@@ -236,7 +248,7 @@ def _own_choices(
             found.append((Choice("", {"source": source}), [small, {(at, effect.amplitude): np.full(run.sensors, 0.01)}]))
         return found
     for choice, s in scans:
-        _, start = own_starts(s, effect, at)
+        _, start = own_starts([s, *_from_other_rates(before, effect, choice)], effect, at)
         starts = [start]
         for amplitude in effect.large_starts():
             for point in s.points[1::5] if len(s.points) > 1 else [{}]:
@@ -263,4 +275,37 @@ def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] 
         if r is not None and concerned[i]:
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
     fit = search(model, local, shared)
+    fit, part = _pruned(fit, part)
     return _candidate(before, fit, effect, part)
+
+
+def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:
+    """Without those sensors that need the effect no more once all parameters have moved together."""
+    n, effect = fit.run.sensors, part.effect
+    at = len(fit.model.parts) - 1
+    main = effect.parameter(effect.amplitude)
+    null = (main.null or 0.0) * (fit.run.span if main.share else 1.0)
+    for _ in range(2):
+        who = part.concerns(n)
+        far = np.abs(fit.values[at, effect.amplitude] - null) / np.maximum(fit.deviations[at, effect.amplitude], 1e-300)
+        # Far from nothing by the curvature there, or needed for the fit: a ridge makes a plain effect look vague.
+        drop = [i for i in np.flatnonzero(who) if far[i] < NEEDED]
+        if not drop or int(who.sum()) < 2:
+            break
+        kept = [bool(w and i not in drop) for i, w in enumerate(who)]
+        if not any(kept):
+            kept[int(np.argmax(np.where(who, far, -1.0)))] = True
+        fewer = replace(part, concerned=tuple(kept))
+        parts = [*fit.model.parts[:-1], fewer]
+        again = fit_model(fit.run, parts, with_parts(fit, parts))
+        lost = _plain_gains(again, fit)
+        # A sensor that loses by it gets its effect back.
+        back = [bool(k or (w and lost[i] > WORTH)) for i, (k, w) in enumerate(zip(kept, who, strict=True))]
+        if back == list(who):
+            break
+        if back != kept:
+            fewer = replace(part, concerned=tuple(back))
+            parts = [*fit.model.parts[:-1], fewer]
+            again = fit_model(fit.run, parts, with_parts(fit, parts))
+        fit, part = again, fewer
+    return fit, part

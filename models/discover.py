@@ -11,18 +11,22 @@ from itertools import pairwise
 
 import numpy as np
 
-from .candidates import Candidate, first_order, try_add
+from .candidates import Candidate, first_order, trials, try_add
 from .effects.base import Effect
 from .heldout import held_out_errors
-from .joint import Fit, fit_model
-from .judge import PATTERN, gains, noise_floor
+from .joint import Fit, Model, fit_model, search, with_parts
+from .judge import PATTERN, chance, gains, least_p, noise_floor
 from .kernel import Array
 from .observations import Observations
 
 #: Chance, over all effects and sensors of a run, of naming an effect that is not there.
 FALSE_ALARM = 0.01
+#: A single effect whose residuals look like noise with this probability is not doubted.
+SOUND = 0.05
 #: Pairs that are fitted to their end.
 PAIRS = 16
+#: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
+REFINED = 5
 #: A log-likelihood ratio (times two) within which two models fit equally well.
 EQUAL = 9.0
 #: A model that leaves more than this share of the best one's misfit is no rival.
@@ -71,10 +75,11 @@ def discover(run: Observations, effects: Sequence[Effect], false_alarm: float = 
 
     good = [c for c in singles if passes(c)]
     pairs: list[Candidate] = []
-    above = bool(floor.min() < PATTERN)
+    above = least_p(floor) < PATTERN
     if most > 1 and (above or good):
-        pairs = _pairs(base, singles, effects, good, number, false_alarm)
-    best_single = max((c.gain for c in good), default=0.0)
+        # A single that is well down at the noise leaves room for little more.
+        sound = [c for c in good if least_p(c.floor) > SOUND]
+        pairs = _pairs(base, singles, effects, sound)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
     p = min(1.0, min((c.p for c in singles), default=1.0) * number)
@@ -84,7 +89,6 @@ def discover(run: Observations, effects: Sequence[Effect], false_alarm: float = 
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
         near = sorted(singles + pairs, key=lambda c: -total_gain(base, c))[:3]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
-    del best_single
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
         why = "none" if not above else "the error on readings left out does not fall"
@@ -98,7 +102,7 @@ def total_gain(base: Fit, candidate: Candidate) -> float:
 
 
 def _pairs(
-    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], number: int, false_alarm: float
+    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate]
 ) -> list[Candidate]:
     """Pairs in the order of what a first-order step promises; on top of a single that does, only what is clearly promised."""
     by_id = {e.id: e for e in effects}
@@ -123,17 +127,43 @@ def _pairs(
     for key in order:
         _, single, added = promised[key]
         pair = try_add(single.fit, by_id[added], scans[key])
-        if pair is None:
+        if pair is not None:
+            found_pairs.append(pair)
+    found_pairs.sort(key=lambda c: -total_gain(base, c))
+    for i, pair in enumerate(found_pairs[:REFINED]):
+        if not pair.at_floor:
+            found_pairs[i] = _refined(base, pair)
+    return [_needed(pair, of_single) for pair in found_pairs]
+
+
+def _refined(base: Fit, pair: Candidate) -> Candidate:
+    """Each effect of a pair looked for anew while the other stands as the pair has it."""
+    for part in pair.parts:
+        others = [p for p in pair.parts if p.id != part.id]
+        model = Model(base.run, others)
+        held = search(model, *model.vector(with_parts(pair.fit, others)), most=0)
+        again = try_add(held, part.effect)
+        if again is not None and total_gain(base, again) > total_gain(base, pair) + 1.0:
+            pair = again
+    return pair
+
+
+def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
+    """The pair with the chance of its less certain half: each effect must be needed beside the other."""
+    p = 0.0
+    for part in pair.parts:
+        other = next(o for o in pair.parts if o.id != part.id)
+        alone = singles.get(other.id)
+        if alone is None:
             continue
-        # Both must be needed: over the first alone, and over the second alone.
-        other = of_single.get(added)
-        p = pair.p
-        if other is not None:
-            beyond = float(gains(other.fit, pair.fit).sum())
-            if beyond < 2.0 * EQUAL + 2.0 * (pair.parameters - other.parameters):
-                p = 1.0
-        found_pairs.append(Candidate(pair.fit, pair.own, p))
-    return found_pairs
+        own = np.maximum(gains(alone.fit, pair.fit), 0.0)
+        if part.effect.scope != "run":
+            own = np.where(part.concerns(len(own)), own, 0.0)
+        free = len(part.effect.active(part.choice))
+        p = max(p, chance(part.effect, own, free, trials(part.effect, pair.fit.run)))
+        if float(own.sum()) < 2.0 * EQUAL:
+            p = 1.0
+    return Candidate(pair.fit, pair.own, p)
 
 
 def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
@@ -150,14 +180,22 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
 
 
 def physical(candidate: Candidate) -> bool:
-    """Physics that statistics does not see: two sensors that explain each other share an unknown cause."""
+    """Physics that statistics does not see.
+
+    Two sensors that explain each other share an unknown cause; a probe is faster than the machine (a lag and a rate
+    may change places without a trace).
+    """
+    values = candidate.fit.values
     for p, part in enumerate(candidate.parts):
         if part.id == "neighbour_heat":
             source = np.asarray(part.choice.constants["source"])
             who = part.concerns(candidate.fit.run.sensors)
             if any(who[source[i]] and source[source[i]] == i for i in np.flatnonzero(who)):
                 return False
-            del p
+        if part.id == "sensor_lag":
+            who = part.concerns(candidate.fit.run.sensors)
+            if np.any(values[p, "lag"][who] * values[-1, "rate"][who] > 1.0):
+                return False
     return True
 
 

@@ -255,7 +255,8 @@ class Fit:
         """
         weight = self.run.weight / self.noise[:, None] ** 2
         blocks, border, corner, _, _ = _normal_equations(self, weight)
-        return _arrow_inverse(blocks, border, corner, self.model.active)
+        with np.errstate(all="ignore"):  # a direction without any information has a variance beyond all numbers
+            return _arrow_inverse(blocks, border, corner, self.model.active)
 
     @cached_property
     def deviations(self) -> dict[tuple[int, str], Any]:
@@ -412,7 +413,7 @@ def search(
         after = evaluate(trial, trial_shared)
         if together:
             better = np.full(rows, bool(after[4].sum() < cost.sum()))
-            gain = np.full(rows, cost.sum() - after[4].sum())
+            gain = np.full(rows, cost.sum() - after[4].sum() if better[0] else 0.0)
             total = np.full(rows, cost.sum())
         else:
             better, gain, total = after[4] < cost, cost - after[4], cost
@@ -459,6 +460,19 @@ def _arrow_step(
     shared = np.linalg.solve(schur, gs - (b * by_g[:, :, None]).sum(axis=(0, 1)))
     local = by_g - (by_b @ shared[:, None])[:, :, 0]
     return local * free, shared * free_shared
+
+
+def at_rates(fit: Fit, factor: float) -> Fit:
+    """The same model with every rate times `factor`, held there, and the rest fitted anew.
+
+    A fit without the effect that is missing bends its rate to imitate it; from other rates the effect shows.
+    """
+    model = Model(fit.run, fit.model.parts)
+    model.active = model.active.copy()
+    model.active[:, 0] = False
+    local = fit.local.copy()
+    local[:, 0] = np.clip(local[:, 0] + np.log(factor), model.low_local[0], model.high_local[0])
+    return search(model, local, fit.shared.copy(), fit.prior, 6, hold_shared=True)
 
 
 def refit(fit: Fit, run: Observations, most: int = 12) -> Fit:

@@ -9,12 +9,14 @@ from .effects.base import Effect
 from .joint import BASE, Fit, Part
 from .kernel import Array
 from .tails import chi2_tail
-from .whiteness import pattern_p_value, variance_inflation
+from .whiteness import pattern_p_value
 
-#: A right model's residuals look more patterned than this once in so many sensors.
-PATTERN = 1e-4
-#: Rounding alone leaves residuals of 0.29 steps; a misfit below this share of a step is not told from it.
-ROUNDING = 0.36
+#: A right model's residuals look this patterned, over all sensors, with this probability.
+PATTERN = 1e-3
+#: A misfit below this share of a logger's step is not told from its rounding.
+ROUNDING = 0.1
+#: Residuals larger than this many times the noise between neighbouring readings are more than noise.
+TOO_LARGE = 1.35
 #: Deviations by which an effect's amplitude must differ from nothing.
 SURE = 1.5
 #: Correlation of two parameters above which the record does not tell them apart.
@@ -24,45 +26,80 @@ VAGUE = 1.2
 
 
 def noise_floor(fit: Fit) -> Array:
-    """p values (S,): would white noise leave residuals as patterned as these? 1 where the misfit is the logger's rounding."""
+    """p values (S,): would white noise leave residuals as patterned as these? 0 where they are far larger than the noise."""
     run = fit.run
     values = np.ones(run.sensors)
+    residual = unrounded(fit)
     for i in range(run.sensors):
         used = run.used[i]
-        if int(used.sum()) < 12:
+        n = int(used.sum())
+        if n < 12:
             continue
         root = np.sqrt(run.weight[i][used])
-        slack = _input_noise(fit, i)
-        values[i] = pattern_p_value(fit.residual[i][used] * root, fit.tangent(i) * root[:, None], slack)
+        values[i] = pattern_p_value(residual[i][used] * root, fit.tangent(i) * root[:, None], _input_noise(fit, i))
         if fit.rmse[i] <= ROUNDING * run.resolution[i]:
             values[i] = 1.0
+        largest = TOO_LARGE * max(float(run.noise[i]), run.resolution[i] / math.sqrt(12.0)) * (1.0 + 3.0 / math.sqrt(n))
+        if math.sqrt(fit.rss[i] / n) > largest:
+            values[i] = 0.0
     return values
+
+
+def least_p(floor: Array) -> float:
+    """The smaller of the least p value (S,) times the number of sensors, and Fisher's combination of all."""
+    together = chi2_tail(2 * len(floor), float(-2.0 * np.log(np.maximum(floor, 1e-300)).sum()))
+    return min(1.0, 2.0 * min(float(floor.min()) * len(floor), together))
+
+
+def unrounded(fit: Fit) -> Array:
+    """Residuals (S, N) [K] without what the logger's rounding adds to a reading on average.
+
+    A reading of a noisy temperature m + e, rounded to steps q, is on average m + sum (-1)^k q/(pi k) exp(-2 (pi k s/q)^2) sin(2 pi k m/q)
+    (Widrow & Kollar, Quantization Noise, 2008): with noise s below half a step that is a pattern which is no misfit. s is taken
+    as it suits the readings best; where the curve is not good to a fraction of a step the residuals are left as they are.
+    """
+    known = fit.__dict__.get("_unrounded")
+    if known is not None:
+        return np.asarray(known)
+    run = fit.run
+    residual = fit.residual.copy()
+    for i in range(run.sensors):
+        q = float(run.resolution[i])
+        if q <= 0.0 or fit_noise(fit, i) > 0.45 * q or fit.rmse[i] > q:
+            continue
+        turn = 2.0 * np.pi * fit.curve[i] / q
+        waves = [(-1.0) ** k * q / (np.pi * k) * np.sin(k * turn) for k in (1, 2, 3)]
+        best = float(fit.rss[i])
+        for share in (0.05, 0.15, 0.25, 0.35, 0.45):
+            bias = sum(w * np.exp(-2.0 * (np.pi * k * share) ** 2) for k, w in enumerate(waves, 1))
+            other = np.where(run.used[i], fit.residual[i] - bias, 0.0)
+            size = float((run.weight[i] * other**2).sum())
+            if size < best:
+                best, residual[i] = size, other
+    fit.__dict__["_unrounded"] = residual
+    return residual
 
 
 def _input_noise(fit: Fit, sensor: int) -> float:
     """Low-frequency variance, relative to the sensor's noise, that the noise of the inputs puts into the model's curve."""
-    total = 0.0
+    total, own = 0.0, max(float(fit.run.noise[sensor]), 1e-9)
     for p, part in enumerate(fit.model.parts):
         if part.id == "ambient" and fit.run.ambient_noise > 0.0:
             gain = float(np.max(np.abs(fit.values[p, "gain"])))
-            total += (gain * fit.run.ambient_noise / fit.noise[sensor]) ** 2
+            total += (gain * fit.run.ambient_noise / own) ** 2
         if part.id == "neighbour_heat" and part.concerns(fit.run.sensors)[sensor]:
             kappa, rate = fit.values[p, "kappa"][sensor], fit.values[-1, "rate"][sensor]
             source = int(np.asarray(part.choice.constants["source"])[sensor])
-            total += (kappa / (kappa + rate) * fit.noise[source] / fit.noise[sensor]) ** 2
+            total += (kappa / (kappa + rate) * float(fit.run.noise[source]) / own) ** 2
     return total
 
 
 def gains(before: Fit, after: Fit) -> Array:
-    """Log-likelihood ratios times two (S,) of `after` over `before`; rounding that repeats itself counts once."""
+    """Log-likelihood ratios times two (S,) of `after` over `before`."""
     run = before.run
     floor = (run.resolution**2 / 12.0) * np.maximum(before.readings, 1) * 1e-3 + 1e-12
-    ratio = np.log((before.rss + floor) / (after.rss + floor))
-    value = after.dof * ratio
-    for i in range(run.sensors):
-        if run.resolution[i] > 1.2 * fit_noise(after, i):
-            value[i] /= variance_inflation(after.residual[i][run.used[i]])
-    return np.asarray(value)
+    rss = [(run.weight * unrounded(f) ** 2).sum(axis=1) for f in (before, after)]
+    return np.asarray(after.dof * np.log((rss[0] + floor) / (rss[1] + floor)))
 
 
 def fit_noise(fit: Fit, sensor: int) -> float:

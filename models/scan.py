@@ -4,6 +4,7 @@ To first order an effect of amplitude a adds a h(t) to each sensor's curve. What
 with the residuals: one division gives the best amplitude and its gain, for hundreds of event times or periods at once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ CHUNK = 1_500_000
 @dataclass(frozen=True)
 class Scan:
     """Grid points (G values of the other parameters) with first-order amplitude and gain (G, S), and the amplitude and gain
-    (G,) where the sensors share it. least (S,) is the amplitude whose gain would be 1, at the best-seen place."""
+    (G,) where the sensors share it; strength (G, S) is the gain of an amplitude of 1. cost (S,) is the fit's weighted sum of squares."""
 
     points: list[dict[str, float]]
     amplitude: Array
@@ -28,10 +29,12 @@ class Scan:
     shared_amplitude: Array
     shared_gain: Array
     strength: Array
+    cost: Array
+    fit: Fit
 
 
-def scan(fit: Fit, effect: Effect, choice: Choice) -> Scan:
-    """First-order gains of adding an effect to a fit."""
+def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -> Scan:
+    """First-order gains of adding an effect to a fit, in units of the noise variance (S,): that of the fit by default."""
     run = fit.run
     parts = [*fit.model.parts, Part(effect, choice)]
     model = Model(run, parts)
@@ -42,7 +45,7 @@ def scan(fit: Fit, effect: Effect, choice: Choice) -> Scan:
     nudge = 0.02 * ((main.start - main.null) or 1.0) * (run.span if main.share else 1.0)
     base = with_parts(fit, parts)
     n = run.sensors
-    weight = run.weight / fit.noise[:, None] ** 2
+    weight = run.weight / (fit.noise if noise is None else noise)[:, None] ** 2
     root = np.sqrt(weight)
     seen = np.flatnonzero(run.used.any(axis=0))
     bases = []
@@ -83,7 +86,7 @@ def scan(fit: Fit, effect: Effect, choice: Choice) -> Scan:
         together = np.clip(np.nan_to_num(along.sum(axis=1) / size.sum(axis=1)), 0.9 * low, 0.9 * high)
     gain = np.maximum(2.0 * amplitude * along - amplitude**2 * size, 0.0)
     shared_gain = np.maximum(2.0 * together * along.sum(axis=1) - together**2 * size.sum(axis=1), 0.0)
-    return Scan(points, amplitude + main.null, gain, together + main.null, shared_gain, size)
+    return Scan(points, amplitude + main.null, gain, together + main.null, shared_gain, size, (residual**2).sum(axis=1), fit)
 
 
 def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
@@ -123,11 +126,21 @@ def _wave_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[
     return starts
 
 
-def own_starts(found: Scan, effect: Effect, at: int) -> tuple[Array, dict[tuple[int, str], Any]]:
-    """Each sensor's best place: (first-order gains (S,), start values (S,) of part `at`)."""
-    best = np.argmax(found.gain, axis=0)
-    sensors = np.arange(found.gain.shape[1])
-    values: dict[tuple[int, str], Any] = {(at, effect.amplitude): found.amplitude[best, sensors]}
-    for name in found.points[0]:
-        values[at, name] = np.array([found.points[b][name] for b in best])
-    return found.gain[best, sensors], values
+def own_starts(found: Sequence[Scan], effect: Effect, at: int) -> tuple[Array, dict[tuple[int, str], Any]]:
+    """Each sensor's best place over scans from several rates: (gains over the first scan's fit (S,), start values (S,)).
+
+    Start values are those of part `at` and of the base model.
+    """
+    sensors = np.arange(found[0].gain.shape[1])
+    best = np.array([np.argmax(s.gain, axis=0) for s in found])
+    left = np.array([s.cost - s.gain[b, sensors] for s, b in zip(found, best, strict=True)])
+    which = np.argmin(left, axis=0)
+    point = best[which, sensors]
+    values: dict[tuple[int, str], Any] = {
+        (at, effect.amplitude): np.array([found[w].amplitude[b, i] for i, (w, b) in enumerate(zip(which, point, strict=True))])
+    }
+    for name in found[0].points[0]:
+        values[at, name] = np.array([found[w].points[b][name] for w, b in zip(which, point, strict=True)])
+    for key in [(-1, "rate"), (-1, "level"), (-1, "start")]:
+        values[key] = np.array([found[w].fit.values[key][i] for i, w in enumerate(which)])
+    return found[0].cost - left[which, sensors], values

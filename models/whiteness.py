@@ -10,6 +10,8 @@ from .tails import f_tail, normal_tail
 
 MOST_POINTS = 1000
 COSINES = 8
+#: A slow disturbance has this share of its spectrum's height as variance between neighbours.
+SLOW_SHARE = 0.02
 
 
 def _blocks(values: Array, blocks: int) -> Array:
@@ -34,7 +36,7 @@ def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> floa
     already used up. Two looks, each at half the level: an F test of the first COSINES cosines over the record, which sees
     slow misfit, and the lag-one correlation (Durbin & Watson), which sees the rest. Long records are averaged
     over blocks first. `slack` is the variance, relative to the noise's, of slow disturbances that are no misfit (the noise of
-    a logged input); with it only the slow look is taken. Returns nan for fewer than 12 readings.
+    a logged input). Returns nan for fewer than 12 readings.
     """
     n = len(residual)
     if n < 12:
@@ -58,11 +60,9 @@ def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> floa
         return 1.0
     f = (explained / count) / max((total - explained) / rest, 1e-300)
     slow = f_tail(count, rest, f / (1.0 + slack))
-    if slack > 0.0:
-        return slow
     # A fit makes neighbouring residuals slightly opposite: about -m/n in the lag-one correlation.
     lag_one = float(residual[1:] @ residual[:-1]) / total + tangent.shape[1] / n
-    fast = normal_tail(lag_one * math.sqrt(n))
+    fast = normal_tail(lag_one * math.sqrt(n) - SLOW_SHARE * slack * math.sqrt(n))
     return min(1.0, 2.0 * min(slow, fast))
 
 

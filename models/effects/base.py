@@ -82,6 +82,7 @@ class Values:
 class Effect:
     """A missing piece of physics. Class attributes describe it; ``apply`` changes the drive.
 
+    uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
     sensors have it, each with its own values; 'one', it concerns a single sensor.
     """
@@ -97,6 +98,7 @@ class Effect:
     scope: ClassVar[str] = "run"
     event: ClassVar[str | None] = None
     uses_sink: ClassVar[bool] = False
+    changes_heat: ClassVar[bool] = False
     amplitude: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
@@ -133,3 +135,8 @@ class Effect:
 def varying(columns: dict[str, Array]) -> dict[str, Array]:
     """Those logged columns that change during the run."""
     return {n: c for n, c in columns.items() if float(np.ptp(c)) > 1e-6 * max(1.0, float(np.abs(c).max()))}
+
+
+def heated(drive: Drive, change: Any, p: Any) -> Any:
+    """The heat with a relative change more: another source beside the others or, with p.product, all of them scaled."""
+    return drive.heat * (1.0 + change) if getattr(p, "product", False) else drive.heat + change

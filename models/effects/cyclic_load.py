@@ -8,7 +8,7 @@ import numpy as np
 from ..drive import Drive
 from ..kernel import Array
 from ..observations import Observations
-from .base import Choice, Effect, Parameter
+from .base import Choice, Effect, Parameter, heated
 
 
 class CyclicLoad(Effect):
@@ -22,6 +22,7 @@ class CyclicLoad(Effect):
     separate = "log the duty or the power"
     reference = "response of a lump to periodic heating, Carslaw & Jaeger, Conduction of Heat in Solids, ch. 2"
     uses_sink = True
+    changes_heat = True
     amplitude = "depth"
     parameters = (
         Parameter("depth", "1", -6.0, 6.0, 0.2, "amplitude of the heat's wave over its mean", null=0.0),
@@ -51,7 +52,7 @@ class CyclicLoad(Effect):
             whole: Array = (np.cos(2 * np.pi * begin) - np.cos(2 * np.pi * end)) / (2 * np.pi)
         else:
             whole = _square_area(end, p.duty) - _square_area(begin, p.duty)
-        drive.heat = drive.heat + p.depth * (whole * p.period / length)
+        drive.heat = heated(drive, p.depth * (whole * p.period / length), p)
 
 
 def _square_area(x: Array, duty: Any) -> Array:

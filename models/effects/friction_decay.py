@@ -6,7 +6,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Effect, Parameter
+from .base import Effect, Parameter, heated
 
 
 class FrictionDecay(Effect):
@@ -20,6 +20,7 @@ class FrictionDecay(Effect):
     separate = "run warm once more without a pause: grease that has run in does not run in again"
     reference = "Lundberg & Palmgren viscous friction; Harris, Rolling Bearing Analysis, ch. 10"
     uses_sink = True
+    changes_heat = True
     amplitude = "extra"
     parameters = (
         Parameter("extra", "1", 0.0, 8.0, 0.3, "extra heat at the start over the lasting heat", null=0.0),
@@ -30,4 +31,4 @@ class FrictionDecay(Effect):
         length = np.maximum(np.diff(run.time, prepend=run.time[0] - run.step), 1e-12)
         begin = np.maximum(run.before(run.time[0]), -run.step)
         mean = np.exp(-begin / p.time_constant) * -np.expm1(-length / p.time_constant) * p.time_constant / length
-        drive.heat = drive.heat + p.extra * mean
+        drive.heat = heated(drive, p.extra * mean, p)

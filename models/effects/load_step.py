@@ -7,7 +7,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, varying
+from .base import Choice, Effect, Parameter, heated, varying
 
 
 class LoadStep(Effect):
@@ -22,6 +22,7 @@ class LoadStep(Effect):
     reference = "step response of a lump, e.g. Incropera, Fundamentals of Heat and Mass Transfer, ch. 5"
     event = "event"
     uses_sink = True
+    changes_heat = True
     amplitude = "change"
     parameters = (
         Parameter("change", "1", -1.5, 8.0, 0.2, "change of the heat, relative to the heat at the start", null=0.0, belongs="run"),
@@ -42,9 +43,9 @@ class LoadStep(Effect):
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         if not p.column:
-            drive.heat = drive.heat + p.change * run.after(p.event)
+            drive.heat = heated(drive, p.change * run.after(p.event), p)
             return
-        drive.heat = drive.heat + p.change * (held(run, p.column, p.scale, p.power) - 1.0)
+        drive.heat = heated(drive, p.change * (held(run, p.column, p.scale, p.power) - 1.0), p)
 
 
 def held(run: Observations, name: str, scale: float, power: Any) -> Any:

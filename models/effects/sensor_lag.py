@@ -25,4 +25,4 @@ class SensorLag(Effect):
         drive.lag = drive.lag + p.lag
 
     def large_starts(self) -> tuple[float, ...]:
-        return 1.0, 4.0, 12.0, 40.0
+        return 1.0, 4.0, 12.0
