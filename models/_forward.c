@@ -3259,6 +3259,7 @@ static PyObject *indirect_contiguous = 0;
 static int __pyx_memoryview_thread_locks_used;
 static PyThread_type_lock __pyx_memoryview_thread_locks[8];
 static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double, double, double, double, double, double, double, double, double, double); /*proto*/
+static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double, double, double, double, double *); /*proto*/
 static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double, double, double, double, double, double, double); /*proto*/
 static int __pyx_array_allocate_buffer(struct __pyx_array_obj *); /*proto*/
 static struct __pyx_array_obj *__pyx_array_new(PyObject *, Py_ssize_t, char *, char const *, char *); /*proto*/
@@ -3507,7 +3508,7 @@ namespace {
     PyObject *__pyx_slice[1];
     PyObject *__pyx_tuple[2];
     PyObject *__pyx_codeobj_tab[2];
-    PyObject *__pyx_string_tab[162];
+    PyObject *__pyx_string_tab[165];
     PyObject *__pyx_number_tab[3];
 /* #### Code section: module_state_contents ### */
 /* PyFrozenDict.module_state_decls */
@@ -3680,45 +3681,48 @@ static __pyx_mstatetype * const __pyx_mstate_global = &__pyx_mstate_global_stati
 #define __pyx_n_u_obj __pyx_string_tab[120]
 #define __pyx_n_u_out __pyx_string_tab[121]
 #define __pyx_n_u_pack __pyx_string_tab[122]
-#define __pyx_n_u_phi __pyx_string_tab[123]
-#define __pyx_n_u_pop __pyx_string_tab[124]
-#define __pyx_n_u_psi __pyx_string_tab[125]
-#define __pyx_n_u_q __pyx_string_tab[126]
-#define __pyx_n_u_q1 __pyx_string_tab[127]
-#define __pyx_n_u_qm __pyx_string_tab[128]
-#define __pyx_n_u_rate __pyx_string_tab[129]
-#define __pyx_n_u_register __pyx_string_tab[130]
-#define __pyx_n_u_rise __pyx_string_tab[131]
-#define __pyx_n_u_rows __pyx_string_tab[132]
-#define __pyx_n_u_s __pyx_string_tab[133]
-#define __pyx_n_u_s1 __pyx_string_tab[134]
-#define __pyx_n_u_sb __pyx_string_tab[135]
-#define __pyx_n_u_setdefault __pyx_string_tab[136]
-#define __pyx_n_u_shape __pyx_string_tab[137]
-#define __pyx_n_u_sink __pyx_string_tab[138]
-#define __pyx_n_u_size __pyx_string_tab[139]
-#define __pyx_n_u_slope __pyx_string_tab[140]
-#define __pyx_n_u_sm __pyx_string_tab[141]
-#define __pyx_n_u_start __pyx_string_tab[142]
-#define __pyx_n_u_step __pyx_string_tab[143]
-#define __pyx_n_u_steps __pyx_string_tab[144]
-#define __pyx_n_u_stop __pyx_string_tab[145]
-#define __pyx_n_u_struct __pyx_string_tab[146]
-#define __pyx_n_u_time __pyx_string_tab[147]
-#define __pyx_n_u_u0 __pyx_string_tab[148]
-#define __pyx_n_u_u1 __pyx_string_tab[149]
-#define __pyx_n_u_unpack __pyx_string_tab[150]
-#define __pyx_n_u_update __pyx_string_tab[151]
-#define __pyx_n_u_values __pyx_string_tab[152]
-#define __pyx_n_u_x __pyx_string_tab[153]
-#define __pyx_n_u_y __pyx_string_tab[154]
-#define __pyx_n_u_z1 __pyx_string_tab[155]
-#define __pyx_n_u_z2 __pyx_string_tab[156]
-#define __pyx_n_u_z3 __pyx_string_tab[157]
-#define __pyx_n_u_z4 __pyx_string_tab[158]
-#define __pyx_n_b_O __pyx_string_tab[159]
-#define __pyx_kp_b_iso88591_3fAXT_q_E_aq_aq_q_5_U_3a_3as_Q __pyx_string_tab[160]
-#define __pyx_kp_b_iso88591_4vQhd_6_Ba_6_Ba_vS_S_c_AQ_AQ_E __pyx_string_tab[161]
+#define __pyx_n_u_pair_ok __pyx_string_tab[123]
+#define __pyx_n_u_paired __pyx_string_tab[124]
+#define __pyx_n_u_phi __pyx_string_tab[125]
+#define __pyx_n_u_pop __pyx_string_tab[126]
+#define __pyx_n_u_psi __pyx_string_tab[127]
+#define __pyx_n_u_q __pyx_string_tab[128]
+#define __pyx_n_u_q1 __pyx_string_tab[129]
+#define __pyx_n_u_qm __pyx_string_tab[130]
+#define __pyx_n_u_rate __pyx_string_tab[131]
+#define __pyx_n_u_register __pyx_string_tab[132]
+#define __pyx_n_u_rise __pyx_string_tab[133]
+#define __pyx_n_u_rows __pyx_string_tab[134]
+#define __pyx_n_u_s __pyx_string_tab[135]
+#define __pyx_n_u_s1 __pyx_string_tab[136]
+#define __pyx_n_u_sb __pyx_string_tab[137]
+#define __pyx_n_u_setdefault __pyx_string_tab[138]
+#define __pyx_n_u_shape __pyx_string_tab[139]
+#define __pyx_n_u_sink __pyx_string_tab[140]
+#define __pyx_n_u_size __pyx_string_tab[141]
+#define __pyx_n_u_slope __pyx_string_tab[142]
+#define __pyx_n_u_sm __pyx_string_tab[143]
+#define __pyx_n_u_start __pyx_string_tab[144]
+#define __pyx_n_u_step __pyx_string_tab[145]
+#define __pyx_n_u_steps __pyx_string_tab[146]
+#define __pyx_n_u_stop __pyx_string_tab[147]
+#define __pyx_n_u_struct __pyx_string_tab[148]
+#define __pyx_n_u_time __pyx_string_tab[149]
+#define __pyx_n_u_u0 __pyx_string_tab[150]
+#define __pyx_n_u_u1 __pyx_string_tab[151]
+#define __pyx_n_u_unpack __pyx_string_tab[152]
+#define __pyx_n_u_update __pyx_string_tab[153]
+#define __pyx_n_u_values __pyx_string_tab[154]
+#define __pyx_n_u_w __pyx_string_tab[155]
+#define __pyx_n_u_x __pyx_string_tab[156]
+#define __pyx_n_u_y __pyx_string_tab[157]
+#define __pyx_n_u_z1 __pyx_string_tab[158]
+#define __pyx_n_u_z2 __pyx_string_tab[159]
+#define __pyx_n_u_z3 __pyx_string_tab[160]
+#define __pyx_n_u_z4 __pyx_string_tab[161]
+#define __pyx_n_b_O __pyx_string_tab[162]
+#define __pyx_kp_b_iso88591_3fAXT_q_E_aq_aq_q_5_U_3a_3as_Q __pyx_string_tab[163]
+#define __pyx_kp_b_iso88591_4vQhd_6_Ba_6_Ba_vS_S_c_AQ_AQ_E __pyx_string_tab[164]
 #define __pyx_int_0 __pyx_number_tab[0]
 #define __pyx_int_neg_1 __pyx_number_tab[1]
 #define __pyx_int_136983863 __pyx_number_tab[2]
@@ -3750,7 +3754,7 @@ static CYTHON_SMALL_CODE int __pyx_m_clear(PyObject *m) {
   for (int i=0; i<1; ++i) { Py_CLEAR(clear_module_state->__pyx_slice[i]); }
   for (int i=0; i<2; ++i) { Py_CLEAR(clear_module_state->__pyx_tuple[i]); }
   for (int i=0; i<2; ++i) { Py_CLEAR(clear_module_state->__pyx_codeobj_tab[i]); }
-  for (int i=0; i<162; ++i) { Py_CLEAR(clear_module_state->__pyx_string_tab[i]); }
+  for (int i=0; i<165; ++i) { Py_CLEAR(clear_module_state->__pyx_string_tab[i]); }
   for (int i=0; i<3; ++i) { Py_CLEAR(clear_module_state->__pyx_number_tab[i]); }
 /* #### Code section: module_state_clear_contents ### */
 /* CommonTypesMetaclass.module_state_clear */
@@ -3788,7 +3792,7 @@ static CYTHON_SMALL_CODE int __pyx_m_traverse(PyObject *m, visitproc visit, void
   for (int i=0; i<1; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_slice[i]); }
   for (int i=0; i<2; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_tuple[i]); }
   for (int i=0; i<2; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_codeobj_tab[i]); }
-  for (int i=0; i<162; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_string_tab[i]); }
+  for (int i=0; i<165; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_string_tab[i]); }
   for (int i=0; i<3; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_number_tab[i]); }
 /* #### Code section: module_state_traverse_contents ### */
 /* CommonTypesMetaclass.module_state_traverse */
@@ -18068,6 +18072,301 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
 /* "models/_forward.pyx":19
  * 
  * 
+ * cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
+ *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+*/
+
+static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam, double __pyx_v_hidden, double __pyx_v_r, double __pyx_v_dt, double *__pyx_v_w) {
+  double __pyx_v_a;
+  double __pyx_v_root;
+  double __pyx_v_l1;
+  double __pyx_v_l2;
+  double __pyx_v_e1;
+  double __pyx_v_e2;
+  double __pyx_v_f1;
+  double __pyx_v_f2;
+  double __pyx_v_g1;
+  double __pyx_v_g2;
+  double __pyx_v_d;
+  int __pyx_r;
+  int __pyx_t_1;
+  double __pyx_t_2;
+
+  /* "models/_forward.pyx":21
+ * cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:
+ *     """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
+ *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d             # <<<<<<<<<<<<<<
+ *     root = (a - r) * (a - r) + 4.0 * hidden * r
+ *     if not root > 1e-8 * (a + r) * (a + r):
+*/
+  __pyx_v_a = (__pyx_v_lam + __pyx_v_hidden);
+
+  /* "models/_forward.pyx":22
+ *     """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
+ *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+ *     root = (a - r) * (a - r) + 4.0 * hidden * r             # <<<<<<<<<<<<<<
+ *     if not root > 1e-8 * (a + r) * (a + r):
+ *         return False
+*/
+  __pyx_v_root = (((__pyx_v_a - __pyx_v_r) * (__pyx_v_a - __pyx_v_r)) + ((4.0 * __pyx_v_hidden) * __pyx_v_r));
+
+  /* "models/_forward.pyx":23
+ *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+ *     root = (a - r) * (a - r) + 4.0 * hidden * r
+ *     if not root > 1e-8 * (a + r) * (a + r):             # <<<<<<<<<<<<<<
+ *         return False
+ *     root = sqrt(root)
+*/
+  __pyx_t_1 = (!(__pyx_v_root > ((1e-8 * (__pyx_v_a + __pyx_v_r)) * (__pyx_v_a + __pyx_v_r))));
+
+  if (__pyx_t_1) {
+
+
+    /* "models/_forward.pyx":24
+ *     root = (a - r) * (a - r) + 4.0 * hidden * r
+ *     if not root > 1e-8 * (a + r) * (a + r):
+ *         return False             # <<<<<<<<<<<<<<
+ *     root = sqrt(root)
+ *     l1 = -0.5 * (a + r + root)
+*/
+    {
+
+      __pyx_r = 0;
+    }
+    goto __pyx_L0;
+
+    /* "models/_forward.pyx":23
+ *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+ *     root = (a - r) * (a - r) + 4.0 * hidden * r
+ *     if not root > 1e-8 * (a + r) * (a + r):             # <<<<<<<<<<<<<<
+ *         return False
+ *     root = sqrt(root)
+*/
+  }
+
+  /* "models/_forward.pyx":25
+ *     if not root > 1e-8 * (a + r) * (a + r):
+ *         return False
+ *     root = sqrt(root)             # <<<<<<<<<<<<<<
+ *     l1 = -0.5 * (a + r + root)
+ *     l2 = -(lam * r) / (0.5 * (a + r + root))
+*/
+  __pyx_v_root = sqrt(__pyx_v_root);
+
+  /* "models/_forward.pyx":26
+ *         return False
+ *     root = sqrt(root)
+ *     l1 = -0.5 * (a + r + root)             # <<<<<<<<<<<<<<
+ *     l2 = -(lam * r) / (0.5 * (a + r + root))
+ *     e1 = exp(l1 * dt)
+*/
+  __pyx_v_l1 = (-0.5 * ((__pyx_v_a + __pyx_v_r) + __pyx_v_root));
+
+  /* "models/_forward.pyx":27
+ *     root = sqrt(root)
+ *     l1 = -0.5 * (a + r + root)
+ *     l2 = -(lam * r) / (0.5 * (a + r + root))             # <<<<<<<<<<<<<<
+ *     e1 = exp(l1 * dt)
+ *     e2 = exp(l2 * dt)
+*/
+  __pyx_v_l2 = ((-(__pyx_v_lam * __pyx_v_r)) / (0.5 * ((__pyx_v_a + __pyx_v_r) + __pyx_v_root)));
+
+  /* "models/_forward.pyx":28
+ *     l1 = -0.5 * (a + r + root)
+ *     l2 = -(lam * r) / (0.5 * (a + r + root))
+ *     e1 = exp(l1 * dt)             # <<<<<<<<<<<<<<
+ *     e2 = exp(l2 * dt)
+ *     f1 = expm1(l1 * dt) / l1
+*/
+  __pyx_v_e1 = exp((__pyx_v_l1 * __pyx_v_dt));
+
+  /* "models/_forward.pyx":29
+ *     l2 = -(lam * r) / (0.5 * (a + r + root))
+ *     e1 = exp(l1 * dt)
+ *     e2 = exp(l2 * dt)             # <<<<<<<<<<<<<<
+ *     f1 = expm1(l1 * dt) / l1
+ *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+*/
+  __pyx_v_e2 = exp((__pyx_v_l2 * __pyx_v_dt));
+
+  /* "models/_forward.pyx":30
+ *     e1 = exp(l1 * dt)
+ *     e2 = exp(l2 * dt)
+ *     f1 = expm1(l1 * dt) / l1             # <<<<<<<<<<<<<<
+ *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+ *     g1 = (f1 - dt) / l1
+*/
+  __pyx_v_f1 = (expm1((__pyx_v_l1 * __pyx_v_dt)) / __pyx_v_l1);
+
+  /* "models/_forward.pyx":31
+ *     e2 = exp(l2 * dt)
+ *     f1 = expm1(l1 * dt) / l1
+ *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt             # <<<<<<<<<<<<<<
+ *     g1 = (f1 - dt) / l1
+ *     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
+*/
+  __pyx_t_1 = ((__pyx_v_l2 * __pyx_v_dt) < -1e-12);
+
+  if (__pyx_t_1) {
+
+    __pyx_t_2 = (expm1((__pyx_v_l2 * __pyx_v_dt)) / __pyx_v_l2);
+  } else {
+
+    __pyx_t_2 = __pyx_v_dt;
+  }
+
+  __pyx_v_f2 = __pyx_t_2;
+
+  /* "models/_forward.pyx":32
+ *     f1 = expm1(l1 * dt) / l1
+ *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+ *     g1 = (f1 - dt) / l1             # <<<<<<<<<<<<<<
+ *     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
+ *     d = l1 - l2
+*/
+  __pyx_v_g1 = ((__pyx_v_f1 - __pyx_v_dt) / __pyx_v_l1);
+
+  /* "models/_forward.pyx":33
+ *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+ *     g1 = (f1 - dt) / l1
+ *     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)             # <<<<<<<<<<<<<<
+ *     d = l1 - l2
+ *     # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+*/
+  __pyx_t_1 = ((__pyx_v_l2 * __pyx_v_dt) < -1e-5);
+
+  if (__pyx_t_1) {
+
+    __pyx_t_2 = ((__pyx_v_f2 - __pyx_v_dt) / __pyx_v_l2);
+  } else {
+
+    __pyx_t_2 = ((__pyx_v_dt * __pyx_v_dt) * (0.5 + ((__pyx_v_l2 * __pyx_v_dt) / 6.0)));
+  }
+
+  __pyx_v_g2 = __pyx_t_2;
+
+  /* "models/_forward.pyx":34
+ *     g1 = (f1 - dt) / l1
+ *     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
+ *     d = l1 - l2             # <<<<<<<<<<<<<<
+ *     # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+ *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
+*/
+  __pyx_v_d = (__pyx_v_l1 - __pyx_v_l2);
+
+  /* "models/_forward.pyx":36
+ *     d = l1 - l2
+ *     # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+ *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d             # <<<<<<<<<<<<<<
+ *     w[1] = (e1 - e2) * hidden / d
+ *     w[2] = (e1 - e2) * r / d
+*/
+  (__pyx_v_w[0]) = (((__pyx_v_e1 * ((-__pyx_v_a) - __pyx_v_l2)) + (__pyx_v_e2 * (__pyx_v_l1 + __pyx_v_a))) / __pyx_v_d);
+
+  /* "models/_forward.pyx":37
+ *     # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+ *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
+ *     w[1] = (e1 - e2) * hidden / d             # <<<<<<<<<<<<<<
+ *     w[2] = (e1 - e2) * r / d
+ *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
+*/
+  (__pyx_v_w[1]) = (((__pyx_v_e1 - __pyx_v_e2) * __pyx_v_hidden) / __pyx_v_d);
+
+  /* "models/_forward.pyx":38
+ *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
+ *     w[1] = (e1 - e2) * hidden / d
+ *     w[2] = (e1 - e2) * r / d             # <<<<<<<<<<<<<<
+ *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
+ *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
+*/
+  (__pyx_v_w[2]) = (((__pyx_v_e1 - __pyx_v_e2) * __pyx_v_r) / __pyx_v_d);
+
+  /* "models/_forward.pyx":39
+ *     w[1] = (e1 - e2) * hidden / d
+ *     w[2] = (e1 - e2) * r / d
+ *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d             # <<<<<<<<<<<<<<
+ *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
+ *     w[5] = (f1 - f2) * r / d
+*/
+  (__pyx_v_w[3]) = (((__pyx_v_e1 * ((-__pyx_v_r) - __pyx_v_l2)) + (__pyx_v_e2 * (__pyx_v_l1 + __pyx_v_r))) / __pyx_v_d);
+
+  /* "models/_forward.pyx":40
+ *     w[2] = (e1 - e2) * r / d
+ *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
+ *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d             # <<<<<<<<<<<<<<
+ *     w[5] = (f1 - f2) * r / d
+ *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
+*/
+  (__pyx_v_w[4]) = (((__pyx_v_f1 * ((-__pyx_v_a) - __pyx_v_l2)) + (__pyx_v_f2 * (__pyx_v_l1 + __pyx_v_a))) / __pyx_v_d);
+
+  /* "models/_forward.pyx":41
+ *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
+ *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
+ *     w[5] = (f1 - f2) * r / d             # <<<<<<<<<<<<<<
+ *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
+ *     w[7] = (g1 - g2) * r / d
+*/
+  (__pyx_v_w[5]) = (((__pyx_v_f1 - __pyx_v_f2) * __pyx_v_r) / __pyx_v_d);
+
+  /* "models/_forward.pyx":42
+ *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
+ *     w[5] = (f1 - f2) * r / d
+ *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d             # <<<<<<<<<<<<<<
+ *     w[7] = (g1 - g2) * r / d
+ *     return True
+*/
+  (__pyx_v_w[6]) = (((__pyx_v_g1 * ((-__pyx_v_a) - __pyx_v_l2)) + (__pyx_v_g2 * (__pyx_v_l1 + __pyx_v_a))) / __pyx_v_d);
+
+  /* "models/_forward.pyx":43
+ *     w[5] = (f1 - f2) * r / d
+ *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
+ *     w[7] = (g1 - g2) * r / d             # <<<<<<<<<<<<<<
+ *     return True
+ * 
+*/
+  (__pyx_v_w[7]) = (((__pyx_v_g1 - __pyx_v_g2) * __pyx_v_r) / __pyx_v_d);
+
+  /* "models/_forward.pyx":44
+ *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
+ *     w[7] = (g1 - g2) * r / d
+ *     return True             # <<<<<<<<<<<<<<
+ * 
+ * 
+*/
+  {
+
+    __pyx_r = 1;
+  }
+  goto __pyx_L0;
+
+  /* "models/_forward.pyx":19
+ * 
+ * 
+ * cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
+ *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+*/
+
+  /* function exit code */
+  __pyx_L0:;
+
+
+
+
+
+
+
+
+
+
+
+  return __pyx_r;
+}
+
+/* "models/_forward.pyx":47
+ * 
+ * 
  * cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag) noexcept nogil:             # <<<<<<<<<<<<<<
  *     """A first-order probe one step on, exactly, while its object moves along the cubic of these ends and slopes."""
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
@@ -18080,7 +18379,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
   double __pyx_v_last;
   double __pyx_r;
 
-  /* "models/_forward.pyx":21
+  /* "models/_forward.pyx":49
  * cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag) noexcept nogil:
  *     """A first-order probe one step on, exactly, while its object moves along the cubic of these ends and slopes."""
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h             # <<<<<<<<<<<<<<
@@ -18089,7 +18388,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_c = (((((3.0 * (__pyx_v_T1 - __pyx_v_T0)) / __pyx_v_h) - (2.0 * __pyx_v_s0)) - __pyx_v_s1) / __pyx_v_h);
 
-  /* "models/_forward.pyx":22
+  /* "models/_forward.pyx":50
  *     """A first-order probe one step on, exactly, while its object moves along the cubic of these ends and slopes."""
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
  *     cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)             # <<<<<<<<<<<<<<
@@ -18098,7 +18397,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_d = (((((2.0 * (__pyx_v_T0 - __pyx_v_T1)) / __pyx_v_h) + __pyx_v_s0) + __pyx_v_s1) / (__pyx_v_h * __pyx_v_h));
 
-  /* "models/_forward.pyx":23
+  /* "models/_forward.pyx":51
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
  *     cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)
  *     cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))             # <<<<<<<<<<<<<<
@@ -18107,7 +18406,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_first = (__pyx_v_T0 - (__pyx_v_lag * (__pyx_v_s0 - (__pyx_v_lag * ((2.0 * __pyx_v_c) - ((__pyx_v_lag * 6.0) * __pyx_v_d))))));
 
-  /* "models/_forward.pyx":24
+  /* "models/_forward.pyx":52
  *     cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)
  *     cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))
  *     cdef double last = T1 - lag * (s1 - lag * (2.0 * c + 6.0 * d * h - lag * 6.0 * d))             # <<<<<<<<<<<<<<
@@ -18116,7 +18415,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_last = (__pyx_v_T1 - (__pyx_v_lag * (__pyx_v_s1 - (__pyx_v_lag * (((2.0 * __pyx_v_c) + ((6.0 * __pyx_v_d) * __pyx_v_h)) - ((__pyx_v_lag * 6.0) * __pyx_v_d))))));
 
-  /* "models/_forward.pyx":25
+  /* "models/_forward.pyx":53
  *     cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))
  *     cdef double last = T1 - lag * (s1 - lag * (2.0 * c + 6.0 * d * h - lag * 6.0 * d))
  *     return last + (y - first) * exp(-h / lag)             # <<<<<<<<<<<<<<
@@ -18129,7 +18428,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
   }
   goto __pyx_L0;
 
-  /* "models/_forward.pyx":19
+  /* "models/_forward.pyx":47
  * 
  * 
  * cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18146,7 +18445,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":28
+/* "models/_forward.pyx":56
  * 
  * 
  * def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,             # <<<<<<<<<<<<<<
@@ -18208,130 +18507,130 @@ PyObject *__pyx_args, PyObject *__pyx_kwds
   {
     PyObject ** const __pyx_pyargnames[] = {&__pyx_mstate_global->__pyx_n_u_time,&__pyx_mstate_global->__pyx_n_u_rate,&__pyx_mstate_global->__pyx_n_u_rise,&__pyx_mstate_global->__pyx_n_u_start,&__pyx_mstate_global->__pyx_n_u_heat,&__pyx_mstate_global->__pyx_n_u_loss,&__pyx_mstate_global->__pyx_n_u_sink,&__pyx_mstate_global->__pyx_n_u_exponent,&__pyx_mstate_global->__pyx_n_u_hidden,&__pyx_mstate_global->__pyx_n_u_hidden_rate,&__pyx_mstate_global->__pyx_n_u_links,&__pyx_mstate_global->__pyx_n_u_linked,&__pyx_mstate_global->__pyx_n_u_lag,&__pyx_mstate_global->__pyx_n_u_delay,&__pyx_mstate_global->__pyx_n_u_out,0};
     const Py_ssize_t __pyx_kwds_len = (__pyx_kwds) ? __Pyx_NumKwargs_FASTCALL(__pyx_kwds) : 0;
-    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 28, __pyx_L3_error)
+    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 56, __pyx_L3_error)
     if (__pyx_kwds_len > 0) {
       switch (__pyx_nargs) {
         case 15:
         values[14] = __Pyx_ArgRef_FASTCALL(__pyx_args, 14);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 14:
         values[13] = __Pyx_ArgRef_FASTCALL(__pyx_args, 13);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 13:
         values[12] = __Pyx_ArgRef_FASTCALL(__pyx_args, 12);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 12:
         values[11] = __Pyx_ArgRef_FASTCALL(__pyx_args, 11);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 11:
         values[10] = __Pyx_ArgRef_FASTCALL(__pyx_args, 10);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 10:
         values[9] = __Pyx_ArgRef_FASTCALL(__pyx_args, 9);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  9:
         values[8] = __Pyx_ArgRef_FASTCALL(__pyx_args, 8);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  8:
         values[7] = __Pyx_ArgRef_FASTCALL(__pyx_args, 7);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  7:
         values[6] = __Pyx_ArgRef_FASTCALL(__pyx_args, 6);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  6:
         values[5] = __Pyx_ArgRef_FASTCALL(__pyx_args, 5);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  5:
         values[4] = __Pyx_ArgRef_FASTCALL(__pyx_args, 4);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  4:
         values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  3:
         values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  2:
         values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  1:
         values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 28, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 56, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  0: break;
         default: goto __pyx_L5_argtuple_error;
       }
       const Py_ssize_t kwd_pos_args = __pyx_nargs;
-      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "forward", 0) < (0)) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "forward", 0) < (0)) __PYX_ERR(0, 56, __pyx_L3_error)
       for (Py_ssize_t i = __pyx_nargs; i < 15; i++) {
-        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, i); __PYX_ERR(0, 28, __pyx_L3_error) }
+        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, i); __PYX_ERR(0, 56, __pyx_L3_error) }
       }
     } else if (unlikely(__pyx_nargs != 15)) {
       goto __pyx_L5_argtuple_error;
     } else {
       values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[4] = __Pyx_ArgRef_FASTCALL(__pyx_args, 4);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[5] = __Pyx_ArgRef_FASTCALL(__pyx_args, 5);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[6] = __Pyx_ArgRef_FASTCALL(__pyx_args, 6);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[7] = __Pyx_ArgRef_FASTCALL(__pyx_args, 7);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[8] = __Pyx_ArgRef_FASTCALL(__pyx_args, 8);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[9] = __Pyx_ArgRef_FASTCALL(__pyx_args, 9);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[10] = __Pyx_ArgRef_FASTCALL(__pyx_args, 10);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[11] = __Pyx_ArgRef_FASTCALL(__pyx_args, 11);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[12] = __Pyx_ArgRef_FASTCALL(__pyx_args, 12);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[13] = __Pyx_ArgRef_FASTCALL(__pyx_args, 13);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 56, __pyx_L3_error)
       values[14] = __Pyx_ArgRef_FASTCALL(__pyx_args, 14);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 28, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 56, __pyx_L3_error)
     }
-    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 28, __pyx_L3_error)
-    __pyx_v_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_rate.memview)) __PYX_ERR(0, 28, __pyx_L3_error)
-    __pyx_v_rise = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_rise.memview)) __PYX_ERR(0, 28, __pyx_L3_error)
-    __pyx_v_start = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[3], 0); if (unlikely(!__pyx_v_start.memview)) __PYX_ERR(0, 28, __pyx_L3_error)
-    __pyx_v_heat = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[4], 0); if (unlikely(!__pyx_v_heat.memview)) __PYX_ERR(0, 29, __pyx_L3_error)
-    __pyx_v_loss = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[5], 0); if (unlikely(!__pyx_v_loss.memview)) __PYX_ERR(0, 29, __pyx_L3_error)
-    __pyx_v_sink = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[6], 0); if (unlikely(!__pyx_v_sink.memview)) __PYX_ERR(0, 29, __pyx_L3_error)
-    __pyx_v_exponent = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[7], 0); if (unlikely(!__pyx_v_exponent.memview)) __PYX_ERR(0, 29, __pyx_L3_error)
-    __pyx_v_hidden = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[8], 0); if (unlikely(!__pyx_v_hidden.memview)) __PYX_ERR(0, 30, __pyx_L3_error)
-    __pyx_v_hidden_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[9], 0); if (unlikely(!__pyx_v_hidden_rate.memview)) __PYX_ERR(0, 30, __pyx_L3_error)
-    __pyx_v_links = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[10], 0); if (unlikely(!__pyx_v_links.memview)) __PYX_ERR(0, 30, __pyx_L3_error)
-    __pyx_v_linked = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[11], 0); if (unlikely(!__pyx_v_linked.memview)) __PYX_ERR(0, 30, __pyx_L3_error)
-    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[12], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 31, __pyx_L3_error)
-    __pyx_v_delay = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[13], 0); if (unlikely(!__pyx_v_delay.memview)) __PYX_ERR(0, 31, __pyx_L3_error)
-    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[14], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 31, __pyx_L3_error)
+    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 56, __pyx_L3_error)
+    __pyx_v_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_rate.memview)) __PYX_ERR(0, 56, __pyx_L3_error)
+    __pyx_v_rise = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_rise.memview)) __PYX_ERR(0, 56, __pyx_L3_error)
+    __pyx_v_start = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[3], 0); if (unlikely(!__pyx_v_start.memview)) __PYX_ERR(0, 56, __pyx_L3_error)
+    __pyx_v_heat = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[4], 0); if (unlikely(!__pyx_v_heat.memview)) __PYX_ERR(0, 57, __pyx_L3_error)
+    __pyx_v_loss = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[5], 0); if (unlikely(!__pyx_v_loss.memview)) __PYX_ERR(0, 57, __pyx_L3_error)
+    __pyx_v_sink = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[6], 0); if (unlikely(!__pyx_v_sink.memview)) __PYX_ERR(0, 57, __pyx_L3_error)
+    __pyx_v_exponent = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[7], 0); if (unlikely(!__pyx_v_exponent.memview)) __PYX_ERR(0, 57, __pyx_L3_error)
+    __pyx_v_hidden = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[8], 0); if (unlikely(!__pyx_v_hidden.memview)) __PYX_ERR(0, 58, __pyx_L3_error)
+    __pyx_v_hidden_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[9], 0); if (unlikely(!__pyx_v_hidden_rate.memview)) __PYX_ERR(0, 58, __pyx_L3_error)
+    __pyx_v_links = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[10], 0); if (unlikely(!__pyx_v_links.memview)) __PYX_ERR(0, 58, __pyx_L3_error)
+    __pyx_v_linked = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[11], 0); if (unlikely(!__pyx_v_linked.memview)) __PYX_ERR(0, 58, __pyx_L3_error)
+    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[12], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 59, __pyx_L3_error)
+    __pyx_v_delay = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[13], 0); if (unlikely(!__pyx_v_delay.memview)) __PYX_ERR(0, 59, __pyx_L3_error)
+    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[14], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 59, __pyx_L3_error)
   }
   goto __pyx_L6_skip;
   __pyx_L5_argtuple_error:;
-  __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, __pyx_nargs); __PYX_ERR(0, 28, __pyx_L3_error)
+  __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, __pyx_nargs); __PYX_ERR(0, 56, __pyx_L3_error)
   __pyx_L6_skip:;
   goto __pyx_L4_argument_unpacking_done;
   __pyx_L3_error:;
@@ -18431,6 +18730,9 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
   double __pyx_v_z3;
   double __pyx_v_z4;
   double __pyx_v_T0;
+  double __pyx_v_w[8];
+  int __pyx_v_paired;
+  int __pyx_v_pair_ok;
   double *__pyx_v_curve;
   double *__pyx_v_slope;
   PyObject *__pyx_r = NULL;
@@ -18450,8 +18752,8 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
   Py_ssize_t __pyx_t_13;
   Py_ssize_t __pyx_t_14;
   Py_ssize_t __pyx_t_15;
-  Py_ssize_t __pyx_t_16;
-  double __pyx_t_17;
+  double __pyx_t_16;
+  Py_ssize_t __pyx_t_17;
   Py_ssize_t __pyx_t_18;
   Py_ssize_t __pyx_t_19;
   Py_ssize_t __pyx_t_20;
@@ -18467,7 +18769,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
   int __pyx_clineno = 0;
   __Pyx_RefNannySetupContext("forward", 0);
 
-  /* "models/_forward.pyx":33
+  /* "models/_forward.pyx":61
  *             const double[::1] lag, const double[::1] delay, double[:, ::1] out):
  *     """See the numpy twin."""
  *     cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], b, k, j, hb, lb, sb, kb, m, i             # <<<<<<<<<<<<<<
@@ -18477,17 +18779,26 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
   __pyx_v_rows = (__pyx_v_rate.shape[0]);
   __pyx_v_n = (__pyx_v_time.shape[0]);
 
-  /* "models/_forward.pyx":37
- *     cdef double s, ds, q, dq, sm, qm, s1, q1, H, L, a, at, x
+  /* "models/_forward.pyx":66
  *     cdef double k1, k2, k3, k4, z1, z2, z3, z4, T0
+ *     cdef double w[8]
+ *     cdef bint paired, pair_ok = False             # <<<<<<<<<<<<<<
+ *     cdef double* curve = <double*> malloc(n * sizeof(double))
+ *     cdef double* slope = <double*> malloc(n * sizeof(double))
+*/
+  __pyx_v_pair_ok = 0;
+
+  /* "models/_forward.pyx":67
+ *     cdef double w[8]
+ *     cdef bint paired, pair_ok = False
  *     cdef double* curve = <double*> malloc(n * sizeof(double))             # <<<<<<<<<<<<<<
  *     cdef double* slope = <double*> malloc(n * sizeof(double))
  *     if curve == NULL or slope == NULL:
 */
   __pyx_v_curve = ((double *)malloc((__pyx_v_n * (sizeof(double)))));
 
-  /* "models/_forward.pyx":38
- *     cdef double k1, k2, k3, k4, z1, z2, z3, z4, T0
+  /* "models/_forward.pyx":68
+ *     cdef bint paired, pair_ok = False
  *     cdef double* curve = <double*> malloc(n * sizeof(double))
  *     cdef double* slope = <double*> malloc(n * sizeof(double))             # <<<<<<<<<<<<<<
  *     if curve == NULL or slope == NULL:
@@ -18495,7 +18806,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
   __pyx_v_slope = ((double *)malloc((__pyx_v_n * (sizeof(double)))));
 
-  /* "models/_forward.pyx":39
+  /* "models/_forward.pyx":69
  *     cdef double* curve = <double*> malloc(n * sizeof(double))
  *     cdef double* slope = <double*> malloc(n * sizeof(double))
  *     if curve == NULL or slope == NULL:             # <<<<<<<<<<<<<<
@@ -18521,7 +18832,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
   if (unlikely(__pyx_t_1)) {
 
 
-    /* "models/_forward.pyx":40
+    /* "models/_forward.pyx":70
  *     cdef double* slope = <double*> malloc(n * sizeof(double))
  *     if curve == NULL or slope == NULL:
  *         free(curve)             # <<<<<<<<<<<<<<
@@ -18530,7 +18841,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
     free(__pyx_v_curve);
 
-    /* "models/_forward.pyx":41
+    /* "models/_forward.pyx":71
  *     if curve == NULL or slope == NULL:
  *         free(curve)
  *         free(slope)             # <<<<<<<<<<<<<<
@@ -18539,16 +18850,16 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
     free(__pyx_v_slope);
 
-    /* "models/_forward.pyx":42
+    /* "models/_forward.pyx":72
  *         free(curve)
  *         free(slope)
  *         raise MemoryError             # <<<<<<<<<<<<<<
  *     with nogil:
  *         for b in range(rows):
 */
-    PyErr_NoMemory(); __PYX_ERR(0, 42, __pyx_L1_error)
+    PyErr_NoMemory(); __PYX_ERR(0, 72, __pyx_L1_error)
 
-    /* "models/_forward.pyx":39
+    /* "models/_forward.pyx":69
  *     cdef double* curve = <double*> malloc(n * sizeof(double))
  *     cdef double* slope = <double*> malloc(n * sizeof(double))
  *     if curve == NULL or slope == NULL:             # <<<<<<<<<<<<<<
@@ -18557,7 +18868,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
   }
 
-  /* "models/_forward.pyx":43
+  /* "models/_forward.pyx":73
  *         free(slope)
  *         raise MemoryError
  *     with nogil:             # <<<<<<<<<<<<<<
@@ -18570,7 +18881,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
       __Pyx_FastGIL_Remember();
       /*try:*/ {
 
-        /* "models/_forward.pyx":44
+        /* "models/_forward.pyx":74
  *         raise MemoryError
  *     with nogil:
  *         for b in range(rows):             # <<<<<<<<<<<<<<
@@ -18584,7 +18895,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
         for (__pyx_t_5 = 0; __pyx_t_5 < __pyx_t_4; __pyx_t_5+=1) {
           __pyx_v_b = __pyx_t_5;
 
-          /* "models/_forward.pyx":45
+          /* "models/_forward.pyx":75
  *     with nogil:
  *         for b in range(rows):
  *             hb = b if heat.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
@@ -18603,7 +18914,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
           __pyx_v_hb = __pyx_t_6;
 
-          /* "models/_forward.pyx":46
+          /* "models/_forward.pyx":76
  *         for b in range(rows):
  *             hb = b if heat.shape[0] > 1 else 0
  *             lb = b if loss.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
@@ -18622,7 +18933,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
           __pyx_v_lb = __pyx_t_6;
 
-          /* "models/_forward.pyx":47
+          /* "models/_forward.pyx":77
  *             hb = b if heat.shape[0] > 1 else 0
  *             lb = b if loss.shape[0] > 1 else 0
  *             sb = b if sink.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
@@ -18641,7 +18952,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
           __pyx_v_sb = __pyx_t_6;
 
-          /* "models/_forward.pyx":48
+          /* "models/_forward.pyx":78
  *             lb = b if loss.shape[0] > 1 else 0
  *             sb = b if sink.shape[0] > 1 else 0
  *             kb = b if linked.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
@@ -18660,7 +18971,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
           __pyx_v_kb = __pyx_t_6;
 
-          /* "models/_forward.pyx":49
+          /* "models/_forward.pyx":79
  *             sb = b if sink.shape[0] > 1 else 0
  *             kb = b if linked.shape[0] > 1 else 0
  *             T = start[b]             # <<<<<<<<<<<<<<
@@ -18670,7 +18981,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
           __pyx_t_7 = __pyx_v_b;
           __pyx_v_T = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_7)) )));
 
-          /* "models/_forward.pyx":50
+          /* "models/_forward.pyx":80
  *             kb = b if linked.shape[0] > 1 else 0
  *             T = start[b]
  *             Z = T             # <<<<<<<<<<<<<<
@@ -18679,7 +18990,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_Z = __pyx_v_T;
 
-          /* "models/_forward.pyx":51
+          /* "models/_forward.pyx":81
  *             T = start[b]
  *             Z = T
  *             y = T             # <<<<<<<<<<<<<<
@@ -18688,7 +18999,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_y = __pyx_v_T;
 
-          /* "models/_forward.pyx":52
+          /* "models/_forward.pyx":82
  *             Z = T
  *             y = T
  *             last_lam = -1.0             # <<<<<<<<<<<<<<
@@ -18697,7 +19008,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_last_lam = -1.0;
 
-          /* "models/_forward.pyx":53
+          /* "models/_forward.pyx":83
  *             y = T
  *             last_lam = -1.0
  *             last_dt = -1.0             # <<<<<<<<<<<<<<
@@ -18706,7 +19017,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_last_dt = -1.0;
 
-          /* "models/_forward.pyx":54
+          /* "models/_forward.pyx":84
  *             last_lam = -1.0
  *             last_dt = -1.0
  *             E = 0.0             # <<<<<<<<<<<<<<
@@ -18715,7 +19026,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_E = 0.0;
 
-          /* "models/_forward.pyx":55
+          /* "models/_forward.pyx":85
  *             last_dt = -1.0
  *             E = 0.0
  *             phi = 0.0             # <<<<<<<<<<<<<<
@@ -18724,7 +19035,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_phi = 0.0;
 
-          /* "models/_forward.pyx":56
+          /* "models/_forward.pyx":86
  *             E = 0.0
  *             phi = 0.0
  *             psi = 0.0             # <<<<<<<<<<<<<<
@@ -18733,7 +19044,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
           __pyx_v_psi = 0.0;
 
-          /* "models/_forward.pyx":57
+          /* "models/_forward.pyx":87
  *             phi = 0.0
  *             psi = 0.0
  *             out[b, 0] = T             # <<<<<<<<<<<<<<
@@ -18744,7 +19055,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
           __pyx_t_8 = 0;
           *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_7 * __pyx_v_out.strides[0]) )) + __pyx_t_8)) )) = __pyx_v_T;
 
-          /* "models/_forward.pyx":58
+          /* "models/_forward.pyx":88
  *             psi = 0.0
  *             out[b, 0] = T
  *             for k in range(1, n):             # <<<<<<<<<<<<<<
@@ -18758,7 +19069,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
           for (__pyx_t_10 = 1; __pyx_t_10 < __pyx_t_9; __pyx_t_10+=1) {
             __pyx_v_k = __pyx_t_10;
 
-            /* "models/_forward.pyx":59
+            /* "models/_forward.pyx":89
  *             out[b, 0] = T
  *             for k in range(1, n):
  *                 dt = time[k] - time[k - 1]             # <<<<<<<<<<<<<<
@@ -18769,7 +19080,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             __pyx_t_7 = (__pyx_v_k - 1);
             __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_8)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_7)) ))));
 
-            /* "models/_forward.pyx":60
+            /* "models/_forward.pyx":90
  *             for k in range(1, n):
  *                 dt = time[k] - time[k - 1]
  *                 H = rise[b] * heat[hb, k]             # <<<<<<<<<<<<<<
@@ -18781,7 +19092,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             __pyx_t_11 = __pyx_v_k;
             __pyx_v_H = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rise.data) + __pyx_t_7)) ))) * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_heat.data + __pyx_t_8 * __pyx_v_heat.strides[0]) )) + __pyx_t_11)) ))));
 
-            /* "models/_forward.pyx":61
+            /* "models/_forward.pyx":91
  *                 dt = time[k] - time[k - 1]
  *                 H = rise[b] * heat[hb, k]
  *                 L = loss[lb, k]             # <<<<<<<<<<<<<<
@@ -18792,7 +19103,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             __pyx_t_8 = __pyx_v_k;
             __pyx_v_L = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_loss.data + __pyx_t_11 * __pyx_v_loss.strides[0]) )) + __pyx_t_8)) )));
 
-            /* "models/_forward.pyx":62
+            /* "models/_forward.pyx":92
  *                 H = rise[b] * heat[hb, k]
  *                 L = loss[lb, k]
  *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:             # <<<<<<<<<<<<<<
@@ -18831,7 +19142,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             if (__pyx_t_1) {
 
 
-              /* "models/_forward.pyx":63
+              /* "models/_forward.pyx":93
  *                 L = loss[lb, k]
  *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
  *                     lam = rate[b] * L + links[b]             # <<<<<<<<<<<<<<
@@ -18842,7 +19153,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_11 = __pyx_v_b;
               __pyx_v_lam = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_8)) ))) * __pyx_v_L) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_11)) ))));
 
-              /* "models/_forward.pyx":64
+              /* "models/_forward.pyx":94
  *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
  *                     lam = rate[b] * L + links[b]
  *                     if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
@@ -18868,7 +19179,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               if (__pyx_t_1) {
 
 
-                /* "models/_forward.pyx":65
+                /* "models/_forward.pyx":95
  *                     lam = rate[b] * L + links[b]
  *                     if lam != last_lam or dt != last_dt:
  *                         a = lam * dt             # <<<<<<<<<<<<<<
@@ -18877,7 +19188,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_a = (__pyx_v_lam * __pyx_v_dt);
 
-                /* "models/_forward.pyx":66
+                /* "models/_forward.pyx":96
  *                     if lam != last_lam or dt != last_dt:
  *                         a = lam * dt
  *                         E = exp(-a)             # <<<<<<<<<<<<<<
@@ -18886,7 +19197,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_E = exp((-__pyx_v_a));
 
-                /* "models/_forward.pyx":67
+                /* "models/_forward.pyx":97
  *                         a = lam * dt
  *                         E = exp(-a)
  *                         if a < 1e-3:             # <<<<<<<<<<<<<<
@@ -18898,7 +19209,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                 if (__pyx_t_1) {
 
 
-                  /* "models/_forward.pyx":68
+                  /* "models/_forward.pyx":98
  *                         E = exp(-a)
  *                         if a < 1e-3:
  *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)             # <<<<<<<<<<<<<<
@@ -18907,7 +19218,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_phi = (__pyx_v_dt * ((1.0 - (0.5 * __pyx_v_a)) + ((__pyx_v_a * __pyx_v_a) / 6.0)));
 
-                  /* "models/_forward.pyx":69
+                  /* "models/_forward.pyx":99
  *                         if a < 1e-3:
  *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
  *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)             # <<<<<<<<<<<<<<
@@ -18916,7 +19227,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_psi = ((__pyx_v_dt * __pyx_v_dt) * ((0.5 - (__pyx_v_a / 6.0)) + ((__pyx_v_a * __pyx_v_a) / 24.0)));
 
-                  /* "models/_forward.pyx":67
+                  /* "models/_forward.pyx":97
  *                         a = lam * dt
  *                         E = exp(-a)
  *                         if a < 1e-3:             # <<<<<<<<<<<<<<
@@ -18926,7 +19237,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                   goto __pyx_L20;
                 }
 
-                /* "models/_forward.pyx":71
+                /* "models/_forward.pyx":101
  *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
  *                         else:
  *                             phi = -expm1(-a) / lam             # <<<<<<<<<<<<<<
@@ -18936,7 +19247,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                 /*else*/ {
                   __pyx_v_phi = ((-expm1((-__pyx_v_a))) / __pyx_v_lam);
 
-                  /* "models/_forward.pyx":72
+                  /* "models/_forward.pyx":102
  *                         else:
  *                             phi = -expm1(-a) / lam
  *                             psi = (dt - phi) / lam             # <<<<<<<<<<<<<<
@@ -18947,7 +19258,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                 }
                 __pyx_L20:;
 
-                /* "models/_forward.pyx":73
+                /* "models/_forward.pyx":103
  *                             phi = -expm1(-a) / lam
  *                             psi = (dt - phi) / lam
  *                         last_lam = lam             # <<<<<<<<<<<<<<
@@ -18956,7 +19267,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_last_lam = __pyx_v_lam;
 
-                /* "models/_forward.pyx":74
+                /* "models/_forward.pyx":104
  *                             psi = (dt - phi) / lam
  *                         last_lam = lam
  *                         last_dt = dt             # <<<<<<<<<<<<<<
@@ -18965,7 +19276,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_last_dt = __pyx_v_dt;
 
-                /* "models/_forward.pyx":64
+                /* "models/_forward.pyx":94
  *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
  *                     lam = rate[b] * L + links[b]
  *                     if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
@@ -18974,7 +19285,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
               }
 
-              /* "models/_forward.pyx":75
+              /* "models/_forward.pyx":105
  *                         last_lam = lam
  *                         last_dt = dt
  *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]             # <<<<<<<<<<<<<<
@@ -18988,7 +19299,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_13 = (__pyx_v_k - 1);
               __pyx_v_u0 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_8 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_13)) ))));
 
-              /* "models/_forward.pyx":76
+              /* "models/_forward.pyx":106
  *                         last_dt = dt
  *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
  *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]             # <<<<<<<<<<<<<<
@@ -19002,7 +19313,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_11 = __pyx_v_k;
               __pyx_v_u1 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_12 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_8 * __pyx_v_linked.strides[0]) )) + __pyx_t_11)) ))));
 
-              /* "models/_forward.pyx":77
+              /* "models/_forward.pyx":107
  *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
  *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
  *                     T = T * E + u0 * phi + (u1 - u0) / dt * psi             # <<<<<<<<<<<<<<
@@ -19011,7 +19322,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
               __pyx_v_T = (((__pyx_v_T * __pyx_v_E) + (__pyx_v_u0 * __pyx_v_phi)) + (((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt) * __pyx_v_psi));
 
-              /* "models/_forward.pyx":78
+              /* "models/_forward.pyx":108
  *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
  *                     T = T * E + u0 * phi + (u1 - u0) / dt * psi
  *                     y = T             # <<<<<<<<<<<<<<
@@ -19020,7 +19331,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
               __pyx_v_y = __pyx_v_T;
 
-              /* "models/_forward.pyx":62
+              /* "models/_forward.pyx":92
  *                 H = rise[b] * heat[hb, k]
  *                 L = loss[lb, k]
  *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:             # <<<<<<<<<<<<<<
@@ -19030,27 +19341,47 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               goto __pyx_L13;
             }
 
-            /* "models/_forward.pyx":80
+            /* "models/_forward.pyx":110
  *                     y = T
  *                 else:
  *                     m = 1             # <<<<<<<<<<<<<<
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
+ *                     lam = rate[b] * L + links[b]
+ *                     paired = False
 */
             /*else*/ {
               __pyx_v_m = 1;
 
-              /* "models/_forward.pyx":81
+              /* "models/_forward.pyx":111
  *                 else:
  *                     m = 1
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
- *                         steps = fast * dt / 0.3
+ *                     lam = rate[b] * L + links[b]             # <<<<<<<<<<<<<<
+ *                     paired = False
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
 */
               __pyx_t_11 = __pyx_v_b;
-              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_11)) ))) != 0.0);
+              __pyx_t_8 = __pyx_v_b;
+              __pyx_v_lam = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))) * __pyx_v_L) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_8)) ))));
 
-              if (!__pyx_t_2) {
+              /* "models/_forward.pyx":112
+ *                     m = 1
+ *                     lam = rate[b] * L + links[b]
+ *                     paired = False             # <<<<<<<<<<<<<<
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
+ *                         if lam != last_lam or dt != last_dt:
+*/
+              __pyx_v_paired = 0;
+
+              /* "models/_forward.pyx":113
+ *                     lam = rate[b] * L + links[b]
+ *                     paired = False
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:             # <<<<<<<<<<<<<<
+ *                         if lam != last_lam or dt != last_dt:
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+*/
+              __pyx_t_8 = __pyx_v_b;
+              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_8)) ))) == 0.0);
+
+              if (__pyx_t_2) {
 
               } else {
 
@@ -19058,8 +19389,8 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                 goto __pyx_L22_bool_binop_done;
               }
-              __pyx_t_11 = __pyx_v_b;
-              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_11)) ))) != 0.0);
+              __pyx_t_8 = __pyx_v_b;
+              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_8)) ))) != 0.0);
 
 
               __pyx_t_1 = __pyx_t_2;
@@ -19068,21 +19399,386 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               if (__pyx_t_1) {
 
 
-                /* "models/_forward.pyx":82
- *                     m = 1
+                /* "models/_forward.pyx":114
+ *                     paired = False
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
+ *                         if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+ *                             last_lam = lam
+*/
+                __pyx_t_2 = (__pyx_v_lam != __pyx_v_last_lam);
+
+                if (!__pyx_t_2) {
+
+                } else {
+
+                  __pyx_t_1 = __pyx_t_2;
+
+                  goto __pyx_L25_bool_binop_done;
+                }
+                __pyx_t_2 = (__pyx_v_dt != __pyx_v_last_dt);
+
+
+                __pyx_t_1 = __pyx_t_2;
+
+                __pyx_L25_bool_binop_done:;
+                if (__pyx_t_1) {
+
+
+                  /* "models/_forward.pyx":115
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
+ *                         if lam != last_lam or dt != last_dt:
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)             # <<<<<<<<<<<<<<
+ *                             last_lam = lam
+ *                             last_dt = dt
+*/
+                  __pyx_t_8 = __pyx_v_b;
+                  __pyx_t_11 = __pyx_v_b;
+                  __pyx_v_pair_ok = __pyx_f_6models_8_forward_two_lumps(__pyx_v_lam, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_8)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_11)) ))), __pyx_v_dt, __pyx_v_w);
+
+                  /* "models/_forward.pyx":116
+ *                         if lam != last_lam or dt != last_dt:
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+ *                             last_lam = lam             # <<<<<<<<<<<<<<
+ *                             last_dt = dt
+ *                         paired = pair_ok
+*/
+                  __pyx_v_last_lam = __pyx_v_lam;
+
+                  /* "models/_forward.pyx":117
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+ *                             last_lam = lam
+ *                             last_dt = dt             # <<<<<<<<<<<<<<
+ *                         paired = pair_ok
+ *                     if paired:
+*/
+                  __pyx_v_last_dt = __pyx_v_dt;
+
+                  /* "models/_forward.pyx":114
+ *                     paired = False
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
+ *                         if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+ *                             last_lam = lam
+*/
+                }
+
+                /* "models/_forward.pyx":118
+ *                             last_lam = lam
+ *                             last_dt = dt
+ *                         paired = pair_ok             # <<<<<<<<<<<<<<
+ *                     if paired:
+ *                         T0 = T
+*/
+                __pyx_v_paired = __pyx_v_pair_ok;
+
+                /* "models/_forward.pyx":113
+ *                     lam = rate[b] * L + links[b]
+ *                     paired = False
+ *                     if exponent[b] == 0.0 and hidden[b] != 0.0:             # <<<<<<<<<<<<<<
+ *                         if lam != last_lam or dt != last_dt:
+ *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+*/
+              }
+
+              /* "models/_forward.pyx":119
+ *                             last_dt = dt
+ *                         paired = pair_ok
+ *                     if paired:             # <<<<<<<<<<<<<<
+ *                         T0 = T
+ *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])
+*/
+              if (__pyx_v_paired) {
+
+                /* "models/_forward.pyx":120
+ *                         paired = pair_ok
+ *                     if paired:
+ *                         T0 = T             # <<<<<<<<<<<<<<
+ *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])
+ *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
+*/
+                __pyx_v_T0 = __pyx_v_T;
+
+                /* "models/_forward.pyx":121
+ *                     if paired:
+ *                         T0 = T
+ *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])             # <<<<<<<<<<<<<<
+ *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
+ *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
+*/
+                __pyx_t_11 = __pyx_v_b;
+                __pyx_t_8 = __pyx_v_sb;
+                __pyx_t_7 = (__pyx_v_k - 1);
+                __pyx_t_12 = __pyx_v_b;
+                __pyx_t_13 = __pyx_v_b;
+                __pyx_t_14 = __pyx_v_kb;
+                __pyx_t_15 = (__pyx_v_k - 1);
+                __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_8 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) ))), 0.0, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_15)) ))));
+
+                /* "models/_forward.pyx":122
+ *                         T0 = T
+ *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])
+ *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]             # <<<<<<<<<<<<<<
+ *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
+ *                         ds = (u1 - u0) / dt
+*/
+                __pyx_t_15 = __pyx_v_b;
+                __pyx_t_14 = __pyx_v_sb;
+                __pyx_t_13 = (__pyx_v_k - 1);
+                __pyx_t_12 = __pyx_v_kb;
+                __pyx_t_7 = (__pyx_v_k - 1);
+                __pyx_v_u0 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_14 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) ))));
+
+                /* "models/_forward.pyx":123
+ *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])
+ *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
+ *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]             # <<<<<<<<<<<<<<
+ *                         ds = (u1 - u0) / dt
+ *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
+*/
+                __pyx_t_7 = __pyx_v_b;
+                __pyx_t_12 = __pyx_v_sb;
+                __pyx_t_13 = __pyx_v_k;
+                __pyx_t_14 = __pyx_v_kb;
+                __pyx_t_15 = __pyx_v_k;
+                __pyx_v_u1 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_12 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_15)) ))));
+
+                /* "models/_forward.pyx":124
+ *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
+ *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
+ *                         ds = (u1 - u0) / dt             # <<<<<<<<<<<<<<
+ *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
+ *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
+*/
+                __pyx_v_ds = ((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt);
+
+                /* "models/_forward.pyx":125
+ *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
+ *                         ds = (u1 - u0) / dt
+ *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds             # <<<<<<<<<<<<<<
+ *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
+ *                         T = s
+*/
+                __pyx_v_s = (((((__pyx_v_w[0]) * __pyx_v_T) + ((__pyx_v_w[1]) * __pyx_v_Z)) + ((__pyx_v_w[4]) * __pyx_v_u0)) + ((__pyx_v_w[6]) * __pyx_v_ds));
+
+                /* "models/_forward.pyx":126
+ *                         ds = (u1 - u0) / dt
+ *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
+ *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds             # <<<<<<<<<<<<<<
+ *                         T = s
+ *                         if lag[b] > 0.0:
+*/
+                __pyx_v_Z = (((((__pyx_v_w[2]) * __pyx_v_T) + ((__pyx_v_w[3]) * __pyx_v_Z)) + ((__pyx_v_w[5]) * __pyx_v_u0)) + ((__pyx_v_w[7]) * __pyx_v_ds));
+
+                /* "models/_forward.pyx":127
+ *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
+ *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
+ *                         T = s             # <<<<<<<<<<<<<<
+ *                         if lag[b] > 0.0:
+ *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+*/
+                __pyx_v_T = __pyx_v_s;
+
+                /* "models/_forward.pyx":128
+ *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
+ *                         T = s
+ *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
+ *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b])
+*/
+                __pyx_t_15 = __pyx_v_b;
+                __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_15)) ))) > 0.0);
+
+                if (__pyx_t_1) {
+
+
+                  /* "models/_forward.pyx":129
+ *                         T = s
+ *                         if lag[b] > 0.0:
+ *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])             # <<<<<<<<<<<<<<
+ *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b])
+ *                         else:
+*/
+                  __pyx_t_15 = __pyx_v_b;
+                  __pyx_t_14 = __pyx_v_sb;
+                  __pyx_t_13 = __pyx_v_k;
+                  __pyx_t_12 = __pyx_v_b;
+                  __pyx_t_7 = __pyx_v_b;
+                  __pyx_t_8 = __pyx_v_kb;
+                  __pyx_t_11 = __pyx_v_k;
+                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_14 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) ))), 0.0, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_8 * __pyx_v_linked.strides[0]) )) + __pyx_t_11)) ))));
+
+                  /* "models/_forward.pyx":130
+ *                         if lag[b] > 0.0:
+ *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b])             # <<<<<<<<<<<<<<
+ *                         else:
+ *                             y = T
+*/
+                  __pyx_t_11 = __pyx_v_b;
+                  __pyx_v_y = __pyx_f_6models_8_forward_late_probe(__pyx_v_y, __pyx_v_T0, __pyx_v_T, __pyx_v_k1, __pyx_v_k4, __pyx_v_dt, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_11)) ))));
+
+                  /* "models/_forward.pyx":128
+ *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
+ *                         T = s
+ *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
+ *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b])
+*/
+                  goto __pyx_L28;
+                }
+
+                /* "models/_forward.pyx":132
+ *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b])
+ *                         else:
+ *                             y = T             # <<<<<<<<<<<<<<
+ *                         out[b, k] = y
+ *                         if delay[b] > 0.0:
+*/
+                /*else*/ {
+                  __pyx_v_y = __pyx_v_T;
+                }
+                __pyx_L28:;
+
+                /* "models/_forward.pyx":133
+ *                         else:
+ *                             y = T
+ *                         out[b, k] = y             # <<<<<<<<<<<<<<
+ *                         if delay[b] > 0.0:
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
+*/
+                __pyx_t_11 = __pyx_v_b;
+                __pyx_t_8 = __pyx_v_k;
+                *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_11 * __pyx_v_out.strides[0]) )) + __pyx_t_8)) )) = __pyx_v_y;
+
+                /* "models/_forward.pyx":134
+ *                             y = T
+ *                         out[b, k] = y
+ *                         if delay[b] > 0.0:             # <<<<<<<<<<<<<<
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+*/
+                __pyx_t_8 = __pyx_v_b;
+                __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_8)) ))) > 0.0);
+
+                if (__pyx_t_1) {
+
+
+                  /* "models/_forward.pyx":135
+ *                         out[b, k] = y
+ *                         if delay[b] > 0.0:
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                         continue
+*/
+                  __pyx_t_8 = __pyx_v_b;
+                  __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) ))) > 0.0);
+
+                  if (__pyx_t_1) {
+                    __pyx_t_8 = __pyx_v_b;
+
+                    __pyx_t_16 = ((__pyx_v_T - __pyx_v_y) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) )))));
+                  } else {
+
+                    /* "models/_forward.pyx":136
+ *                         if delay[b] > 0.0:
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])             # <<<<<<<<<<<<<<
+ *                         continue
+ *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
+*/
+                    __pyx_t_8 = __pyx_v_b;
+                    __pyx_t_11 = __pyx_v_sb;
+                    __pyx_t_7 = __pyx_v_k;
+                    __pyx_t_12 = __pyx_v_b;
+                    __pyx_t_13 = __pyx_v_b;
+                    __pyx_t_14 = __pyx_v_kb;
+                    __pyx_t_15 = __pyx_v_k;
+
+                    /* "models/_forward.pyx":135
+ *                         out[b, k] = y
+ *                         if delay[b] > 0.0:
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                         continue
+*/
+
+                    __pyx_t_16 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_8)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_11 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) ))), 0.0, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_15)) ))));
+                  }
+
+                  (__pyx_v_slope[__pyx_v_k]) = __pyx_t_16;
+
+
+                  /* "models/_forward.pyx":134
+ *                             y = T
+ *                         out[b, k] = y
+ *                         if delay[b] > 0.0:             # <<<<<<<<<<<<<<
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+*/
+                }
+
+                /* "models/_forward.pyx":137
+ *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                         continue             # <<<<<<<<<<<<<<
+ *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
+ *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
+*/
+                goto __pyx_L11_continue;
+
+                /* "models/_forward.pyx":119
+ *                             last_dt = dt
+ *                         paired = pair_ok
+ *                     if paired:             # <<<<<<<<<<<<<<
+ *                         T0 = T
+ *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])
+*/
+              }
+
+              /* "models/_forward.pyx":138
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                         continue
+ *                     if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
+ *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
+ *                         steps = fast * dt / 0.3
+*/
+              __pyx_t_15 = __pyx_v_b;
+              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_15)) ))) != 0.0);
+
+              if (!__pyx_t_2) {
+
+              } else {
+
+                __pyx_t_1 = __pyx_t_2;
+
+                goto __pyx_L31_bool_binop_done;
+              }
+              __pyx_t_15 = __pyx_v_b;
+              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_15)) ))) != 0.0);
+
+
+              __pyx_t_1 = __pyx_t_2;
+
+              __pyx_L31_bool_binop_done:;
+              if (__pyx_t_1) {
+
+
+                /* "models/_forward.pyx":139
+ *                         continue
  *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
  *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]             # <<<<<<<<<<<<<<
  *                         steps = fast * dt / 0.3
  *                         while m < steps and m < MOST_SUBSTEPS:
 */
-                __pyx_t_11 = __pyx_v_b;
-                __pyx_t_8 = __pyx_v_b;
-                __pyx_t_7 = __pyx_v_b;
-                __pyx_t_12 = __pyx_v_b;
+                __pyx_t_15 = __pyx_v_b;
+                __pyx_t_14 = __pyx_v_b;
                 __pyx_t_13 = __pyx_v_b;
-                __pyx_v_fast = ((((((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))) * __pyx_v_L) * (1.0 + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_8)) ))))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_7)) )))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_12)) )))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))));
+                __pyx_t_12 = __pyx_v_b;
+                __pyx_t_7 = __pyx_v_b;
+                __pyx_v_fast = ((((((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))) * __pyx_v_L) * (1.0 + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_14)) ))))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_13)) )))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_12)) )))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))));
 
-                /* "models/_forward.pyx":83
+                /* "models/_forward.pyx":140
  *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
  *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
  *                         steps = fast * dt / 0.3             # <<<<<<<<<<<<<<
@@ -19091,7 +19787,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_steps = ((__pyx_v_fast * __pyx_v_dt) / 0.3);
 
-                /* "models/_forward.pyx":84
+                /* "models/_forward.pyx":141
  *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
  *                         steps = fast * dt / 0.3
  *                         while m < steps and m < MOST_SUBSTEPS:             # <<<<<<<<<<<<<<
@@ -19107,18 +19803,18 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                     __pyx_t_1 = __pyx_t_2;
 
-                    goto __pyx_L26_bool_binop_done;
+                    goto __pyx_L35_bool_binop_done;
                   }
                   __pyx_t_2 = (__pyx_v_m < __pyx_e_6models_8_forward_MOST_SUBSTEPS);
 
 
                   __pyx_t_1 = __pyx_t_2;
 
-                  __pyx_L26_bool_binop_done:;
+                  __pyx_L35_bool_binop_done:;
 
                   if (!__pyx_t_1) break;
 
-                  /* "models/_forward.pyx":85
+                  /* "models/_forward.pyx":142
  *                         steps = fast * dt / 0.3
  *                         while m < steps and m < MOST_SUBSTEPS:
  *                             m = 2 * m             # <<<<<<<<<<<<<<
@@ -19128,16 +19824,16 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                   __pyx_v_m = (2 * __pyx_v_m);
                 }
 
-                /* "models/_forward.pyx":81
- *                 else:
- *                     m = 1
+                /* "models/_forward.pyx":138
+ *                                 T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+ *                         continue
  *                     if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
  *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
  *                         steps = fast * dt / 0.3
 */
               }
 
-              /* "models/_forward.pyx":86
+              /* "models/_forward.pyx":143
  *                         while m < steps and m < MOST_SUBSTEPS:
  *                             m = 2 * m
  *                     h = dt / m             # <<<<<<<<<<<<<<
@@ -19146,44 +19842,44 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
               __pyx_v_h = (__pyx_v_dt / ((double)__pyx_v_m));
 
-              /* "models/_forward.pyx":87
+              /* "models/_forward.pyx":144
  *                             m = 2 * m
  *                     h = dt / m
  *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m             # <<<<<<<<<<<<<<
  *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
  *                     s = sink[sb, k - 1]
 */
-              __pyx_t_13 = __pyx_v_sb;
-              __pyx_t_12 = __pyx_v_k;
               __pyx_t_7 = __pyx_v_sb;
-              __pyx_t_8 = (__pyx_v_k - 1);
-              __pyx_v_ds = (((*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_13 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) ))) - (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_7 * __pyx_v_sink.strides[0]) )) + __pyx_t_8)) )))) / ((double)__pyx_v_m));
+              __pyx_t_12 = __pyx_v_k;
+              __pyx_t_13 = __pyx_v_sb;
+              __pyx_t_14 = (__pyx_v_k - 1);
+              __pyx_v_ds = (((*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_7 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) ))) - (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_13 * __pyx_v_sink.strides[0]) )) + __pyx_t_14)) )))) / ((double)__pyx_v_m));
 
-              /* "models/_forward.pyx":88
+              /* "models/_forward.pyx":145
  *                     h = dt / m
  *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m
  *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m             # <<<<<<<<<<<<<<
  *                     s = sink[sb, k - 1]
  *                     q = linked[kb, k - 1]
 */
-              __pyx_t_8 = __pyx_v_kb;
-              __pyx_t_7 = __pyx_v_k;
+              __pyx_t_14 = __pyx_v_kb;
+              __pyx_t_13 = __pyx_v_k;
               __pyx_t_12 = __pyx_v_kb;
-              __pyx_t_13 = (__pyx_v_k - 1);
-              __pyx_v_dq = (((*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_8 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) ))) - (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_13)) )))) / ((double)__pyx_v_m));
+              __pyx_t_7 = (__pyx_v_k - 1);
+              __pyx_v_dq = (((*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_13)) ))) - (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) )))) / ((double)__pyx_v_m));
 
-              /* "models/_forward.pyx":89
+              /* "models/_forward.pyx":146
  *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m
  *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
  *                     s = sink[sb, k - 1]             # <<<<<<<<<<<<<<
  *                     q = linked[kb, k - 1]
  *                     for i in range(m):
 */
-              __pyx_t_13 = __pyx_v_sb;
+              __pyx_t_7 = __pyx_v_sb;
               __pyx_t_12 = (__pyx_v_k - 1);
-              __pyx_v_s = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_13 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) )));
+              __pyx_v_s = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_7 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) )));
 
-              /* "models/_forward.pyx":90
+              /* "models/_forward.pyx":147
  *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
  *                     s = sink[sb, k - 1]
  *                     q = linked[kb, k - 1]             # <<<<<<<<<<<<<<
@@ -19191,10 +19887,10 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                         sm = s + 0.5 * ds
 */
               __pyx_t_12 = __pyx_v_kb;
-              __pyx_t_13 = (__pyx_v_k - 1);
-              __pyx_v_q = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_13)) )));
+              __pyx_t_7 = (__pyx_v_k - 1);
+              __pyx_v_q = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) )));
 
-              /* "models/_forward.pyx":91
+              /* "models/_forward.pyx":148
  *                     s = sink[sb, k - 1]
  *                     q = linked[kb, k - 1]
  *                     for i in range(m):             # <<<<<<<<<<<<<<
@@ -19202,13 +19898,13 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                         qm = q + 0.5 * dq
 */
 
-              __pyx_t_14 = __pyx_v_m;
-              __pyx_t_15 = __pyx_t_14;
+              __pyx_t_17 = __pyx_v_m;
+              __pyx_t_18 = __pyx_t_17;
 
-              for (__pyx_t_16 = 0; __pyx_t_16 < __pyx_t_15; __pyx_t_16+=1) {
-                __pyx_v_i = __pyx_t_16;
+              for (__pyx_t_19 = 0; __pyx_t_19 < __pyx_t_18; __pyx_t_19+=1) {
+                __pyx_v_i = __pyx_t_19;
 
-                /* "models/_forward.pyx":92
+                /* "models/_forward.pyx":149
  *                     q = linked[kb, k - 1]
  *                     for i in range(m):
  *                         sm = s + 0.5 * ds             # <<<<<<<<<<<<<<
@@ -19217,7 +19913,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_sm = (__pyx_v_s + (0.5 * __pyx_v_ds));
 
-                /* "models/_forward.pyx":93
+                /* "models/_forward.pyx":150
  *                     for i in range(m):
  *                         sm = s + 0.5 * ds
  *                         qm = q + 0.5 * dq             # <<<<<<<<<<<<<<
@@ -19226,7 +19922,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_qm = (__pyx_v_q + (0.5 * __pyx_v_dq));
 
-                /* "models/_forward.pyx":94
+                /* "models/_forward.pyx":151
  *                         sm = s + 0.5 * ds
  *                         qm = q + 0.5 * dq
  *                         s1 = s + ds             # <<<<<<<<<<<<<<
@@ -19235,7 +19931,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_s1 = (__pyx_v_s + __pyx_v_ds);
 
-                /* "models/_forward.pyx":95
+                /* "models/_forward.pyx":152
  *                         qm = q + 0.5 * dq
  *                         s1 = s + ds
  *                         q1 = q + dq             # <<<<<<<<<<<<<<
@@ -19244,7 +19940,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_q1 = (__pyx_v_q + __pyx_v_dq);
 
-                /* "models/_forward.pyx":96
+                /* "models/_forward.pyx":153
  *                         s1 = s + ds
  *                         q1 = q + dq
  *                         T0 = T             # <<<<<<<<<<<<<<
@@ -19253,28 +19949,28 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_T0 = __pyx_v_T;
 
-                /* "models/_forward.pyx":97
+                /* "models/_forward.pyx":154
  *                         q1 = q + dq
  *                         T0 = T
  *                         k1 = slope_of(T, Z, rate[b], H, L, s, exponent[b], hidden[b], links[b], q)             # <<<<<<<<<<<<<<
  *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
  *                             z1 = hidden_rate[b] * (T - Z)
 */
-                __pyx_t_13 = __pyx_v_b;
-                __pyx_t_12 = __pyx_v_b;
                 __pyx_t_7 = __pyx_v_b;
-                __pyx_t_8 = __pyx_v_b;
-                __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_8)) ))), __pyx_v_q);
+                __pyx_t_12 = __pyx_v_b;
+                __pyx_t_13 = __pyx_v_b;
+                __pyx_t_14 = __pyx_v_b;
+                __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_14)) ))), __pyx_v_q);
 
-                /* "models/_forward.pyx":98
+                /* "models/_forward.pyx":155
  *                         T0 = T
  *                         k1 = slope_of(T, Z, rate[b], H, L, s, exponent[b], hidden[b], links[b], q)
  *                         if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
  *                             z1 = hidden_rate[b] * (T - Z)
  *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
 */
-                __pyx_t_8 = __pyx_v_b;
-                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_8)) ))) != 0.0);
+                __pyx_t_14 = __pyx_v_b;
+                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_14)) ))) != 0.0);
 
                 if (!__pyx_t_2) {
 
@@ -19282,98 +19978,98 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                   __pyx_t_1 = __pyx_t_2;
 
-                  goto __pyx_L31_bool_binop_done;
+                  goto __pyx_L40_bool_binop_done;
                 }
-                __pyx_t_8 = __pyx_v_b;
-                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_8)) ))) != 0.0);
+                __pyx_t_14 = __pyx_v_b;
+                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_14)) ))) != 0.0);
 
 
                 __pyx_t_1 = __pyx_t_2;
 
-                __pyx_L31_bool_binop_done:;
+                __pyx_L40_bool_binop_done:;
                 if (__pyx_t_1) {
 
 
-                  /* "models/_forward.pyx":99
+                  /* "models/_forward.pyx":156
  *                         k1 = slope_of(T, Z, rate[b], H, L, s, exponent[b], hidden[b], links[b], q)
  *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
  *                             z1 = hidden_rate[b] * (T - Z)             # <<<<<<<<<<<<<<
  *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
  *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
 */
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_v_z1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_8)) ))) * (__pyx_v_T - __pyx_v_Z));
+                  __pyx_t_14 = __pyx_v_b;
+                  __pyx_v_z1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_14)) ))) * (__pyx_v_T - __pyx_v_Z));
 
-                  /* "models/_forward.pyx":100
+                  /* "models/_forward.pyx":157
  *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
  *                             z1 = hidden_rate[b] * (T - Z)
  *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)             # <<<<<<<<<<<<<<
  *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
  *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
 */
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
+                  __pyx_t_14 = __pyx_v_b;
                   __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_k2 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k1)), (__pyx_v_Z + ((0.5 * __pyx_v_h) * __pyx_v_z1)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_8)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_sm, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), __pyx_v_qm);
+                  __pyx_t_12 = __pyx_v_b;
+                  __pyx_t_7 = __pyx_v_b;
+                  __pyx_v_k2 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k1)), (__pyx_v_Z + ((0.5 * __pyx_v_h) * __pyx_v_z1)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_14)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_sm, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))), __pyx_v_qm);
 
-                  /* "models/_forward.pyx":101
+                  /* "models/_forward.pyx":158
  *                             z1 = hidden_rate[b] * (T - Z)
  *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
  *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)             # <<<<<<<<<<<<<<
  *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
  *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
 */
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_z2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_13)) ))) * (((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k1)) - __pyx_v_Z) - ((0.5 * __pyx_v_h) * __pyx_v_z1)));
+                  __pyx_t_7 = __pyx_v_b;
+                  __pyx_v_z2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_7)) ))) * (((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k1)) - __pyx_v_Z) - ((0.5 * __pyx_v_h) * __pyx_v_z1)));
 
-                  /* "models/_forward.pyx":102
+                  /* "models/_forward.pyx":159
  *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
  *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
  *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)             # <<<<<<<<<<<<<<
  *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
  *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)
 */
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
                   __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_v_k3 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k2)), (__pyx_v_Z + ((0.5 * __pyx_v_h) * __pyx_v_z2)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_sm, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_8)) ))), __pyx_v_qm);
+                  __pyx_t_12 = __pyx_v_b;
+                  __pyx_t_13 = __pyx_v_b;
+                  __pyx_t_14 = __pyx_v_b;
+                  __pyx_v_k3 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k2)), (__pyx_v_Z + ((0.5 * __pyx_v_h) * __pyx_v_z2)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_sm, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_14)) ))), __pyx_v_qm);
 
-                  /* "models/_forward.pyx":103
+                  /* "models/_forward.pyx":160
  *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
  *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
  *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)             # <<<<<<<<<<<<<<
  *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)
  *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
 */
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_v_z3 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_8)) ))) * (((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k2)) - __pyx_v_Z) - ((0.5 * __pyx_v_h) * __pyx_v_z2)));
+                  __pyx_t_14 = __pyx_v_b;
+                  __pyx_v_z3 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_14)) ))) * (((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k2)) - __pyx_v_Z) - ((0.5 * __pyx_v_h) * __pyx_v_z2)));
 
-                  /* "models/_forward.pyx":104
+                  /* "models/_forward.pyx":161
  *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
  *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
  *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)             # <<<<<<<<<<<<<<
  *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
  *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 */
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
+                  __pyx_t_14 = __pyx_v_b;
                   __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + (__pyx_v_h * __pyx_v_k3)), (__pyx_v_Z + (__pyx_v_h * __pyx_v_z3)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_8)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s1, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), __pyx_v_q1);
+                  __pyx_t_12 = __pyx_v_b;
+                  __pyx_t_7 = __pyx_v_b;
+                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + (__pyx_v_h * __pyx_v_k3)), (__pyx_v_Z + (__pyx_v_h * __pyx_v_z3)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_14)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s1, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))), __pyx_v_q1);
 
-                  /* "models/_forward.pyx":105
+                  /* "models/_forward.pyx":162
  *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
  *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)
  *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)             # <<<<<<<<<<<<<<
  *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
  *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
 */
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_z4 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_13)) ))) * (((__pyx_v_T + (__pyx_v_h * __pyx_v_k3)) - __pyx_v_Z) - (__pyx_v_h * __pyx_v_z3)));
+                  __pyx_t_7 = __pyx_v_b;
+                  __pyx_v_z4 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_7)) ))) * (((__pyx_v_T + (__pyx_v_h * __pyx_v_k3)) - __pyx_v_Z) - (__pyx_v_h * __pyx_v_z3)));
 
-                  /* "models/_forward.pyx":106
+                  /* "models/_forward.pyx":163
  *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)
  *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
  *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)             # <<<<<<<<<<<<<<
@@ -19382,7 +20078,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_T = (__pyx_v_T + ((__pyx_v_h / 6.0) * (((__pyx_v_k1 + (2.0 * __pyx_v_k2)) + (2.0 * __pyx_v_k3)) + __pyx_v_k4)));
 
-                  /* "models/_forward.pyx":107
+                  /* "models/_forward.pyx":164
  *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
  *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
  *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)             # <<<<<<<<<<<<<<
@@ -19391,17 +20087,17 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_Z = (__pyx_v_Z + ((__pyx_v_h / 6.0) * (((__pyx_v_z1 + (2.0 * __pyx_v_z2)) + (2.0 * __pyx_v_z3)) + __pyx_v_z4)));
 
-                  /* "models/_forward.pyx":98
+                  /* "models/_forward.pyx":155
  *                         T0 = T
  *                         k1 = slope_of(T, Z, rate[b], H, L, s, exponent[b], hidden[b], links[b], q)
  *                         if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
  *                             z1 = hidden_rate[b] * (T - Z)
  *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, exponent[b], hidden[b], links[b], qm)
 */
-                  goto __pyx_L30;
+                  goto __pyx_L39;
                 }
 
-                /* "models/_forward.pyx":109
+                /* "models/_forward.pyx":166
  *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
  *                         else:
  *                             lam = rate[b] * L + links[b]             # <<<<<<<<<<<<<<
@@ -19409,11 +20105,11 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                             E = exp(-a)
 */
                 /*else*/ {
-                  __pyx_t_13 = __pyx_v_b;
+                  __pyx_t_7 = __pyx_v_b;
                   __pyx_t_12 = __pyx_v_b;
-                  __pyx_v_lam = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))) * __pyx_v_L) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_12)) ))));
+                  __pyx_v_lam = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))) * __pyx_v_L) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_12)) ))));
 
-                  /* "models/_forward.pyx":110
+                  /* "models/_forward.pyx":167
  *                         else:
  *                             lam = rate[b] * L + links[b]
  *                             a = lam * dt             # <<<<<<<<<<<<<<
@@ -19422,7 +20118,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_a = (__pyx_v_lam * __pyx_v_dt);
 
-                  /* "models/_forward.pyx":111
+                  /* "models/_forward.pyx":168
  *                             lam = rate[b] * L + links[b]
  *                             a = lam * dt
  *                             E = exp(-a)             # <<<<<<<<<<<<<<
@@ -19431,7 +20127,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_E = exp((-__pyx_v_a));
 
-                  /* "models/_forward.pyx":112
+                  /* "models/_forward.pyx":169
  *                             a = lam * dt
  *                             E = exp(-a)
  *                             phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)             # <<<<<<<<<<<<<<
@@ -19442,15 +20138,15 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                   if (__pyx_t_1) {
 
-                    __pyx_t_17 = ((-expm1((-__pyx_v_a))) / __pyx_v_lam);
+                    __pyx_t_16 = ((-expm1((-__pyx_v_a))) / __pyx_v_lam);
                   } else {
 
-                    __pyx_t_17 = (__pyx_v_dt * ((1.0 - (0.5 * __pyx_v_a)) + ((__pyx_v_a * __pyx_v_a) / 6.0)));
+                    __pyx_t_16 = (__pyx_v_dt * ((1.0 - (0.5 * __pyx_v_a)) + ((__pyx_v_a * __pyx_v_a) / 6.0)));
                   }
 
-                  __pyx_v_phi = __pyx_t_17;
+                  __pyx_v_phi = __pyx_t_16;
 
-                  /* "models/_forward.pyx":113
+                  /* "models/_forward.pyx":170
  *                             E = exp(-a)
  *                             phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
  *                             psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)             # <<<<<<<<<<<<<<
@@ -19461,15 +20157,15 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                   if (__pyx_t_1) {
 
-                    __pyx_t_17 = ((__pyx_v_dt - __pyx_v_phi) / __pyx_v_lam);
+                    __pyx_t_16 = ((__pyx_v_dt - __pyx_v_phi) / __pyx_v_lam);
                   } else {
 
-                    __pyx_t_17 = ((__pyx_v_dt * __pyx_v_dt) * ((0.5 - (__pyx_v_a / 6.0)) + ((__pyx_v_a * __pyx_v_a) / 24.0)));
+                    __pyx_t_16 = ((__pyx_v_dt * __pyx_v_dt) * ((0.5 - (__pyx_v_a / 6.0)) + ((__pyx_v_a * __pyx_v_a) / 24.0)));
                   }
 
-                  __pyx_v_psi = __pyx_t_17;
+                  __pyx_v_psi = __pyx_t_16;
 
-                  /* "models/_forward.pyx":114
+                  /* "models/_forward.pyx":171
  *                             phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
  *                             psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
  *                             u0 = rate[b] * (H + L * s) + q             # <<<<<<<<<<<<<<
@@ -19479,7 +20175,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                   __pyx_t_12 = __pyx_v_b;
                   __pyx_v_u0 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_12)) ))) * (__pyx_v_H + (__pyx_v_L * __pyx_v_s))) + __pyx_v_q);
 
-                  /* "models/_forward.pyx":115
+                  /* "models/_forward.pyx":172
  *                             psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
  *                             u0 = rate[b] * (H + L * s) + q
  *                             u1 = rate[b] * (H + L * s1) + q1             # <<<<<<<<<<<<<<
@@ -19489,7 +20185,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                   __pyx_t_12 = __pyx_v_b;
                   __pyx_v_u1 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_12)) ))) * (__pyx_v_H + (__pyx_v_L * __pyx_v_s1))) + __pyx_v_q1);
 
-                  /* "models/_forward.pyx":116
+                  /* "models/_forward.pyx":173
  *                             u0 = rate[b] * (H + L * s) + q
  *                             u1 = rate[b] * (H + L * s1) + q1
  *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi             # <<<<<<<<<<<<<<
@@ -19498,9 +20194,9 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                   __pyx_v_T = (((__pyx_v_T * __pyx_v_E) + (__pyx_v_u0 * __pyx_v_phi)) + (((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt) * __pyx_v_psi));
                 }
-                __pyx_L30:;
+                __pyx_L39:;
 
-                /* "models/_forward.pyx":117
+                /* "models/_forward.pyx":174
  *                             u1 = rate[b] * (H + L * s1) + q1
  *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
  *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
@@ -19513,7 +20209,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                 if (__pyx_t_1) {
 
 
-                  /* "models/_forward.pyx":118
+                  /* "models/_forward.pyx":175
  *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
  *                         if lag[b] > 0.0:
  *                             k4 = slope_of(T, Z, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)             # <<<<<<<<<<<<<<
@@ -19521,22 +20217,22 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                         s = s1
 */
                   __pyx_t_12 = __pyx_v_b;
-                  __pyx_t_13 = __pyx_v_b;
                   __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_12)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s1, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_8)) ))), __pyx_v_q1);
+                  __pyx_t_13 = __pyx_v_b;
+                  __pyx_t_14 = __pyx_v_b;
+                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_12)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s1, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_14)) ))), __pyx_v_q1);
 
-                  /* "models/_forward.pyx":119
+                  /* "models/_forward.pyx":176
  *                         if lag[b] > 0.0:
  *                             k4 = slope_of(T, Z, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)
  *                             y = late_probe(y, T0, T, k1, k4, h, lag[b])             # <<<<<<<<<<<<<<
  *                         s = s1
  *                         q = q1
 */
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_v_y = __pyx_f_6models_8_forward_late_probe(__pyx_v_y, __pyx_v_T0, __pyx_v_T, __pyx_v_k1, __pyx_v_k4, __pyx_v_h, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) ))));
+                  __pyx_t_14 = __pyx_v_b;
+                  __pyx_v_y = __pyx_f_6models_8_forward_late_probe(__pyx_v_y, __pyx_v_T0, __pyx_v_T, __pyx_v_k1, __pyx_v_k4, __pyx_v_h, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_14)) ))));
 
-                  /* "models/_forward.pyx":117
+                  /* "models/_forward.pyx":174
  *                             u1 = rate[b] * (H + L * s1) + q1
  *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
  *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
@@ -19545,50 +20241,41 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 }
 
-                /* "models/_forward.pyx":120
+                /* "models/_forward.pyx":177
  *                             k4 = slope_of(T, Z, rate[b], H, L, s1, exponent[b], hidden[b], links[b], q1)
  *                             y = late_probe(y, T0, T, k1, k4, h, lag[b])
  *                         s = s1             # <<<<<<<<<<<<<<
  *                         q = q1
- *                     last_lam = -1.0
+ *                     if lag[b] == 0.0:
 */
                 __pyx_v_s = __pyx_v_s1;
 
-                /* "models/_forward.pyx":121
+                /* "models/_forward.pyx":178
  *                             y = late_probe(y, T0, T, k1, k4, h, lag[b])
  *                         s = s1
  *                         q = q1             # <<<<<<<<<<<<<<
- *                     last_lam = -1.0
  *                     if lag[b] == 0.0:
+ *                         y = T
 */
                 __pyx_v_q = __pyx_v_q1;
               }
 
 
-              /* "models/_forward.pyx":122
+              /* "models/_forward.pyx":179
  *                         s = s1
  *                         q = q1
- *                     last_lam = -1.0             # <<<<<<<<<<<<<<
- *                     if lag[b] == 0.0:
- *                         y = T
-*/
-              __pyx_v_last_lam = -1.0;
-
-              /* "models/_forward.pyx":123
- *                         q = q1
- *                     last_lam = -1.0
  *                     if lag[b] == 0.0:             # <<<<<<<<<<<<<<
  *                         y = T
  *                 out[b, k] = y
 */
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) ))) == 0.0);
+              __pyx_t_14 = __pyx_v_b;
+              __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_14)) ))) == 0.0);
 
               if (__pyx_t_1) {
 
 
-                /* "models/_forward.pyx":124
- *                     last_lam = -1.0
+                /* "models/_forward.pyx":180
+ *                         q = q1
  *                     if lag[b] == 0.0:
  *                         y = T             # <<<<<<<<<<<<<<
  *                 out[b, k] = y
@@ -19596,9 +20283,9 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
                 __pyx_v_y = __pyx_v_T;
 
-                /* "models/_forward.pyx":123
+                /* "models/_forward.pyx":179
+ *                         s = s1
  *                         q = q1
- *                     last_lam = -1.0
  *                     if lag[b] == 0.0:             # <<<<<<<<<<<<<<
  *                         y = T
  *                 out[b, k] = y
@@ -19607,64 +20294,64 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             }
             __pyx_L13:;
 
-            /* "models/_forward.pyx":125
+            /* "models/_forward.pyx":181
  *                     if lag[b] == 0.0:
  *                         y = T
  *                 out[b, k] = y             # <<<<<<<<<<<<<<
  *                 if delay[b] > 0.0:
  *                     # Slope at both ends of the interval, for the delayed reading between them.
 */
-            __pyx_t_8 = __pyx_v_b;
-            __pyx_t_7 = __pyx_v_k;
-            *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_8 * __pyx_v_out.strides[0]) )) + __pyx_t_7)) )) = __pyx_v_y;
+            __pyx_t_14 = __pyx_v_b;
+            __pyx_t_13 = __pyx_v_k;
+            *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_14 * __pyx_v_out.strides[0]) )) + __pyx_t_13)) )) = __pyx_v_y;
 
-            /* "models/_forward.pyx":126
+            /* "models/_forward.pyx":182
  *                         y = T
  *                 out[b, k] = y
  *                 if delay[b] > 0.0:             # <<<<<<<<<<<<<<
  *                     # Slope at both ends of the interval, for the delayed reading between them.
  *                     if lag[b] > 0.0:
 */
-            __pyx_t_7 = __pyx_v_b;
-            __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_7)) ))) > 0.0);
+            __pyx_t_13 = __pyx_v_b;
+            __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_13)) ))) > 0.0);
 
             if (__pyx_t_1) {
 
 
-              /* "models/_forward.pyx":128
+              /* "models/_forward.pyx":184
  *                 if delay[b] > 0.0:
  *                     # Slope at both ends of the interval, for the delayed reading between them.
  *                     if lag[b] > 0.0:             # <<<<<<<<<<<<<<
  *                         slope[k] = (T - y) / lag[b]
  *                     else:
 */
-              __pyx_t_7 = __pyx_v_b;
-              __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_7)) ))) > 0.0);
+              __pyx_t_13 = __pyx_v_b;
+              __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_13)) ))) > 0.0);
 
               if (__pyx_t_1) {
 
 
-                /* "models/_forward.pyx":129
+                /* "models/_forward.pyx":185
  *                     # Slope at both ends of the interval, for the delayed reading between them.
  *                     if lag[b] > 0.0:
  *                         slope[k] = (T - y) / lag[b]             # <<<<<<<<<<<<<<
  *                     else:
  *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], exponent[b], hidden[b], links[b], linked[kb, k])
 */
-                __pyx_t_7 = __pyx_v_b;
-                (__pyx_v_slope[__pyx_v_k]) = ((__pyx_v_T - __pyx_v_y) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_7)) )))));
+                __pyx_t_13 = __pyx_v_b;
+                (__pyx_v_slope[__pyx_v_k]) = ((__pyx_v_T - __pyx_v_y) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_13)) )))));
 
-                /* "models/_forward.pyx":128
+                /* "models/_forward.pyx":184
  *                 if delay[b] > 0.0:
  *                     # Slope at both ends of the interval, for the delayed reading between them.
  *                     if lag[b] > 0.0:             # <<<<<<<<<<<<<<
  *                         slope[k] = (T - y) / lag[b]
  *                     else:
 */
-                goto __pyx_L36;
+                goto __pyx_L45;
               }
 
-              /* "models/_forward.pyx":131
+              /* "models/_forward.pyx":187
  *                         slope[k] = (T - y) / lag[b]
  *                     else:
  *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], exponent[b], hidden[b], links[b], linked[kb, k])             # <<<<<<<<<<<<<<
@@ -19672,19 +20359,19 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                 for k in range(n):
 */
               /*else*/ {
-                __pyx_t_7 = __pyx_v_b;
-                __pyx_t_8 = __pyx_v_sb;
-                __pyx_t_13 = __pyx_v_k;
+                __pyx_t_13 = __pyx_v_b;
+                __pyx_t_14 = __pyx_v_sb;
+                __pyx_t_7 = __pyx_v_k;
                 __pyx_t_12 = __pyx_v_b;
+                __pyx_t_15 = __pyx_v_b;
                 __pyx_t_11 = __pyx_v_b;
-                __pyx_t_18 = __pyx_v_b;
-                __pyx_t_19 = __pyx_v_kb;
+                __pyx_t_8 = __pyx_v_kb;
                 __pyx_t_20 = __pyx_v_k;
-                (__pyx_v_slope[__pyx_v_k]) = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_8 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_11)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_18)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_19 * __pyx_v_linked.strides[0]) )) + __pyx_t_20)) ))));
+                (__pyx_v_slope[__pyx_v_k]) = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_14 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_15)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_11)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_8 * __pyx_v_linked.strides[0]) )) + __pyx_t_20)) ))));
               }
-              __pyx_L36:;
+              __pyx_L45:;
 
-              /* "models/_forward.pyx":126
+              /* "models/_forward.pyx":182
  *                         y = T
  *                 out[b, k] = y
  *                 if delay[b] > 0.0:             # <<<<<<<<<<<<<<
@@ -19692,10 +20379,11 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                     if lag[b] > 0.0:
 */
             }
+            __pyx_L11_continue:;
           }
 
 
-          /* "models/_forward.pyx":132
+          /* "models/_forward.pyx":188
  *                     else:
  *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], exponent[b], hidden[b], links[b], linked[kb, k])
  *             if delay[b] > 0.0:             # <<<<<<<<<<<<<<
@@ -19708,7 +20396,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
           if (__pyx_t_1) {
 
 
-            /* "models/_forward.pyx":133
+            /* "models/_forward.pyx":189
  *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], exponent[b], hidden[b], links[b], linked[kb, k])
  *             if delay[b] > 0.0:
  *                 for k in range(n):             # <<<<<<<<<<<<<<
@@ -19722,7 +20410,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             for (__pyx_t_10 = 0; __pyx_t_10 < __pyx_t_9; __pyx_t_10+=1) {
               __pyx_v_k = __pyx_t_10;
 
-              /* "models/_forward.pyx":134
+              /* "models/_forward.pyx":190
  *             if delay[b] > 0.0:
  *                 for k in range(n):
  *                     curve[k] = out[b, k]             # <<<<<<<<<<<<<<
@@ -19730,48 +20418,48 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], exponent[b], hidden[b], links[b],
 */
               __pyx_t_20 = __pyx_v_b;
-              __pyx_t_19 = __pyx_v_k;
-              (__pyx_v_curve[__pyx_v_k]) = (*((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_20 * __pyx_v_out.strides[0]) )) + __pyx_t_19)) )));
+              __pyx_t_8 = __pyx_v_k;
+              (__pyx_v_curve[__pyx_v_k]) = (*((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_20 * __pyx_v_out.strides[0]) )) + __pyx_t_8)) )));
             }
 
 
-            /* "models/_forward.pyx":135
+            /* "models/_forward.pyx":191
  *                 for k in range(n):
  *                     curve[k] = out[b, k]
  *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
  *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], exponent[b], hidden[b], links[b],
  *                     linked[kb, 0])
 */
-            __pyx_t_19 = __pyx_v_b;
-            __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_19)) ))) > 0.0);
+            __pyx_t_8 = __pyx_v_b;
+            __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) ))) > 0.0);
 
             if (__pyx_t_1) {
 
-              __pyx_t_17 = 0.0;
+              __pyx_t_16 = 0.0;
             } else {
 
-              /* "models/_forward.pyx":136
+              /* "models/_forward.pyx":192
  *                     curve[k] = out[b, k]
  *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
  *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], exponent[b], hidden[b], links[b],             # <<<<<<<<<<<<<<
  *                     linked[kb, 0])
  *                 j = 0
 */
-              __pyx_t_19 = __pyx_v_b;
+              __pyx_t_8 = __pyx_v_b;
               __pyx_t_20 = __pyx_v_b;
-              __pyx_t_18 = __pyx_v_b;
               __pyx_t_11 = __pyx_v_b;
+              __pyx_t_15 = __pyx_v_b;
               __pyx_t_12 = __pyx_v_hb;
-              __pyx_t_13 = 1;
-              __pyx_t_8 = __pyx_v_lb;
               __pyx_t_7 = 1;
+              __pyx_t_14 = __pyx_v_lb;
+              __pyx_t_13 = 1;
               __pyx_t_21 = __pyx_v_sb;
               __pyx_t_22 = 0;
               __pyx_t_23 = __pyx_v_b;
               __pyx_t_24 = __pyx_v_b;
               __pyx_t_25 = __pyx_v_b;
 
-              /* "models/_forward.pyx":137
+              /* "models/_forward.pyx":193
  *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
  *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], exponent[b], hidden[b], links[b],
  *                     linked[kb, 0])             # <<<<<<<<<<<<<<
@@ -19781,7 +20469,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_26 = __pyx_v_kb;
               __pyx_t_27 = 0;
 
-              /* "models/_forward.pyx":135
+              /* "models/_forward.pyx":191
  *                 for k in range(n):
  *                     curve[k] = out[b, k]
  *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
@@ -19789,13 +20477,13 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
  *                     linked[kb, 0])
 */
 
-              __pyx_t_17 = __pyx_f_6models_8_forward_slope_of((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_19)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_20)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_18)) ))), ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rise.data) + __pyx_t_11)) ))) * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_heat.data + __pyx_t_12 * __pyx_v_heat.strides[0]) )) + __pyx_t_13)) )))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_loss.data + __pyx_t_8 * __pyx_v_loss.strides[0]) )) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_21 * __pyx_v_sink.strides[0]) )) + __pyx_t_22)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_23)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_24)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_25)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_26 * __pyx_v_linked.strides[0]) )) + __pyx_t_27)) ))));
+              __pyx_t_16 = __pyx_f_6models_8_forward_slope_of((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_8)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_20)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))), ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rise.data) + __pyx_t_15)) ))) * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_heat.data + __pyx_t_12 * __pyx_v_heat.strides[0]) )) + __pyx_t_7)) )))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_loss.data + __pyx_t_14 * __pyx_v_loss.strides[0]) )) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_21 * __pyx_v_sink.strides[0]) )) + __pyx_t_22)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_23)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_24)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_25)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_26 * __pyx_v_linked.strides[0]) )) + __pyx_t_27)) ))));
             }
 
-            (__pyx_v_slope[0]) = __pyx_t_17;
+            (__pyx_v_slope[0]) = __pyx_t_16;
 
 
-            /* "models/_forward.pyx":138
+            /* "models/_forward.pyx":194
  *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], exponent[b], hidden[b], links[b],
  *                     linked[kb, 0])
  *                 j = 0             # <<<<<<<<<<<<<<
@@ -19804,7 +20492,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
             __pyx_v_j = 0;
 
-            /* "models/_forward.pyx":139
+            /* "models/_forward.pyx":195
  *                     linked[kb, 0])
  *                 j = 0
  *                 for k in range(n):             # <<<<<<<<<<<<<<
@@ -19818,7 +20506,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
             for (__pyx_t_10 = 0; __pyx_t_10 < __pyx_t_9; __pyx_t_10+=1) {
               __pyx_v_k = __pyx_t_10;
 
-              /* "models/_forward.pyx":140
+              /* "models/_forward.pyx":196
  *                 j = 0
  *                 for k in range(n):
  *                     at = time[k] - delay[b]             # <<<<<<<<<<<<<<
@@ -19829,7 +20517,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_26 = __pyx_v_b;
               __pyx_v_at = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_27)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_26)) ))));
 
-              /* "models/_forward.pyx":141
+              /* "models/_forward.pyx":197
  *                 for k in range(n):
  *                     at = time[k] - delay[b]
  *                     if at <= time[0]:             # <<<<<<<<<<<<<<
@@ -19842,7 +20530,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               if (__pyx_t_1) {
 
 
-                /* "models/_forward.pyx":142
+                /* "models/_forward.pyx":198
  *                     at = time[k] - delay[b]
  *                     if at <= time[0]:
  *                         out[b, k] = start[b]             # <<<<<<<<<<<<<<
@@ -19854,16 +20542,16 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                 __pyx_t_25 = __pyx_v_k;
                 *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_27 * __pyx_v_out.strides[0]) )) + __pyx_t_25)) )) = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_26)) )));
 
-                /* "models/_forward.pyx":143
+                /* "models/_forward.pyx":199
  *                     if at <= time[0]:
  *                         out[b, k] = start[b]
  *                         continue             # <<<<<<<<<<<<<<
  *                     while j < n - 2 and time[j + 1] < at:
  *                         j += 1
 */
-                goto __pyx_L40_continue;
+                goto __pyx_L49_continue;
 
-                /* "models/_forward.pyx":141
+                /* "models/_forward.pyx":197
  *                 for k in range(n):
  *                     at = time[k] - delay[b]
  *                     if at <= time[0]:             # <<<<<<<<<<<<<<
@@ -19872,7 +20560,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
               }
 
-              /* "models/_forward.pyx":144
+              /* "models/_forward.pyx":200
  *                         out[b, k] = start[b]
  *                         continue
  *                     while j < n - 2 and time[j + 1] < at:             # <<<<<<<<<<<<<<
@@ -19888,7 +20576,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                   __pyx_t_1 = __pyx_t_2;
 
-                  goto __pyx_L45_bool_binop_done;
+                  goto __pyx_L54_bool_binop_done;
                 }
                 __pyx_t_26 = (__pyx_v_j + 1);
                 __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_26)) ))) < __pyx_v_at);
@@ -19896,11 +20584,11 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
                 __pyx_t_1 = __pyx_t_2;
 
-                __pyx_L45_bool_binop_done:;
+                __pyx_L54_bool_binop_done:;
 
                 if (!__pyx_t_1) break;
 
-                /* "models/_forward.pyx":145
+                /* "models/_forward.pyx":201
  *                         continue
  *                     while j < n - 2 and time[j + 1] < at:
  *                         j += 1             # <<<<<<<<<<<<<<
@@ -19910,7 +20598,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
                 __pyx_v_j = (__pyx_v_j + 1);
               }
 
-              /* "models/_forward.pyx":146
+              /* "models/_forward.pyx":202
  *                     while j < n - 2 and time[j + 1] < at:
  *                         j += 1
  *                     dt = time[j + 1] - time[j]             # <<<<<<<<<<<<<<
@@ -19921,7 +20609,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_25 = __pyx_v_j;
               __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_26)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_25)) ))));
 
-              /* "models/_forward.pyx":147
+              /* "models/_forward.pyx":203
  *                         j += 1
  *                     dt = time[j + 1] - time[j]
  *                     x = (at - time[j]) / dt             # <<<<<<<<<<<<<<
@@ -19931,7 +20619,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_25 = __pyx_v_j;
               __pyx_v_x = ((__pyx_v_at - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_25)) )))) / __pyx_v_dt);
 
-              /* "models/_forward.pyx":148
+              /* "models/_forward.pyx":204
  *                     dt = time[j + 1] - time[j]
  *                     x = (at - time[j]) / dt
  *                     out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)             # <<<<<<<<<<<<<<
@@ -19941,11 +20629,11 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
               __pyx_t_25 = __pyx_v_b;
               __pyx_t_26 = __pyx_v_k;
               *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_25 * __pyx_v_out.strides[0]) )) + __pyx_t_26)) )) = (((((((__pyx_v_curve[__pyx_v_j]) * (1.0 + (2.0 * __pyx_v_x))) * (1.0 - __pyx_v_x)) * (1.0 - __pyx_v_x)) + (((((__pyx_v_slope[__pyx_v_j]) * __pyx_v_dt) * __pyx_v_x) * (1.0 - __pyx_v_x)) * (1.0 - __pyx_v_x))) + ((((__pyx_v_curve[(__pyx_v_j + 1)]) * __pyx_v_x) * __pyx_v_x) * (3.0 - (2.0 * __pyx_v_x)))) + (((((__pyx_v_slope[(__pyx_v_j + 1)]) * __pyx_v_dt) * __pyx_v_x) * __pyx_v_x) * (__pyx_v_x - 1.0)));
-              __pyx_L40_continue:;
+              __pyx_L49_continue:;
             }
 
 
-            /* "models/_forward.pyx":132
+            /* "models/_forward.pyx":188
  *                     else:
  *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], exponent[b], hidden[b], links[b], linked[kb, k])
  *             if delay[b] > 0.0:             # <<<<<<<<<<<<<<
@@ -19957,7 +20645,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
       }
 
-      /* "models/_forward.pyx":43
+      /* "models/_forward.pyx":73
  *         free(slope)
  *         raise MemoryError
  *     with nogil:             # <<<<<<<<<<<<<<
@@ -19974,7 +20662,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
       }
   }
 
-  /* "models/_forward.pyx":150
+  /* "models/_forward.pyx":206
  *                     out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)
  *                                  + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
  *     free(curve)             # <<<<<<<<<<<<<<
@@ -19983,7 +20671,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
   free(__pyx_v_curve);
 
-  /* "models/_forward.pyx":151
+  /* "models/_forward.pyx":207
  *                                  + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
  *     free(curve)
  *     free(slope)             # <<<<<<<<<<<<<<
@@ -19992,7 +20680,7 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 */
   free(__pyx_v_slope);
 
-  /* "models/_forward.pyx":28
+  /* "models/_forward.pyx":56
  * 
  * 
  * def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,             # <<<<<<<<<<<<<<
@@ -20057,12 +20745,15 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
 
 
+
+
+
   __Pyx_XGIVEREF(__pyx_r);
   __Pyx_RefNannyFinishContext();
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":154
+/* "models/_forward.pyx":210
  * 
  * 
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):             # <<<<<<<<<<<<<<
@@ -20113,53 +20804,53 @@ PyObject *__pyx_args, PyObject *__pyx_kwds
   {
     PyObject ** const __pyx_pyargnames[] = {&__pyx_mstate_global->__pyx_n_u_time,&__pyx_mstate_global->__pyx_n_u_values,&__pyx_mstate_global->__pyx_n_u_lag,&__pyx_mstate_global->__pyx_n_u_out,0};
     const Py_ssize_t __pyx_kwds_len = (__pyx_kwds) ? __Pyx_NumKwargs_FASTCALL(__pyx_kwds) : 0;
-    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 154, __pyx_L3_error)
+    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 210, __pyx_L3_error)
     if (__pyx_kwds_len > 0) {
       switch (__pyx_nargs) {
         case  4:
         values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 154, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 210, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  3:
         values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 154, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 210, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  2:
         values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 154, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 210, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  1:
         values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 154, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 210, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  0: break;
         default: goto __pyx_L5_argtuple_error;
       }
       const Py_ssize_t kwd_pos_args = __pyx_nargs;
-      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "followed", 0) < (0)) __PYX_ERR(0, 154, __pyx_L3_error)
+      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "followed", 0) < (0)) __PYX_ERR(0, 210, __pyx_L3_error)
       for (Py_ssize_t i = __pyx_nargs; i < 4; i++) {
-        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, i); __PYX_ERR(0, 154, __pyx_L3_error) }
+        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, i); __PYX_ERR(0, 210, __pyx_L3_error) }
       }
     } else if (unlikely(__pyx_nargs != 4)) {
       goto __pyx_L5_argtuple_error;
     } else {
       values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 154, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 210, __pyx_L3_error)
       values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 154, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 210, __pyx_L3_error)
       values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 154, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 210, __pyx_L3_error)
       values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 154, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 210, __pyx_L3_error)
     }
-    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 154, __pyx_L3_error)
-    __pyx_v_values = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_values.memview)) __PYX_ERR(0, 154, __pyx_L3_error)
-    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 154, __pyx_L3_error)
-    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[3], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 154, __pyx_L3_error)
+    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 210, __pyx_L3_error)
+    __pyx_v_values = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_values.memview)) __PYX_ERR(0, 210, __pyx_L3_error)
+    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 210, __pyx_L3_error)
+    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[3], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 210, __pyx_L3_error)
   }
   goto __pyx_L6_skip;
   __pyx_L5_argtuple_error:;
-  __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, __pyx_nargs); __PYX_ERR(0, 154, __pyx_L3_error)
+  __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, __pyx_nargs); __PYX_ERR(0, 210, __pyx_L3_error)
   __pyx_L6_skip:;
   goto __pyx_L4_argument_unpacking_done;
   __pyx_L3_error:;
@@ -20213,7 +20904,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
   double __pyx_t_11;
   __Pyx_RefNannySetupContext("followed", 0);
 
-  /* "models/_forward.pyx":156
+  /* "models/_forward.pyx":212
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):
  *     """See the numpy twin."""
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k             # <<<<<<<<<<<<<<
@@ -20223,7 +20914,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
   __pyx_v_rows = (__pyx_v_lag.shape[0]);
   __pyx_v_n = (__pyx_v_time.shape[0]);
 
-  /* "models/_forward.pyx":158
+  /* "models/_forward.pyx":214
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
  *     cdef double a, E, phi, dt, y
  *     with nogil:             # <<<<<<<<<<<<<<
@@ -20236,7 +20927,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
       __Pyx_FastGIL_Remember();
       /*try:*/ {
 
-        /* "models/_forward.pyx":159
+        /* "models/_forward.pyx":215
  *     cdef double a, E, phi, dt, y
  *     with nogil:
  *         for b in range(rows):             # <<<<<<<<<<<<<<
@@ -20250,7 +20941,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
         for (__pyx_t_3 = 0; __pyx_t_3 < __pyx_t_2; __pyx_t_3+=1) {
           __pyx_v_b = __pyx_t_3;
 
-          /* "models/_forward.pyx":160
+          /* "models/_forward.pyx":216
  *     with nogil:
  *         for b in range(rows):
  *             y = values[0]             # <<<<<<<<<<<<<<
@@ -20260,7 +20951,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
           __pyx_t_4 = 0;
           __pyx_v_y = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_4)) )));
 
-          /* "models/_forward.pyx":161
+          /* "models/_forward.pyx":217
  *         for b in range(rows):
  *             y = values[0]
  *             out[b, 0] = y             # <<<<<<<<<<<<<<
@@ -20271,7 +20962,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
           __pyx_t_5 = 0;
           *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_4 * __pyx_v_out.strides[0]) )) + __pyx_t_5)) )) = __pyx_v_y;
 
-          /* "models/_forward.pyx":162
+          /* "models/_forward.pyx":218
  *             y = values[0]
  *             out[b, 0] = y
  *             for k in range(1, n):             # <<<<<<<<<<<<<<
@@ -20285,7 +20976,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
           for (__pyx_t_8 = 1; __pyx_t_8 < __pyx_t_7; __pyx_t_8+=1) {
             __pyx_v_k = __pyx_t_8;
 
-            /* "models/_forward.pyx":163
+            /* "models/_forward.pyx":219
  *             out[b, 0] = y
  *             for k in range(1, n):
  *                 if lag[b] <= 0.0:             # <<<<<<<<<<<<<<
@@ -20298,7 +20989,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             if (__pyx_t_9) {
 
 
-              /* "models/_forward.pyx":164
+              /* "models/_forward.pyx":220
  *             for k in range(1, n):
  *                 if lag[b] <= 0.0:
  *                     out[b, k] = values[k]             # <<<<<<<<<<<<<<
@@ -20310,7 +21001,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
               __pyx_t_10 = __pyx_v_k;
               *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_4 * __pyx_v_out.strides[0]) )) + __pyx_t_10)) )) = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_5)) )));
 
-              /* "models/_forward.pyx":165
+              /* "models/_forward.pyx":221
  *                 if lag[b] <= 0.0:
  *                     out[b, k] = values[k]
  *                     continue             # <<<<<<<<<<<<<<
@@ -20319,7 +21010,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 */
               goto __pyx_L8_continue;
 
-              /* "models/_forward.pyx":163
+              /* "models/_forward.pyx":219
  *             out[b, 0] = y
  *             for k in range(1, n):
  *                 if lag[b] <= 0.0:             # <<<<<<<<<<<<<<
@@ -20328,7 +21019,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 */
             }
 
-            /* "models/_forward.pyx":166
+            /* "models/_forward.pyx":222
  *                     out[b, k] = values[k]
  *                     continue
  *                 dt = time[k] - time[k - 1]             # <<<<<<<<<<<<<<
@@ -20339,7 +21030,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             __pyx_t_10 = (__pyx_v_k - 1);
             __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_5)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_10)) ))));
 
-            /* "models/_forward.pyx":167
+            /* "models/_forward.pyx":223
  *                     continue
  *                 dt = time[k] - time[k - 1]
  *                 a = dt / lag[b]             # <<<<<<<<<<<<<<
@@ -20349,7 +21040,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             __pyx_t_10 = __pyx_v_b;
             __pyx_v_a = (__pyx_v_dt / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_10)) )))));
 
-            /* "models/_forward.pyx":168
+            /* "models/_forward.pyx":224
  *                 dt = time[k] - time[k - 1]
  *                 a = dt / lag[b]
  *                 E = exp(-a)             # <<<<<<<<<<<<<<
@@ -20358,7 +21049,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 */
             __pyx_v_E = exp((-__pyx_v_a));
 
-            /* "models/_forward.pyx":169
+            /* "models/_forward.pyx":225
  *                 a = dt / lag[b]
  *                 E = exp(-a)
  *                 phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a             # <<<<<<<<<<<<<<
@@ -20377,7 +21068,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 
             __pyx_v_phi = __pyx_t_11;
 
-            /* "models/_forward.pyx":170
+            /* "models/_forward.pyx":226
  *                 E = exp(-a)
  *                 phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a
  *                 y = E * y + (phi - E) * values[k - 1] + (1.0 - phi) * values[k]             # <<<<<<<<<<<<<<
@@ -20387,7 +21078,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             __pyx_t_5 = __pyx_v_k;
             __pyx_v_y = (((__pyx_v_E * __pyx_v_y) + ((__pyx_v_phi - __pyx_v_E) * (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_10)) ))))) + ((1.0 - __pyx_v_phi) * (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_5)) )))));
 
-            /* "models/_forward.pyx":171
+            /* "models/_forward.pyx":227
  *                 phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a
  *                 y = E * y + (phi - E) * values[k - 1] + (1.0 - phi) * values[k]
  *                 out[b, k] = y             # <<<<<<<<<<<<<<
@@ -20402,7 +21093,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 
       }
 
-      /* "models/_forward.pyx":158
+      /* "models/_forward.pyx":214
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
  *     cdef double a, E, phi, dt, y
  *     with nogil:             # <<<<<<<<<<<<<<
@@ -20419,7 +21110,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
       }
   }
 
-  /* "models/_forward.pyx":154
+  /* "models/_forward.pyx":210
  * 
  * 
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):             # <<<<<<<<<<<<<<
@@ -22590,40 +23281,40 @@ __Pyx_RefNannySetupContext("PyInit__forward", 0);
   if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_pyx_unpickle_Enum, __pyx_t_4) < (0)) __PYX_ERR(1, 4, __pyx_L1_error)
   __Pyx_DECREF(__pyx_t_4); __pyx_t_4 = 0;
 
-  /* "models/_forward.pyx":28
+  /* "models/_forward.pyx":56
  * 
  * 
  * def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,             # <<<<<<<<<<<<<<
  *             const double[:, ::1] heat, const double[:, ::1] loss, const double[:, ::1] sink, const double[::1] exponent,
  *             const double[::1] hidden, const double[::1] hidden_rate, const double[::1] links, const double[:, ::1] linked,
 */
-  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_1forward, 0, __pyx_mstate_global->__pyx_n_u_forward, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[0])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 28, __pyx_L1_error)
+  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_1forward, 0, __pyx_mstate_global->__pyx_n_u_forward, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[0])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 56, __pyx_L1_error)
   __Pyx_GOTREF(__pyx_t_4);
   #if CYTHON_COMPILING_IN_CPYTHON && PY_VERSION_HEX >= 0x030E0000
   PyUnstable_Object_EnableDeferredRefcount(__pyx_t_4);
   #endif
-  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_forward, __pyx_t_4) < (0)) __PYX_ERR(0, 28, __pyx_L1_error)
+  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_forward, __pyx_t_4) < (0)) __PYX_ERR(0, 56, __pyx_L1_error)
   __Pyx_DECREF(__pyx_t_4); __pyx_t_4 = 0;
 
-  /* "models/_forward.pyx":154
+  /* "models/_forward.pyx":210
  * 
  * 
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):             # <<<<<<<<<<<<<<
  *     """See the numpy twin."""
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
 */
-  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_3followed, 0, __pyx_mstate_global->__pyx_n_u_followed, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[1])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 154, __pyx_L1_error)
+  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_3followed, 0, __pyx_mstate_global->__pyx_n_u_followed, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[1])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 210, __pyx_L1_error)
   __Pyx_GOTREF(__pyx_t_4);
   #if CYTHON_COMPILING_IN_CPYTHON && PY_VERSION_HEX >= 0x030E0000
   PyUnstable_Object_EnableDeferredRefcount(__pyx_t_4);
   #endif
-  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_followed, __pyx_t_4) < (0)) __PYX_ERR(0, 154, __pyx_L1_error)
+  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_followed, __pyx_t_4) < (0)) __PYX_ERR(0, 210, __pyx_L1_error)
   __Pyx_DECREF(__pyx_t_4); __pyx_t_4 = 0;
 
   /* "models/_forward.pyx":1
  * # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False             # <<<<<<<<<<<<<<
  * """Compiled twin of :mod:`models._forward_numpy`: same names, same arguments, same numbers."""
- * from libc.math cimport exp, expm1, fabs, pow
+ * from libc.math cimport exp, expm1, fabs, pow, sqrt
 */
   __pyx_t_4 = __Pyx_PyDict_NewPresized(0); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 1, __pyx_L1_error)
   __Pyx_GOTREF(__pyx_t_4);
@@ -22794,38 +23485,47 @@ static int __Pyx_InitConstants(__pyx_mstatetype *__pyx_mstate) {
   int __pyx_clineno = 0;
   CYTHON_UNUSED_VAR(__pyx_mstate);
   {
-    const struct { const unsigned int length: 8; } str_length_index[] = {{6},{8},{1},{2},{15},{23},{25},{32},{20},{22},{1},{1},{37},{45},{22},{179},{8},{15},{7},{6},{2},{9},{19},{50},{30},{37},{5},{1},{8},{1},{1},{8},{1},{2},{15},{1},{20},{12},{9},{17},{8},{8},{12},{10},{8},{10},{8},{7},{14},{11},{10},{19},{14},{12},{10},{17},{13},{12},{12},{19},{8},{13},{1},{3},{15},{18},{2},{1},{4},{1},{18},{5},{5},{5},{2},{2},{2},{15},{6},{9},{5},{8},{4},{5},{8},{6},{7},{7},{1},{2},{4},{6},{11},{1},{2},{5},{5},{8},{1},{1},{2},{2},{2},{2},{2},{3},{3},{7},{8},{2},{6},{5},{4},{1},{7},{4},{15},{1},{4},{4},{3},{3},{4},{3},{3},{3},{1},{2},{2},{4},{8},{4},{4},{1},{2},{2},{10},{5},{4},{4},{5},{2},{5},{4},{5},{4},{6},{4},{2},{2},{6},{6},{6},{1},{1},{2},{2},{2},{2}};
-    const struct { const unsigned int length: 12; } bytes_length_index[] = {{1},{231},{2417}};
+    const struct { const unsigned int length: 8; } str_length_index[] = {{6},{8},{1},{2},{15},{23},{25},{32},{20},{22},{1},{1},{37},{45},{22},{179},{8},{15},{7},{6},{2},{9},{19},{50},{30},{37},{5},{1},{8},{1},{1},{8},{1},{2},{15},{1},{20},{12},{9},{17},{8},{8},{12},{10},{8},{10},{8},{7},{14},{11},{10},{19},{14},{12},{10},{17},{13},{12},{12},{19},{8},{13},{1},{3},{15},{18},{2},{1},{4},{1},{18},{5},{5},{5},{2},{2},{2},{15},{6},{9},{5},{8},{4},{5},{8},{6},{7},{7},{1},{2},{4},{6},{11},{1},{2},{5},{5},{8},{1},{1},{2},{2},{2},{2},{2},{3},{3},{7},{8},{2},{6},{5},{4},{1},{7},{4},{15},{1},{4},{4},{3},{3},{4},{7},{6},{3},{3},{3},{1},{2},{2},{4},{8},{4},{4},{1},{2},{2},{10},{5},{4},{4},{5},{2},{5},{4},{5},{4},{6},{4},{2},{2},{6},{6},{6},{1},{1},{1},{2},{2},{2},{2}};
+    const struct { const unsigned int length: 12; } bytes_length_index[] = {{1},{231},{3029}};
     #ifndef CYTHON_COMPRESS_STRINGS
       #define CYTHON_COMPRESS_STRINGS 90
     #endif
-    #if (CYTHON_COMPRESS_STRINGS) == 1 /* compression: zlib (2285 bytes) */
-static const char cstring[] = "x\332\315V\315s\333\306\0257I\311q<\231\251)\322\216l\253\rD)\326L\047VMQv\335L&-E)\023\317\264\251\371a\307q>\230\005\260$a\202\000\211\005$Qn\334\034u\344\021G\034q\304\221G\036q\334#\217\372\023\374\047\344\267\013\222\2625v\247\275\2253\004\366\343\355\333\367~\357\367\336\203B\\\345\336\261b\253/\250\346~\271\375\271\362\305?h\317v\206O\rz\244\330-\345\013\315\266\\\243\355\331\036S\210\245+\272\341\010\301\213\313\2065\337`\256c\350T\177CX\261\235\377\270\377\366\332B\362\313\277V\210e\331\256B\0303\332\226\342\332\212C\211~\327\266\314\241\322\223F\036\302\310G\326!1\r]\351\331:\375L\241\307}\234\205\252-mK\334\273\325\262\035\327!\326\326gJ\033\252\346\302\254C\372\024W)\344\330`\3127\266K\025\267\003$*C\267c[\n\326tj\032*u\210Kq\233\260\017Z\035!d)\217\017\036\337\335}\270+\255u\250\300\215)\314S5\023\206R&@S=\303t\241\335\035\366)\333V\036\265\224\241\355)\026\205]\360\242\017\2717\017\270\035j)\214\272b\240lI\237\211k\330V\023\307\r\253\2755\203\3118\244\342\364W\304dt\233\350z\023rT\263MS\354\331\026\333&\252\246\033\214\250&\245\226x\2665\203%#]\200c\262?5\201\306\021q\364\355\376\360\330\262\341c\213x\246\2534\233\016\325=\2156\233\212\356\311K,\333\272\013\237\017\rbbW3,\303m6=\251Kl\023\323\2645@\243\020\307!CE\047.\331~\307n\202\262\200)\t0\333.\327+\217\036\035\034\230\246\321g\006\373\372\357u:\360\250\245\321F\343\236 \334\3669\367\2367\233\217\207\307\370\357\003\371\3467\364\330\255\321V\2639C\007\246\302,\201\337\371\240M]\303\245=\261\240\2133\370\265<K\023ol\261\371)\243\327\007%\304\250G\014K\276m\3353\345\236Ez\311\233\036\211\027Pjj\035\252u\231\327Kf3-b(b\233\214<\253oh]h8\260\346r\207\256\000C\350\030x\304\234\253\235\243\274\030i\222no,\320c1\001\027\026\246\2607L_\214\317\317\271\224\t_\014\326\324l\307\366@:J\300\203y\010\232\252\327j\201\305lhi\206\275\275\220a\304UU\302\250\246\231\2305\201\003\222D\243*\321\272\232\355Y\256\3469\207\024\224!C}\2403\335\325\245\267\270%\251\023\010\031\010E\341\256\314\020\3528\266\203\314\263-j""\271-\302\334\226I\332\254\005j\332GT\007\347z\304\235\345\341\214\200\235\216\332\241\304\355\030\272N\255\344\331\024\232\014CG\376\323c\021H\226<N\350\213n\267\330\335\351\226\272\273]\025\212M\322C\274\335\246\356\312\227\230\252\360\242Ku\361d\246\315X\017\345A\324\006A\373\204\372\333s\352[\002X\224\230\036<\001\026}x\334\357\030}\273\017B\016\006\305AO\230\341\320\266\301\360r\220@\216}\304\030+2\025\350\317\022F\362\232\211\313`\035.\304\244\207\3008\210\016\355\313?sm\014\034Os]\243G\275{^\021$\301U^\037\271BQ\203<\312\216\207\047\305\223\235\223\322\311\356?\177M\235-\335\366K~+(\007\317\302Ft#\032\214Sg\037^\235^\371\350\364`t}DF\203\351G\327F\227\223\301\357N\007\243\314\350\276\237\022k\313\243\047\376:\216\222\351\265\334\250\004\001\346o\370\325i\376\343\321\300\317\370\367\203\313\001\t\006\323\374\365\351\265\353\243\206\237\305f\315w\203b\260\027\250ajz-?\252\214\034?\347\227qFN\006~\312\317N\257\335\200&\327\337\361\353A:\3704p\302\225\360\363\2501^\031\357\216\235IVH\356\215T?\rm\215`%(A\327\345\220\204N\264\022\225\"m\234\037\327\306\336do\322\212\313qU\330U\204b\317/\377\232z}\365\322\362\232\277\353\037\006\325\240\023\352\321\235qj\234}}\345\322\362-\377V\360 \314\206\205p/$\323\245\233oO?\370\365\360\264\016W\353\376e_\013\262\002\226\362iu\361\372pz\001\252,\006\272\177\047H\00598\332\016\253\377\313R\313\377*X\227>}\020\016\022\210\253#\"\006\251\331\343cq\307\215\305\332\312h}\366x_d\336\003\375>\260\316\371{\276\216\373v\021\245\331R\336\227\240=\364\213~\305g\301f\240\207w\242T\224\213*\221\213\000\260\311\372\2444\321\342\3544\177\313\337\364\tD\nR\347rX\005X\210\274\213[\215\200\205\033a=JMW\327\374}Dq]\014*\376\000\356f\247\253\267\021\333\232?\230\256\025\202\215\240\036.\001g=*D{\221:N\217\013\343\275\261:I%\2335\251\250\201\320\356D5\030\260\203\340:\223\225\311\316\244z\006\201\365\340~\230B\2446\302\032\320Z\333\220\300-\313\311\352FP\234\256Bd\232\277)\234B\350r\322\3204\342\272\017\217\362P\350H\266\034N\252\023=.\304{1y\277""\260\340\337\203Iv\2629\201\320*\330W\000vj\220\tv\202F\230\013+\340\237\320\310`\177Y\010\244\316\304C\000r\014\2673\260L\207\231O\243\"\200dc\340\361\211\014GE\322\273$\375\377z\\\0367\340\334\2038\033o\304\265\370%\177\376=\377\376\047\376\323\317\374g\312i\213\267\332\323U%X\226\250\024\302\362t\365\017\260 \035\334\221\010\252@{M\301\264\020H\0032\000\271:\217\222+\221Y\n\3133,\2057E\261)\010\230G\014\3222\312\347\230\014\204\212%d\246H\261\235\240*\246\227\245\242\035\\/w\227\375\047\010\000@\376=\202\351@\213X\177\327$\373\326\240*\036\317\220\202\032`K\260\255\2173\343\322\2703!\0237~\300\2535^{\312\237\302\365\037\370\017p\235\010\302<\224X\261p3\324d\201\022\007\310tm=\270\r\237\352QF\362c \026Vg\231;g\324\222\344\323\022*\202\032\247\343\315X\347\265:\257\177\313\277}\316\237\377\310\177$\234\030\334x\301_X\334r\271\353qo\310\207\257\370\253\177\277\276t\351o\351\3754^\373\351\203\364\305\253\346T\314-\364\252\3741\014o\360\306\223\377?+\324(\035m.\262K\027$\006\324\245X\343\325\047\374\t\356\007\311T\256vx\007V\364x\317\341\016\343\354\210\037\035_\274\321\001qJ\360$=)\310;\027\234\333\223\374\252\204\014\016\357\343\242\r\030\346\"O\3530k\375\277\022\022\t\275\211\206\301f&/G\325\210\210\223K8\047\007\031\220\240\014.^\310\374#\351\331\037\047\225\tK\020\200\373 \3203\376\014\340\202CI\006\301?-99/\022\347\347\2348\027Wb\227\327\201\006b\362\035\377\016\2304y\023a\321\270\206\334k\363vG@\221\237\3616\201\264\200\\v\306\331wm\010\357\336r;\023\356 \367r\362\204H0\006\000\313\202\331\245Y\021-\317\003&\n\347RTF\216\346\306\025\300\3630.\306\373\3741<\202i\310\n\221\022\234\210\202 \364_\r\327e\371\330\200|~\\\237d&E\241w\315\237=\362\237\240\320\242\n1\331\016D\377\222\313\347}Q\014\357\317z\0019[H\252AJf+>\013\346\346\243\236G\3313\271H\203\207aQ\006r3\"\240ai\254M\362\262\214n\306\235\271\241\260\022\240\243luy\327\344f\237\367\017\371!H\365\222\277\374\227hW\336\250\214\246\232\366\327E\3579\360\257\003\210\201(\300Y\377S \"\342$\273WuD\375?\243\027""\010\200W\302\277\2102\231Hm\302\214b\260?+ky\320E\223\037\t\003\344\331~\274\204\376\337\220\374F8A\204\204\342H1Xcs\033)\006kN\370I\222be\221b\345\364^Z\024\305u|$\310\206X\276`Y\322\032V\022\356%\250\212\217\220\254\350o\267e\307\364\202\003\204\020\323\233BQ\322#\004\005\022+k\350\0229\324\003\222\024\302\231F!!Z\235\013H\245k\347m\331I\256\021_S\017\202\35329\222v\270\013\032%\364\020\331\223\211wc\207W\023\336\047\2053a\257\316u\340\217\274N\234\036\360\001\252K\022\202_\370/\257\246\353\033\322\227\025\031\335\364\254Ve\344\207V~RC>\025\342\003Y\220\023\325@r\321\221\000f\242\035%\003\332Q5\254\351\322\225\323\324iv\366\372\r\003\344\247@";
-    PyObject *data = __Pyx_DecompressString(cstring, 2285, 1);
+    #if (CYTHON_COMPRESS_STRINGS) == 2 /* compression: bz2 (2496 bytes) */
+static const char cstring[] = "BZh91AY&SY\263\210a\272\000\001:\177\377\377\374\377\377\377\267\377\365\377g\377\377\377\377\377\377\300@@@@@@@@@@@@\000@\000`\t\237:UB\271\255\275\300:\000P\035\357\000\000\206\267\274%5(\220\0004\014\363\t(\321\351\000\032`\004d\001\240h\000\007\251\275Pi\246\324h\006\206\047\251\202Q\004i\240\002\231\2116\224\314\223\310\224\365?H\010\031\000\323\312\000\006\020h\321\201\000\320i\210zA\240\222\200h\222M\243S)\372M\2505\032\030@`\010\300i\241\033Q\200\000A\220\311\246\003F\211\265\030@\224\311\024\205\0314\000\0322~\233E=\0301MP\304\320\003M\003@\0004\001\3522\031\000i\352\032\002\r1110\023\0010\000\000\000\t\200\000&\000\0010\000\000\000\023@\222Bh\233U?D\032\237\2524h\364\232h=@\r\000\r\032\001\240\000\000\0004\000\014CM4i\240)\016\027e \314?!\372\026h\277ig?:a\211\207>fl\374\374\372\"\356O)\214\202\n\302\nEH\250J\305\"\346sIRTIH$H$\211)\177\221\240\314\31100\300\313$\260301\030\221\216\027\\\207\227?\026Y3ZcHA0\\N@2U\260H\047\t\010\274\242\360\236g\306/i\234\346Q\264\324\017\024\002\001\001N\265H\240\"(\245\024E\021TR\026Y\014\300\212\201TU\014\223$\304\225\361L\237\307\033\314@{\222\250\202\316H\036\224P\311^\227G\n\300\344=\224\0021B\031\2230\\\200\211\330I\371=\337>\236\217}\372Y\357\323\363\351BEd\347;F\342_S[R\265\252\343m9\005\321\276\353U\376\253jj^\275\2171=\211:\226\234\224\047{\202\021,\343%[\025\340\243\001\360d\2158\030\212\341\207\206Q)8\330\354G\021\031U\312H&\n\250(\252\230d3qs\354+\001eb\265\t\022$J\304\322\234\310<*B\2054\264\262/*R\343\006go)\262\372\316\304\342\230\247\346\217wa\217\351\365\312?\346#\n\300,&\025\225\230k\007\222/U\224\020\311\2050aR\225`\031\003\0032\032\275\236\215\256\262\262\265\254\212\334\246L\034\3427\022\205\330\2723Q\261k\323J\030\202cv\030\321\261\271$\340\221JV\205j\253DI\332\023\265!8\275\360\201KRh\212JBRE\005D\233\277\372_\260X,Y\026\024R$j(;\321#\022!\024\214H\223\036\317O\237\340\270\244\242\te\\\365\023\372\357\340\265\373>\3065\277e\254\370\304p\250\226\225\201h\232\213\nR\353\307#$\t\024x\243\030@\014\030%""\000\"\212\000\322\010\236\212\327\264\307\222\311\252\311UAR\n\225U/r\343\336\240H\221B1\022\"\021K\"X-\221\010\221\350qJ<M\337\251i\244\236D\273\300\300T\204,xI\005\342\376<|JJ\220\204\021\257\361\300\362DR\037\345\211\021?\352E<(\214\303\321\366\211\367\205\300F\232\347\025\340\207\301\311\003\256\346\307\201\007o\234_({Lt\361\361\365\333X\0055\247\020\256\314\365\362Ut\267)5U9T\362j\0345\264\322l\266\372\020\275\236\372OG\235T\343\226\225\231)\370|cf\203\017\256`\361\247\372\370\215F_G\340uA\023\307\\\021\027\346e\350=4I9\260\266 \3454\235\260\333\256\342 \253 ;\233[\246&\222>B\034\200\344\235\275\276JyGOI\211\343\340@\234\236ul\335\366KD\202\255\022\335\225\374\016\203zoT\347_\254\213\364\344\023^\232\263\325Z\026\242&\010\027\242^\032\204\324\030\353*N\047O\014\271\22367 \227Y\200\357\023\263X/\322&7\312\377\236M\331\265\310\221\024UJwHf\006hffg\236w\334P\026\241R\252\261\335=Zw])\232\242\272\3501\251(\371\237\231\034\234\370\014\025W)I\027\345\370zq\251\341\n\272S# \311\023\023\024\3055c\303*\225N\367Q\267\237\014\\\262\014\353Uj\264\202\265W6\256s\272\014\221\337\022\241+&k\035\024\306\236\367C21\237F\335\274\316#7\311\372\022\010\016\3242`:\374r1\360Nr\306\224M\353\276\231\345\302\253#\016i\246e+$\362\047X\244]\324\020]\361\337w\217~\363\277\273wQ\350sV\246\2746\003\224\302\316\373\256\301{-\264\343\335\252\047:2e\232jF\337\216,a\3115?\013oE\334\265H\312\353f\332\206$\374\271MF\343\217\010\376Zz\034X0/\363\210*\337a\205\311\243g\305\330\273\034\244rV\362\334\233B\261\305\255t\320D_6gD|\327a\235\023A\217a\267e\0065\344s\027\243\014N\277\177\340\370|X_\332\310\202\361p\302\251\352\226\272\237\253\030\007f\273\331)~\214\347T|\344\033\261\366\370\244F^1\311\230\255\230toV`\353\212\230\363w<\251\245\314|XSCd\232\317\004\355G\310y\n\322\013M\204\223\255\257\326\3279\2129\214\250i<\272\357{\374\225\231\022f*\026\305\221{\036\240\353\\\235\022\305\047\234\225faa\251\277 \330j\330\221T\256\212\037r.\305\007\016n|\363)\r\377m\222\021t\366Nm\236RF!JC*S\265s\206\242%""\324\314\335\205s0\256\031\023\231+2\316\016~\027I\203r\033f\314\203\314\277J\270F\t\010\370N\324\344\234\223\267\315;C\001\223I9R\204\334\362\017#H\276\023+{5<\300\353\261f,\332\001;\352\221\255P\202\261\212:\nZ\324k\3664K+\n\202\260\260\013P\360x/\327\205\002\331W&&Z+^\252\252;,\337\203\311\rx\366)\301\245\017\237B\303\241\252\346N\305C>\311^\342X\032+\326\247\315?\312E\221J4\235e\3204D\320M\003CD\320\333\272cVk\325R\211\275I0\346Q\360\355l\024\025\275\307\356h\345\021fbA\031(\255f\214\203Y\254\027\251\034l\257\244|\324\2553\t\0316\3305\016\265\2263#\333\261%\214Y\260\330\206\314\320\315\014\316\030\0332\263\302\333\312\302\345m\374\006\353$\211w\036\316-\253\211\2776\241\230r\314\314\305\365hVk\350\326\275\3166\324z\324\322m\343\274\241\n\022\306-\221N#;\267w-\202\241\316\306*]\254ha\034\273#\345\255\220c`\221\236\374[\013\342\331y\205\213\213\251#[\032\373g\361\354\305\203\373\203\377-v3,\036\342\300U6\231\255\226\327\202\347\246\306=!\3613\2034S\322\017\020X\263\304lG\332\3167O\336_e\"V^\241\242\020\320\322LGm\375s\304o\235\312\362\325E\023\361\037\201\306\324\207\002\342\214\350\032\317\307\347I\361\304\346$\363\241\357\376F\025\311GD\023o\242\250x\256\312\030\372nTO\354!\362!s\362\345\024~\202}Y9\210H\030\323%\346\223!\272~\346t\314\311f\352\272\322\205\024P\253\242Y\274c\341\322|\260p0\255(pP\241M\032\277\200\357\371\327^\301\227&\266\006l\"\350\330\347+\235\345\030\221(QB\203\353L\005\327d\351Z8\272\362\242\204/\356\216\203(\344v\335\027\337\302\313\312\212\340\243\243\242t\031(S\254\301n\256\035\350\336\336\250\212\322\007\0225]\233\316\241\342k\326\242\206\274\000\324\322\373w\255\334\274\006\201\005\360(\254\304\322\322\3556\314o\311ui_A\272=!\250\264\270lh\275.\024\310\034\275\047\207\026\210\271\244\257Lf\362?\222\373\255Qp\330\341\r\010\224\211\266\353\255]g|\"\336`#N\250v\203\006\241\262fE\240\350B\321\235\275\tH8I\273gNc0\2404hp\343~sswL\371\332\215)\233\233\246`y\241(@\220\214\371r\233\211n\047)\rC\234fD\204r\006\220\233\304}y\014hQ\340c\013\"\3101""\215&\037\346=y\005\n23\034\317\005\034P\253\303f4\375Q\304\344\346\230v\32216\222\013\035\230l\304!\026J\034m\331c\035\214bI\r\264YbA\251\030\266\361j\2072\345\214M\376\270V\330\354\023\2130\342\205\266 \303/\216DI\tVs\310\221I\220\235\027\010M1;\307\010\205\343\307\262 \240=]\305B\010\203\232\355\303\247{\323\2106\025\241\326\326\330d\"I94x\352\201\250\256\316\224\225\006\r\025\204\n\201\324\022\223\344)H\2509\025-_F\262\344A\364DuB1\340\2533@ \210*\360\214\315:XO\236\274*\223\032\346\026\366&\260k\334\206\342\335 \375\001\000\314]\254\300\313\026P\262\303-\036\263)\033P0\000\254\266d+\242\343\027\3468}\333\344\024\266pY>\007\267\232\333\353\362\263b\207$\3505&\\\212i&\306\333;\245\313*\366\315=\307\233\376\354\2334B6b\263*yuN\233N\244\340\256\017ilWa\225T\370\351IU%\267=\364\216\204\351Zq\047\234\322t\354M\323\205\035\007\272S%+9\3052\3675+S\342\255\032\317Uq\303k)\247\313!8\377V\323\256\272eIa\346d\362+<\n\3764\241\036\377\376.\344\212p\241!g\020\303t";
+    PyObject *data = __Pyx_DecompressString(cstring, 2496, 2);
     #define __Pyx_DecompressString_LZSS_UNUSED
     if (unlikely(!data)) __PYX_ERR(0, 1, __pyx_L1_error)
     const char* const bytes = __Pyx_PyBytes_AsString(data);
     #if !CYTHON_ASSUME_SAFE_MACROS
     if (likely(bytes)); else { Py_DECREF(data); __PYX_ERR(0, 1, __pyx_L1_error) }
     #endif
-    #elif (CYTHON_COMPRESS_STRINGS) > 0 && (CYTHON_COMPRESS_STRINGS) <= 90 /* compression: lzss (3042 bytes) */
-static const char cstring[] = "\377 at 0x o\377bject>.:\377 <Memory\377View of \377<contigu\377ous and gdir%\001\007\rin\021\005\177strided\"\010o or \004\031><(\t\376A\006>?Canno\377t assign\377 to read\177-only m\240\002\375v\242\000Invali\377d mode, \347exp\305\000|\000\047c\047\376t\001\047fortra\237n\047, gH\000%\005s\357hape\222\000 ax\377is Note \373th\207 Cytho\373n \021\000delib\237eratek\000\320\001c\367ter!\001n PE\337P-484\212\"re\376\264!s subcl\366\246\000es\261!buil\373ti\260\000ypes.\377 If you \223ne\224 \303\000p\316\000%\tt\177hen set\200\000\367e \047\357\002atio\377n_typing\355\047\355$iv\242\000o F\377alse.add}_\231 ecoll\266@\376+\000s.abcdi\177sableen\002\001\257gcis\004\003d\231!l\367s/_\213 ward\377.pyxno d\377efault _\377_reduce_\357_ du`\002non\275-\305@vial\033\000c\177init__uQ\002\276\204Aalloc\230  \377array da\207ta.\013\020\340#\262a\217cs\377.ASCIIEE\377llipsisH\377LSequenc\257eTT0\355a.\362gZ\337__Pyx\001\000Di\377ct_NextR\317ef__\227$\250\000__\366\354\"__\001\005geti\227tem\r\001d0\001\027\000fgunc\035\001\030\000st\310@\316)\001imp\220`3\001ma{in\003\002odulM\0027nam\002\003ewT\001\243 \377_checksu\200T\000\n\001?\004\025\001\232@\256 \037\001u\337npick?\000En\346 \005vt\203A\230\001qua\021lO\005\336%\347&c\352b\277\001\372$\023ex\314\001\211`_\203\005\225`\262\006\334\003\006.\007tes\227@_i\177s_corou\362`\363ea\205`\231E_buf\377ferasync\367io.\033\006satb\377baseccli\367ne_\205 trac\377ebackcou\377ntcurved\377elaydqds\207dtd\351\002c\000\242\207\003\260@o\355d\343`um\235\205\002err\377orexpone\377ntfastfl\337agsfo\243`we\177dformat\201\206\004\376\372dhhbheat\277hidden\000\003_\376\350\205\001iidinde\365x\305As\000\002izej\377kk1k2k3k\3674kbV\000lamlNa\000_dt\002\002\013\001b\303\000\367ked\002\001slos\037smmem\230\207\001\220\207\001\365\204\003\365.\363\204\005n\340Andim\327obj\255 p\357\000ph\377ipoppsiq\357q1qm\357\206\001reg\367ist\324\000iser\377owsss1sb\347set\252\205\004\271\207\002sin\363ks\233\000n\000pesm\326\335`rt1\000p\000\001ss\373to\006\000r""uctt\177imeu0u1\242`\376\332 updatev\377aluesxyz\3771z2z3z4O\377\200\001\340\004\033\2303\230\377f\240A\240X\250T\260\377\026\260q\270\001\340\t\n\377\330\010\014\210E\220\025\220\377a\220q\330\014\020\220\006\376\003\003\017\210q\220\003\2205\373\230\001\020\001\005\220U\230!~8\000a\330\020\023\2203\047\000\377s\230#\230Q\330\024\027\377\220q\230\003\2305\240\006\377\240a\240q\330\024\025\330\277\020\025\220T\230\021\032\000R\377\230t\2401\240B\240b\377\250\001\330\020\024\220C\220\237r\230\023\230A1\000\010\002q\177\230\001\230\021\330\020\026q\000\377t\2302\230S\240\002\240\377%\240r\250\022\250:\260\377T\270\022\2704\270r\300\376\034\000\024\220B\220b\230\002\276h\000T\240\022\2403I\000\006\377\250a\250r\260\022\2603\377\260c\270\024\270R\270u\377\300B\300f\310A\310Q\372\224\0011c\000u\230A\200\001\377\360\n\000\005\034\2304\230\377v\240Q\240h\250d\260\377&\270\001\270\021\360\010\000\377\005\032\230\032\2406\250\021\377\250\"\250B\250a\330\004\375\031\001\013\007\200v\210S\220\377\005\220S\230\006\230c\240\335\021\223!A\210Q\000\004\330\010\353\t\330\234,\021\261 d\230&\357\240\001\240\023\346\000g\250Q\363\330\014\000\020\017\024f\230F\240\355!\317\002\007\250\362\"\005\220Q\303\220a\374!\354\"\363 \331 \330\014}\026\013\006\022\220!\330\014\000\002\364\202U\3444D\351 \023\230B\230Edm\0004\243@\213@\017\001\024\210A\377\023\2208\2301\230C\230\377s\240$\240d\250&\260\177\001\260\023\260C\260t\376 \377s\300!\3003\300c\310\377\021\330\024\032\230$\230a: \000\"\312B\005\250Q\271 \367@\375t\310`i\240s\250#\250\377S\260\001\330\030\034\230D\272\303@!\005\001C\230q\222 \021\367\330\030\033\331@R\230q\330\377\034\"\240#\240S\250\004\376\364 d\260\"\260B\260b\377\270\002\270\"\270B\270b\253\300\001\027\003RD\002T\330@2\353\260R~\0002\332@r\300\022\337\3002\300Q\340;\000!\240w5\250\001\266@#\250R\253 \353\034#\210b\005\010\002\030#\240\3771\330\030\"\240!\330\024\343\031\230\322\000\270@\213Ab\250\002\252\344@D\317\000\024N\000r\251bv\377\300Q\300d\310\"\310B\363\310a""\023\027\374a6\300\021\300\253$\300\"\000\030\373`\"\271 b\377\240\003\2402\240T\250\023\323\250C\375`N\001s\275\000A\330\237\024\030\230\001\340\001\001\207\205\001x\356\364\000\003\2403\306 #\250V[\2601\306 s\270\215 \037\205\205\002\355C\332\204\0023\250\374\001H\270A\373\270T\332\0006\310\021\310#\377\310R\310{\320Z[\320\377[^\320^`\320`e\377\320ef\320fg\330\030\357 \240\005\240\222!\"\250A\377\330\030\036\230b\240\002\240\365&\275\"b\353 \034 \240\002w\240\"\240|\002\003\2302\207\206\001z\240Ct\242\205\002\004\250A\250\306#R\312\205\0011\277A\243\204\001\024\201@\002\341Bz\212\047q\300\001\004\230A\230\337\205\001W2\240Q\317\001\006\354@t\355\000\375R\320\206\001\030\230\005\230U\240\375!\341!\035\230R\230r\240\235\024\224\000q\330\030\000\n\024\003\021\364\016\005\004\002Q \001X\240Q\240\371c\264 \203CS\270\003\2703\377\270h\300a\300t\3106\377\320QR\320RV\320V\256\370\000\\\320\\\370\000a\255a8\357\2401\240C\323`$\250c\374\234\210\002-\001a\330\034!\240\033\236\321\000S\260\003\260\234a\317`!\323\240\030\302\206\004\312e\004\313b\004\300\377B\300b\310\002\310$\310\377d\320RS\320SW\320\377WZ\320Z]\320]a\377\320ai\320ij\320j\377n\320nt\320tu\320\377uy\320y~\320~\177\177\360\000\000@\002D\002\004\000oD\002E\002[\rt\270\205\204\003\335\023O\006b\320P\266\000T\320\343TU\223\001\000\203\204%b\260\002\313\260$\325\205\006d\301\204\001\350 3\310?c\320QU\320U\203 \342`\277b\320bh\320h\211 m\377\320mr\320rs\320s\357w\320wx\323-r\270\022\276\250@b\300\002\300\"\315\"\001\371\330\355d\317\212\001\004\250C\250s\377\260\"\260D\270\002\270#\377\270R\270t\3002\300S\362\362 !\000\"\315\206\001$\240a\240\375s\203\212\002b\260\005\260Q\260~\340@ \240\004\240B\240\004\002\377\003\2401\240A\240Q\330\372\353\206\014w\263\207\002*\300C\300sp\335@\205@\202@\276`X\320X\340@\010\301`\274\205\003\335\000c4\003\256\213\001\241\207\001.\007\377r\310\023\310C\310t\320\271S\213 \227`Y\320Y\227`_\373\320_\232`c\320ce\320_eg\320gh\352a\024\261\204\004\373B\250\317!\"\260C\260r\343\270\021""\005\021\377\001\352\n\003\2502S\250T\302\211\002\357\207\003s\276 A\207\211\001\3453\276\211\004A\257e\265\211\001\004\260A\277\260T\270\023\270C\301 8\377\3101\310D\320PV\320\177VW\320W[\320[\217\205\001\363\320a\215\207\001\370!\n\250!\250\376\273\207\001#\260T\270\024\270S?\300\003\3001\300A\363\211\001\000\002\277A\330\024\037\230q\215\216\001s<\244\216\002\274\214\001\030\034\230A\215\215\010\267\216\001}5\205\213\004a\340\024\027\220$\003wb\240\001\311\206\001Q\230f\251\216\002\376\273\001S\260\001\260\021\340\030\377\035\230Q\230e\2408\250\3751\351B$\260a\260t\270\3373\270c\300\024\302\211\002$\310\335h\241\005a\320a\322`f\320\377fk\320kl\320lp\337\320pv\320v\322`{\320\377{|\330\014\017\210u\220\177A\220S\230\002\230!\206\217\001\337E\230\025\230a\247\001\031\230_\021\230%\230s\201\215\002a\265\217\001\177Q\220e\2307\240#\255\207\002\177\022\2509\260H\270A\320\212\001\367\021\230$\204\0001\240D\250\352\321\210\003\024\254`c\240\217\002q\300\004\377\300D\310\004\310A\310T\334\333\204\002\314@Z\320Z\335\204\003j\320\375j\213\000o\320ou\320u\256\213\000z\320z\343\206\003A\345\206\001A\367\002B\002\324\214\001!\2304\230%q\233\220\001A\213\014\302\213\003\022\360\213\003\320#\177#\230T\240\021\240!\321\214\001\376\256\215\001u\240E\250\021\250!\207\330\030\031\235\215\001\236\213\003\217\212\001\240\003R\377\250r\260\023\260B\260a\370\326\"\222\214\005\300\212\001#\240R\240t\270\320 \326\002\215\216\007r\250\021\306\221\0056+\240\025\230\205\002#\276\212\0024\366`\231c\376\337\205\001\003\3104\310r\320Q\370\362\204\003\263\211\003\270\204\003d\320df\320\357fh\320h\357\003q\320q\367t\320t\375#}\320}~\367\330!#\275\215\002\022\2502\250\327S\260\002\375\215\004\003\344\221\002\024\300\177R\300s\310\"\310E\214\212\002\356\315\205\003Y\320Y\211\214\006b\320b\356X\003i\320i\336@m\320m\377n\330\004\010\210\001\210\021\000\000\004";
-    PyObject *data = __Pyx_DecompressString_LZSS(cstring, 3042, 4061);
+    #elif (CYTHON_COMPRESS_STRINGS) == 1 /* compression: zlib (2531 bytes) */
+static const char cstring[] = "x\332\315VMs\333\306\031\016)\311\371hfj\212t\242$j\013\222\2125\355$j(\312\256\233\311\244\245(e\342\23165?\3548\316\007\263\000\226\",\022 \261\000%*M\232\243\217<\342\210#\2168\342\210#\216{\304\321?!?!\317.H\312v\3426\355\251\234!\260\330\217w\337\367y\237\347\335U\210\243\274w\256X\352C\2529\037\356\275\257|\360w:\262\354\331=\203\236)V_\371@\263L\3078q-\227)\304\324\025\335\260\305\304g\273\rs9\300\034\333\320\251\376\304d\305\262\377\355\370\323}\253\231\037\376\245IL\323r\024\302\230qb*\216\245\330\224\350\357Z\346p\246\214\244\223S8y\333\234\222\241\241+#K\247\357(\364|\214\2650\265\253\355\212}w\373\226\355\330\304\334}G9\201\251\345d6 c\212\255\024rn0\345\023\313\241\2123\000\022\315\2313\260L\005}:\035\032*\265\211C\261\233\360\017Vm1\311T\356\034\337y\367\340\326\201\364\326\246\0027\2460W\325\206p\2242\001\232\352\032C\007\326\235\331\230\262=\345v_\231Y\256bR\370\205(\306\230\367\344\002g@M\205QG4\224]\0313q\014\313\354a\271a\236\354.`2\246T\254\376\210\014\031\335#\272\336\303<\252Y\303\241\030\263L\266GTM7\030Q\207\224\232\342y\242\031,k\351\002\234!\373c\017h\234\021[\337\033\317\316M\0131\366\211;t\224^\317\246\272\253\321^O\321]\271\211i\231\357\"\346\251A\206\030\325\014\323pz=W\332\022\303d8\2644@\243\020\333&3E\047\016\331\373\231\321\014e\001S\226`\266\327\3504o\337>>\036\016\21513\330\307\177\353\320\211KM\215v\273\357\t\302\355]r\357A\257wgv\216\377\021\220\357}B\317\2356\355\367z\013t\340*\334\022\370]6N\250c8t$:t\261\006\277\276kj\342\215!\266\\e\214\306\240\204h\215\210a\312\267\245\273C9f\222Q\366\246g\342\005\224z\332\200j\247\314\035e_\013+\242)r\233\265\\slh\247\260pl.\347M\035\001\206\2601q\311piv\211\362\252\245I\272=\321A\317\305\007\270\260r\205=\341\372\252}\271\316\241L\304b\260\236f\331\226\013\322Q\002\036,S\320S\335~\037,f3S3\254\275\325\034F\034U%\214j\332\020_=\340\000\221hT%\332\251f\271\246\243\271\366\224\2022d\246Ot\246;\272\214\026\273du\002)\003\241(\302\225\n\241\266m\331P\236eR\323\351\023\346\364\207\344\204\365AM""\353\214\352\340\334\2108\013\035.\0108\030\250\003J\234\201\241\353\324\314\236=a\3110t\350\237\236\213D\262\354qA\037\236\236\326N\367O\353\247\007\247*\014\017\311\010\371vz\272#_\342SE\024\247T\027O6\264\030\033\241<\210\332 h\237Q\177oI}S\000\213\0223B$\300b\214\210\307\304\260{\226|Q}<0\306\326\030\354\234Lj\223\221\360\311\246\047\006\303\313\206\232l\353\2141Vc*R\261P\217$9\023;\303U\354\216\217\021\262d#Ut,\377\314\261\320\260]\315q\214\021u\337sk`\014\366u\307\020\016EAr);;\237]\324.\366/\352\027\007\377\370>\367x\375-\257\356\365\375\206\177?\350\206\257\205\223(\367\370\345W\322\227^}t<\2776\047\363I\372\352\325\371\225\254\361\353G\223\371\332\374\206\227\023}\033\363\273^\031KIz\2658\257c\002\363\252^+-\275>\237xk\336\r\377\212O\374IZ\272\226^\2756\357z\005\014\266=\307\257\371\207\276\032\344\322\253\245ysn{E\257\2015\362c\342\345\274Bz\3655Xr\274}\257\343\347\375\267};\330\014\336\017\273\321ft\020\331qA\314<\234\253^\036\326\272\376\246_\207\255+\001\t\354p3\254\207ZT\212\332\221\033\037\306\375\244\221\264\204_5\030v\275\306\367\271\037^yac\333;\360\246~\313\037\004zx=\312E\005\321Y\366s\351\372\033\336\233\376\315\240\020T\202\303\200\374\344\363\305\357\247\217:\210\267\343]\3614\277 \260i<j\255^/\247\317\340U@C\367\256\3739\277\210hO\202\326\177\323\325\367>\362\3132\260\027\203I\206skND#\267x\274.\366xm\325\2679//\036\317K\317s\360?\002\340E\357\320\323\261\337\001R\265\350*y\022\271[^\315kz\314\337\361\365\340z\230\013\213a3t\220\005\026\227\343z\254%\205\264\364\246\267\343\021L\251H\233\033A\013`!\375\016v5|\026T\203N\230K\267\266\275#\244\262,\032Mo\202p\013\351\326[Hp\333\233\244\333\025\277\352w\202u\340\254\207\225\3600T\243|T\211\016#5\316e\203mi\250\213\374\356\207m8\260\217\014\333\361f\274\037\267\036cB\331\277\021\344\220\251j\320\006Z\333U\t\334\206\374\330\252\372\265t\013S\322\322\033\"(\244\256(\035\315#\257G\210\250\004\203\266\244\3144n\305zRI\016\023\362\374\311\202\2047\343B\274\023c\322\026(X\001v\252\277\346\357\373\335""\240\0304ABa\221\301\377\206\230\220{,\036\317A\3517\231R\316\001\310\032|\326\203\235\240\0376\302N\264\026\325\004<\007X\360\373\240\036h\300\275\221n_\367\215`\022n\204\367\242Zt\024\377*\251%G\374N\227w\357\246\333\273\310\034\306I\272U\006\262B}\351\226\260\216\307}p]\203k\231\377\302\366A4\211\327\241\0175YO\216y\353S\376\351}~\377\013\376\005\341D\345j\237\367\207|8\342\243\t\2370\316\\\356N\205\231\256_\220Y\312K=\250\341:\034\025`\354G]$\342fRHv\022\225\337i\363v\347\371\323/a\006\023~\013x7\3019;(\010Z4$\336\233\000\262\355O\220\316\242\\\227\017\313a\r\244\263\243\"\010A\340\371\232\310\372\377\266@`Z_\244\001x\226\375-I\232\316\302\273b\324\214\234\270\026\037\375G\\\354t[\361_\t\312\310\215\036Ve`\335\270\0307\004\035\025\224\022\354#t\343\372r\313\033\013u\023\261e\001\365l\"a\021\\A^\221\316:\374dq%\276\235\334\347w\357\245JU\222\241\034\034\004LZ/D;\221\036\277\035O\223V\242\363\366\3121x\245q\355\204\237\014\322\2557\236fR5\270\047a`\021\220\376\235\224|S\326\321\272\324\330\307Qc\225\267j\322N\276\341\017>\347\237\177\305\277\372\232\177M9E\254\047\351\226\342oH\345U\202\206\310\226\n\001_\227*U\241h\304\231\2270\202\337k\020rk\311qG\252o=h,\364*HR\023\203\242\310\225$%\256?\245\273\2110\261\216tve2[\342\363\2124$3+>7\274\273\020yM\020\253\355\331\260\"\372\177\356\243\360T\3439\374\257G\203\230\304Nr\223\267@\327{\374\036B\007\232\010\235\210t\335\222X1\210Q\223\047\241X S\367\026b\352\204k\262\006M\226\364\251<Q\265\326e\315\312\244\225\207\036\220\253\016\357 ]\017\370\203/\371\227\340\221\301\215\207\374\241\311M\207;P\326\214\317\276\343\337\375\353\207\027^\370k\376(\217\327Q\3768\377\354V\313rW\\\331\315t\226)\377\377\315\013\241\300\235U\005\327E\241\004\324\365D\343\255\273\374.\366\007\311\300\333\001\037\300\013\250\311\3466\252\314\031?;\177vG\033\304\251#\222<\224!\366\\q\356P\362\253\tqT\302#lT\205c\016D\336\201[\345_4I\034\032;\270\231\260\205\313\033a+$b\345z&S\005*\252\3412\324J\2379]\316dd\177\210\2331\313\020@\370 \020\344\010p""\301\241LAB\227\331\312\345At\271\316N\212I3qx\007h \047\237\361\317\200I\217\367\220\026h\031\332\223r\006\024\245\005o3H+\262\244\025~n@D\367T\330k\301>\264W\224+\204\300Di\371e\265\357Vv\246 \"\270\006U\010Ip\"\n\302O\013^\007\205\265&\354\312\302*\036(@L\3366\304\365H\366\\\336\275D\363\306\342\252A\036\257f\252\242XB\250\270z.=\307u!,<\226\235\324\277\025\324d\016wB\002\006\326#-.\311\343c\047\031,}\\U\347S~\212\002=\346\343)\237\202O\337\360o\376)nC\356\274\201;[\336+\213\253\315\261w\r\030L\304\371^\360\336\006\030\"E\362r\324\232S\357O8\262\004\266\233\301\237E\205\314f\355\300\215\232\177\264\250h%0E\223\027Qq\206\212\223\242\221t%\265\221Ip c7\324\005o,n\211\323\223O/\370E\246\256\206PW#\177\230\027\365\260\214\363]\336\267\032\317xVZ\034l\222v\031\252Uy\240\226/\017\226cd\257,\253\376\233\213+\210\310~\346e[\036,\207`\264\254\201\013\213b\206\270I9\200T\206vy\353\263\263m\304\215\375\246\177M\352\"\273m\035\310c\264\271\020\316Zr\220\330\274\225Q>\253\231\031qu\256\003\177H:\013\032\007$\nK\226\202o\371\267\337\245\345\252\214eSf7\277(Sk\3622_\212\333\220RE\234\267Y1\201i \271:\214\000ff\035\325\002\326Q0\314t\375\245G\271G\205\305\353G\024V\301\225";
+    PyObject *data = __Pyx_DecompressString(cstring, 2531, 1);
+    #define __Pyx_DecompressString_LZSS_UNUSED
+    if (unlikely(!data)) __PYX_ERR(0, 1, __pyx_L1_error)
+    const char* const bytes = __Pyx_PyBytes_AsString(data);
+    #if !CYTHON_ASSUME_SAFE_MACROS
+    if (likely(bytes)); else { Py_DECREF(data); __PYX_ERR(0, 1, __pyx_L1_error) }
+    #endif
+    #elif (CYTHON_COMPRESS_STRINGS) > 0 && (CYTHON_COMPRESS_STRINGS) <= 90 /* compression: lzss (3412 bytes) */
+static const char cstring[] = "\377 at 0x o\377bject>.:\377 <Memory\377View of \377<contigu\377ous and gdir%\001\007\rin\021\005\177strided\"\010o or \004\031><(\t\376A\006>?Canno\377t assign\377 to read\177-only m\240\002\375v\242\000Invali\377d mode, \347exp\305\000|\000\047c\047\376t\001\047fortra\237n\047, gH\000%\005s\357hape\222\000 ax\377is Note \373th\207 Cytho\373n \021\000delib\237eratek\000\320\001c\367ter!\001n PE\337P-484\212\"re\376\264!s subcl\366\246\000es\261!buil\373ti\260\000ypes.\377 If you \223ne\224 \303\000p\316\000%\tt\177hen set\200\000\367e \047\357\002atio\377n_typing\355\047\355$iv\242\000o F\377alse.add}_\231 ecoll\266@\376+\000s.abcdi\177sableen\002\001\257gcis\004\003d\231!l\367s/_\213 ward\377.pyxno d\377efault _\377_reduce_\357_ du`\002non\275-\305@vial\033\000c\177init__uQ\002\276\204Aalloc\230  \377array da\207ta.\013\020\340#\262a\217cs\377.ASCIIEE\377llipsisH\377LSequenc\257eTT0\355a.\362gZ\337__Pyx\001\000Di\377ct_NextR\317ef__\227$\250\000__\366\354\"__\001\005geti\227tem\r\001d0\001\027\000fgunc\035\001\030\000st\310@\316)\001imp\220`3\001ma{in\003\002odulM\0027nam\002\003ewT\001\243 \377_checksu\200T\000\n\001?\004\025\001\232@\256 \037\001u\337npick?\000En\346 \005vt\203A\230\001qua\021lO\005\336%\347&c\352b\277\001\372$\023ex\314\001\211`_\203\005\225`\262\006\334\003\006.\007tes\227@_i\177s_corou\362`\363ea\205`\231E_buf\377ferasync\367io.\033\006satb\377baseccli\367ne_\205 trac\377ebackcou\377ntcurved\377elaydqds\207dtd\351\002c\000\242\207\003\260@o\355d\343`um\235\205\002err\377orexpone\377ntfastfl\337agsfo\243`we\177dformat\201\206\004\376\372dhhbheat\277hidden\000\003_\376\350\205\001iidinde\365x\305As\000\002izej\377kk1k2k3k\3674kbV\000lamlNa\000_dt\002\002\013\001b\303\000\367ked\002\001slos\037smmem\230\207\001\220\207\001\365\204\003\365.\363\204\005n\340Andim\327obj\255 p\357\000pa\337ir_ok\003\001ed\377phipopps\277iqq1qm\374\206\001r\337egist\341\000is\377erowsss1\237sbset\267\205\004\306\207\002s\317inks\250\000{\000pe[sm\352`rt1\000p\000""\001\357ssto\006\000ruc\377ttimeu0u\3711\257`\347 updat\377evaluesw\377xyz1z2z3\377z4O\200\001\340\004\033\377\2303\230f\240A\240X\377\250T\260\026\260q\270\001\377\340\t\n\330\010\014\210E\377\220\025\220a\220q\330\014\367\020\220\006\003\003\017\210q\220\337\003\2205\230\001\020\001\005\220\367U\230!8\000a\330\020\023\373\2203\047\000s\230#\230Q\377\330\024\027\220q\230\003\230\3775\240\006\240a\240q\330\377\024\025\330\020\025\220T\230\375\021\032\000R\230t\2401\240\377B\240b\250\001\330\020\024\377\220C\220r\230\023\230A\3741\000\010\002q\230\001\230\021\330\373\020\026q\000t\2302\230S\377\240\002\240%\240r\250\022\377\250:\260T\270\022\2704\367\270r\300\034\000\024\220B\220\367b\230\002h\000T\240\022\240\3753I\000\006\250a\250r\260\377\022\2603\260c\270\024\270\377R\270u\300B\300f\310\327A\310Q\224\0011c\000u\230\377A\200\001\360\n\000\005\034\377\2304\230v\240Q\240h\377\250d\260&\270\001\270\021\376\021\001!\240\001\330\004\031\230\377\032\2406\250\021\250\"\250\367B\250a\000\014\330\004\007\200\377v\210S\220\005\220S\230\337\006\230c\240\021\230!A\210\275Q\000\004\330\010\t\330\241,\021\376\266 d\230&\240\001\240\023>\353\000g\250Q\330\014\000\020\017\024\337f\230F\240!\324\002\007\250>\367\"\005\220Q\220a\201A\361\"\334\370 \336 \330\014\026\013\006\022\220G!\330\014\000\002\207U\3514D\356 _\023\230B\230dm\0004\250@\364\220@\017\001\024\215A\023\2208\230\3771\230C\230s\240$\240\377d\250&\260\001\260\023\260\367C\260t\203@s\300!\300\3773\300c\310\021\330\024\032\257\230$\230a \000\"\317B\005\323\250Q\271 \374@t\315`i\240\377s\250#\250S\260\001\330\257\030\034\230D\310@!\005\001C{\230q\222 \021\330\030\033\336@\377R\230q\330\034\"\240#\357\240S\250\004\364 d\260\"\377\260B\260b\270\002\270\"\277\270B\270b\300\001\027\003R\272D\002T\335@2\260R~\0002\376\337@r\300\022\3002\300Q}\340;\000!\2405\250\001\266@\267#\250R\253 \034#\215b\005\376\010\002\030#\2401\330\030\"?\240!\330\024\031\230\322\000\270@\256\213Ab\250\002\344@D\317\000\024\372N\000r\256bv\300Q\300d?""\310\"\310B\310a\023\027\201\204\001\2776\300\021\300$\300\"\000\030\357\230\002\230\"\271 b\240\003\377\2402\240T\250\023\250C\327\250r\260N\001s\275\000A\330\237\024\030\230\001\340\001\001\2174\035\272\244\205\003x\216 \003\2403\340 $\377\250f\260A\260S\270\003\335\270\262\000\033\2304\367 )\250\3673\250c\365 A\330\034&\377\240i\250q\260\005\260V\377\2701\270D\300\013\3101\377\310D\320PT\320TU\357\330\034\047\240\304 &\240a\337\330\030!\240\021\371\205\002\330\030|Z\001\002\000X\240Q\240c\230\000\374\347\003X\0014\270q\300\004\300\377B\300b\310\004\310E\320\377QW\320WX\320X\\\377\320\\a\320ab\320b\377f\320fl\320lm\320\377mq\320qs\320suw\320uvH\001T\240\021\241B>\264!B\250b\260\004\246\000\216\206\001\3672\270T\206@6\310\021\310\377$\310b\320PR\320R\341S\025\027\226\206\001\341#\207`\036\230c\177\240\022\2404\240r\250\211`\371\034\377\206\001\014\0022\240R\240q\366\314@\023\250c\001\002\260!\260]1\362`r\270\023\216`a\267\0009\003\362A\315aA\230Q\002,\357a\2713\246\204\004\315 !\240\030\260bS\376\306\004\023\270C\270t\3001\373\300D\367\036r\330\034 \240\367\n\250!\231@d\260#\260wT\270\024\203 \023\300A\213\204\001\347 \240\001\327\204\001\264\205\001u\240A\272\342\204\0015\375\206\004a\330\034\233@\240\321%\334\000\372a\250a\023\354@V\270\3773\270a\270s\300\"\300\377I\310X\320UV\330 \272\275\204\001d[\0004\250sY\002\021\377\270$\270d\300%\300v?\310Q\310d\320R\250F\253@\377c\320cg\320gh\330s\030\031\360\211\001\300g#\250V\263\"\277s\270!\330\030\037\356\211\002Cv\303\211\0023\250\340\205\001H\270A\257F\377#\310R\310{\320Z[\377\320[^\320^`\320`\367e\320e\201`g\330\030 {\240\005\211@s\250\"\250\304\000\177\036\230b\240\002\240&\241\206\002\367b\260\001\375\001\002\240\"\240N\340\204\002\003\2302\360\212\001\204\207\003t\213\212\002O\004\250A\250\252\206\003\263\212\0011\243\207\001>\207\211\001\024\240S\250\002\305\207\002\356\205\007\275q\244\205\001\004\230A\230\310\212\0012\373\240Q\263\205\001\006\230a\230t\371\240\206b\302\205\001\005\230U\240!\376\305\206\001""\035\230R\230r\240\024P\237a\335\204\001\000\n\026\001\021\016\005\021\345\204\030\3773\270h\300a\300t\310\3776\320QR\320RV\320]V\370\000\\\320\\\370\000a\221\210\001\3778\2401\240C\240s\250\227$\250c\205\215\002\003\234A\267A\033^\321\000S\260\003\260\200\210\001q\310A\311\030\246\213\004\256\210\005\004\257\210\002\325\205\003\002\310\375$\250AS\320SW\320W\377Z\320Z]\320]a\320\377ai\320ij\320jn\377\320nt\320tu\320u\377y\320y~\320~\177\360\277\000\000@\002D\002\004\000D\267\002E\002[\rt\270\351\210\003\023\"\256\206\002\002\337\205\006\364\206\003\277\204\003\"\261\211\010\010{_b\260\002\260$\271\212\006d\245\211\001\376\350 3\310c\320QU\320\371U\203 \342`b\320bh\320\375h\211 m\320mr\320r\177s\320sw\320wx\323-\377r\270\022\2703\270b\300\307\002\300\"\250\210\002\353f\270\217\001\004\250\377C\250s\260\"\260D\270\377\002\270#\270R\270t\300\1772\300S\310\002\310!\221\204\005<\010\032\261\213\001$\240a\240\330\204\001\311\210\001\337\005\260Q\260a\320\206\001\004\240\373B\240\004\002\003\2401\240A\327\240Q\330\317\213\014w\227\214\002*\300wC\300s\352\210\003T\320T\276`wX\320X\340@\\\320\\\274\205\003\340\224\206\0014\003\227\220\001\205\214\001.\007r\310\023\277\310C\310t\320S\213 W\337\320WY\320Y\227`_\320\377_a\320ac\320ce{\320e\312\206\002\034!\240\024\261\212\004\032\200\211\003\"\377\210\002\021\330\006\020\377\001\352\n\037\003\2502\250T\246\216\002\323\214\003\327\207\001\365A\327\210\"8\316\213\003V\320VW\337\320W[\320[\217\205\001\320a\374\215\207\001\337\210\017S\300\003\3001\300\221A\205\212\002\212\212\002\361\222\001s\210\223\002\233\221\001\030\247\034\230A\361\221\010\233\223\0015\344\217\004a\257\340\024\027\220$\003b\251\211\001\035\317\230Q\230f\215\223\002\266\001S\260\357\001\260\021\340\272\214\001\230e\240\3678\2501\344B$\260a\260\177t\2703\270c\300\024\241\216\002\347$\310h\234\005\255\214\006k\320k\377l\320lp\320pv\320\375v\315`{\320{|\330\014\377\017\210u\220A\220S\230\367\002\230!\352\223\001E\230\025\230\367a\230q\211\217\001\021\230%\230""\365s\340\221\002a\231\224\001Q\220e\230\3677\240#\250\215\002\022\2509\260\327H\270A \003$\204\0001\240+D\250\314\210\003\024\247`c\204\224\002\300\215\001\316\246\213\001A\310T\326\204\002\307@Z\320\335Z\330\204\003j\320j\213\000o\320}o\272\215\001\320vz\320z\336\206\003\275A\340\206\001A\002B\002\263\221\001!/\2304\230q\377\224\001A\213\014\241\220\003Y\022\317\220\003\320##\230\374\215\001!\317\213\007_E\250\021\250!\361\212\002\032\374\217\004\374\212\212\001\240\003R\250r\260\023\260\307B\260a\376\216\003\362\220\004\273\212\001#\240\007R\240t\320 \326\002\354\222\007\376\215\001\253\226\004\3276\240\025\223\205\002#\271\212\0024\260\372\364\215\001C\327\205\004\003\3104\310r\343\320Q\355\204\003\256\211\003\263\204\003d\320d\277f\320fh\320h\357\003q\337\320qt\320t\375#}\320\337}~\330!#\234\222\002\022\250_2\250S\260\002\334\222\004\003\310\226\002\177\024\300R\300s\310\"\204\220\001wR\320R\310\205\003Y\320Y\204\214\006wb\320bX\003i\320i\336@\377m\320mn\330\004\010\210\007\001\210\021\000\004";
+    PyObject *data = __Pyx_DecompressString_LZSS(cstring, 3412, 4687);
     #define __Pyx_DecompressString_UNUSED
     if (unlikely(!data)) __PYX_ERR(0, 1, __pyx_L1_error)
     const char* const bytes = __Pyx_PyBytes_AsString(data);
     #if !CYTHON_ASSUME_SAFE_MACROS
     if (likely(bytes)); else { Py_DECREF(data); __PYX_ERR(0, 1, __pyx_L1_error) }
     #endif
-    #else /* compression: none (4061 bytes) */
-static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and direct><contiguous and indirect><strided and direct or indirect><strided and direct><strided and indirect>>?Cannot assign to read-only memoryviewInvalid mode, expected \047c\047 or \047fortran\047, got Invalid shape in axis Note that Cython is deliberately stricter than PEP-484 and rejects subclasses of builtin types. If you need to pass subclasses then set the \047annotation_typing\047 directive to False.add_notecollections.abcdisableenablegcisenabledmodels/_forward.pyxno default __reduce__ due to non-trivial __cinit__unable to allocate array data.unable to allocate shape and strides.ASCIIEEllipsisHLSequenceTT0View.MemoryViewZ__Pyx_PyDict_NextRef__annotate____class____class_getitem____dict____func____getstate____import____main____module____name____new____pyx_checksum__pyx_state__pyx_type__pyx_unpickle_Enum__pyx_vtable____qualname____reduce____reduce_cython____reduce_ex____set_name____setstate____setstate_cython____test___is_coroutineaabcallocate_bufferasyncio.coroutinesatbbaseccline_in_tracebackcountcurvedelaydqdsdtdtype_is_objectencodeenumerateerrorexponentfastflagsfollowedformatfortranforwardhhbheathiddenhidden_rateiidindexitemsitemsizejkk1k2k3k4kblaglamlast_dtlast_lamlblinkedlinkslossmmemviewmodemodels._forwardnnamendimobjoutpackphipoppsiqq1qmrateregisterriserowsss1sbsetdefaultshapesinksizeslopesmstartstepstepsstopstructtimeu0u1unpackupdatevaluesxyz1z2z3z4O\200\001\340\004\033\2303\230f\240A\240X\250T\260\026\260q\270\001\340\t\n\330\010\014\210E\220\025\220a\220q\330\014\020\220\006\220a\220q\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\023\2203\220a\220s\230#\230Q\330\024\027\220q\230\003\2305\240\006\240a\240q\330\024\025\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220C\220r\230\023\230A\230Q\330\020\024\220C\220q\230\001\230\021\330\020\026\220a\220t\2302\230S\240\002\240%\240r\250\022\250:\260T\270\022\2704\270r\300\021\330\020\024\220B""\220b\230\002\230#\230T\240\022\2403\240b\250\006\250a\250r\260\022\2603\260c\270\024\270R\270u\300B\300f\310A\310Q\330\020\023\2201\220C\220u\230A\200\001\360\n\000\005\034\2304\230v\240Q\240h\250d\260&\270\001\270\021\360\010\000\005\032\230\032\2406\250\021\250\"\250B\250a\330\004\031\230\032\2406\250\021\250\"\250B\250a\330\004\007\200v\210S\220\005\220S\230\006\230c\240\021\330\010\014\210A\210Q\330\010\014\210A\210Q\330\010\t\330\t\n\330\010\014\210E\220\025\220a\220q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220f\230F\240!\2403\240b\250\007\250q\330\014\020\220\005\220Q\220a\330\014\020\220\001\330\014\020\220\001\330\014\027\220q\330\014\026\220a\330\014\020\220\001\330\014\022\220!\330\014\022\220!\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220D\230\001\230\023\230B\230d\240!\2404\240q\330\020\024\220D\230\001\230\024\230Q\330\020\023\2208\2301\230C\230s\240$\240d\250&\260\001\260\023\260C\260t\2704\270s\300!\3003\300c\310\021\330\024\032\230$\230a\230s\240\"\240B\240b\250\005\250Q\250a\330\024\027\220t\2303\230i\240s\250#\250S\260\001\330\030\034\230D\240\002\240!\330\030\034\230C\230q\240\001\240\021\330\030\033\2302\230R\230q\330\034\"\240#\240S\250\004\250B\250d\260\"\260B\260b\270\002\270\"\270B\270b\300\001\330\034\"\240#\240R\240s\250#\250T\260\022\2602\260R\260t\2702\270R\270r\300\022\3002\300Q\340\034\"\240!\2405\250\001\250\021\250#\250R\250q\330\034#\2403\240b\250\005\250R\250q\330\030#\2401\330\030\"\240!\330\024\031\230\024\230Q\230c\240\023\240B\240b\250\002\250\"\250D\260\001\260\024\260R\260r\270\024\270R\270v\300Q\300d\310\"\310B\310a\330\024\031\230\024\230Q\230c\240\023\240B\240b\250\002\250\"\250D\260\001\260\024\260T\270\022\2706\300\021\300$\300a\330\024\030\230\002""\230\"\230B\230b\240\003\2402\240T\250\023\250C\250r\260\024\260R\260s\270\"\270A\330\024\030\230\001\340\024\030\230\001\330\024\027\220x\230q\240\003\2403\240d\250#\250V\2601\260C\260s\270!\330\030\037\230t\2401\240C\240r\250\022\2503\250d\260\"\260H\270A\270T\300\022\3006\310\021\310#\310R\310{\320Z[\320[^\320^`\320`e\320ef\320fg\330\030 \240\005\240R\240s\250\"\250A\330\030\036\230b\240\002\240&\250\004\250B\250b\260\001\330\034 \240\002\240\"\240A\330\024\030\230\003\2302\230Q\330\024\032\230$\230a\230t\2403\240b\250\004\250A\250T\260\022\2602\260T\270\022\2701\330\024\032\230&\240\001\240\024\240S\250\002\250&\260\001\260\024\260R\260r\270\024\270R\270q\330\024\030\230\004\230A\230T\240\022\2402\240Q\330\024\030\230\006\230a\230t\2402\240R\240q\330\024\030\230\005\230U\240!\2401\330\030\035\230R\230r\240\024\240R\240q\330\030\035\230R\230r\240\024\240R\240q\330\030\035\230R\230r\240\021\330\030\035\230R\230r\240\021\330\030\035\230Q\330\030\035\230X\240Q\240c\250\023\250D\260\001\260\024\260S\270\003\2703\270h\300a\300t\3106\320QR\320RV\320V[\320[\\\320\\`\320`a\330\030\033\2308\2401\240C\240s\250$\250c\260\026\260q\270\003\2703\270a\330\034!\240\033\250A\250S\260\003\2602\260R\260q\330\034!\240\030\250\021\250\"\250B\250d\260\"\260B\260b\270\004\270B\270b\300\004\300B\300b\310\002\310$\310d\320RS\320SW\320WZ\320Z]\320]a\320ai\320ij\320jn\320nt\320tu\320uy\320y~\320~\177\360\000\000@\002D\002\360\000\000D\002E\002\330\034!\240\033\250A\250S\260\003\2602\260R\260t\2702\270R\270r\300\023\300B\300b\310\002\310$\310b\320PR\320RT\320TU\330\034!\240\030\250\021\250\"\250B\250d\260\"\260B\260b\270\004\270B\270b\300\004\300B\300b\310\002\310$\310d\320RS\320SW\320WZ\320Z]\320]a\320ai\320ij\320jn\320nt\320tu\320uy\320y~\320~\177\360\000\000@\002D\002\360\000\000D\002E\002\330\034!\240\033\250A\250S\260\003\2602\260R\260t\2702\270R\270r\300\023\300B\300b\310\002\310$\310b\320PR\320RT\320TU\330\034!\240\030\250\021\250\"\250B\250b\260\002\260$\260b\270\002\270\"\270B\270d""\300$\300a\300t\3103\310c\320QU\320U]\320]^\320^b\320bh\320hi\320im\320mr\320rs\320sw\320wx\330\034!\240\033\250A\250S\260\003\2602\260R\260r\270\022\2703\270b\300\002\300\"\300B\300b\310\001\330\034 \240\002\240\"\240B\240b\250\004\250C\250s\260\"\260D\270\002\270#\270R\270t\3002\300S\310\002\310!\330\034 \240\002\240\"\240B\240b\250\004\250C\250s\260\"\260D\270\002\270#\270R\270t\3002\300S\310\002\310!\340\034\"\240$\240a\240s\250\"\250B\250b\260\005\260Q\260a\330\034 \240\004\240B\240a\330\034 \240\003\2401\240A\240Q\330\034\"\240!\2405\250\001\250\021\250#\250R\250w\260b\270\002\270*\300C\300s\310$\310b\320PT\320TV\320VX\320XZ\320Z\\\320\\^\320^`\320`b\320bc\330\034\"\240!\2403\240b\250\005\250R\250w\260b\270\002\270*\300C\300r\310\023\310C\310t\320SU\320UW\320WY\320Y]\320]_\320_a\320ac\320ce\320eg\320gh\330\034!\240\024\240Q\240c\250\023\250B\250b\260\002\260\"\260C\260r\270\021\330\034!\240\024\240Q\240c\250\023\250B\250b\260\002\260\"\260D\270\002\270!\330\034 \240\002\240\"\240B\240b\250\003\2502\250T\260\023\260C\260r\270\024\270R\270s\300\"\300A\330\030\033\2303\230a\230s\240\"\240A\330\034!\240\030\250\021\250#\250S\260\004\260A\260T\270\023\270C\270t\3008\3101\310D\320PV\320VW\320W[\320[`\320`a\320ae\320ef\330\034 \240\n\250!\2503\250d\260#\260T\270\024\270S\300\003\3001\300A\330\030\034\230A\330\030\034\230A\330\024\037\230q\330\024\027\220s\230!\2303\230c\240\021\330\030\034\230A\330\020\023\2201\220C\220u\230A\330\020\023\2205\230\001\230\023\230B\230a\340\024\027\220s\230!\2303\230b\240\001\330\030\035\230Q\230f\240B\240b\250\003\2502\250S\260\001\260\021\340\030\035\230Q\230e\2408\2501\250C\250s\260$\260a\260t\2703\270c\300\024\300Q\300d\310$\310h\320VW\320W[\320[a\320ab\320bf\320fk\320kl\320lp\320pv\320vw\320w{\320{|\330\014\017\210u\220A\220S\230\002\230!\330\020\024\220E\230\025\230a\230q\330\024\031\230\021\230%\230s\240!\2403\240a\330\020\025\220Q\220e\2307\240#\240Q\240c\250\022\2509\260H\270A\330\024\031\230\021\230$\230e\2401\240D\250\004""\250A\250T\260\024\260Q\260c\270\022\2704\270q\300\004\300D\310\004\310A\310T\320QU\320UY\320YZ\320Z^\320^b\320bj\320jk\320ko\320ou\320uv\320vz\320z\177\360\000\000@\002A\002\360\000\000A\002B\002\330\024\032\230!\2304\230q\330\020\024\220A\330\020\024\220E\230\025\230a\230q\330\024\031\230\024\230Q\230c\240\022\2405\250\001\250\021\330\024\027\220s\230#\230T\240\021\240!\330\030\033\2301\230C\230u\240E\250\021\250!\330\030\031\330\024\032\230\"\230B\230b\240\002\240\"\240D\250\004\250A\250R\250r\260\023\260B\260a\330\030\035\230Q\330\024\031\230\024\230Q\230b\240\002\240#\240R\240t\2501\250A\330\024\031\230\023\230B\230d\240!\2404\240r\250\021\330\024\027\220q\230\003\2306\240\025\240a\240s\250#\250T\260\022\2604\260r\270\023\270C\270t\3002\300S\310\003\3104\310r\320QT\320TV\320V[\320[\\\320\\_\320_a\320ad\320df\320fh\320hk\320ko\320oq\320qt\320tw\320w{\320{}\320}~\330!#\2405\250\001\250\022\2502\250S\260\002\260\"\260B\260b\270\003\2704\270r\300\024\300R\300s\310\"\310E\320QR\320RT\320TV\320VY\320Y[\320[^\320^`\320`b\320bd\320df\320fi\320ik\320km\320mn\330\004\010\210\001\210\021\330\004\010\210\001\210\021";
+    #else /* compression: none (4687 bytes) */
+static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and direct><contiguous and indirect><strided and direct or indirect><strided and direct><strided and indirect>>?Cannot assign to read-only memoryviewInvalid mode, expected \047c\047 or \047fortran\047, got Invalid shape in axis Note that Cython is deliberately stricter than PEP-484 and rejects subclasses of builtin types. If you need to pass subclasses then set the \047annotation_typing\047 directive to False.add_notecollections.abcdisableenablegcisenabledmodels/_forward.pyxno default __reduce__ due to non-trivial __cinit__unable to allocate array data.unable to allocate shape and strides.ASCIIEEllipsisHLSequenceTT0View.MemoryViewZ__Pyx_PyDict_NextRef__annotate____class____class_getitem____dict____func____getstate____import____main____module____name____new____pyx_checksum__pyx_state__pyx_type__pyx_unpickle_Enum__pyx_vtable____qualname____reduce____reduce_cython____reduce_ex____set_name____setstate____setstate_cython____test___is_coroutineaabcallocate_bufferasyncio.coroutinesatbbaseccline_in_tracebackcountcurvedelaydqdsdtdtype_is_objectencodeenumerateerrorexponentfastflagsfollowedformatfortranforwardhhbheathiddenhidden_rateiidindexitemsitemsizejkk1k2k3k4kblaglamlast_dtlast_lamlblinkedlinkslossmmemviewmodemodels._forwardnnamendimobjoutpackpair_okpairedphipoppsiqq1qmrateregisterriserowsss1sbsetdefaultshapesinksizeslopesmstartstepstepsstopstructtimeu0u1unpackupdatevalueswxyz1z2z3z4O\200\001\340\004\033\2303\230f\240A\240X\250T\260\026\260q\270\001\340\t\n\330\010\014\210E\220\025\220a\220q\330\014\020\220\006\220a\220q\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\023\2203\220a\220s\230#\230Q\330\024\027\220q\230\003\2305\240\006\240a\240q\330\024\025\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220C\220r\230\023\230A\230Q\330\020\024\220C\220q\230\001\230\021\330\020\026\220a\220t\2302\230S\240\002\240%\240r\250\022\250:\260T\270\022\2704\270r\300\021\330""\020\024\220B\220b\230\002\230#\230T\240\022\2403\240b\250\006\250a\250r\260\022\2603\260c\270\024\270R\270u\300B\300f\310A\310Q\330\020\023\2201\220C\220u\230A\200\001\360\n\000\005\034\2304\230v\240Q\240h\250d\260&\270\001\270\021\360\n\000\005!\240\001\330\004\031\230\032\2406\250\021\250\"\250B\250a\330\004\031\230\032\2406\250\021\250\"\250B\250a\330\004\007\200v\210S\220\005\220S\230\006\230c\240\021\330\010\014\210A\210Q\330\010\014\210A\210Q\330\010\t\330\t\n\330\010\014\210E\220\025\220a\220q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220f\230F\240!\2403\240b\250\007\250q\330\014\020\220\005\220Q\220a\330\014\020\220\001\330\014\020\220\001\330\014\027\220q\330\014\026\220a\330\014\020\220\001\330\014\022\220!\330\014\022\220!\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220D\230\001\230\023\230B\230d\240!\2404\240q\330\020\024\220D\230\001\230\024\230Q\330\020\023\2208\2301\230C\230s\240$\240d\250&\260\001\260\023\260C\260t\2704\270s\300!\3003\300c\310\021\330\024\032\230$\230a\230s\240\"\240B\240b\250\005\250Q\250a\330\024\027\220t\2303\230i\240s\250#\250S\260\001\330\030\034\230D\240\002\240!\330\030\034\230C\230q\240\001\240\021\330\030\033\2302\230R\230q\330\034\"\240#\240S\250\004\250B\250d\260\"\260B\260b\270\002\270\"\270B\270b\300\001\330\034\"\240#\240R\240s\250#\250T\260\022\2602\260R\260t\2702\270R\270r\300\022\3002\300Q\340\034\"\240!\2405\250\001\250\021\250#\250R\250q\330\034#\2403\240b\250\005\250R\250q\330\030#\2401\330\030\"\240!\330\024\031\230\024\230Q\230c\240\023\240B\240b\250\002\250\"\250D\260\001\260\024\260R\260r\270\024\270R\270v\300Q\300d\310\"\310B\310a\330\024\031\230\024\230Q\230c\240\023\240B\240b\250\002\250\"\250D\260\001\260\024\260T\270\022\2706\300\021\300$""\300a\330\024\030\230\002\230\"\230B\230b\240\003\2402\240T\250\023\250C\250r\260\024\260R\260s\270\"\270A\330\024\030\230\001\340\024\030\230\001\330\024\032\230$\230a\230s\240\"\240B\240b\250\005\250Q\250a\330\024\035\230Q\330\024\027\220x\230q\240\003\2403\240d\250$\250f\260A\260S\270\003\2701\330\030\033\2304\230s\240)\2503\250c\260\023\260A\330\034&\240i\250q\260\005\260V\2701\270D\300\013\3101\310D\320PT\320TU\330\034\047\240q\330\034&\240a\330\030!\240\021\330\024\027\220q\330\030\035\230Q\330\030\035\230X\240Q\240c\250\023\250D\260\001\260\024\260S\270\003\2704\270q\300\004\300B\300b\310\004\310E\320QW\320WX\320X\\\320\\a\320ab\320bf\320fl\320lm\320mq\320qs\320su\320uv\330\030\035\230T\240\021\240#\240S\250\002\250\"\250B\250b\260\004\260A\260T\270\022\2702\270T\300\022\3006\310\021\310$\310b\320PR\320RS\330\030\035\230T\240\021\240#\240S\250\002\250\"\250B\250b\260\004\260A\260T\270\024\270R\270v\300Q\300d\310!\330\030\036\230c\240\022\2404\240r\250\021\330\030\034\230A\230Q\230c\240\022\2402\240R\240q\250\001\250\023\250B\250b\260\002\260!\2601\260C\260r\270\023\270B\270a\270q\300\003\3002\300Q\330\030\034\230A\230Q\230c\240\022\2402\240R\240q\250\001\250\023\250B\250b\260\002\260!\2601\260C\260r\270\023\270B\270a\270q\300\003\3002\300Q\330\030\034\230A\330\030\033\2303\230a\230s\240\"\240A\330\034!\240\030\250\021\250#\250S\260\004\260A\260T\270\023\270C\270t\3001\300D\310\004\310E\320QW\320WX\320X\\\320\\a\320ab\320bf\320fl\320lm\320mq\320qr\330\034 \240\n\250!\2503\250d\260#\260T\270\024\270T\300\023\300A\300Q\340\034 \240\001\330\030\033\2301\230C\230u\240A\330\030\033\2305\240\001\240\023\240B\240a\330\034!\240\021\240%\240q\250\002\250\"\250C\250r\260\023\260A\260V\2703\270a\270s\300\"\300I\310X\320UV\330 #\2403\240d\250!\2504\250s\260#\260T\270\021\270$\270d\300%\300v\310Q\310d\320RW\320WX\320X\\\320\\b\320bc\320cg\320gh\330\030\031\330\024\027\220x\230q\240\003\2403\240d\250#\250V\2601\260C\260s\270!\330\030\037\230t\2401\240C\240r\250\022\2503""\250d\260\"\260H\270A\270T\300\022\3006\310\021\310#\310R\310{\320Z[\320[^\320^`\320`e\320ef\320fg\330\030 \240\005\240R\240s\250\"\250A\330\030\036\230b\240\002\240&\250\004\250B\250b\260\001\330\034 \240\002\240\"\240A\330\024\030\230\003\2302\230Q\330\024\032\230$\230a\230t\2403\240b\250\004\250A\250T\260\022\2602\260T\270\022\2701\330\024\032\230&\240\001\240\024\240S\250\002\250&\260\001\260\024\260R\260r\270\024\270R\270q\330\024\030\230\004\230A\230T\240\022\2402\240Q\330\024\030\230\006\230a\230t\2402\240R\240q\330\024\030\230\005\230U\240!\2401\330\030\035\230R\230r\240\024\240R\240q\330\030\035\230R\230r\240\024\240R\240q\330\030\035\230R\230r\240\021\330\030\035\230R\230r\240\021\330\030\035\230Q\330\030\035\230X\240Q\240c\250\023\250D\260\001\260\024\260S\270\003\2703\270h\300a\300t\3106\320QR\320RV\320V[\320[\\\320\\`\320`a\330\030\033\2308\2401\240C\240s\250$\250c\260\026\260q\270\003\2703\270a\330\034!\240\033\250A\250S\260\003\2602\260R\260q\330\034!\240\030\250\021\250\"\250B\250d\260\"\260B\260b\270\004\270B\270b\300\004\300B\300b\310\002\310$\310d\320RS\320SW\320WZ\320Z]\320]a\320ai\320ij\320jn\320nt\320tu\320uy\320y~\320~\177\360\000\000@\002D\002\360\000\000D\002E\002\330\034!\240\033\250A\250S\260\003\2602\260R\260t\2702\270R\270r\300\023\300B\300b\310\002\310$\310b\320PR\320RT\320TU\330\034!\240\030\250\021\250\"\250B\250d\260\"\260B\260b\270\004\270B\270b\300\004\300B\300b\310\002\310$\310d\320RS\320SW\320WZ\320Z]\320]a\320ai\320ij\320jn\320nt\320tu\320uy\320y~\320~\177\360\000\000@\002D\002\360\000\000D\002E\002\330\034!\240\033\250A\250S\260\003\2602\260R\260t\2702\270R\270r\300\023\300B\300b\310\002\310$\310b\320PR\320RT\320TU\330\034!\240\030\250\021\250\"\250B\250b\260\002\260$\260b\270\002\270\"\270B\270d\300$\300a\300t\3103\310c\320QU\320U]\320]^\320^b\320bh\320hi\320im\320mr\320rs\320sw\320wx\330\034!\240\033\250A\250S\260\003\2602\260R\260r\270\022\2703\270b\300\002\300\"\300B\300b\310\001\330\034 \240\002\240\"\240B\240b\250\004""\250C\250s\260\"\260D\270\002\270#\270R\270t\3002\300S\310\002\310!\330\034 \240\002\240\"\240B\240b\250\004\250C\250s\260\"\260D\270\002\270#\270R\270t\3002\300S\310\002\310!\340\034\"\240$\240a\240s\250\"\250B\250b\260\005\260Q\260a\330\034 \240\004\240B\240a\330\034 \240\003\2401\240A\240Q\330\034\"\240!\2405\250\001\250\021\250#\250R\250w\260b\270\002\270*\300C\300s\310$\310b\320PT\320TV\320VX\320XZ\320Z\\\320\\^\320^`\320`b\320bc\330\034\"\240!\2403\240b\250\005\250R\250w\260b\270\002\270*\300C\300r\310\023\310C\310t\320SU\320UW\320WY\320Y]\320]_\320_a\320ac\320ce\320eg\320gh\330\034!\240\024\240Q\240c\250\023\250B\250b\260\002\260\"\260C\260r\270\021\330\034!\240\024\240Q\240c\250\023\250B\250b\260\002\260\"\260D\270\002\270!\330\034 \240\002\240\"\240B\240b\250\003\2502\250T\260\023\260C\260r\270\024\270R\270s\300\"\300A\330\030\033\2303\230a\230s\240\"\240A\330\034!\240\030\250\021\250#\250S\260\004\260A\260T\270\023\270C\270t\3008\3101\310D\320PV\320VW\320W[\320[`\320`a\320ae\320ef\330\034 \240\n\250!\2503\250d\260#\260T\270\024\270S\300\003\3001\300A\330\030\034\230A\330\030\034\230A\330\024\027\220s\230!\2303\230c\240\021\330\030\034\230A\330\020\023\2201\220C\220u\230A\330\020\023\2205\230\001\230\023\230B\230a\340\024\027\220s\230!\2303\230b\240\001\330\030\035\230Q\230f\240B\240b\250\003\2502\250S\260\001\260\021\340\030\035\230Q\230e\2408\2501\250C\250s\260$\260a\260t\2703\270c\300\024\300Q\300d\310$\310h\320VW\320W[\320[a\320ab\320bf\320fk\320kl\320lp\320pv\320vw\320w{\320{|\330\014\017\210u\220A\220S\230\002\230!\330\020\024\220E\230\025\230a\230q\330\024\031\230\021\230%\230s\240!\2403\240a\330\020\025\220Q\220e\2307\240#\240Q\240c\250\022\2509\260H\270A\330\024\031\230\021\230$\230e\2401\240D\250\004\250A\250T\260\024\260Q\260c\270\022\2704\270q\300\004\300D\310\004\310A\310T\320QU\320UY\320YZ\320Z^\320^b\320bj\320jk\320ko\320ou\320uv\320vz\320z\177\360\000\000@\002A\002\360\000\000A\002B\002\330\024\032\230!\2304\230q\330\020\024\220A\330\020""\024\220E\230\025\230a\230q\330\024\031\230\024\230Q\230c\240\022\2405\250\001\250\021\330\024\027\220s\230#\230T\240\021\240!\330\030\033\2301\230C\230u\240E\250\021\250!\330\030\031\330\024\032\230\"\230B\230b\240\002\240\"\240D\250\004\250A\250R\250r\260\023\260B\260a\330\030\035\230Q\330\024\031\230\024\230Q\230b\240\002\240#\240R\240t\2501\250A\330\024\031\230\023\230B\230d\240!\2404\240r\250\021\330\024\027\220q\230\003\2306\240\025\240a\240s\250#\250T\260\022\2604\260r\270\023\270C\270t\3002\300S\310\003\3104\310r\320QT\320TV\320V[\320[\\\320\\_\320_a\320ad\320df\320fh\320hk\320ko\320oq\320qt\320tw\320w{\320{}\320}~\330!#\2405\250\001\250\022\2502\250S\260\002\260\"\260B\260b\270\003\2704\270r\300\024\300R\300s\310\"\310E\320QR\320RT\320TV\320VY\320Y[\320[^\320^`\320`b\320bd\320df\320fi\320ik\320km\320mn\330\004\010\210\001\210\021\330\004\010\210\001\210\021";
     PyObject *data = NULL;
     #define __Pyx_DecompressString_UNUSED
     #define __Pyx_DecompressString_LZSS_UNUSED
     #endif
     PyObject **stringtab = __pyx_mstate->__pyx_string_tab;
     Py_ssize_t pos = 0;
-    for (int i = 0; i < 159; i++) {
+    for (int i = 0; i < 162; i++) {
       Py_ssize_t bytes_length = str_length_index[i].length;
       PyObject *string = PyUnicode_DecodeUTF8(bytes + pos, bytes_length, NULL);
       if (likely(string) && i >= 26) PyUnicode_InternInPlace(&string);
@@ -22836,8 +23536,8 @@ static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and dir
       stringtab[i] = string;
       pos += bytes_length;
     }
-    for (int i = 159; i < 162; i++) {
-      Py_ssize_t bytes_length = bytes_length_index[i-159].length;
+    for (int i = 162; i < 165; i++) {
+      Py_ssize_t bytes_length = bytes_length_index[i-162].length;
       PyObject *string = PyBytes_FromStringAndSize(bytes + pos, bytes_length);
       stringtab[i] = string;
       pos += bytes_length;
@@ -22847,14 +23547,14 @@ static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and dir
       }
     }
     Py_XDECREF(data);
-    for (Py_ssize_t i = 0; i < 162; i++) {
+    for (Py_ssize_t i = 0; i < 165; i++) {
       if (unlikely(PyObject_Hash(stringtab[i]) == -1)) {
         __PYX_ERR(0, 1, __pyx_L1_error)
       }
     }
     #if CYTHON_IMMORTAL_CONSTANTS
     {
-      PyObject **table = stringtab + 159;
+      PyObject **table = stringtab + 162;
       for (Py_ssize_t i=0; i<3; ++i) {
         #if PY_VERSION_HEX >= 0x030F0000
         PyUnstable_SetImmortal(table[i]);
@@ -22942,12 +23642,12 @@ static int __Pyx_CreateCodeObjects(__pyx_mstatetype *__pyx_mstate) {
   PyObject* tuple_dedup_map = PyDict_New();
   if (unlikely(!tuple_dedup_map)) return -1;
   {
-    const __Pyx_PyCode_New_function_description descr = {15, 0, 0, 65, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 28};
-    PyObject* const varnames[] = {__pyx_mstate->__pyx_n_u_time, __pyx_mstate->__pyx_n_u_rate, __pyx_mstate->__pyx_n_u_rise, __pyx_mstate->__pyx_n_u_start, __pyx_mstate->__pyx_n_u_heat, __pyx_mstate->__pyx_n_u_loss, __pyx_mstate->__pyx_n_u_sink, __pyx_mstate->__pyx_n_u_exponent, __pyx_mstate->__pyx_n_u_hidden, __pyx_mstate->__pyx_n_u_hidden_rate, __pyx_mstate->__pyx_n_u_links, __pyx_mstate->__pyx_n_u_linked, __pyx_mstate->__pyx_n_u_lag, __pyx_mstate->__pyx_n_u_delay, __pyx_mstate->__pyx_n_u_out, __pyx_mstate->__pyx_n_u_rows, __pyx_mstate->__pyx_n_u_n, __pyx_mstate->__pyx_n_u_b, __pyx_mstate->__pyx_n_u_k, __pyx_mstate->__pyx_n_u_j, __pyx_mstate->__pyx_n_u_hb, __pyx_mstate->__pyx_n_u_lb, __pyx_mstate->__pyx_n_u_sb, __pyx_mstate->__pyx_n_u_kb, __pyx_mstate->__pyx_n_u_m, __pyx_mstate->__pyx_n_u_i, __pyx_mstate->__pyx_n_u_T, __pyx_mstate->__pyx_n_u_Z, __pyx_mstate->__pyx_n_u_y, __pyx_mstate->__pyx_n_u_dt, __pyx_mstate->__pyx_n_u_h, __pyx_mstate->__pyx_n_u_lam, __pyx_mstate->__pyx_n_u_E, __pyx_mstate->__pyx_n_u_phi, __pyx_mstate->__pyx_n_u_psi, __pyx_mstate->__pyx_n_u_u0, __pyx_mstate->__pyx_n_u_u1, __pyx_mstate->__pyx_n_u_last_lam, __pyx_mstate->__pyx_n_u_last_dt, __pyx_mstate->__pyx_n_u_fast, __pyx_mstate->__pyx_n_u_steps, __pyx_mstate->__pyx_n_u_s, __pyx_mstate->__pyx_n_u_ds, __pyx_mstate->__pyx_n_u_q, __pyx_mstate->__pyx_n_u_dq, __pyx_mstate->__pyx_n_u_sm, __pyx_mstate->__pyx_n_u_qm, __pyx_mstate->__pyx_n_u_s1, __pyx_mstate->__pyx_n_u_q1, __pyx_mstate->__pyx_n_u_H, __pyx_mstate->__pyx_n_u_L, __pyx_mstate->__pyx_n_u_a, __pyx_mstate->__pyx_n_u_at, __pyx_mstate->__pyx_n_u_x, __pyx_mstate->__pyx_n_u_k1, __pyx_mstate->__pyx_n_u_k2, __pyx_mstate->__pyx_n_u_k3, __pyx_mstate->__pyx_n_u_k4, __pyx_mstate->__pyx_n_u_z1, __pyx_mstate->__pyx_n_u_z2, __pyx_mstate->__pyx_n_u_z3, __pyx_mstate->__pyx_n_u_z4, __pyx_mstate->__pyx_n_u_T0, __pyx_mstate->__pyx_n_u_curve, __pyx_mstate->__pyx_n_u_slope};
+    const __Pyx_PyCode_New_function_description descr = {15, 0, 0, 68, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 56};
+    PyObject* const varnames[] = {__pyx_mstate->__pyx_n_u_time, __pyx_mstate->__pyx_n_u_rate, __pyx_mstate->__pyx_n_u_rise, __pyx_mstate->__pyx_n_u_start, __pyx_mstate->__pyx_n_u_heat, __pyx_mstate->__pyx_n_u_loss, __pyx_mstate->__pyx_n_u_sink, __pyx_mstate->__pyx_n_u_exponent, __pyx_mstate->__pyx_n_u_hidden, __pyx_mstate->__pyx_n_u_hidden_rate, __pyx_mstate->__pyx_n_u_links, __pyx_mstate->__pyx_n_u_linked, __pyx_mstate->__pyx_n_u_lag, __pyx_mstate->__pyx_n_u_delay, __pyx_mstate->__pyx_n_u_out, __pyx_mstate->__pyx_n_u_rows, __pyx_mstate->__pyx_n_u_n, __pyx_mstate->__pyx_n_u_b, __pyx_mstate->__pyx_n_u_k, __pyx_mstate->__pyx_n_u_j, __pyx_mstate->__pyx_n_u_hb, __pyx_mstate->__pyx_n_u_lb, __pyx_mstate->__pyx_n_u_sb, __pyx_mstate->__pyx_n_u_kb, __pyx_mstate->__pyx_n_u_m, __pyx_mstate->__pyx_n_u_i, __pyx_mstate->__pyx_n_u_T, __pyx_mstate->__pyx_n_u_Z, __pyx_mstate->__pyx_n_u_y, __pyx_mstate->__pyx_n_u_dt, __pyx_mstate->__pyx_n_u_h, __pyx_mstate->__pyx_n_u_lam, __pyx_mstate->__pyx_n_u_E, __pyx_mstate->__pyx_n_u_phi, __pyx_mstate->__pyx_n_u_psi, __pyx_mstate->__pyx_n_u_u0, __pyx_mstate->__pyx_n_u_u1, __pyx_mstate->__pyx_n_u_last_lam, __pyx_mstate->__pyx_n_u_last_dt, __pyx_mstate->__pyx_n_u_fast, __pyx_mstate->__pyx_n_u_steps, __pyx_mstate->__pyx_n_u_s, __pyx_mstate->__pyx_n_u_ds, __pyx_mstate->__pyx_n_u_q, __pyx_mstate->__pyx_n_u_dq, __pyx_mstate->__pyx_n_u_sm, __pyx_mstate->__pyx_n_u_qm, __pyx_mstate->__pyx_n_u_s1, __pyx_mstate->__pyx_n_u_q1, __pyx_mstate->__pyx_n_u_H, __pyx_mstate->__pyx_n_u_L, __pyx_mstate->__pyx_n_u_a, __pyx_mstate->__pyx_n_u_at, __pyx_mstate->__pyx_n_u_x, __pyx_mstate->__pyx_n_u_k1, __pyx_mstate->__pyx_n_u_k2, __pyx_mstate->__pyx_n_u_k3, __pyx_mstate->__pyx_n_u_k4, __pyx_mstate->__pyx_n_u_z1, __pyx_mstate->__pyx_n_u_z2, __pyx_mstate->__pyx_n_u_z3, __pyx_mstate->__pyx_n_u_z4, __pyx_mstate->__pyx_n_u_T0, __pyx_mstate->__pyx_n_u_w, __pyx_mstate->__pyx_n_u_paired, __pyx_mstate->__pyx_n_u_pair_ok, __pyx_mstate->__pyx_n_u_curve, __pyx_mstate->__pyx_n_u_slope};
     __pyx_mstate_global->__pyx_codeobj_tab[0] = __Pyx_PyCode_New(descr, varnames, __pyx_mstate->__pyx_kp_u_models__forward_pyx, __pyx_mstate->__pyx_n_u_forward, __pyx_mstate->__pyx_kp_b_iso88591_4vQhd_6_Ba_6_Ba_vS_S_c_AQ_AQ_E, tuple_dedup_map); if (unlikely(!__pyx_mstate_global->__pyx_codeobj_tab[0])) goto bad;
   }
   {
-    const __Pyx_PyCode_New_function_description descr = {4, 0, 0, 13, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 154};
+    const __Pyx_PyCode_New_function_description descr = {4, 0, 0, 13, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 210};
     PyObject* const varnames[] = {__pyx_mstate->__pyx_n_u_time, __pyx_mstate->__pyx_n_u_values, __pyx_mstate->__pyx_n_u_lag, __pyx_mstate->__pyx_n_u_out, __pyx_mstate->__pyx_n_u_rows, __pyx_mstate->__pyx_n_u_n, __pyx_mstate->__pyx_n_u_b, __pyx_mstate->__pyx_n_u_k, __pyx_mstate->__pyx_n_u_a, __pyx_mstate->__pyx_n_u_E, __pyx_mstate->__pyx_n_u_phi, __pyx_mstate->__pyx_n_u_dt, __pyx_mstate->__pyx_n_u_y};
     __pyx_mstate_global->__pyx_codeobj_tab[1] = __Pyx_PyCode_New(descr, varnames, __pyx_mstate->__pyx_kp_u_models__forward_pyx, __pyx_mstate->__pyx_n_u_followed, __pyx_mstate->__pyx_kp_b_iso88591_3fAXT_q_E_aq_aq_q_5_U_3a_3as_Q, tuple_dedup_map); if (unlikely(!__pyx_mstate_global->__pyx_codeobj_tab[1])) goto bad;
   }

@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Compiled twin of :mod:`models._forward_numpy`: same names, same arguments, same numbers."""
-from libc.math cimport exp, expm1, fabs, pow
+from libc.math cimport exp, expm1, fabs, pow, sqrt
 from libc.stdlib cimport free, malloc
 
 cdef enum:
@@ -14,6 +14,34 @@ cdef inline double slope_of(double T, double Z, double rate, double heat, double
     if exponent != 0.0:
         g = loss * pow((fabs(above) + 1e-9) / 40.0, exponent)
     return rate * (heat - g * above) - hidden * (T - Z) - (links * T - linked)
+
+
+cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:
+    """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
+    cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+    root = (a - r) * (a - r) + 4.0 * hidden * r
+    if not root > 1e-8 * (a + r) * (a + r):
+        return False
+    root = sqrt(root)
+    l1 = -0.5 * (a + r + root)
+    l2 = -(lam * r) / (0.5 * (a + r + root))
+    e1 = exp(l1 * dt)
+    e2 = exp(l2 * dt)
+    f1 = expm1(l1 * dt) / l1
+    f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+    g1 = (f1 - dt) / l1
+    g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
+    d = l1 - l2
+    # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+    w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
+    w[1] = (e1 - e2) * hidden / d
+    w[2] = (e1 - e2) * r / d
+    w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
+    w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
+    w[5] = (f1 - f2) * r / d
+    w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
+    w[7] = (g1 - g2) * r / d
+    return True
 
 
 cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag) noexcept nogil:
@@ -34,6 +62,8 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
     cdef double T, Z, y, dt, h, lam, E, phi, psi, u0, u1, last_lam, last_dt, fast, steps
     cdef double s, ds, q, dq, sm, qm, s1, q1, H, L, a, at, x
     cdef double k1, k2, k3, k4, z1, z2, z3, z4, T0
+    cdef double w[8]
+    cdef bint paired, pair_ok = False
     cdef double* curve = <double*> malloc(n * sizeof(double))
     cdef double* slope = <double*> malloc(n * sizeof(double))
     if curve == NULL or slope == NULL:
@@ -78,6 +108,33 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
                     y = T
                 else:
                     m = 1
+                    lam = rate[b] * L + links[b]
+                    paired = False
+                    if exponent[b] == 0.0 and hidden[b] != 0.0:
+                        if lam != last_lam or dt != last_dt:
+                            pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
+                            last_lam = lam
+                            last_dt = dt
+                        paired = pair_ok
+                    if paired:
+                        T0 = T
+                        k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], 0.0, hidden[b], links[b], linked[kb, k - 1])
+                        u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
+                        u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
+                        ds = (u1 - u0) / dt
+                        s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
+                        Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
+                        T = s
+                        if lag[b] > 0.0:
+                            k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+                            y = late_probe(y, T0, T, k1, k4, dt, lag[b])
+                        else:
+                            y = T
+                        out[b, k] = y
+                        if delay[b] > 0.0:
+                            slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
+                                T, Z, rate[b], H, L, sink[sb, k], 0.0, hidden[b], links[b], linked[kb, k])
+                        continue
                     if exponent[b] != 0.0 or hidden[b] != 0.0:
                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
                         steps = fast * dt / 0.3
@@ -119,7 +176,6 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
                             y = late_probe(y, T0, T, k1, k4, h, lag[b])
                         s = s1
                         q = q1
-                    last_lam = -1.0
                     if lag[b] == 0.0:
                         y = T
                 out[b, k] = y

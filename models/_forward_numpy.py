@@ -47,7 +47,7 @@ def forward(
     rows, n = out.shape
     shape = (rows, n)
     heat, loss, sink, linked = (np.broadcast_to(a, shape) for a in (heat, loss, sink, linked))
-    simple = (exponent == 0.0) & (hidden == 0.0)
+    simple = exponent == 0.0
     temperature, mass, reading = start.copy(), start.copy(), start.copy()
     slope = np.zeros(shape)
     out[:, 0] = start
@@ -68,15 +68,23 @@ def forward(
         psi = np.where(small, dt * dt * (0.5 - a / 6.0 + a * a / 24.0), (dt - phi) / safe)
         u0 = rate * (rise * heat[:, k] + loss[:, k] * sink[:, k - 1]) + linked[:, k - 1]
         u1 = rate * (rise * heat[:, k] + loss[:, k] * sink[:, k]) + linked[:, k]
-        exact = temperature * np.exp(-a) + u0 * phi + (u1 - u0) / dt * psi
+        exact, exact_mass = temperature * np.exp(-a) + u0 * phi + (u1 - u0) / dt * psi, mass
+        pair = (hidden != 0.0) & simple
+        if pair.any():
+            w, good = _two_lumps(lam, hidden, hidden_rate, dt)
+            pair &= good
+            ramp = (u1 - u0) / dt
+            first = w[0] * temperature + w[1] * mass + w[4] * u0 + w[6] * ramp
+            second = w[2] * temperature + w[3] * mass + w[5] * u0 + w[7] * ramp
+            exact, exact_mass = np.where(pair, first, exact), np.where(pair, second, mass)
+        direct = simple & ((hidden == 0.0) | pair)
         begin = moves(temperature, mass, k, sink[:, k - 1], linked[:, k - 1])
-        end = moves(exact, mass, k, sink[:, k], linked[:, k])
+        end = moves(exact, exact_mass, k, sink[:, k], linked[:, k])
         probed = _late_probe(reading, temperature, exact, begin, end, dt, lag)
-        stepped, mass, stepped_probe = _substeps(
-            k, dt, temperature, mass, reading, (rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag), moves, simple
-        )
-        temperature = np.where(simple, exact, stepped)
-        reading = np.where(lag > 0.0, np.where(simple, probed, stepped_probe), temperature)
+        parts = (rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag)
+        stepped, stepped_mass, stepped_probe = _substeps(k, dt, temperature, mass, reading, parts, moves, direct)
+        temperature, mass = np.where(direct, exact, stepped), np.where(direct, exact_mass, stepped_mass)
+        reading = np.where(lag > 0.0, np.where(direct, probed, stepped_probe), temperature)
         out[:, k] = reading
         follows = (temperature - reading) / np.where(lag > 0.0, lag, 1.0)
         slope[:, k] = np.where(lag > 0.0, follows, moves(temperature, mass, k, sink[:, k], linked[:, k]))
@@ -85,11 +93,11 @@ def forward(
         out[b] = _late(time, out[b].copy(), slope[b], float(delay[b]))
 
 
-def _substeps(k, dt, T, Z, y, parts, moves, simple):  # type: ignore[no-untyped-def]
+def _substeps(k, dt, T, Z, y, parts, moves, direct):  # type: ignore[no-untyped-def]
     """One interval by the classical Runge-Kutta rule, each row in its own number of equal pieces."""
     rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag = parts
     fast = rate * loss[:, k] * (1.0 + exponent) + hidden + hidden_rate + links
-    fast = np.where(simple, 0.0, fast)
+    fast = np.where(direct, 0.0, fast)
     pieces = np.array([min(MOST_SUBSTEPS, 1 << max(0, math.ceil(math.log2(max(f * dt / STEP, 1.0))))) for f in fast])
     for i in range(int(pieces.max())):
         live = i < pieces
@@ -108,6 +116,34 @@ def _substeps(k, dt, T, Z, y, parts, moves, simple):  # type: ignore[no-untyped-
         y1 = _late_probe(y, T, T1, k1, moves(T1, Z1, k, s + ds, q + dq), h, lag)
         T, Z, y = np.where(live, T1, T), np.where(live, Z1, Z), np.where(live, y1, y)
     return T, Z, y
+
+
+def _two_lumps(lam: Array, hidden: Array, r: Array, dt: float) -> tuple[list[Array], NDArray[np.bool_]]:
+    """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; and where modes are apart."""
+    a = lam + hidden
+    square = (a - r) ** 2 + 4.0 * hidden * r
+    good = square > 1e-8 * (a + r) ** 2
+    root = np.sqrt(np.where(good, square, 1.0))
+    l1 = -0.5 * (a + r + root)
+    l2 = -(lam * r) / (0.5 * (a + r + root))
+    e1, e2 = np.exp(l1 * dt), np.exp(l2 * dt)
+    safe = np.where(l2 * dt < -1e-12, l2, -1.0)
+    f1, f2 = np.expm1(l1 * dt) / l1, np.where(l2 * dt < -1e-12, np.expm1(l2 * dt) / safe, dt)
+    g1 = (f1 - dt) / l1
+    g2 = np.where(l2 * dt < -1e-5, (f2 - dt) / safe, dt * dt * (0.5 + l2 * dt / 6.0))
+    d = l1 - l2
+    # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+    weights = [
+        (e1 * (-a - l2) + e2 * (l1 + a)) / d,
+        (e1 - e2) * hidden / d,
+        (e1 - e2) * r / d,
+        (e1 * (-r - l2) + e2 * (l1 + r)) / d,
+        (f1 * (-a - l2) + f2 * (l1 + a)) / d,
+        (f1 - f2) * r / d,
+        (g1 * (-a - l2) + g2 * (l1 + a)) / d,
+        (g1 - g2) * r / d,
+    ]
+    return weights, good
 
 
 def _late_probe(y: Array, T0: Array, T1: Array, s0: Array, s1: Array, h: Array | float, lag: Array) -> Array:

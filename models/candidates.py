@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .effects.base import Choice, Effect
-from .joint import Fit, Model, Part, at_rates, fit_model, rows_of, search, with_parts
+from .joint import MOST_ITERATIONS, Fit, Model, Part, at_rates, fit_model, rows_of, search, with_parts
 from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, noise_floor
 from .kernel import Array
 from .observations import Observations
@@ -16,6 +16,8 @@ from .scan import Scan, own_starts, scan, shared_starts
 
 #: Starts of a shared effect that are followed to their end.
 FOLLOWED = 3
+#: Iterations of a quick look.
+QUICK = 8
 #: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
 CONCERNED = 0.01
 #: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.
@@ -103,19 +105,24 @@ def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Sca
             best = max(best, starts[0][0] if starts else 0.0)
         return best, scans
     per_sensor = np.max([found.gain.max(axis=0) for _, found in scans], axis=0)
+    if len(scans) == 1 and not effect.event:
+        more = [scans[0][1], *_from_other_rates(fit, effect, scans[0][0])]
+        per_sensor = np.maximum(own_starts(more, effect, 0)[0], 0.0)
     return float(per_sensor.sum() if effect.scope == "sensor" else per_sensor.max()), scans
 
 
-def try_add(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None = None) -> Candidate | None:
-    """The best model that adds `effect` to a fit; None where the run lacks what it needs."""
+def try_add(
+    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None = None, quick: bool = False
+) -> Candidate | None:
+    """The best model that adds `effect` to a fit; None where the run lacks what it needs. `quick` follows the best start only."""
     scans = first_order(before, effect)[1] if scans is None else scans
     if not scans:
         return None
     if effect.scope == "run":
-        return _shared(before, effect, scans)
+        return _shared(before, effect, scans, quick)
     if effect.scope == "one":
-        return _single(before, effect, scans)
-    return _own(before, effect, scans)
+        return _single(before, effect, scans, quick)
+    return _own(before, effect, scans, quick)
 
 
 def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate:
@@ -126,21 +133,23 @@ def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate
     return Candidate(after, own, chance(effect, own, free, trials(effect, before.run)))
 
 
-def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate:
+def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
     run, at = before.run, len(before.model.parts)
     best: tuple[float, Fit, Part] | None = None
-    most = FOLLOWED if len(scans) < 3 else 1
+    most = 1 if quick or len(scans) > 2 else FOLLOWED
     for choice, found in scans:
         part = Part(effect, choice)
         parts = [*before.model.parts, part]
         base = with_parts(before, parts)
-        for _, start in shared_starts(found, effect, at, most):
-            fit = fit_model(run, parts, {**base, **start})
+        starts = shared_starts(found, effect, at, most)
+        starts += [(0.0, {**starts[0][1], (at, effect.amplitude): large}) for large in effect.large_starts()]
+        for _, start in starts:
+            fit = fit_model(run, parts, {**base, **start}, None, QUICK if quick else MOST_ITERATIONS)
             value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
             if best is None or value > best[0]:
                 best = value, fit, part
     assert best is not None
-    best = _elaborate(before, effect, best)
+    best = best if quick else _elaborate(before, effect, best)
     return _candidate(before, best[1], effect, best[2])
 
 
@@ -170,15 +179,15 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
     return best
 
 
-def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate:
+def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
     run, at, n = before.run, len(before.model.parts), before.run.sensors
     best: Candidate | None = None
     for choice, found in scans:
         promised, start = own_starts([found, *_from_other_rates(before, effect, choice)], effect, at)
-        for i in np.argsort(promised)[::-1][:2]:
+        for i in np.argsort(promised)[::-1][: 1 if quick else 2]:
             part = Part(effect, choice, tuple(bool(j == i) for j in range(n)))
             parts = [*before.model.parts, part]
-            fit = fit_model(run, parts, {**with_parts(before, parts), **start})
+            fit = fit_model(run, parts, {**with_parts(before, parts), **start}, None, QUICK if quick else MOST_ITERATIONS)
             candidate = _candidate(before, fit, effect, part)
             if best is None or candidate.gain > best.gain:
                 best = candidate
@@ -190,13 +199,13 @@ def _from_other_rates(before: Fit, effect: Effect, choice: Choice) -> list[Scan]
     return [scan(at_rates(before, factor), effect, choice, before.noise) for factor in OTHER_RATES]
 
 
-def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candidate | None:
+def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate | None:
     """Each sensor by itself from several starts, all at once; then those it concerns, with what is shared."""
     run, at, n = before.run, len(before.model.parts), before.run.sensors
     sensors = np.arange(n)
     best_cost = before.rss.copy()
     best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
-    for choice, starts in _own_choices(before, effect, scans, at):
+    for choice, starts in _own_choices(before, effect, scans, at, quick):
         part = Part(effect, choice)
         parts = [*before.model.parts, part]
         model = Model(run, parts)
@@ -206,7 +215,7 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candi
             local, shared = model.vector({**base, **start})
             stacked.append(local)
         tiled = np.tile(sensors, len(starts))
-        fit = search(model, np.concatenate(stacked), shared, None, 25, tiled, hold_shared=True)
+        fit = search(model, np.concatenate(stacked), shared, None, QUICK if quick else 25, tiled, hold_shared=True)
         cost = np.where(np.isfinite(fit.rss), fit.rss, np.inf).reshape(len(starts), n)
         row = np.argmin(cost, axis=0)
         for i in sensors:
@@ -220,7 +229,7 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]]) -> Candi
     concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < CONCERNED for i in range(n)])
     if not concerned.any():
         concerned[int(np.argmax(own))] = True
-    return _joined(before, effect, best_rows, concerned)
+    return _joined(before, effect, best_rows, concerned, quick)
 
 
 def _plain_gains(before: Fit, after: Fit) -> Array:
@@ -229,7 +238,7 @@ def _plain_gains(before: Fit, after: Fit) -> Array:
 
 
 def _own_choices(
-    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], at: int
+    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], at: int, quick: bool
 ) -> list[tuple[Choice, list[dict[tuple[int, str], Any]]]]:
     """Ways of acting and starts of an effect that each sensor has for itself; neighbours are composed from the most promising."""
     run = before.run
@@ -241,7 +250,7 @@ def _own_choices(
         amplitude = np.array([s.amplitude[0] for _, s in scans])
         order = np.argsort(-promised, axis=0)
         sensors = np.arange(run.sensors)
-        for rank in range(min(9, len(scans))):
+        for rank in range(min(1 if quick else 9, len(scans))):
             pick = order[rank]
             source = np.array([int(scans[p][0].constants["source"][i]) for i, p in enumerate(pick)])
             small = {(at, effect.amplitude): amplitude[pick, sensors]}
@@ -250,7 +259,7 @@ def _own_choices(
     for choice, s in scans:
         _, start = own_starts([s, *_from_other_rates(before, effect, choice)], effect, at)
         starts = [start]
-        for amplitude in effect.large_starts():
+        for amplitude in () if quick else effect.large_starts():
             for point in s.points[1::5] if len(s.points) > 1 else [{}]:
                 values = {(at, k): np.full(run.sensors, v) for k, v in point.items()}
                 starts.append({(at, effect.amplitude): np.full(run.sensors, amplitude * scale), **values})
@@ -258,7 +267,7 @@ def _own_choices(
     return found
 
 
-def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any) -> Candidate | None:
+def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any, quick: bool) -> Candidate | None:
     run, n = before.run, before.run.sensors
     chosen = next((r for r in rows if r is not None), None)
     if chosen is None:
@@ -274,8 +283,9 @@ def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] 
     for i, r in enumerate(rows):
         if r is not None and concerned[i]:
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
-    fit = search(model, local, shared)
-    fit, part = _pruned(fit, part)
+    fit = search(model, local, shared, None, QUICK if quick else MOST_ITERATIONS)
+    if not quick:
+        fit, part = _pruned(fit, part)
     return _candidate(before, fit, effect, part)
 
 

@@ -12,21 +12,26 @@ from itertools import pairwise
 import numpy as np
 
 from .candidates import Candidate, first_order, trials, try_add
-from .effects.base import Effect
+from .effects.base import Choice, Effect
 from .heldout import held_out_errors
 from .joint import Fit, Model, fit_model, search, with_parts
 from .judge import PATTERN, chance, gains, least_p, noise_floor
 from .kernel import Array
 from .observations import Observations
+from .scan import Scan
 
 #: Chance, over all effects and sensors of a run, of naming an effect that is not there.
 FALSE_ALARM = 0.01
 #: A single effect whose residuals look like noise with this probability is not doubted.
 SOUND = 0.05
-#: Pairs that are fitted to their end.
-PAIRS = 16
+#: Pairs that are looked at.
+PAIRS = 24
+#: Partners that each single effect brings.
+PARTNERS = 4
 #: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
-REFINED = 5
+REFINED = 4
+#: Effects that are tried in the place of each one of the best pair.
+EXCHANGED = 2
 #: A log-likelihood ratio (times two) within which two models fit equally well.
 EQUAL = 9.0
 #: A model that leaves more than this share of the best one's misfit is no rival.
@@ -104,48 +109,82 @@ def total_gain(base: Fit, candidate: Candidate) -> float:
 def _pairs(
     base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate]
 ) -> list[Candidate]:
-    """Pairs in the order of what a first-order step promises; on top of a single that does, only what is clearly promised."""
-    by_id = {e.id: e for e in effects}
-    promised: dict[frozenset[str], tuple[float, Candidate, str]] = {}
-    scans = {}
-    starts = good[:3] if good else singles
-    for single in starts:
-        own = total_gain(base, single)
+    """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
+    promised: dict[frozenset[str], tuple[float, Candidate, Effect, list[tuple[Choice, Scan]]]] = {}
+    for single in good[:3] if good else singles:
+        offers = []
         for effect in effects:
-            if effect.id in single.ids:
-                continue
-            value, found = first_order(single.fit, effect)
-            if not found or (good and value < 25.0):
-                continue
-            key = frozenset((*single.ids, effect.id))
-            if key not in promised or own + value > promised[key][0]:
-                promised[key] = own + value, single, effect.id
-                scans[key] = found
-    order = sorted(promised, key=lambda k: -promised[k][0])[: 4 if good else PAIRS]
+            if effect.id not in single.ids:
+                value, scans = first_order(single.fit, effect)
+                if scans and (not good or value > 25.0):
+                    offers.append((total_gain(base, single) + value, single, effect, scans))
+        offers.sort(key=lambda o: -o[0])
+        # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
+        for offer in offers[:PARTNERS]:
+            key = frozenset((*single.ids, offer[2].id))
+            if key not in promised or offer[0] > promised[key][0]:
+                promised[key] = offer
     of_single = {c.ids[0]: c for c in singles}
     found_pairs = []
-    for key in order:
-        _, single, added = promised[key]
-        pair = try_add(single.fit, by_id[added], scans[key])
+    for key in sorted(promised, key=lambda k: -promised[k][0])[: 4 if good else PAIRS]:
+        _, single, effect, scans = promised[key]
+        pair = try_add(single.fit, effect, scans, quick=not good)
         if pair is not None:
             found_pairs.append(pair)
     found_pairs.sort(key=lambda c: -total_gain(base, c))
     for i, pair in enumerate(found_pairs[:REFINED]):
-        if not pair.at_floor:
+        if not good or not _sound(pair):
             found_pairs[i] = _refined(base, pair)
+    found_pairs.sort(key=lambda c: -total_gain(base, c))
+    if found_pairs and not good and not _sound(found_pairs[0]):
+        found_pairs += _exchanged(base, found_pairs[0], effects, {frozenset(c.ids) for c in found_pairs})
     return [_needed(pair, of_single) for pair in found_pairs]
+
+
+def _sound(candidate: Candidate) -> bool:
+    return least_p(candidate.floor) > SOUND and candidate.identifiable.ok and physical(candidate)
+
+
+def _held(base: Fit, pair: Candidate, without: str) -> Fit:
+    """The pair's model without one of its effects, all else as the pair has it."""
+    others = [p for p in pair.parts if p.id != without]
+    model = Model(base.run, others)
+    return search(model, *model.vector(with_parts(pair.fit, others)), most=0)
 
 
 def _refined(base: Fit, pair: Candidate) -> Candidate:
     """Each effect of a pair looked for anew while the other stands as the pair has it."""
     for part in pair.parts:
-        others = [p for p in pair.parts if p.id != part.id]
-        model = Model(base.run, others)
-        held = search(model, *model.vector(with_parts(pair.fit, others)), most=0)
-        again = try_add(held, part.effect)
-        if again is not None and total_gain(base, again) > total_gain(base, pair) + 1.0:
+        again = try_add(_held(base, pair, part.id), part.effect)
+        if again is not None and _worth(base, again) > _worth(base, pair):
             pair = again
     return pair
+
+
+def _worth(base: Fit, candidate: Candidate) -> float:
+    """Gain less what parameters gain by chance."""
+    return total_gain(base, candidate) - 2.0 * candidate.parameters
+
+
+def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], seen: set[frozenset[str]]) -> list[Candidate]:
+    """Pairs that share one effect with the best one and that a first-order step promises most of."""
+    found = []
+    for part in pair.parts:
+        held = _held(base, pair, part.id)
+        kept = next(p.id for p in pair.parts if p.id != part.id)
+        options = []
+        for effect in effects:
+            if effect.id in (kept, part.id) or frozenset((kept, effect.id)) in seen:
+                continue
+            value, scans = first_order(held, effect)
+            if scans:
+                options.append((value, effect, scans))
+        options.sort(key=lambda o: -o[0])
+        for _, effect, scans in options[:EXCHANGED]:
+            other = try_add(held, effect, scans)
+            if other is not None:
+                found.append(other if _sound(other) else _refined(base, other))
+    return found
 
 
 def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:

@@ -23,3 +23,6 @@ class NonlinearLoss(Effect):
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.exponent = drive.exponent + p.exponent
+
+    def large_starts(self) -> tuple[float, ...]:
+        return (0.5,)
