@@ -17,7 +17,7 @@ from .scan import Scan, own_starts, scan, shared_starts
 #: Starts of a shared effect that are followed to their end.
 FOLLOWED = 3
 #: Iterations of a quick look.
-QUICK = 8
+QUICK = 14
 #: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
 CONCERNED = 0.01
 #: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.

@@ -31,7 +31,7 @@ PARTNERS = 4
 #: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
 REFINED = 4
 #: Effects that are tried in the place of each one of the best pair.
-EXCHANGED = 2
+EXCHANGED = 5
 #: A log-likelihood ratio (times two) within which two models fit equally well.
 EQUAL = 9.0
 #: A model that leaves more than this share of the best one's misfit is no rival.
@@ -180,10 +180,9 @@ def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], seen: set[
             if scans:
                 options.append((value, effect, scans))
         options.sort(key=lambda o: -o[0])
-        for _, effect, scans in options[:EXCHANGED]:
-            other = try_add(held, effect, scans)
-            if other is not None:
-                found.append(other if _sound(other) else _refined(base, other))
+        quick = [try_add(held, effect, scans, quick=True) for _, effect, scans in options[:EXCHANGED]]
+        likely = sorted([c for c in quick if c is not None], key=lambda c: -total_gain(base, c))
+        found += [_refined(base, c) for c in likely[:2]]
     return found
 
 

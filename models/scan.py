@@ -4,7 +4,7 @@ To first order an effect of amplitude a adds a h(t) to each sensor's curve. What
 with the residuals: one division gives the best amplitude and its gain, for hundreds of event times or periods at once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,40 @@ class Scan:
     fit: Fit
 
 
+def _tangents(fit: Fit, root: Array, seen: Array) -> list[Array]:
+    """Orthonormal directions (n seen, m) in which the fit of each sensor can move, weighted by root (S, N)."""
+    bases = []
+    for i in range(fit.run.sensors):
+        own = fit.by_local[fit.model.active[i], i]
+        tangent = (np.concatenate([own, fit.by_shared[:, i]]) * root[i]).T[seen]
+        scale = np.maximum(np.sqrt((tangent**2).sum(axis=0)), 1e-300)
+        u, s, _ = np.linalg.svd(tangent / scale, full_matrices=False)
+        bases.append(u[:, s > 1e-7])
+    return bases
+
+
+def _responses(fit: Fit, effect: Effect, points: list[dict[str, float]], root: Array, seen: Array) -> Callable[[int], Array]:
+    """Changes (G, n seen) of a sensor's curve for a wave of depth 1: a lump answers a wave with a wave.
+
+    What the start of the wave adds decays like the curve itself and lies in the fit's own directions.
+    """
+    omega = 2.0 * np.pi / np.array([p["period"] for p in points[::2]])
+    turn = omega[:, None] * fit.run.time[seen]
+    sine, cosine = np.sin(turn), np.cos(turn)
+    values = fit.values
+
+    def of(i: int) -> Array:
+        rate, rise = values[-1, "rate"][i], values[-1, "level"][i] - fit.model.sink_guess
+        answer = rise * rate / (rate + 1j * omega)
+        first = answer.real[:, None] * sine + answer.imag[:, None] * cosine
+        second = answer.imag[:, None] * sine - answer.real[:, None] * cosine
+        both = np.empty((len(points), len(seen)))
+        both[::2], both[1::2] = first, second
+        return both * root[i][seen]
+
+    return of
+
+
 def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -> Scan:
     """First-order gains of adding an effect to a fit, in units of the noise variance (S,): that of the fit by default."""
     run = fit.run
@@ -45,41 +79,28 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     nudge = 0.02 * ((main.start - main.null) or 1.0) * (run.span if main.share else 1.0)
     base = with_parts(fit, parts)
     n = run.sensors
-    weight = run.weight / (fit.noise if noise is None else noise)[:, None] ** 2
-    root = np.sqrt(weight)
+    root = np.sqrt(run.weight / (fit.noise if noise is None else noise)[:, None] ** 2)
     seen = np.flatnonzero(run.used.any(axis=0))
-    bases = []
-    for i in range(n):
-        tangent = np.zeros((len(run.time), len(fit.by_local) + len(fit.by_shared)))
-        tangent[:, : len(fit.by_local)] = (fit.by_local[:, i] * fit.model.active[i][:, None]).T
-        tangent[:, len(fit.by_local) :] = fit.by_shared[:, i].T
-        tangent = tangent * root[i][:, None]
-        scale = np.maximum(np.sqrt((tangent**2).sum(axis=0)), 1e-300)
-        u, s, _ = np.linalg.svd((tangent / scale)[seen], full_matrices=False)
-        bases.append(u[:, s > 1e-7])
+    bases = _tangents(fit, root, seen)
     residual = (fit.residual * root)[:, seen]
     per = max(1, CHUNK // (n * len(run.time)))
     along, size = np.empty((len(points), n)), np.empty((len(points), n))
-    sensors = np.arange(n)
-    for first in range(0, len(points), per):
-        some = points[first : first + per]
-        local, shared = [], []
-        for point in some:
-            named = {**base, (at, effect.amplitude): main.null + nudge, **{(at, k): v for k, v in point.items()}}
-            rows, common = model.vector(named)
-            local.append(rows)
-            shared.append(np.broadcast_to(common, (n, len(common))))
-        curves = model.forward(np.concatenate(local), np.concatenate(shared), np.tile(sensors, len(some)))
-        change = (curves.reshape(len(some), n, -1) - fit.curve) * (root / nudge)
-        change = np.nan_to_num(change[:, :, seen])
+    wave = _responses(fit, effect, points, root, seen) if "phase" in points[0] and effect.id == "cyclic_load" else None
+    for first in range(0, len(points), len(points) if wave else per):
+        some = points[first : first + (len(points) if wave else per)]
+        change = None if wave else _changes(fit, model, base, at, effect, main.null + nudge, some)
         for i in range(n):
-            h = change[:, i]
+            if wave:
+                h = wave(i)
+            else:
+                assert change is not None
+                h = np.nan_to_num(((change[:, i] - fit.curve[i]) * (root[i] / nudge))[:, seen])
             whole = (h * h).sum(axis=1)
             h = h - (h @ bases[i]) @ bases[i].T
-            along[first : first + per, i] = h @ residual[i]
+            along[first : first + len(some), i] = h @ residual[i]
             own = (h * h).sum(axis=1)
             # What the fit imitates to the last digits is no direction of its own.
-            size[first : first + per, i] = np.where(own > 1e-9 * whole, own, 0.0)
+            size[first : first + len(some), i] = np.where(own > 1e-9 * whole, own, 0.0)
     low, high = (b - main.null for b in main.bounds(run))
     with np.errstate(all="ignore"):
         amplitude = np.clip(np.nan_to_num(along / size), 0.9 * low, 0.9 * high)
@@ -87,6 +108,21 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     gain = np.maximum(2.0 * amplitude * along - amplitude**2 * size, 0.0)
     shared_gain = np.maximum(2.0 * together * along.sum(axis=1) - together**2 * size.sum(axis=1), 0.0)
     return Scan(points, amplitude + main.null, gain, together + main.null, shared_gain, size, (residual**2).sum(axis=1), fit)
+
+
+def _changes(
+    fit: Fit, model: Model, base: dict[tuple[int, str], Any], at: int, effect: Effect, amplitude: float, some: list[dict[str, float]]
+) -> Array:
+    """Curves (G, S, N) with a little of the effect at each of some grid points."""
+    n = fit.run.sensors
+    local, shared = [], []
+    for point in some:
+        named = {**base, (at, effect.amplitude): amplitude, **{(at, k): v for k, v in point.items()}}
+        rows, common = model.vector(named)
+        local.append(rows)
+        shared.append(np.broadcast_to(common, (n, len(common))))
+    curves = model.forward(np.concatenate(local), np.concatenate(shared), np.tile(np.arange(n), len(some)))
+    return curves.reshape(len(some), n, -1)
 
 
 def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
