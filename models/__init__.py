@@ -3,7 +3,8 @@
 from .decay import LOG_TWENTY, STRAY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
 from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
-from .spikes import difference_noise, spike_weights
+from .observations import Observations
+from .spikes import difference_noise, spike_weights, third_difference_noise
 from .tails import t_quantile
 from .whiteness import pattern_p_value, variance_inflation
 
@@ -15,6 +16,7 @@ __all__ = [
     "Interval",
     "Likelihood",
     "Lump",
+    "Observations",
     "PrintedLump",
     "difference_noise",
     "fit_decay",
@@ -25,6 +27,7 @@ __all__ = [
     "pattern_p_value",
     "spike_weights",
     "t_quantile",
+    "third_difference_noise",
     "variance_inflation",
     "widened_intervals",
 ]

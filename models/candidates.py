@@ -22,8 +22,6 @@ QUICK = 14
 CONCERNED = 0.01
 #: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.
 NEEDED = 4.0
-#: Rates, relative to the present fit's, from which an effect in single sensors is looked for too.
-OTHER_RATES = (0.5, 2.0, 4.0)
 #: A way of acting with one more parameter must gain this much over the plain one.
 WORTH = 12.0
 
@@ -196,7 +194,11 @@ def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
 
 
 def _from_other_rates(before: Fit, effect: Effect, choice: Choice) -> list[Scan]:
-    return [scan(at_rates(before, factor), effect, choice, before.noise) for factor in OTHER_RATES]
+    """Scans from rates like the other sensors' and faster ones: without its effect a fit bends the rate to imitate it."""
+    own = before.values[-1, "rate"]
+    common = np.full_like(own, np.median(own))
+    places = [common, 2.0 * common] if len(own) > 2 else []
+    return [scan(at_rates(before, r), effect, choice, before.noise) for r in [*places, 2.0 * own, 5.0 * own]]
 
 
 def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate | None:
@@ -284,6 +286,13 @@ def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] 
         if r is not None and concerned[i]:
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
     fit = search(model, local, shared, None, QUICK if quick else MOST_ITERATIONS)
+    at = len(parts) - 1
+    own = {p.name: fit.values[at, p.name] for p in effect.parameters if p.each == "sensor"}
+    mirrored = effect.mirrored(np.where(part.concerns(n), fit.values[-1, "rate"], 0.0), own)
+    if mirrored is not None:
+        values = {**fit.values, **{(at, k): v for k, v in mirrored[1].items()}}
+        values[-1, "rate"] = np.where(part.concerns(n), mirrored[0], values[-1, "rate"])
+        fit = search(model, *model.vector(values))
     if not quick:
         fit, part = _pruned(fit, part)
     return _candidate(before, fit, effect, part)

@@ -30,6 +30,8 @@ PAIRS = 24
 PARTNERS = 4
 #: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
 REFINED = 4
+#: A round of refinement that gains less is the last.
+WORTH_ANOTHER = 20.0
 #: Effects that are tried in the place of each one of the best pair.
 EXCHANGED = 5
 #: A log-likelihood ratio (times two) within which two models fit equally well.
@@ -59,13 +61,16 @@ class Discovery:
     @property
     def verdict(self) -> str:
         if self.named is not None:
-            return "+".join(self.named.ids)
+            known = [p.id for p in self.base.model.parts]
+            return "+".join(i for i in self.named.ids if i not in known)
         return "none" if self.why == "none" else "unexplained"
 
 
-def discover(run: Observations, effects: Sequence[Effect], false_alarm: float = FALSE_ALARM, most: int = 2) -> Discovery:
-    """Search the effects, singly and in pairs, that the base model lacks on a run."""
-    base = fit_model(run)
+def discover(
+    run: Observations, effects: Sequence[Effect], false_alarm: float = FALSE_ALARM, most: int = 2, known: Fit | None = None
+) -> Discovery:
+    """Search the effects, singly and in pairs, that the base model (or the model `known`) lacks on a run."""
+    base = fit_model(run) if known is None else known
     floor = noise_floor(base)
     singles: list[Candidate] = []
     for effect in effects:
@@ -76,12 +81,14 @@ def discover(run: Observations, effects: Sequence[Effect], false_alarm: float = 
     number = max(1, len(effects))
 
     def passes(candidate: Candidate) -> bool:
-        return candidate.p * number < false_alarm and candidate.at_floor and candidate.identifiable.ok and physical(candidate)
+        # A pair is the best of all pairs: each of its halves must beat the chance of that.
+        looks = number if len(candidate.ids) == 1 + len(base.model.parts) else 0.5 * number * (number + 1)
+        return candidate.p * looks < false_alarm and candidate.at_floor and candidate.identifiable.ok and physical(candidate)
 
     good = [c for c in singles if passes(c)]
     pairs: list[Candidate] = []
     above = least_p(floor) < PATTERN
-    if most > 1 and (above or good):
+    if most > 1 and known is None and (above or good):
         # A single that is well down at the noise leaves room for little more.
         sound = [c for c in good if least_p(c.floor) > SOUND]
         pairs = _pairs(base, singles, effects, sound)
@@ -154,10 +161,14 @@ def _held(base: Fit, pair: Candidate, without: str) -> Fit:
 
 def _refined(base: Fit, pair: Candidate) -> Candidate:
     """Each effect of a pair looked for anew while the other stands as the pair has it."""
-    for part in pair.parts:
-        again = try_add(_held(base, pair, part.id), part.effect)
-        if again is not None and _worth(base, again) > _worth(base, pair):
-            pair = again
+    for _ in range(2):
+        before = _worth(base, pair)
+        for part in pair.parts:
+            again = try_add(_held(base, pair, part.id), part.effect)
+            if again is not None and _worth(base, again) > _worth(base, pair):
+                pair = again
+        if _worth(base, pair) < before + WORTH_ANOTHER:
+            break
     return pair
 
 

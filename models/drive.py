@@ -42,8 +42,9 @@ class Drive:
         """The base model: heat = loss = g = 1, constant surroundings, no links, a perfect probe."""
         zero = np.zeros((len(sensor), 1))
         one = np.ones((1, len(run.time)))
+        heat = one if run.heat is None else run.heat[None, :]
         return cls(
-            sensor, sink_c, one, one, sink_c + 0.0 * one, 0.0 * one, zero, zero.copy(), zero.copy(), zero.copy(), zero.copy()
+            sensor, sink_c, heat, one, sink_c + 0.0 * one, 0.0 * one, zero, zero.copy(), zero.copy(), zero.copy(), zero.copy()
         )
 
     def forward(self, run: Observations, rate: Array, rise: Array, start: Array) -> Array:

@@ -68,8 +68,8 @@ class Model:
         self.local = [Column(-1, p) for p in BASE] + [c for c in columns if c.parameter.each == "sensor"]
         self.shared = [c for c in columns if c.parameter.each == "run"]
         # Without a logged ambient the surroundings are what several sensors under one cause agree on.
-        heating = any(part.effect.uses_sink for part in self.parts)
-        if run.sink_c is None and heating and run.sensors > 1:
+        heating = any(part.effect.uses_sink for part in self.parts) and run.sensors > 1
+        if run.sink_c is None and (heating or run.heat is not None):
             self.shared.append(Column(-1, SINK))
         self.low_local, self.high_local = self._bounds(self.local)
         self.low_shared, self.high_shared = self._bounds(self.shared)
@@ -327,6 +327,8 @@ def _arrow_inverse(blocks: Array, border: Array, corner: Array, active: NDArray[
 
 def start_values(run: Observations) -> dict[tuple[int, str], Any]:
     """Rate, level and start of each sensor (S,) from the base law alone."""
+    if run.heat is not None:
+        return _driven_start(run)
     rate, level, start = (np.empty(run.sensors) for _ in range(3))
     for i in range(run.sensors):
         used = run.used[i]
@@ -342,6 +344,23 @@ def start_values(run: Observations) -> dict[tuple[int, str], Any]:
         else:
             start[i], level[i] = float(fit.predict(run.time[:1])[0]), fit.steady_state
     return {(-1, "rate"): rate, (-1, "level"): level, (-1, "start"): start}
+
+
+def _driven_start(run: Observations) -> dict[tuple[int, str], Any]:
+    """As :func:`start_values` where a logged column drives the heat: level and start for each of many rates, the best kept."""
+    model = Model(run)
+    model.active = model.active.copy()
+    model.active[:, 0] = False
+    rates = np.geomspace(0.3 / run.span, min(1.0 / run.step, 200.0 / run.span), 16)
+    n = run.sensors
+    top = np.array([float(np.nanmax(row)) for row in np.where(run.used, run.reading, np.nan)])
+    first = np.array([float(row[used][0]) for row, used in zip(run.reading, run.used, strict=True)])
+    local, shared = model.vector({(-1, "level"): top, (-1, "start"): first, (-1, "rate"): np.full(n, 0.01)})
+    many = np.tile(local, (len(rates), 1))
+    many[:, 0] = np.clip(np.repeat(np.log(rates), n), model.low_local[0], model.high_local[0])
+    fit = search(model, many, shared, None, 6, np.tile(np.arange(n), len(rates)), hold_shared=True)
+    best = np.argmin(fit.rss.reshape(len(rates), n), axis=0) * n + np.arange(n)
+    return model.named(fit.local[best], shared)
 
 
 def fit_model(
@@ -462,8 +481,8 @@ def _arrow_step(
     return local * free, shared * free_shared
 
 
-def at_rates(fit: Fit, factor: float) -> Fit:
-    """The same model with every rate times `factor`, held there, and the rest fitted anew.
+def at_rates(fit: Fit, rates: Array) -> Fit:
+    """The same model with the rates (S,) [1/min] held, and the rest fitted anew.
 
     A fit without the effect that is missing bends its rate to imitate it; from other rates the effect shows.
     """
@@ -471,7 +490,7 @@ def at_rates(fit: Fit, factor: float) -> Fit:
     model.active = model.active.copy()
     model.active[:, 0] = False
     local = fit.local.copy()
-    local[:, 0] = np.clip(local[:, 0] + np.log(factor), model.low_local[0], model.high_local[0])
+    local[:, 0] = np.clip(np.log(rates), model.low_local[0], model.high_local[0])
     return search(model, local, fit.shared.copy(), fit.prior, 6, hold_shared=True)
 
 

@@ -20,7 +20,7 @@ TOO_LARGE = 1.35
 #: Deviations by which an effect's amplitude must differ from nothing.
 SURE = 1.5
 #: Correlation of two parameters above which the record does not tell them apart.
-ALIKE = 0.9995
+ALIKE = 0.99995
 #: A scale (time constant, period, rate) known worse than by this standard error of its logarithm is not known.
 VAGUE = 1.2
 
@@ -185,6 +185,8 @@ def _own_doubts(fit: Fit, p: int, part: Part, local: Array) -> str:
 
 def _doubt(effect, parameter, value, variance, low, high, fit) -> str:  # type: ignore[no-untyped-def]
     """Why one searched parameter is not determined, or nothing."""
+    if parameter.name == effect.event:  # between two readings an event may lie anywhere
+        return f"{parameter.name} is at the end of the record" if value <= low or value >= high else ""
     if not variance < 1e12 or not variance >= 0.0:
         return f"{parameter.name} is not determined"
     deviation = math.sqrt(variance)

@@ -18,7 +18,8 @@ class Observations:
 
     noise (S,) [K] of one reading of weight 1, a first guess; resolution (S,) [K] the logger's step, 0 if none shows.
     ambient name -> (N,) [degC] and inputs name -> (N,) are logged columns without holes. sink_c is the temperature of the
-    surroundings where it is logged, else None. rate_seen (N,) are nothing but the grid.
+    surroundings where it is logged, else None. heat (N,) is the heat of the base model, mean over the interval that ends at each
+    reading, where a logged column drives it; drive names that column.
     """
 
     name: str
@@ -31,6 +32,8 @@ class Observations:
     ambient: dict[str, Array] = field(default_factory=dict)
     inputs: dict[str, Array] = field(default_factory=dict)
     ambient_noise: float = 0.0
+    drive: str | None = None
+    heat: Array | None = None
 
     @property
     def sensors(self) -> int:
@@ -61,6 +64,14 @@ class Observations:
     def sink_c(self) -> float | None:
         """Mean temperature of the first logged surroundings [degC]."""
         return float(np.mean(next(iter(self.ambient.values())))) if self.ambient else None
+
+    def driven_by(self, column: str) -> "Observations":
+        """The same run with a logged column as the heat of the base model; the effects no longer see that column."""
+        values = self.inputs[column]
+        share = values / max(float(np.abs(values).max()), 1e-300)
+        heat = 0.5 * (share + np.concatenate([share[:1], share[:-1]]))
+        rest = {n: c for n, c in self.inputs.items() if n != column}
+        return replace(self, inputs=rest, drive=column, heat=heat)
 
     def before(self, time: Array | float) -> Array:
         """Start of each reading's interval relative to `time`, broadcast to (..., N) [min]."""

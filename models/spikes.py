@@ -16,6 +16,19 @@ def difference_noise(reading: Array) -> float:
     return 1.4826 * _median(np.abs(step - _median(step))) / math.sqrt(2.0)
 
 
+def third_difference_noise(reading: Array) -> float:
+    """Standard deviation of white noise [K] from third differences (n,): what a smooth curve leaves of them is nothing.
+
+    The larger of a robust and a trimmed estimate: in readings rounded to few steps the first is often nought.
+    """
+    if len(reading) < 8:
+        return difference_noise(reading)
+    third = np.diff(reading, 3)
+    robust = 1.4826 * _median(np.abs(third - _median(third))) / math.sqrt(20.0)
+    near = third[np.abs(third) <= 5.0 * math.sqrt(20.0) * robust] if robust > 0.0 else third[np.abs(third) <= np.ptp(reading) / 20.0]
+    return max(robust, math.sqrt(float(near @ near) / len(near) / 20.0)) if len(near) else robust
+
+
 def _median(values: Array) -> float:
     """numpy.median without its checks, which cost more than the median of a sensor."""
     middle = len(values) // 2

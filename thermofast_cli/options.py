@@ -81,6 +81,16 @@ reading_options = _together(
     click.option("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
 )
 
+loop_options = _together(
+    click.option("--until", type=Finite(0, min_open=True), metavar="MIN", help="Fit the first MIN minutes only; the rest shows the error ahead."),
+    click.option(
+        "--effect", "extra", multiple=True, metavar="FILE.py[:CLASS]", help="An effect of your own, beside the catalogue; may be repeated."
+    ),
+    click.option("--drive", metavar="COLUMN", help="A logged column that is the heat of the base model."),
+)
+
+model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve', in place of the base model.")
+
 #: Names of the parameters that ``reading_options`` adds.
 READING = [
     "time",

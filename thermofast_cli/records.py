@@ -1,6 +1,6 @@
 """One record per line of output: the same columns in every format. None is an absent number."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 #: Statuses that are failures of a sensor: exit code 1.
@@ -64,6 +64,67 @@ class SweepRecord(Record):
     shortest_time_min: float | None = None
     tolerance_time_min: float | None = None
     agreed: bool | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class CompareRecord(Record):
+    """Model beside measurement for one sensor; errors in K, reading minus model.
+
+    rmse_ahead_c is the free run's error on readings that the fit did not see: those after --until, else blocks left out in turn.
+    failing lists the stretches where the model fails, goes_along_with what the residual follows.
+    """
+
+    effects: list[str] = field(default_factory=list)
+    until_min: float | None = None
+    samples: int = 0
+    rmse_fit_c: float | None = None
+    rmse_ahead_c: float | None = None
+    rmse_one_step_c: float | None = None
+    bias_c: float | None = None
+    noise_c: float | None = None
+    whiteness_p: float | None = None
+    area_metric_c: float | None = None
+    worst_from_min: float | None = None
+    worst_to_min: float | None = None
+    worst_error_c: float | None = None
+    failing: list[dict[str, Any]] = field(default_factory=list)
+    goes_along_with: list[dict[str, Any]] = field(default_factory=list)
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class DiagnoseRecord(Record):
+    """Which effect is missing, repeated in each sensor that it concerns; docs/architecture.md has the rules."""
+
+    verdict: str = ""
+    also_possible: list[str] = field(default_factory=list)
+    false_alarm_p: float | None = None
+    event_min: float | None = None
+    rmse_base_ahead_c: float | None = None
+    rmse_ahead_c: float | None = None
+    noise_c: float | None = None
+    parameters: dict[str, Any] = field(default_factory=dict)
+    ranking: list[dict[str, Any]] = field(default_factory=list)
+    advice: str = ""
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class ImproveRecord(Record):
+    """One step of adding effects, for one sensor; step 0 is the base model."""
+
+    step: int = 0
+    effects: list[str] = field(default_factory=list)
+    rmse_fit_c: float | None = None
+    rmse_ahead_c: float | None = None
+    noise_c: float | None = None
+    whiteness_p: float | None = None
+    parameters: dict[str, Any] = field(default_factory=dict)
+    stopped_because: str = ""
     status: str = "ok"
     message: str = ""
 

@@ -164,15 +164,16 @@ def deliver(
     form: str | None,
     quiet: bool,
     drawn: Sequence[Any],
+    beneath: tuple[str, ...] = ("message",),
 ) -> None:
-    """Records to the file named, or to standard output."""
+    """Records to the file named, or to standard output; `beneath` are the texts under a drawn table."""
     rows = [record.as_dict() for record in records]
     if output:
         write_table(output, command, kind.columns(), rows)
         if not quiet:
             say(f"{len(rows)} records in {output}")
     if form or not output:
-        show_records(command, kind.columns(), rows, form, drawn)
+        show_records(command, kind.columns(), rows, form, drawn, beneath)
 
 
 def exit_code(records: Sequence[Any], interrupted: bool) -> int:

@@ -127,6 +127,10 @@ class Effect:
         columns = [m.ravel() for m in meshes]
         return [{p.name: float(c[i]) for p, c in zip(others, columns, strict=True)} for i in range(len(columns[0]))]
 
+    def mirrored(self, rate: Array, own: dict[str, Array]) -> tuple[Array, dict[str, Array]] | None:
+        """Other values (S,) of rate and own parameters with the same curve, where they are the physical ones; else None."""
+        return None
+
     def large_starts(self) -> tuple[float, ...]:
         """Amplitudes, beside the one a straight line suggests, from which a search is worth starting."""
         return ()

@@ -2,7 +2,10 @@
 
 from typing import Any
 
+import numpy as np
+
 from ..drive import Drive
+from ..kernel import Array
 from ..observations import Observations
 from .base import Effect, Parameter
 
@@ -23,6 +26,15 @@ class SensorLag(Effect):
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.lag = drive.lag + p.lag
+
+    def mirrored(self, rate: Array, own: dict[str, Array]) -> tuple[Array, dict[str, Array]] | None:
+        """A probe is faster than the machine: lag and 1/rate may change places without a trace."""
+        lag = own["lag"]
+        swap = lag * rate > 1.0
+        if not swap.any():
+            return None
+        safe = np.where(swap, lag, 1.0)
+        return np.where(swap, 1.0 / safe, rate), {"lag": np.where(swap, 1.0 / np.maximum(rate, 1e-12), lag)}
 
     def large_starts(self) -> tuple[float, ...]:
         return 1.0, 4.0, 12.0

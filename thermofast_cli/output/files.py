@@ -123,5 +123,9 @@ def _parquet(path: str, columns: Sequence[str], rows: Sequence[Row]) -> None:
 def _arrow(values: list[Any]) -> Any:
     import pyarrow as pa
 
+    if any(isinstance(v, dict) or (isinstance(v, list) and any(isinstance(x, dict) for x in v)) for v in values):
+        values = [None if v is None else json.dumps(v, ensure_ascii=False) for v in values]
+    if any(isinstance(v, list) for v in values):
+        return pa.array(values, type=pa.list_(pa.string()))
     # A column without a single number is still a column of numbers.
     return pa.array(values, type=pa.float64() if all(v is None for v in values) else None)

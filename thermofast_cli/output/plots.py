@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import UsageError
 from ..identify import Curves
 from ..sweep import Swept
-from .files import write_whole
+from .files import check_target, write_whole
 from .screen import say
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -28,16 +28,28 @@ def require_matplotlib() -> None:
         raise UsageError("pictures need matplotlib", do="pip install 'thermofast[plot]'") from None
 
 
-def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any, Any]:
+def check_picture(path: str) -> None:
+    """Raises UsageError where no picture can be made at `path`."""
+    require_matplotlib()
+    check_target(path, SUFFIXES)
+
+
+def new_figure(width: float, height: float) -> Any:
+    """An empty figure [inches]."""
     from matplotlib.figure import Figure
 
-    rows = -(-panels // columns)
-    figure = Figure(figsize=(width * columns, height * rows + 0.6), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False)
+    return Figure(figsize=(width, height), layout="constrained")
 
 
-def _save(path: str, figure: Any) -> None:
+def save_figure(path: str, figure: Any) -> None:
+    """The figure, whole or not at all."""
     write_whole(path, lambda p: figure.savefig(p, dpi=110))
+
+
+def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any, Any]:
+    rows = -(-panels // columns)
+    figure = new_figure(width * columns, height * rows + 0.6)
+    return figure, figure.subplots(rows, columns, squeeze=False)
 
 
 def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = False) -> None:
@@ -63,7 +75,7 @@ def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = Fals
     left_out = len(curves) - len(shown)
     more = f"  (first {len(shown)} of {len(curves)} sensors)" if left_out else ""
     figure.suptitle(f"{Path(shown[0].run).name if not several else 'thermofast identify'}{more}", fontsize=11)
-    _save(path, figure)
+    save_figure(path, figure)
 
 
 def _prediction(axis: Any, c: Curves, title: str) -> None:
@@ -126,4 +138,4 @@ def plot_sweep(path: str, results: Sequence[Swept]) -> None:
         axis.set_visible(False)
     flat[0].legend(fontsize=8, frameon=False, title="window", title_fontsize=8)
     figure.suptitle("thermofast sweep" if several else Path(shown[0].records[0].run).name, fontsize=11)
-    _save(path, figure)
+    save_figure(path, figure)

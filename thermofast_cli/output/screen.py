@@ -25,11 +25,18 @@ def show_text(text: str) -> None:
     sys.stdout.flush()
 
 
-def show_records(command: str, columns: Sequence[str], rows: Sequence[Row], wanted: str | None, drawn: Sequence[Any]) -> None:
+def show_records(
+    command: str,
+    columns: Sequence[str],
+    rows: Sequence[Row],
+    wanted: str | None,
+    drawn: Sequence[Any],
+    beneath: tuple[str, ...] = ("message",),
+) -> None:
     """Records to standard output; `drawn` are (heading, function of a row) of the terminal's table."""
     kind = chosen_format(wanted)
     if kind == "table":
-        draw(command, rows, drawn)
+        draw(command, rows, drawn, beneath)
     elif kind == "csv":
         show_text(to_csv(columns, rows))
     elif kind == "json":
@@ -40,7 +47,7 @@ def show_records(command: str, columns: Sequence[str], rows: Sequence[Row], want
         show_text(to_markdown(columns, rows))
 
 
-def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any]) -> None:
+def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[str, ...] = ("message",)) -> None:
     """A table for the eye: one per run, messages beneath."""
     from rich import box
     from rich.console import Console
@@ -69,10 +76,14 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any]) -> None:
             style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
             table.add_row(*[Text(form(row), style=style) for _, form in drawn])
         console.print(table)
-        for message in dict.fromkeys(row["message"] for row in mine if row["message"]):
-            who = [row["channel"] for row in mine if row["message"] == message]
-            names = ", ".join(dict.fromkeys(who))
-            console.print(Text(f"  {names if len(names) < 60 else f'{len(set(who))} sensors'}: {message}", style="dim"))
+        for column in beneath:
+            for message in dict.fromkeys(row[column] for row in mine if row[column]):
+                who = [row["channel"] for row in mine if row[column] == message]
+                names = ", ".join(dict.fromkeys(who))
+                lead = "" if column == "message" else f"{column.replace('_', ' ')}: "
+                everyone = len(set(who)) == len({row["channel"] for row in mine}) and len(mine) > 1
+                of = "" if everyone else f"{names if len(names) < 60 else f'{len(set(who))} sensors'}: "
+                console.print(Text(f"  {of}{lead}{message}", style="dim"))
 
 
 def number(name: str, digits: int = 2) -> Any:

@@ -17,6 +17,8 @@ def plain(value: Any) -> Any:
         return None
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
     return value
 
 
@@ -36,6 +38,8 @@ def cell(value: Any) -> str:
         return harmless(value)
     if kind is bool:
         return "true" if value else "false"
+    if isinstance(value, dict) or (isinstance(value, (list, tuple)) and any(isinstance(v, dict) for v in value)):
+        return json.dumps(plain(value), ensure_ascii=False)
     if isinstance(value, (list, tuple)):
         return harmless(",".join(cell(v) for v in value))
     return repr(value)

@@ -1,0 +1,59 @@
+"""``thermofast diagnose``."""
+
+from typing import Any
+
+import click
+
+from ..options import READING, loop_options, model_option, names, output_options, reading_options, runs_argument
+
+
+@click.command("diagnose", epilog="Example: thermofast diagnose sample_runs/hidden.csv --format table")
+@runs_argument
+@loop_options
+@click.option("--effects", metavar="A,B", help="Look for these effects only: ids, or FILE.py:CLASS.")
+@model_option
+@reading_options
+@output_options
+def command(
+    runs: tuple[str, ...],
+    until: float | None,
+    extra: tuple[str, ...],
+    drive: str | None,
+    effects: str | None,
+    model: str | None,
+    form: str | None,
+    output: str | None,
+    jobs: int | None,
+    quiet: bool,
+    **reading: Any,
+) -> int:
+    """Say which physical effect the base model (or the model of --model) lacks on each RUN.
+
+    The verdict is an effect, two joined by '+', 'none', or 'unexplained'. An effect is named only if chance would not give its gain
+    (1 % per run over everything that is tried), the error on readings left out falls, the record determines its
+    parameters, and every sensor comes down to its noise.
+    """
+    from ..diagnose import diagnose_lost, diagnose_task
+    from ..loop_session import loop_tasks, run_loop
+    from ..output.screen import number, text
+    from ..records import DiagnoseRecord
+    from ..session import deliver, exit_code
+
+    given = {k: reading[k] for k in READING}
+    options = {"until_min": until, "extra": extra, "drive": drive, "names": names(effects), "model": model}
+    tasks, unreadable = loop_tasks(runs, given, quiet, [output], **options)
+    found, interrupted = run_loop(diagnose_task, tasks, jobs, diagnose_lost, quiet)
+    records = [r for rs in found for r in rs]
+    records += [DiagnoseRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
+    drawn = [
+        ("sensor", text("channel")),
+        ("verdict", text("verdict")),
+        ("as good", text("also_possible")),
+        ("event min", number("event_min", 1)),
+        ("base ahead K", number("rmse_base_ahead_c", 3)),
+        ("ahead K", number("rmse_ahead_c", 3)),
+        ("noise K", number("noise_c", 3)),
+        ("status", text("status")),
+    ]
+    deliver("diagnose", records, DiagnoseRecord, output, form, quiet, drawn, beneath=("message", "advice"))
+    return exit_code(records, interrupted)

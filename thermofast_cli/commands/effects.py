@@ -1,0 +1,40 @@
+"""``thermofast effects``."""
+
+import click
+
+
+@click.command("effects", epilog="Example: thermofast effects second_mode")
+@click.argument("name", metavar="[ID]", required=False)
+@click.option("--effect", "extra", multiple=True, metavar="FILE.py[:CLASS]", help="An effect of your own, checked and shown too.")
+def command(name: str | None, extra: tuple[str, ...]) -> int:
+    """List the effects, or show one: equation, parameters, what its absence looks like, and what it is mistaken for."""
+    from ..errors import UsageError
+    from ..output.screen import show_text
+    from ..plugins import known_effects, load_effect
+
+    if name is not None and name.partition(":")[0].endswith(".py"):
+        extra = (*extra, name)
+        name = load_effect(name).id
+    known = known_effects(extra)
+    if name is None:
+        width = max(map(len, known))
+        show_text("".join(f"{i:<{width}}  {e.summary}\n" for i, e in known.items()))
+        return 0
+    if name not in known:
+        raise UsageError(f"unknown effect {name!r}", allowed=", ".join(known), do="see thermofast effects")
+    effect = known[name]
+    scope = {"run": "all sensors share it", "sensor": "each sensor has its own, or none", "one": "it concerns one sensor"}
+    lines = [f"{effect.id}: {effect.summary}", f"  equation      {effect.equation}", f"  tell-tale     {effect.tell_tale}"]
+    lines.append(f"  concerns      {scope[effect.scope]}")
+    lines += [f"  needs         {effect.needs}"] if effect.needs else []
+    lines += [f"  mistaken for  {', '.join(effect.mistaken_for)}"] if effect.mistaken_for else []
+    lines += [f"  to tell       {effect.separate}"] if effect.separate else []
+    lines += [f"  reference     {effect.reference}"] if effect.reference else []
+    lines.append("  parameters")
+    for p in effect.parameters:
+        reach = "of the record's length" if p.share else p.unit if p.unit != "1" else ""
+        carried = "the machine's, carried to other runs" if p.belongs == "machine" else "the run's own"
+        nothing = f"; {p.null:g} is no effect" if p.null is not None else ""
+        lines.append(f"    {p.name} [{p.unit}]  {p.meaning}; {p.low:g} to {p.high:g} {reach}".rstrip() + f"{nothing}; {carried}")
+    show_text("\n".join(lines) + "\n")
+    return 0

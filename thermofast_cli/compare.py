@@ -1,0 +1,258 @@
+"""``compare``: the model beside the measurement, how well and where it fails."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import Observations
+from models.heldout import held_out_errors
+from models.joint import Fit
+from models.judge import PATTERN, least_p, noise_floor, unrounded
+
+from .errors import ThermofastError
+from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
+from .records import CompareRecord
+
+Array = NDArray[np.float64]
+
+#: A stretch fails where its running mean leaves this many standard errors of white noise.
+FAILS = 4.5
+#: A correlation is told where chance gives it once in so many looks.
+CORRELATED = 1e-3
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Records of a run and what a picture of it shows."""
+
+    records: list[CompareRecord]
+    pictures: list["Panel"] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One sensor: measurement, model, residual over time [min], failing stretches, inputs."""
+
+    run: str
+    channel: str
+    time: Array
+    reading: Array
+    model: Array
+    failing: list[tuple[float, float, float]]
+    until: float | None
+    effects: str
+    noise: float
+    inputs: dict[str, Array]
+
+
+def compare_task(task: LoopTask) -> list[Comparison]:
+    """A run compared; whatever is wrong with it is a record."""
+    try:
+        return [_compare(task)]
+    except ThermofastError as error:
+        return [Comparison(failure_records(CompareRecord, task, error))]
+
+
+def compare_lost(task: LoopTask) -> list[Comparison]:
+    """The record of a run whose worker died."""
+    return [
+        Comparison([CompareRecord(task.run.name, "", status="diverged", message="the worker process died; run it alone with --jobs 1")])
+    ]
+
+
+def _compare(task: LoopTask) -> Comparison:
+    prepared = ready(task)
+    if prepared is None:
+        return Comparison(refused_records(CompareRecord, task.run.name, _observed(task)))
+    whole, seen = prepared.whole, prepared.seen
+    fit, notes = first_model(task, prepared)
+    ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
+    floor = noise_floor(fit)
+    residual = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
+    effects = ids_of(fit.model.parts)
+    records, panels = [], []
+    for i, channel in enumerate(whole.channels):
+        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], float(seen.noise[i]))
+        worst = max(stretches, key=lambda s: abs(s[2]), default=None)
+        unused = whole.used[i] & ~fit.run.used[i]
+        inside = residual[i][fit.run.used[i]]
+        bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
+        along = correlations(fit, whole, residual, i)
+        messages = [_in_words(along), *notes, *[n for n in prepared.observed.notes if not n.startswith("T") or n.startswith(channel)]]
+        if stretches and floor[i] >= PATTERN and unused.any():
+            messages.insert(0, "the model holds where it was fitted and fails ahead")
+        status = "ok" if floor[i] >= PATTERN and not stretches else "model_doubtful"
+        records.append(
+            CompareRecord(
+                task.run.name,
+                channel,
+                effects=effects,
+                until_min=task.until_min,
+                samples=int(fit.readings[i]),
+                rmse_fit_c=float(fit.rmse[i]),
+                rmse_ahead_c=_number(ahead[i]),
+                rmse_one_step_c=_one_step(fit, whole, i),
+                bias_c=bias,
+                noise_c=float(seen.noise[i]),
+                whiteness_p=float(floor[i]),
+                area_metric_c=_area(whole, fit, i),
+                worst_from_min=worst[0] if worst else None,
+                worst_to_min=worst[1] if worst else None,
+                worst_error_c=worst[2] if worst else None,
+                failing=[{"from_min": a, "to_min": b, "size_c": s} for a, b, s in stretches],
+                goes_along_with=along,
+                status=status,
+                message="; ".join(dict.fromkeys(m for m in messages if m)),
+            )
+        )
+        if task.want_curves:
+            name = "base model" if not effects else "base + " + " + ".join(effects)
+            panels.append(
+                Panel(
+                    task.run.name,
+                    channel,
+                    whole.time,
+                    np.where(whole.used[i], whole.reading[i], np.nan),
+                    fit.curve[i],
+                    stretches,
+                    task.until_min,
+                    name,
+                    float(seen.noise[i]),
+                    {**whole.ambient, **whole.inputs},
+                )
+            )
+    records += refused_records(CompareRecord, task.run.name, prepared.observed)
+    del least_p
+    return Comparison(in_order(records, task.run), panels)
+
+
+def _observed(task: LoopTask) -> Any:
+    from .observe import observe
+
+    return observe(task.run, task.start_min)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def failing_stretches(time: Array, residual: Array, weight: Array, noise: float) -> list[tuple[float, float, float]]:
+    """(from, to, mean residual [K]) of stretches where the residual (N,), nan for none, leaves a running mean's band.
+
+    Looks at running means over 5, 15 and 45 readings: a long shallow failure shows in the long one, a short one in the short.
+    """
+    good = np.flatnonzero(np.isfinite(residual) & (weight > 0.0))
+    if len(good) < 10:
+        return []
+    r, w = residual[good], weight[good]
+    out = np.zeros(len(good), dtype=bool)
+    for width in (5, 15, 45):
+        if width * 2 > len(good):
+            break
+        kernel = np.ones(width)
+        heavy = np.convolve(w, kernel, "same")
+        mean = np.convolve(r * w, kernel, "same") / heavy
+        outside = np.abs(mean) > FAILS * noise / np.sqrt(heavy)
+        # A mean over a width speaks for its middle half.
+        reach = np.convolve(outside, np.ones(width // 2 | 1), "same") > 0
+        side = np.sign(np.convolve(r * w, kernel, "same"))
+        out |= reach & (np.sign(r) == side)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
+    stretches: list[list[float]] = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        size = float((r[a:b] * w[a:b]).sum() / w[a:b].sum())
+        begin, end = float(time[good[a]]), float(time[good[b - 1]])
+        near = stretches and begin - stretches[-1][1] < 0.03 * (time[good[-1]] - time[good[0]]) and stretches[-1][2] * size > 0
+        if near:
+            count = stretches[-1][3]
+            stretches[-1] = [stretches[-1][0], end, (stretches[-1][2] * count + size * (b - a)) / (count + b - a), count + b - a]
+        else:
+            stretches.append([begin, end, size, b - a])
+    return [(round(s[0], 4), round(s[1], 4), s[2]) for s in stretches if s[3] >= 3]
+
+
+def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
+    """Error of the next reading told from the last one: the residual carried on by the sensor's own decay."""
+    good = np.flatnonzero(whole.used[i])
+    if len(good) < 3:
+        return None
+    residual = whole.reading[i][good] - fit.curve[i][good]
+    rate = float(fit.values[-1, "rate"][i])
+    kept = np.exp(-rate * np.diff(whole.time[good]))
+    return float(np.sqrt(np.mean((residual[1:] - kept * residual[:-1]) ** 2)))
+
+
+def _area(whole: Observations, fit: Fit, i: int) -> float:
+    """Area between the distributions of measured and modelled temperatures [K] (Ferson, Oberkampf & Ginzburg 2008)."""
+    good = whole.used[i]
+    return float(np.mean(np.abs(np.sort(whole.reading[i][good]) - np.sort(fit.curve[i][good]))))
+
+
+def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list[dict[str, Any]]:
+    """Logged inputs and other sensors' residuals that a sensor's residual goes along with, and how late it follows.
+
+    Slow signals are alike by chance: an input is compared after the lump has smoothed it, at the lump's own lag, and the number
+    of independent samples is that left by the autocorrelation of both (Bartlett 1935).
+    """
+    good = whole.used[i]
+    own = unrounded(fit)[i] if not (whole.used & ~fit.run.used).any() else np.nan_to_num(residual[i])
+    rate = float(fit.values[-1, "rate"][i])
+    found = []
+    offers = {**whole.ambient, **whole.inputs}
+    for name, column in offers.items():
+        if np.ptp(column) > 0.0:
+            smooth = _smoothed(whole.time, column, rate)
+            found.append((name, smooth, 1.0 / rate))
+    for j, other in enumerate(whole.channels):
+        if j != i:
+            found.append((other, np.nan_to_num(residual[j]), 0.0))
+    told = []
+    for name, series, late in found:
+        both = good if name in offers else good & np.isfinite(residual[whole.channels.index(name)])
+        r, p = _correlation(whole.time[both], own[both], series[both])
+        if p < CORRELATED / max(1, len(found)):
+            told.append({"name": name, "correlation": round(r, 3), "late_min": round(late, 1)})
+    return sorted(told, key=lambda t: -abs(t["correlation"]))[:6]
+
+
+def _smoothed(time: Array, column: Array, rate: float) -> Array:
+    from models.kernel import followed
+
+    out = np.empty((1, len(time)))
+    followed(time, np.ascontiguousarray(column), np.array([1.0 / rate]), out)
+    smooth: Array = out[0]
+    return smooth
+
+
+def _correlation(time: Array, a: Array, b: Array) -> tuple[float, float]:
+    """Correlation of two series (n,) without their straight lines, and its p value from the number of independent samples."""
+    if len(a) < 20:
+        return 0.0, 1.0
+    line = np.stack([np.ones(len(time)), time - time.mean()], axis=1)
+    a = a - line @ np.linalg.lstsq(line, a, rcond=None)[0]
+    b = b - line @ np.linalg.lstsq(line, b, rcond=None)[0]
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    if not size > 0.0:
+        return 0.0, 1.0
+    r = float(a @ b) / size
+    n = len(a)
+    spectra = [np.abs(np.fft.rfft(x, 2 * n)) ** 2 for x in (a, b)]
+    auto = [np.fft.irfft(s)[: n // 2] / max(float(x @ x), 1e-300) for s, x in zip(spectra, (a, b), strict=True)]
+    independent = n / max(1.0, 1.0 + 2.0 * float((auto[0][1:] * auto[1][1:]).sum()))
+    independent = min(max(independent, 3.0), float(n))
+    from models.tails import normal_tail
+
+    z = math.atanh(min(abs(r), 0.999999)) * math.sqrt(max(independent - 3.0, 0.1))
+    return r, 2.0 * normal_tail(z)
+
+
+def _in_words(along: list[dict[str, Any]]) -> str:
+    if not along:
+        return ""
+    first = along[0]
+    late = f", {first['late_min']:g} min late" if first["late_min"] else ""
+    others = f" (and {len(along) - 1} more)" if len(along) > 1 else ""
+    return f"the residual goes along with {first['name']}{late} (correlation {first['correlation']:.2f}){others}"

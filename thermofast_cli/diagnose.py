@@ -1,0 +1,280 @@
+"""``diagnose``: which effect is missing, in words that a test engineer understands."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.candidates import Candidate, first_order
+from models.discover import FALSE_ALARM, Discovery, discover, total_gain
+from models.effects.base import Effect
+from models.joint import Fit
+from models.judge import PATTERN
+from models.observations import Observations
+
+from .errors import ThermofastError
+from .loop import LoopTask, Ready, check_inputs, failure_records, ids_of, in_order, parameters_of, ready, refused_records
+from .plugins import EffectError, chosen_effects
+from .records import DiagnoseRecord
+
+#: Gain at which an effect would have been named, for telling how small a one would have been seen.
+SEEN_GAIN = 30.0
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a search said of a run, and the effects that could not be used."""
+
+    discovery: Discovery
+    broken: tuple[str, ...]
+
+
+def search_run(task: LoopTask, prepared: Ready) -> Told:
+    """Search the effects asked for; one that raises is left out and named."""
+    effects = chosen_effects(task.names, task.extra)
+    if task.names:
+        check_inputs(effects, prepared.whole)
+    broken: list[str] = []
+    known = None
+    if task.model is not None:
+        from .learnt import carry
+        from .modelfile import read_model
+
+        known = carry(read_model(task.model), prepared.seen, task.run.name, task.model).fit
+        effects = [e for e in effects if e.id not in ids_of(known.model.parts)]
+    while True:
+        try:
+            return Told(discover(prepared.seen, effects, FALSE_ALARM, known=known), tuple(broken))
+        except EffectError as error:
+            at_fault = [e for e in effects if f"effect {e.id!r}" in str(error)]
+            if not at_fault:
+                raise
+            broken.append(f"left out: {' '.join(str(error).split())}")
+            effects = [e for e in effects if e is not at_fault[0]]
+
+
+def diagnose_task(task: LoopTask) -> list[list[DiagnoseRecord]]:
+    """A run diagnosed; whatever is wrong with it is a record."""
+    try:
+        return [_diagnose(task)]
+    except ThermofastError as error:
+        return [failure_records(DiagnoseRecord, task, error)]
+
+
+def diagnose_lost(task: LoopTask) -> list[list[DiagnoseRecord]]:
+    """The record of a run whose worker died."""
+    why = "the worker process died; run it alone with --jobs 1"
+    return [[DiagnoseRecord(task.run.name, "", status="diverged", message=why)]]
+
+
+def _diagnose(task: LoopTask) -> list[DiagnoseRecord]:
+    prepared = ready(task)
+    if prepared is None:
+        from .observe import observe
+
+        return refused_records(DiagnoseRecord, task.run.name, observe(task.run, task.start_min))
+    told = search_run(task, prepared)
+    found, seen = told.discovery, prepared.seen
+    ranking = [ranked(c, found) for c in found.singles]
+    if found.named is not None:
+        ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
+    evidence, advice, status = words(found, seen, task.until_min)
+    also = list(dict.fromkeys("+".join(sorted(c.ids)) if len(c.ids) > 1 else c.ids[0] for c in found.also))
+    records = []
+    for i, channel in enumerate(seen.channels):
+        verdict = own_verdict(found, i)
+        event = event_of(found.named.fit, i) if found.named is not None else None
+        message = "; ".join(dict.fromkeys([evidence, *told.broken, *prepared.observed.notes]))
+        records.append(
+            DiagnoseRecord(
+                task.run.name,
+                channel,
+                verdict=verdict,
+                also_possible=also if verdict != "none" else [],
+                false_alarm_p=float(f"{found.p:.3g}"),
+                event_min=event,
+                rmse_base_ahead_c=_number(found.ahead_base[i]),
+                rmse_ahead_c=_number(found.ahead[i]) if found.ahead is not None else None,
+                noise_c=float(found.named.fit.noise[i] if found.named else found.base.noise[i]),
+                parameters=parameters_of(found.named.fit, i) if found.named is not None else {},
+                ranking=ranking,
+                advice=advice,
+                status=status,
+                message=message,
+            )
+        )
+    records += refused_records(DiagnoseRecord, task.run.name, prepared.observed)
+    return in_order(records, task.run)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def own_verdict(found: Discovery, sensor: int) -> str:
+    """The verdict as it concerns one sensor: shared causes, and its own effects."""
+    if found.named is None:
+        return found.verdict
+    n = found.base.run.sensors
+    mine = [p.id for p in found.named.parts if p.effect.scope == "run" or p.concerns(n)[sensor]]
+    return "+".join(mine) if mine else "none"
+
+
+def event_of(fit: Fit, sensor: int) -> float | None:
+    """Time of the first unlogged event [min] that concerns a sensor."""
+    times = []
+    for k, part in enumerate(fit.model.parts):
+        name = part.effect.event
+        if name and (k, name) in fit.values and part.concerns(fit.run.sensors)[sensor]:
+            value = fit.values[k, name]
+            times.append(float(value[sensor]) if part.effect.parameter(name).each == "sensor" else float(value))
+    return min(times, default=None)
+
+
+def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
+    """One line of the ranking."""
+    fit = candidate.fit
+    who = candidate.parts[-1].concerns(fit.run.sensors)
+    first = int(np.flatnonzero(who)[0]) if who.any() else 0
+    named = found.named is candidate
+    return {
+        "effect": "+".join(candidate.ids),
+        "rmse_fit_c": _pooled(fit.rmse),
+        "rmse_ahead_c": _pooled(found.ahead) if named and found.ahead is not None else None,
+        "gain": round(total_gain(found.base, candidate), 1),
+        "p": float(f"{candidate.p:.3g}"),
+        "at_noise": candidate.at_floor,
+        "identifiable": candidate.identifiable.ok,
+        "why_not": candidate.identifiable.why,
+        "acts": "; ".join(p.choice.label for p in candidate.parts if p.choice.label),
+        "sensors": [c for c, w in zip(fit.run.channels, who, strict=True) if w],
+        "parameters": parameters_of(fit, first),
+    }
+
+
+def _pooled(errors: Any) -> float | None:
+    good = np.asarray(errors, dtype=float)
+    good = good[np.isfinite(good)]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else None
+
+
+def words(found: Discovery, seen: Observations, until: float | None) -> tuple[str, str, str]:
+    """(evidence, advice, status) of a verdict."""
+    short = _short_record(found, seen)
+    if found.named is not None:
+        return _named_words(found, seen, until)
+    if found.verdict == "none":
+        sizes = "; ".join(visible_sizes(found))
+        evidence = f"the base model is down to the noise in every sensor; would have been seen: {sizes}"
+        return evidence, short or "nothing to add", "not_determined" if short else "ok"
+    above = [c for c, p in zip(seen.channels, found.base_floor, strict=True) if p < PATTERN]
+    where = _where(found, seen)
+    near = ", ".join("+".join(c.ids) for c in found.also[:3])
+    evidence = (
+        f"the base model fails in {_listed(above)} {where}, and no effect of the catalogue, alone or with a second one, brings every "
+        f"sensor down to its noise with parameters that the record determines; nearest: {near or 'none'}"
+    )
+    hints = list(dict.fromkeys(p.effect.separate for c in found.also[:2] for p in c.parts if p.effect.separate))
+    advice = short or "; ".join(
+        ["log what changed at that time (speed, power, coolant, room)", *hints[:2], "or write the effect yourself: docs/add-an-effect.md"]
+    )
+    return evidence, advice, "not_determined" if short else "ok"
+
+
+def _named_words(found: Discovery, seen: Observations, until: float | None) -> tuple[str, str, str]:
+    named = found.named
+    assert named is not None
+    assert found.ahead is not None
+    concerned = np.zeros(seen.sensors, dtype=bool)
+    parts = []
+    for k, part in enumerate(named.parts):
+        who = part.concerns(seen.sensors)
+        concerned |= who
+        sensors = "all sensors" if who.all() else _listed([c for c, w in zip(seen.channels, who, strict=True) if w])
+        numbers = []
+        for name in part.effect.parameters:
+            key = k, name.name
+            if key not in named.fit.values or name.name in ("phase",):
+                continue
+            value, error = named.fit.values[key], named.fit.deviations[key]
+            if name.each == "sensor":
+                i = int(np.flatnonzero(who)[0])
+                value, error = float(value[i]), float(error[i])
+            error = error * abs(value) if name.log else error
+            unit = "" if name.unit == "1" else f" {name.unit}"
+            numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
+        acts = f" ({part.choice.label})" if part.choice.label else ""
+        parts.append(f"{part.effect.summary}{acts}, in {sensors}: {', '.join(numbers)}")
+    before, after = _pooled(found.ahead_base[concerned]), _pooled(found.ahead[concerned])
+    noise = _pooled(named.fit.noise[concerned])
+    evidence = (
+        f"{'; and '.join(parts)}. Adding {' and '.join(named.ids)} cuts the error on readings not fitted from {before:.2g} to {after:.2g} K; "
+        f"noise {noise:.2g} K"
+    )
+    hints = list(dict.fromkeys(p.effect.separate for c in (named, *found.also[:2]) for p in c.parts if p.effect.separate))
+    if found.also:
+        advice = f"as good: {', '.join('+'.join(c.ids) for c in found.also)}. To tell them apart: {'; '.join(hints)}"
+    else:
+        advice = f"add it: thermofast improve {seen.name} --add {','.join(named.ids)} -o machine.toml"
+    if any(p.id == "transport_delay" for p in named.parts):
+        advice += "; if the machine was started later than the record, say --start MIN"
+    return evidence, advice, "ok"
+
+
+def _rounded(value: float, error: float) -> str:
+    if not math.isfinite(error) or error <= 0.0:
+        return f"{value:.4g}"
+    digits = max(0, min(6, 1 - math.floor(math.log10(error))))
+    return f"{value:.{digits}f} ± {error:.1g}"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names) if len(names) < 7 else f"{', '.join(names[:5])} and {len(names) - 5} more"
+
+
+def _where(found: Discovery, seen: Observations) -> str:
+    from .compare import failing_stretches
+
+    base = found.base
+    worst = None
+    for i in range(seen.sensors):
+        residual = np.where(seen.used[i], base.residual[i], np.nan)
+        for a, b, size in failing_stretches(seen.time, residual, seen.weight[i], float(seen.noise[i])):
+            if worst is None or abs(size) > abs(worst[2]):
+                worst = a, b, size
+    return f"(most from {worst[0]:.4g} to {worst[1]:.4g} min, by {worst[2]:.2g} K)" if worst else ""
+
+
+def _short_record(found: Discovery, seen: Observations) -> str:
+    """Why a record is too short to judge, and how long it should be; nothing where it is long enough."""
+    rates = np.asarray(found.base.values[-1, "rate"])
+    covered = float(np.median(rates)) * seen.span
+    if covered >= 0.7:
+        return ""
+    need = 1.0 / float(np.median(rates))
+    return f"the record covers {covered:.2f} of a time constant: too short to judge; record at least {need:.0f} min"
+
+
+def visible_sizes(found: Discovery, effects: tuple[Effect, ...] = ()) -> list[str]:
+    """For each effect the size that would have been seen, where it acts in the middle of what was searched."""
+    sizes = []
+    for candidate in found.singles:
+        effect = candidate.parts[-1].effect
+        _, scans = first_order(found.base, effect)
+        if not scans:
+            continue
+        strength = scans[0][1].strength
+        summed = strength.sum(axis=1) if effect.scope == "run" else np.median(strength, axis=1)
+        middle = float(np.median(summed))
+        if middle <= 0.0:
+            continue
+        size = math.sqrt(SEEN_GAIN / middle)
+        main = effect.parameter(effect.amplitude)
+        low, high = main.bounds(found.base.run)
+        if size > max(abs(low - (main.null or 0.0)), abs(high - (main.null or 0.0))):
+            continue
+        unit = "" if main.unit == "1" else f" {main.unit}"
+        sizes.append(f"{effect.id} {main.name} {size:.2g}{unit}")
+    del effects
+    return sizes

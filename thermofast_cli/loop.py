@@ -1,0 +1,171 @@
+"""One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import Observations
+from models.effects.base import Effect
+from models.joint import Fit, Part, fit_model
+
+from .errors import ThermofastError, UsageError
+from .learnt import carry
+from .modelfile import read_model
+from .observe import Observed, observe
+from .plugins import chosen_effects
+from .reading import Run
+from .records import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LoopTask:
+    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects."""
+
+    run: Run
+    start_min: float = 0.0
+    until_min: float | None = None
+    names: tuple[str, ...] = ()
+    extra: tuple[str, ...] = ()
+    model: str | None = None
+    drive: str | None = None
+    auto: bool = False
+    want_curves: bool = False
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What a progress bar counts."""
+        return tuple(self.run.channels)
+
+    def singles(self) -> list["LoopTask"]:
+        """A joint fit has no smaller parts."""
+        return [self]
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A run made ready: all readings and those up to the identification time on one grid."""
+
+    observed: Observed
+    whole: Observations
+    seen: Observations
+
+
+def ready(task: LoopTask) -> Ready | None:
+    """The run's observations, or None where no sensor is usable.
+
+    Raises
+    ------
+    UsageError: --drive names no logged input, or the record is too short before --until.
+    """
+    if task.drive is not None and task.drive not in task.run.inputs:
+        raise UsageError(
+            f"{task.run.name}: --drive {task.drive!r} is no logged input",
+            allowed=", ".join(task.run.inputs) or "this run logs none",
+            do="name a column with --inputs to make it one",
+        )
+    observed = observe(task.run, task.start_min, task.drive)
+    if observed.seen is None:
+        return None
+    whole = observed.seen
+    return Ready(observed, whole, whole.until(task.until_min))
+
+
+def check_inputs(effects: list[Effect], whole: Observations) -> None:
+    """Raises UsageError where an effect that was asked for lacks an input."""
+    for effect in effects:
+        if not effect.choices(whole):
+            have = [*whole.ambient, *whole.inputs]
+            raise UsageError(
+                f"{whole.name}: the effect {effect.id!r} needs {effect.needs or 'an input that this run does not log'}",
+                found=f"inputs: {', '.join(have) or 'none'}; sensors: {', '.join(whole.channels[:8])}",
+                do="name the column with --ambient or --inputs, or leave the effect out",
+            )
+
+
+def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
+    """The model to look at: a learnt one, the effects named, or the base model; with what there is to say about it."""
+    from models.candidates import try_add
+
+    if task.model is not None:
+        carried = carry(read_model(task.model), prepared.seen, task.run.name, task.model)
+        return carried.fit, list(carried.notes)
+    fit = fit_model(prepared.seen)
+    notes = []
+    effects = chosen_effects(task.names, task.extra) if task.names else []
+    check_inputs(effects, prepared.whole)
+    for effect in effects:
+        found = try_add(fit, effect)
+        if found is None:
+            notes.append(f"{effect.id}: nothing to fit")
+            continue
+        fit = found.fit
+    return fit, notes
+
+
+def ids_of(parts: tuple[Part, ...]) -> list[str]:
+    """Effect ids in order."""
+    return [part.id for part in parts]
+
+
+def failure_records(kind: type[Record], task: LoopTask, error: ThermofastError) -> list[Any]:
+    """One record that says why a run could not be worked on."""
+    return [kind(run=task.run.name, channel="", status="unreadable", message=str(error).replace("\n ", ";"))]  # type: ignore[call-arg]
+
+
+def refused_records(kind: type[Record], run: str, observed: Observed) -> list[Any]:
+    """Records of sensors that a joint fit leaves out."""
+    return [kind(run=run, channel=c, status=status, message=why) for c, status, why in observed.refused]  # type: ignore[call-arg]
+
+
+def in_order(records: list[Any], run: Run) -> list[Any]:
+    """Records in the order of the run's sensors."""
+    place = {c: i for i, c in enumerate(run.channels)}
+    return sorted(records, key=lambda r: place.get(r.channel, len(place)))
+
+
+def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, Any]]:
+    """{effect.parameter: {value, se, unit}} of a fit's effects; for one sensor, its own and the shared ones."""
+    found: dict[str, dict[str, Any]] = {}
+    values, errors = fit.values, fit.deviations
+    for j, c in enumerate((*fit.model.local, *fit.model.shared)):
+        if c.part < 0:
+            continue
+        key = c.part, c.parameter.name
+        part = fit.model.parts[c.part]
+        if c.parameter.each == "sensor":
+            if sensor is None or not part.concerns(fit.run.sensors)[sensor]:
+                continue
+            value, error = float(values[key][sensor]), float(errors[key][sensor])
+        else:
+            value, error = float(values[key]), float(errors[key])
+        if c.parameter.log:
+            error *= value
+        known = bool(np.isfinite(error) and error < 1e6 * max(abs(value), 1e-9))
+        name = f"{part.id}.{c.parameter.name}"
+        found[name] = {
+            "value": float(f"{value:.6g}"),
+            "standard_error": float(f"{error:.2g}") if known else None,
+            "unit": c.parameter.unit,
+        }
+        del j
+    return found
+
+
+def ahead_errors(fit: Fit, whole: Observations) -> Array:
+    """Root mean square error (S,) [K] on the readings that the fit did not see, the model running freely with logged inputs."""
+    after = np.where(fit.run.used, 0.0, whole.weight) > 0.0
+    error = np.where(after, np.nan_to_num(whole.reading) - fit.curve, 0.0)
+    count = after.sum(axis=1)
+    return np.asarray(np.sqrt(np.where(count > 0, (error**2).sum(axis=1) / np.maximum(count, 1), np.nan)))
+
+
+def over(whole: Observations, fit: Fit) -> Fit:
+    """The same fit beside all readings of the run, those it did not see too."""
+    used = whole.used
+    residual = np.where(used, np.nan_to_num(whole.reading) - fit.curve, 0.0)
+    fit = replace(fit, rss=(whole.weight * residual**2).sum(axis=1))
+    return fit

@@ -1,0 +1,63 @@
+"""What the commands of the discovery loop share: runs into tasks, tasks into results over a pool of processes."""
+
+from collections.abc import Callable
+from typing import Any
+
+from .errors import UsageError
+from .loop import LoopTask
+from .output.files import TABLE_SUFFIXES, check_target, check_targets
+from .output.screen import progress, say
+from .pool import cores, map_tasks
+from .session import choose_sources, read_all
+
+#: Runs from which on a pool of processes pays.
+POOL_FROM = 3
+
+
+def loop_tasks(
+    runs: tuple[str, ...], given: dict[str, Any], quiet: bool, targets: list[str | None], check_table: bool = True, **options: Any
+) -> tuple[list[LoopTask], list[tuple[str, str]]]:
+    """(tasks, unreadable runs); effects, model and targets are checked before any work is done.
+
+    An idle beginning is itself a finding (`transport_delay`): without --start the record counts from its first reading.
+
+    Raises
+    ------
+    UsageError, InputError: as the reader, the catalogue and the model file raise them.
+    """
+    from .modelfile import read_model
+    from .plugins import chosen_effects
+
+    if targets and targets[0] and check_table:
+        check_target(targets[0], TABLE_SUFFIXES)
+    chosen_effects(options.get("names", ()), options.get("extra", ()))
+    if options.get("model"):
+        read_model(options["model"])
+    sources = choose_sources(runs)
+    check_targets(targets, sources)
+    told = given["start"] != "auto"
+    readings = read_all(sources, given if told else {**given, "start": "0"}, quiet)
+    until = options.get("until_min")
+    tasks = []
+    for run, start in readings.runs:
+        if until is not None and until > run.time_s[-1] / 60.0 * 1.001:
+            raise UsageError(f"{run.name}: --until {until:g} is longer than the record", found=f"{run.time_s[-1] / 60.0:.4g} min")
+        tasks.append(LoopTask(run, start, **options))
+    return tasks, readings.unreadable
+
+
+def run_loop(
+    work: Callable[[LoopTask], list[Any]], tasks: list[LoopTask], jobs: int | None, lost: Callable[[LoopTask], list[Any]], quiet: bool
+) -> tuple[list[Any], bool]:
+    """Results in the order of the runs, and whether the user interrupted; what was finished by then is kept."""
+    wanted = jobs if jobs is not None else (cores() if len(tasks) >= POOL_FROM else 1)
+    found: list[Any] = []
+    with progress(len(tasks), "runs", quiet) as advance:
+        try:
+            for results in map_tasks(work, tasks, min(wanted, max(1, len(tasks))), lambda task: task.singles(), lost):
+                advance(1)
+                found += results
+        except KeyboardInterrupt:
+            say(f"interrupted: {len(found)} runs were finished")
+            return found, True
+    return found, False
