@@ -14,7 +14,7 @@ import numpy as np
 from .candidates import Candidate, first_order, trials, try_add
 from .effects.base import Choice, Effect
 from .heldout import held_out_errors
-from .joint import Fit, Model, fit_model, search, with_parts
+from .joint import Fit, Model, Part, fit_model, search, with_parts
 from .judge import PATTERN, chance, gains, least_p, noise_floor
 from .kernel import Array
 from .observations import Observations
@@ -117,25 +117,31 @@ def _pairs(
     base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate]
 ) -> list[Candidate]:
     """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
-    promised: dict[frozenset[str], tuple[float, Candidate, Effect, list[tuple[Choice, Scan]]]] = {}
-    for single in good[:3] if good else singles:
+    promised: dict[tuple[str, ...], tuple[float, Fit, Effect, list[tuple[Choice, Scan]]]] = {}
+    roots = [c.fit for c in (good[:3] if good else singles)]
+    roots += [] if good else _as_logged(base, effects)
+    for number, root in enumerate(roots):
+        own, have = float(gains(base, root).sum()), [p.id for p in root.model.parts]
         offers = []
         for effect in effects:
-            if effect.id not in single.ids:
-                value, scans = first_order(single.fit, effect)
+            if effect.id not in have:
+                value, scans = first_order(root, effect)
                 if scans and (not good or value > 25.0):
-                    offers.append((total_gain(base, single) + value, single, effect, scans))
+                    offers.append((own + value, root, effect, scans))
         offers.sort(key=lambda o: -o[0])
         # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
         for offer in offers[:PARTNERS]:
-            key = frozenset((*single.ids, offer[2].id))
+            unordered = tuple(sorted((*have, offer[2].id)))
+            key = (*unordered, str(number)) if number >= len(singles) else unordered
             if key not in promised or offer[0] > promised[key][0]:
                 promised[key] = offer
     of_single = {c.ids[0]: c for c in singles}
     found_pairs = []
-    for key in sorted(promised, key=lambda k: -promised[k][0])[: 4 if good else PAIRS]:
-        _, single, effect, scans = promised[key]
-        pair = try_add(single.fit, effect, scans, quick=not good)
+    order = sorted(promised, key=lambda k: -promised[k][0])[: 4 if good else PAIRS]
+    order += [k for k in promised if len(k) > 2 and k not in order]
+    for key in order:
+        _, root, effect, scans = promised[key]
+        pair = try_add(root, effect, scans, quick=not good)
         if pair is not None:
             found_pairs.append(pair)
     found_pairs.sort(key=lambda c: -total_gain(base, c))
@@ -146,6 +152,18 @@ def _pairs(
     if found_pairs and not good and not _sound(found_pairs[0]):
         found_pairs += _exchanged(base, found_pairs[0], effects, {frozenset(c.ids) for c in found_pairs})
     return [_needed(pair, of_single) for pair in found_pairs]
+
+
+def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
+    """Fits with a logged cause acting just as logged: what else is missing cannot hide behind a wrong share of it."""
+    found = []
+    for effect in effects:
+        for choice in [c for c in effect.choices(base.run) if c.simple][:2] if effect.logged else []:
+            model = Model(base.run, [Part(effect, choice)])
+            local, shared = model.vector({**base.values, (0, effect.amplitude): effect.parameter(effect.amplitude).start})
+            model.low_shared = model.high_shared = shared
+            found.append(search(model, local, shared))
+    return found
 
 
 def _sound(candidate: Candidate) -> bool:

@@ -137,7 +137,7 @@ class Model:
 
     @staticmethod
     def _steps(values: Array, low: Array, high: Array, log: NDArray[np.bool_]) -> Array:
-        width = np.where(log, 10.0, np.minimum(high - low, 100.0))
+        width = np.where(log, 10.0, np.minimum(np.where(high > low, high - low, 1.0), 100.0))
         step = NUDGE * width * np.ones_like(values)
         return np.where(values + step > high, -step, step)
 

@@ -40,7 +40,7 @@ def _tangents(fit: Fit, root: Array, seen: Array) -> list[Array]:
         own = fit.by_local[fit.model.active[i], i]
         tangent = (np.concatenate([own, fit.by_shared[:, i]]) * root[i]).T[seen]
         scale = np.maximum(np.sqrt((tangent**2).sum(axis=0)), 1e-300)
-        u, s, _ = np.linalg.svd(tangent / scale, full_matrices=False)
+        u, s, _ = np.linalg.svd(np.nan_to_num(tangent / scale), full_matrices=False)
         bases.append(u[:, s > 1e-7])
     return bases
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from models import Observations
 from models.heldout import held_out_errors
 from models.joint import Fit
-from models.judge import PATTERN, least_p, noise_floor, unrounded
+from models.judge import PATTERN, noise_floor, unrounded
 
 from .errors import ThermofastError
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
@@ -125,7 +125,6 @@ def _compare(task: LoopTask) -> Comparison:
                 )
             )
     records += refused_records(CompareRecord, task.run.name, prepared.observed)
-    del least_p
     return Comparison(in_order(records, task.run), panels)
 
 

@@ -56,9 +56,27 @@ def draw_probes(
 
 def simulate(probes: list[Probe], duration_min: float, interval_s: float, ambient: float, step: float, seed: int) -> Simulation:
     """Sample the probes with Gaussian noise, rounded to the logger's `step` [K] (0: not rounded)."""
-    rng = np.random.default_rng(seed)
     count = int(duration_min * 60.0 / interval_s + 1e-9) + 1
     seconds: Array = np.arange(count, dtype=np.float64) * interval_s
+    curves = np.array([probe.curve(seconds / 60.0) for probe in probes])
+    room = np.full(count, ambient)
+    return sampled(probes, curves, seconds, room, step, seed, [], duration_min, interval_s, ambient)
+
+
+def sampled(
+    probes: list[Probe],
+    curves: Array,
+    seconds: Array,
+    room: Array,
+    step: float,
+    seed: int,
+    effects: list[dict[str, Any]],
+    duration_min: float,
+    interval_s: float,
+    ambient: float,
+) -> Simulation:
+    """Noiseless curves (S, N) and room (N,) [degC] as a logger would keep them, and the truth behind them."""
+    rng = np.random.default_rng(seed)
     minutes = interval_s >= 60.0 and math.isclose(interval_s % 60.0, 0.0)
     columns: dict[str, Array] = {"time_min": seconds / 60.0} if minutes else {"time_s": seconds}
 
@@ -67,14 +85,14 @@ def simulate(probes: list[Probe], duration_min: float, interval_s: float, ambien
         rounded = np.round(values / step) * step if step > 0 else values
         return np.round(rounded, decimals)
 
-    for probe in probes:
-        columns[probe.channel] = logged(probe.curve(seconds / 60.0) + probe.noise_c * rng.standard_normal(count))
+    for probe, curve in zip(probes, curves, strict=True):
+        columns[probe.channel] = logged(curve + probe.noise_c * rng.standard_normal(len(seconds)))
     room_noise = probes[0].noise_c
-    columns["ambient"] = logged(ambient + room_noise * rng.standard_normal(count))
+    columns["ambient"] = logged(room + room_noise * rng.standard_normal(len(seconds)))
     truth = {
         "schema": "thermofast.truth/1",
         "seed": seed,
-        "effects": [],
+        "effects": effects,
         "duration_min": duration_min,
         "interval_s": interval_s,
         "ambient_c": ambient,

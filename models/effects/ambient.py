@@ -22,6 +22,7 @@ class Ambient(Effect):
     needs = "a logged ambient column"
     separate = "log the ambient near the machine"
     reference = "Brauner et al.; ISO 230-3, environmental temperature variation error"
+    logged = True
     amplitude = "gain"
     parameters = (
         Parameter("gain", "K/K", 0.0, 2.0, 1.0, "share of the ambient's movement that reaches the machine", null=0.0),
@@ -42,3 +43,6 @@ class Ambient(Effect):
         else:
             moved = column[None, :]
         drive.sink = drive.sink + p.gain * (moved - float(np.mean(column)))
+
+    def large_starts(self) -> tuple[float, ...]:
+        return (1.0,)

@@ -83,6 +83,7 @@ class Effect:
     """A missing piece of physics. Class attributes describe it; ``apply`` changes the drive.
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
+    logged: it follows a logged column, so it is tried beside every other effect.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
     sensors have it, each with its own values; 'one', it concerns a single sensor.
     """
@@ -99,6 +100,7 @@ class Effect:
     event: ClassVar[str | None] = None
     uses_sink: ClassVar[bool] = False
     changes_heat: ClassVar[bool] = False
+    logged: ClassVar[bool] = False
     amplitude: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 

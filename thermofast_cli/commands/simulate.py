@@ -2,7 +2,7 @@
 
 import click
 
-from ..options import Finite
+from ..options import Finite, names
 
 
 @click.command("simulate", epilog="Example: thermofast simulate --seed 7 -o run.csv --key key.json")
@@ -53,6 +53,7 @@ from ..options import Finite
     metavar="NAME=DEGC:MIN",
     help="A sensor with this steady state and t95, in place of a drawn one.",
 )
+@click.option("--effects", metavar="A,B", help="Hide these effects in the record: ids, or FILE.py:CLASS.")
 def command(
     output: str,
     key: str | None,
@@ -67,8 +68,12 @@ def command(
     step: float,
     cooling: bool,
     fixed: tuple[str, ...],
+    effects: str | None,
 ) -> int:
-    """Write a record of the base model with probe noise and a logger's step, and the truth behind it."""
+    """Write a record of the base model, or one with hidden effects, with probe noise and a logger's step, and the truth behind it.
+
+    With --effects the sizes are drawn from the seed, and the key tells them.
+    """
     import numpy as np
 
     from ..errors import UsageError
@@ -99,7 +104,13 @@ def command(
     # A drawn sensor makes way for the given one of its name first, then from the end.
     drawn = [p for p in probes if p.channel not in taken]
     probes = sorted(given + drawn[: max(0, sensors - len(given))], key=lambda p: (len(p.channel), p.channel))
-    made = simulate(probes, duration, interval, ambient, step, seed)
+    if effects:
+        from ..hidden import simulate_hidden
+        from ..plugins import chosen_effects
+
+        made = simulate_hidden(probes, duration, interval, ambient, step, seed, chosen_effects(names(effects), ()))
+    else:
+        made = simulate(probes, duration, interval, ambient, step, seed)
     write_columns(output, made.columns)
     if key:
         write_json(key, made.truth)

@@ -7,6 +7,8 @@ from typing import Any
 
 from .text import Row, short, to_csv, to_json, to_jsonl, to_markdown
 
+#: Headings of columns of words: to the left, and folded where they are long.
+WORDS = ("sensor", "effects", "verdict", "as good")
 FORMATS = ("table", "csv", "json", "jsonl", "md")
 
 
@@ -67,9 +69,10 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
         for heading, _ in drawn:
             table.add_column(
                 heading,
-                justify="left" if heading in ("sensor", "status") else "right",
+                justify="left" if heading in (*WORDS, "status") else "right",
                 overflow="fold",
-                no_wrap=heading != "sensor",
+                no_wrap=heading not in WORDS,
+                min_width=4 if heading in WORDS else None,
             )
         mine = [row for row in rows if row["run"] == run]
         for row in mine:
@@ -108,7 +111,14 @@ def interval(low: str, high: str, digits: int = 2) -> Any:
 
 def text(name: str) -> Any:
     """Forms a column's words."""
-    return lambda row: short(row[name]) if not isinstance(row[name], bool) else ("yes" if row[name] else "no")
+
+    def form(row: Row) -> str:
+        value = row[name]
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        return ", ".join(map(str, value)) if isinstance(value, list) else short(value)
+
+    return form
 
 
 @contextmanager
