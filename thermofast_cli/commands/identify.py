@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, filter_options, output_options, reading_options, runs_argument
+from ..options import READING, Finite, filter_options, model_option, output_options, reading_options, runs_argument
 
 
 @click.command("identify", epilog="Example: thermofast identify sample_runs/spindle.csv --until 60 --save-plot spindle.png")
@@ -15,6 +15,7 @@ from ..options import READING, Finite, filter_options, output_options, reading_o
     metavar="MIN",
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
+@model_option
 @filter_options
 @reading_options
 @output_options
@@ -24,6 +25,7 @@ from ..options import READING, Finite, filter_options, output_options, reading_o
 def command(
     runs: tuple[str, ...],
     until: float | None,
+    model: str | None,
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -72,12 +74,18 @@ def command(
                 allowed="a time inside the record, or no --until",
             )
     details = bool(trace or save_plot)
+    if model:
+        if trace or plot_trace:
+            raise UsageError("--trace shows a filter at work; with --model a joint fit takes its place", do="leave one of them out")
+        found, interrupted = _with_model(readings, given, until, model, bool(save_plot), jobs, quiet)
+        filter_name = "joint_fit"
 
     def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> IdentifyTask:
         return IdentifyTask(name, minutes, part, values, notes, method, start, until, details)
 
-    tasks, processes = share_out(readings, jobs, 1.0, make)
-    found, interrupted = collect(identify_task, tasks, processes, identify_lost, quiet, readings.warm)
+    if not model:
+        tasks, processes = share_out(readings, jobs, 1.0, make)
+        found, interrupted = collect(identify_task, tasks, processes, identify_lost, quiet, readings.warm)
     records = [r.record for r in found]
     records += [IdentifyRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]
     drawn = [
@@ -106,3 +114,22 @@ def command(
 
         plot_prediction(save_plot, [r.curves for r in found if r.curves is not None], plot_trace)
     return exit_code(records, interrupted)
+
+
+def _with_model(
+    readings: Any, given: dict[str, Any], until: float | None, model: str, want_curves: bool, jobs: int | None, quiet: bool
+) -> tuple[list[Any], bool]:
+    """Results with a learnt model, all sensors of a run together."""
+    from ..loop import LoopTask
+    from ..loop_session import run_loop
+    from ..modelfile import read_model
+    from ..settle import identify_model_lost, identify_with_model
+
+    drive = read_model(model).learnt_from.drive
+    told = given["start"] != "auto"
+    tasks = [
+        LoopTask(run, start if told else 0.0, until_min=until, model=model, drive=drive, want_curves=want_curves)
+        for run, start in readings.runs
+    ]
+    found, interrupted = run_loop(identify_with_model, tasks, jobs, identify_model_lost, quiet)
+    return [i for results in found for i in results], interrupted

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, filter_options, output_options, reading_options, runs_argument
+from ..options import READING, Finite, filter_options, model_option, output_options, reading_options, runs_argument
 
 
 @click.command("sweep", epilog="Example: thermofast sweep --windows 40,45,50,55 sample_runs/spindle.csv --save-plot sweep.png")
@@ -21,6 +21,7 @@ from ..options import READING, Finite, filter_options, output_options, reading_o
     metavar="K",
     help="Width of the steady state's interval to reach.",
 )
+@model_option
 @filter_options
 @reading_options
 @output_options
@@ -30,6 +31,7 @@ def command(
     windows: str,
     times: str | None,
     tolerance: float,
+    model: str | None,
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -89,8 +91,18 @@ def command(
     def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
         return SweepTask(name, minutes, part, values, notes, method, start, spans, grid, tolerance, bool(save_plot))
 
-    tasks, processes = share_out(readings, jobs, 1.0 + 0.02 * len(grid), make)
-    found, interrupted = collect(sweep_task, tasks, processes, sweep_lost, quiet, readings.warm)
+    if model:
+        from ..loop import LoopTask
+        from ..modelfile import read_model
+        from ..settle import sweep_with_model
+
+        learnt, interrupted = read_model(model), False
+        told = reading["start"] != "auto"
+        loops = [LoopTask(r, s if told else 0.0, model=model, drive=learnt.learnt_from.drive) for r, s in readings.runs]
+        found = [swept for task in loops for swept in sweep_with_model(task, spans, grid, tolerance)]
+    else:
+        tasks, processes = share_out(readings, jobs, 1.0 + 0.02 * len(grid), make)
+        found, interrupted = collect(sweep_task, tasks, processes, sweep_lost, quiet, readings.warm)
     records = [record for result in found for record in result.records]
     records += [SweepRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]
     drawn = [
