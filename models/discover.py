@@ -22,6 +22,8 @@ from .scan import Scan
 
 #: Chance, over all effects and sensors of a run, of naming an effect that is not there.
 FALSE_ALARM = 0.01
+#: As PATTERN, for the residuals of a pair.
+PAIR_PATTERN = 1e-2
 #: A single effect whose residuals look like noise with this probability is not doubted.
 SOUND = 0.05
 #: Pairs that are looked at.
@@ -36,7 +38,9 @@ WORTH_ANOTHER = 20.0
 EXCHANGED = 5
 #: A log-likelihood ratio (times two) within which two models fit equally well.
 EQUAL = 9.0
-#: A model that leaves more than this share of the best one's misfit is no rival.
+#: A log-likelihood ratio short of the named one's that leaves a rival possible: at least, a quarter of the gain, at most.
+NEARLY = (12.0, 30.0)
+#: Rivals that are told.
 MOST_ALSO = 6
 
 
@@ -82,8 +86,11 @@ def discover(
 
     def passes(candidate: Candidate) -> bool:
         # A pair is the best of all pairs: each of its halves must beat the chance of that.
-        looks = number if len(candidate.ids) == 1 + len(base.model.parts) else 0.5 * number * (number + 1)
-        return candidate.p * looks < false_alarm and candidate.at_floor and candidate.identifiable.ok and physical(candidate)
+        alone = len(candidate.ids) == 1 + len(base.model.parts)
+        looks = number if alone else 0.5 * number * (number + 1)
+        # Two effects can imitate more than one can: their residuals must look more like noise.
+        clean = candidate.at_floor if alone else least_p(candidate.floor) >= PAIR_PATTERN
+        return candidate.p * looks < false_alarm and clean and candidate.identifiable.ok and physical(candidate)
 
     good = [c for c in singles if passes(c)]
     pairs: list[Candidate] = []
@@ -94,12 +101,16 @@ def discover(
         pairs = _pairs(base, singles, effects, sound)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
+    if named is not None and _arbitrary(base, named, pairs):
+        also, named = [named, *also], None
+    if named is not None:
+        also += _nearly(base, named, also, singles)
     p = min(1.0, min((c.p for c in singles), default=1.0) * number)
     blank = np.full(run.sensors, np.nan)
     if named is None:
         if not above:
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
-        near = sorted(singles + pairs, key=lambda c: -total_gain(base, c))[:3]
+        near = also or sorted(singles + pairs, key=lambda c: -total_gain(base, c))[:3]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
@@ -244,6 +255,31 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
     named = equal[0]
     also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
     return named, also[:MOST_ALSO]
+
+
+def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
+    """Whether a pair is one of several that draw the misfit of a single sensor: two effects there can draw nearly anything."""
+    if len(named.parts) - len(base.model.parts) < 2:
+        return False
+    n = base.run.sensors
+    who = [p.concerns(n) for p in named.parts]
+    shared = any(p.effect.scope == "run" for p in named.parts)
+    if shared and n > 1:
+        return False
+    if not shared and (int(np.logical_or.reduce(who).sum()) > 1):
+        return False
+    best = total_gain(base, named)
+    rivals = [c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_gain(base, c) > best - NEARLY[1]]
+    return bool(rivals)
+
+
+def _nearly(base: Fit, named: Candidate, also: list[Candidate], singles: list[Candidate]) -> list[Candidate]:
+    """Single effects that leave no pattern either and gain nearly as much, whether or not they would be named themselves."""
+    best = total_gain(base, named)
+    slack = min(max(NEARLY[0], 0.25 * best), NEARLY[1])
+    ids = {c.ids for c in (named, *also)}
+    near = [c for c in singles if c.ids not in ids and c.at_floor and physical(c) and total_gain(base, c) > best - slack]
+    return near[: max(0, MOST_ALSO - len(also))]
 
 
 def physical(candidate: Candidate) -> bool:

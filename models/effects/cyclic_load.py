@@ -12,7 +12,7 @@ from .base import Choice, Effect, Parameter, heated
 
 
 class CyclicLoad(Effect):
-    """The heat is a periodic wave."""
+    """The heat is a periodic wave, of which the record holds at least three: fewer are not known to repeat."""
 
     id = "cyclic_load"
     summary = "the heat comes and goes: duty cycle, chiller hysteresis"
@@ -26,7 +26,7 @@ class CyclicLoad(Effect):
     amplitude = "depth"
     parameters = (
         Parameter("depth", "1", -6.0, 6.0, 0.2, "amplitude of the heat's wave over its mean", null=0.0),
-        Parameter("period", "min", 0.0, 0.8, 0.1, "period of the wave", log=True, share=True, least_steps=2.5),
+        Parameter("period", "min", 0.0, 0.36, 0.1, "period of the wave", log=True, share=True, least_steps=2.5),
         Parameter("phase", "1", -2.0, 3.0, 0.25, "start of the wave, in periods", belongs="run"),
         Parameter("duty", "1", 0.08, 0.92, 0.5, "share of the period that a square wave is on"),
     )
