@@ -31,7 +31,7 @@ PAIRS = 24
 #: Partners that each single effect brings.
 PARTNERS = 4
 #: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
-REFINED = 4
+REFINED = 3
 #: A round of refinement that gains less is the last.
 WORTH_ANOTHER = 20.0
 #: Effects that are tried in the place of each one of the best pair.
@@ -258,7 +258,7 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
 
 
 def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
-    """Whether a pair is one of several that draw the misfit of a single sensor: two effects there can draw nearly anything."""
+    """Whether a pair draws the misfit of a single sensor, where two smooth effects can draw nearly anything, or is one of several."""
     if len(named.parts) - len(base.model.parts) < 2:
         return False
     n = base.run.sensors
@@ -268,6 +268,8 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
         return False
     if not shared and (int(np.logical_or.reduce(who).sum()) > 1):
         return False
+    if not shared and not any(p.effect.event for p in named.parts):
+        return True
     best = total_gain(base, named)
     rivals = [c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_gain(base, c) > best - NEARLY[1]]
     return bool(rivals)
