@@ -23,17 +23,17 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from machines import EFFECTS, OUTSIDE, Case, draw, second_run  # noqa: E402
+from machines import EFFECTS, OUTSIDE, Case, draw, second_run
 
-from models.discover import discover  # noqa: E402
-from models.effects import BUILT_IN, Choice  # noqa: E402
-from models.heldout import held_out_errors  # noqa: E402
-from models.joint import Fit, Part, fit_model  # noqa: E402
-from thermofast_cli.learnt import carry  # noqa: E402
-from thermofast_cli.loop import ahead_errors  # noqa: E402
-from thermofast_cli.modelfile import model_file  # noqa: E402
-from thermofast_cli.observe import observe  # noqa: E402
-from thermofast_cli.reading import Run  # noqa: E402
+from models.discover import discover
+from models.effects import BUILT_IN, Choice
+from models.heldout import held_out_errors
+from models.joint import Fit, Part, fit_model
+from thermofast_cli.learnt import carry
+from thermofast_cli.loop import ahead_errors
+from thermofast_cli.modelfile import model_file
+from thermofast_cli.observe import observe
+from thermofast_cli.reading import Run
 
 KIND = {kind.id: kind for kind in BUILT_IN}
 EVENTS = ("load_step", "cooling_switch", "reading_jump")
@@ -263,10 +263,23 @@ def report(outcomes: list[Outcome]) -> str:
     if by["outside"]:
         o = by["outside"]
         row("outside the catalogue: `unexplained`", ">= 90 %", share(sum(x.verdict == "unexplained" for x in o), len(o)))
-        row("outside the catalogue: a confident wrong name", "<= 5 %", share(sum(x.verdict not in ("none", "unexplained") and not x.also for x in o), len(o)))
+        row(
+            "outside the catalogue: a confident wrong name",
+            "<= 5 %",
+            share(sum(x.verdict not in ("none", "unexplained") and not x.also for x in o), len(o)),
+        )
     seconds = [x.seconds for x in outcomes if x.seconds]
-    row("seconds a run, one core: median, 95 %, longest", "-", " / ".join(f"{np.quantile(seconds, q):.1f}" for q in (0.5, 0.95, 1.0)))
-    for part, title in (("clear", "One clear effect"), ("faint", "One faint effect"), ("pairs", "Two clear effects"), ("outside", "Outside the catalogue")):
+    row(
+        "seconds a run, one core: median, 95 %, longest",
+        "-",
+        " / ".join(f"{np.quantile(seconds, q):.1f}" for q in (0.5, 0.95, 1.0)),
+    )
+    for part, title in (
+        ("clear", "One clear effect"),
+        ("faint", "One faint effect"),
+        ("pairs", "Two clear effects"),
+        ("outside", "Outside the catalogue"),
+    ):
         if by[part]:
             lines += ["", f"## {title}", "", "| hidden | verdicts | right or also possible |", "| --- | --- | --- |"]
             for kind in dict.fromkeys(x.job.kind for x in by[part]):
@@ -293,10 +306,11 @@ def _count(outcomes: list[Outcome], effect: str, right: Any) -> tuple[int, int]:
 
 HEAD = """# How often the discovery loop is right
 
-Simulated machines of two to ten sensors, noise 10 to 40 mK, logger steps of 0.01 and 0.05 K, gaps, and one hidden effect, two, none, or
-one that the catalogue does not hold; every record judged as `thermofast diagnose` would. The simulator is another program than the
-product (`tests/machines.py`: a network of lumps integrated by scipy's stiff solver). *Clear*: refitting the base law to the noise-free
-signal leaves at least 3 times the noise in some sensor; *faint*: the summed square of what it leaves is 40 to 200 noise variances.
+Simulated machines of two to ten sensors, noise 10 to 40 mK, logger steps of 0.01 and 0.05 K, gaps, and one hidden effect,
+two, none, or one that the catalogue does not hold; every record judged as `thermofast diagnose` would. The simulator is another
+program than the product (`tests/machines.py`: a network of lumps integrated by scipy's stiff solver). *Clear*: refitting the base
+law to the noise-free signal leaves at least 3 times the noise in some sensor; *faint*: the summed square of what it leaves is 40 to
+200 noise variances.
 
 Made by `make proof` (`python -m benchmarks.proof`), seed {seed}, in {minutes:.0f} min on {cores} cores.
 

@@ -4,6 +4,7 @@ Rows are independent lumps; columns are readings. See docs/architecture.md for t
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +94,9 @@ def forward(
         out[b] = _late(time, out[b].copy(), slope[b], float(delay[b]))
 
 
-def _substeps(k, dt, T, Z, y, parts, moves, direct):  # type: ignore[no-untyped-def]
+def _substeps(
+    k: int, dt: float, T: Array, Z: Array, y: Array, parts: tuple[Array, ...], moves: Any, direct: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
     """One interval by the classical Runge-Kutta rule, each row in its own number of equal pieces."""
     rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag = parts
     fast = rate * loss[:, k] * (1.0 + exponent) + hidden + hidden_rate + links

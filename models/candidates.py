@@ -48,7 +48,7 @@ class Candidate:
 
     @cached_property
     def floor(self) -> Array:
-        """p values (S,) of the residuals being noise."""
+        """P values (S,) of the residuals being noise."""
         return noise_floor(self.fit)
 
     @property
@@ -109,9 +109,7 @@ def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Sca
     return float(per_sensor.sum() if effect.scope == "sensor" else per_sensor.max()), scans
 
 
-def try_add(
-    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None = None, quick: bool = False
-) -> Candidate | None:
+def try_add(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None = None, quick: bool = False) -> Candidate | None:
     """The best model that adds `effect` to a fit; None where the run lacks what it needs. `quick` follows the best start only."""
     scans = first_order(before, effect)[1] if scans is None else scans
     if not scans:
@@ -127,7 +125,7 @@ def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate
     own = gains(before, after)
     if effect.scope != "run":
         own = np.where(part.concerns(before.run.sensors), own, 0.0)
-    free = len([p for p in effect.active(part.choice)])
+    free = len(list(effect.active(part.choice)))
     return Candidate(after, own, chance(effect, own, free, trials(effect, before.run)))
 
 
@@ -156,7 +154,10 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
     more = [c for c in effect.choices(before.run) if not c.simple]
     if effect.changes_heat and any(part.effect.changes_heat for part in before.model.parts):
         plain = best[2].choice
-        more = [replace(plain, label=f"{plain.label} times the rest".strip(), constants={**plain.constants, "product": True}), *more]
+        more = [
+            replace(plain, label=f"{plain.label} times the rest".strip(), constants={**plain.constants, "product": True}),
+            *more,
+        ]
         more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
     if not more or best[0] < WORTH or least_p(noise_floor(best[1])) >= PATTERN:
         return best
@@ -261,15 +262,17 @@ def _own_choices(
     for choice, s in scans:
         _, start = own_starts([s, *_from_other_rates(before, effect, choice)], effect, at)
         starts = [start]
-        for amplitude in () if quick else effect.large_starts():
+        for large in () if quick else effect.large_starts():
             for point in s.points[1::5] if len(s.points) > 1 else [{}]:
                 values = {(at, k): np.full(run.sensors, v) for k, v in point.items()}
-                starts.append({(at, effect.amplitude): np.full(run.sensors, amplitude * scale), **values})
+                starts.append({(at, effect.amplitude): np.full(run.sensors, large * scale), **values})
         found.append((choice, starts))
     return found
 
 
-def _joined(before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any, quick: bool) -> Candidate | None:
+def _joined(
+    before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any, quick: bool
+) -> Candidate | None:
     run, n = before.run, before.run.sensors
     chosen = next((r for r in rows if r is not None), None)
     if chosen is None:

@@ -7,7 +7,6 @@ equally well the one with the fewest parameters is the verdict.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -124,9 +123,7 @@ def total_gain(base: Fit, candidate: Candidate) -> float:
     return float(gains(base, candidate.fit).sum())
 
 
-def _pairs(
-    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate]
-) -> list[Candidate]:
+def _pairs(base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate]) -> list[Candidate]:
     """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
     promised: dict[tuple[str, ...], tuple[float, Fit, Effect, list[tuple[Choice, Scan]]]] = {}
     roots = [c.fit for c in (good[:3] if good else singles)]
@@ -258,7 +255,7 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
 
 
 def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
-    """Whether a pair draws the misfit of a single sensor, where two smooth effects can draw nearly anything, or is one of several."""
+    """Whether a pair draws the misfit of a single sensor, where two effects can draw nearly anything, or is one of several."""
     if len(named.parts) - len(base.model.parts) < 2:
         return False
     n = base.run.sensors
@@ -302,8 +299,3 @@ def physical(candidate: Candidate) -> bool:
             if np.any(values[p, "lag"][who] * values[-1, "rate"][who] > 1.0):
                 return False
     return True
-
-
-def falling_order(ids: Sequence[str], errors: Sequence[float]) -> bool:
-    """Whether errors fall from step to step."""
-    return all(b < a for a, b in pairwise(errors)) and len(errors) == len(ids) + 1

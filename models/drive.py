@@ -1,6 +1,6 @@
 """What drives a lump: the picture that an effect changes, and its run forward.
 
-    dT/dt = b [ R heat - loss g (T - sink) ] - kappa (T - Z) - sum kappa_k (T - Z_k),   reading = probe(T) + offset
+dT/dt = b [ R heat - loss g (T - sink) ] - kappa (T - Z) - sum kappa_k (T - Z_k),   reading = probe(T) + offset
 """
 
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The grey-box model of all sensors of a run, and its least-squares fit.
+"""The least-squares fit of a grey-box model, all sensors of a run together.
 
 Parameters are of two kinds: those of one sensor (rate, level, start, and an effect's own) and those that all sensors share (one
 event time, one wave). The normal equations then have the form of an arrow: one small block per sensor and a border for what
@@ -14,163 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .decay import fit_decay
-from .drive import Drive
-from .effects.base import Choice, Effect, Parameter, Values
+from .greybox import BASE, SINK, Model, Part
 from .kernel import Array
 from .observations import Observations
 
-#: Relative step of a derivative, in the search's coordinates (logarithms for scales, the bounds' width otherwise).
-NUDGE = 1e-5
+__all__ = [
+    "BASE",
+    "MOST_ITERATIONS",
+    "SINK",
+    "Fit",
+    "Model",
+    "Part",
+    "Prior",
+    "at_rates",
+    "fit_model",
+    "refit",
+    "rows_of",
+    "search",
+    "start_values",
+    "with_parts",
+]
+
 MOST_ITERATIONS = 40
 #: The search ends when a step gains less than this in units of the noise variance, or this share of the sum of squares.
 GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
-
-
-@dataclass(frozen=True)
-class Part:
-    """An effect in a model: how it acts (choice) and the sensors (S,) that it concerns; None: all."""
-
-    effect: Effect
-    choice: Choice = Choice()
-    concerned: tuple[bool, ...] | None = None
-
-    @property
-    def id(self) -> str:
-        return self.effect.id
-
-    def concerns(self, sensors: int) -> NDArray[np.bool_]:
-        """Mask (S,)."""
-        return np.ones(sensors, dtype=bool) if self.concerned is None else np.array(self.concerned)
-
-
-@dataclass(frozen=True)
-class Column:
-    """One searched parameter: of part `part`, or of the base model (-1)."""
-
-    part: int
-    parameter: Parameter
-
-
-BASE = (
-    Parameter("rate", "1/min", 1e-5, 4.0, 0.015, "rate b", each="sensor", log=True, fastest=4.0),
-    Parameter("level", "degC", -1e4, 1e5, 25.0, "steady state at nominal load", belongs="run", each="sensor"),
-    Parameter("start", "degC", -500.0, 5000.0, 20.0, "temperature at the first reading", belongs="run", each="sensor"),
-)
-SINK = Parameter("sink", "degC", -200.0, 2000.0, 20.0, "temperature of the surroundings", belongs="run")
-
-
-class Model:
-    """Base model and effects on one run: the layout of its parameters, and its forward run."""
-
-    def __init__(self, run: Observations, parts: Sequence[Part] = ()) -> None:
-        self.run, self.parts = run, tuple(parts)
-        columns = [Column(i, p) for i, part in enumerate(self.parts) for p in part.effect.active(part.choice)]
-        self.local = [Column(-1, p) for p in BASE] + [c for c in columns if c.parameter.each == "sensor"]
-        self.shared = [c for c in columns if c.parameter.each == "run"]
-        # Without a logged ambient the surroundings are what several sensors under one cause agree on.
-        heating = any(part.effect.uses_sink for part in self.parts) and run.sensors > 1
-        if run.sink_c is None and (heating or run.heat is not None):
-            self.shared.append(Column(-1, SINK))
-        self.low_local, self.high_local = self._bounds(self.local)
-        self.low_shared, self.high_shared = self._bounds(self.shared)
-        self.log_local = np.array([c.parameter.log for c in self.local], dtype=bool)
-        self.log_shared = np.array([c.parameter.log for c in self.shared], dtype=bool)
-        n = run.sensors
-        self.active = np.ones((n, len(self.local)), dtype=bool)
-        for j, c in enumerate(self.local):
-            if c.part >= 0:
-                self.active[:, j] = self.parts[c.part].concerns(n)
-
-    def _bounds(self, columns: list[Column]) -> tuple[Array, Array]:
-        pairs = [c.parameter.bounds(self.run) for c in columns]
-        low, high = (np.array([p[i] for p in pairs], dtype=float) for i in (0, 1))
-        log = np.array([c.parameter.log for c in columns], dtype=bool)
-        return (np.where(log, np.log(np.maximum(v, 1e-300)), v) if len(v) else v for v in (low, high))  # type: ignore[return-value]
-
-    @property
-    def sink_guess(self) -> float:
-        """Temperature of the surroundings: as logged, else the coolest first reading [degC]."""
-        if self.run.sink_c is not None:
-            return self.run.sink_c
-        return _coolest_start(self.run)
-
-    def forward(self, local: Array, shared: Array, sensor: Any) -> Array:
-        """Readings (R, N) of rows with parameters local (R, kl), shared (R, ks) in search coordinates, of sensors (R,)."""
-        here = np.where(self.log_local, np.exp(np.where(self.log_local, local, 0.0)), local)
-        common = np.where(self.log_shared, np.exp(np.where(self.log_shared, shared, 0.0)), shared) if len(self.shared) else shared
-        sink_c = np.full((len(sensor), 1), self.sink_guess)
-        values: list[dict[str, Any]] = [{} for _ in self.parts]
-        for j, c in enumerate(self.local):
-            if c.part >= 0:
-                column = here[:, j : j + 1]
-                null = c.parameter.null
-                if null is not None and not self.active[:, j].all():
-                    column = np.where(self.active[sensor, j][:, None], column, null)
-                values[c.part][c.parameter.name] = column
-        for j, c in enumerate(self.shared):
-            if c.part < 0:
-                sink_c = common[:, j : j + 1]
-            else:
-                values[c.part][c.parameter.name] = common[:, j : j + 1]
-        drive = Drive.plain(self.run, sensor, sink_c)
-        for part, named in zip(self.parts, values, strict=True):
-            part.effect.apply(drive, self.run, Values(named, part.choice.constants))
-        return drive.forward(self.run, here[:, 0], here[:, 1] - sink_c[:, 0], here[:, 2])
-
-    def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array, Array]:
-        """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters)."""
-        rows, kl, ks = len(sensor), len(self.local), len(self.shared)
-        step_l = self._steps(local, self.low_local, self.high_local, self.log_local)
-        step_s = self._steps(shared, self.low_shared, self.high_shared, self.log_shared)
-        many_l = np.repeat(local[None], 1 + kl + ks, axis=0)
-        many_s = np.repeat(shared[None], 1 + kl + ks, axis=0)
-        for j in range(kl):
-            many_l[1 + j, :, j] += step_l[:, j]
-        for j in range(ks):
-            many_s[1 + kl + j, :, j] += step_s[:, j]
-        curves = self.forward(many_l.reshape(-1, kl), many_s.reshape(len(many_s) * rows, ks), np.tile(sensor, 1 + kl + ks))
-        curves = curves.reshape(1 + kl + ks, rows, -1)
-        by = curves[1:] - curves[0]
-        by[:kl] /= step_l.T[:, :, None]
-        by[kl:] /= step_s.T[:, :, None]
-        return curves[0], by[:kl], by[kl:]
-
-    @staticmethod
-    def _steps(values: Array, low: Array, high: Array, log: NDArray[np.bool_]) -> Array:
-        width = np.where(log, 10.0, np.minimum(np.where(high > low, high - low, 1.0), 100.0))
-        step = NUDGE * width * np.ones_like(values)
-        return np.where(values + step > high, -step, step)
-
-    def vector(self, named: dict[tuple[int, str], Any]) -> tuple[Array, Array]:
-        """Search coordinates local (S, kl), shared (ks,) from values by (part, name), clipped to the bounds; else start values."""
-        n = self.run.sensors
-        local, shared = np.empty((n, len(self.local))), np.empty(len(self.shared))
-        for columns, out, log, low, high in (
-            (self.local, local, self.log_local, self.low_local, self.high_local),
-            (self.shared, shared, self.log_shared, self.low_shared, self.high_shared),
-        ):
-            for j, c in enumerate(columns):
-                p = c.parameter
-                value = named.get((c.part, p.name))
-                if value is None:
-                    value = self.sink_guess if p is SINK else p.start * (self.run.span if p.share else 1.0)
-                value = np.asarray(value, dtype=float)
-                out[..., j] = np.clip(np.log(np.maximum(value, 1e-300)) if log[j] else value, low[j], high[j])
-        return local, shared
-
-    def named(self, local: Array, shared: Array) -> dict[tuple[int, str], Any]:
-        """Natural values by (part, name): (S,) for local, a number for shared parameters."""
-        found: dict[tuple[int, str], Any] = {}
-        for j, c in enumerate(self.local):
-            found[c.part, c.parameter.name] = np.exp(local[:, j]) if self.log_local[j] else local[:, j].copy()
-        for j, c in enumerate(self.shared):
-            found[c.part, c.parameter.name] = float(np.exp(shared[j]) if self.log_shared[j] else shared[j])
-        return found
-
-
-def _coolest_start(run: Observations) -> float:
-    firsts = [float(np.median(row[used][:3])) for row, used in zip(run.reading, run.used, strict=True) if used.any()]
-    return min(firsts) if firsts else 20.0
 
 
 @dataclass(frozen=True)
@@ -223,7 +90,7 @@ class Fit:
     def dof(self) -> Array:
         """Readings minus parameters of each sensor, shared ones spread evenly (S,)."""
         own = self.model.active.sum(axis=1) + len(self.model.shared) / max(1, self.run.sensors)
-        return np.maximum(self.readings - own, 1.0)
+        return np.asarray(np.maximum(self.readings - own, 1.0))
 
     @cached_property
     def noise(self) -> Array:

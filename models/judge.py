@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .effects.base import Effect
-from .joint import BASE, Fit, Part
+from .joint import Fit, Part
 from .kernel import Array
 from .tails import chi2_tail
 from .whiteness import pattern_p_value
@@ -26,7 +26,7 @@ VAGUE = 1.2
 
 
 def noise_floor(fit: Fit) -> Array:
-    """p values (S,): would white noise leave residuals as patterned as these? 0 where they are far larger than the noise."""
+    """P values (S,): would white noise leave residuals as patterned as these? 0 where they are far larger than the noise."""
     run = fit.run
     values = np.ones(run.sensors)
     residual = unrounded(fit)
@@ -54,7 +54,8 @@ def least_p(floor: Array) -> float:
 def unrounded(fit: Fit) -> Array:
     """Residuals (S, N) [K] without what the logger's rounding adds to a reading on average.
 
-    A reading of a noisy temperature m + e, rounded to steps q, is on average m + sum (-1)^k q/(pi k) exp(-2 (pi k s/q)^2) sin(2 pi k m/q)
+    A reading of a noisy temperature m + e, rounded to steps q, is on average
+    m + sum (-1)^k q/(pi k) exp(-2 (pi k s/q)^2) sin(2 pi k m/q)
     (Widrow & Kollar, Quantization Noise, 2008): with noise s below half a step that is a pattern which is no misfit. s is taken
     as it suits the readings best; where the curve is not good to a fraction of a step the residuals are left as they are.
     """
@@ -204,13 +205,3 @@ def _doubt(effect, parameter, value, variance, low, high, fit) -> str:  # type: 
     if parameter.log and deviation > VAGUE:
         return f"{parameter.name} is known only to a factor of {math.exp(min(deviation, 20.0)):.1f}"
     return ""
-
-
-def free_parameters(part: Part, effect: Effect) -> int:
-    """Searched parameters of a part: in all for a shared one, per sensor else."""
-    return len(effect.active(part.choice))
-
-
-def base_parameters() -> int:
-    """Parameters of the base model per sensor."""
-    return len(BASE)

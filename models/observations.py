@@ -1,5 +1,6 @@
 """All sensors of one run on one time grid: what a joint fit looks at, and what an effect may use."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -107,7 +108,7 @@ def held_out_blocks(run: Observations, blocks: int = 8) -> list[NDArray[np.bool_
         return []
     edges = np.linspace(0, len(seen), blocks + 1).astype(int)
     found = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges):
         mask = np.zeros(len(run.time), dtype=bool)
         mask[seen[max(a, (b - a) // 3) if a == 0 else a : b]] = True
         found.append(mask)

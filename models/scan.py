@@ -21,7 +21,8 @@ CHUNK = 1_500_000
 @dataclass(frozen=True)
 class Scan:
     """Grid points (G values of the other parameters) with first-order amplitude and gain (G, S), and the amplitude and gain
-    (G,) where the sensors share it; strength (G, S) is the gain of an amplitude of 1. cost (S,) is the fit's weighted sum of squares."""
+    (G,) where the sensors share it; strength (G, S) is the gain of an amplitude of 1, cost (S,) the fit's weighted sum of squares.
+    """
 
     points: list[dict[str, float]]
     amplitude: Array
@@ -33,7 +34,7 @@ class Scan:
     fit: Fit
 
 
-def _tangents(fit: Fit, root: Array, seen: Array) -> list[Array]:
+def _tangents(fit: Fit, root: Array, seen: Any) -> list[Array]:
     """Orthonormal directions (n seen, m) in which the fit of each sensor can move, weighted by root (S, N)."""
     bases = []
     for i in range(fit.run.sensors):
@@ -45,7 +46,7 @@ def _tangents(fit: Fit, root: Array, seen: Array) -> list[Array]:
     return bases
 
 
-def _responses(fit: Fit, effect: Effect, points: list[dict[str, float]], root: Array, seen: Array) -> Callable[[int], Array]:
+def _responses(fit: Fit, effect: Effect, points: list[dict[str, float]], root: Array, seen: Any) -> Callable[[int], Array]:
     """Changes (G, n seen) of a sensor's curve for a wave of depth 1: a lump answers a wave with a wave.
 
     What the start of the wave adds decays like the curve itself and lies in the fit's own directions.
@@ -62,7 +63,8 @@ def _responses(fit: Fit, effect: Effect, points: list[dict[str, float]], root: A
         second = answer.imag[:, None] * sine - answer.real[:, None] * cosine
         both = np.empty((len(points), len(seen)))
         both[::2], both[1::2] = first, second
-        return both * root[i][seen]
+        weighted: Array = both * root[i][seen]
+        return weighted
 
     return of
 
@@ -111,7 +113,13 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
 
 
 def _changes(
-    fit: Fit, model: Model, base: dict[tuple[int, str], Any], at: int, effect: Effect, amplitude: float, some: list[dict[str, float]]
+    fit: Fit,
+    model: Model,
+    base: dict[tuple[int, str], Any],
+    at: int,
+    effect: Effect,
+    amplitude: float,
+    some: list[dict[str, float]],
 ) -> Array:
     """Curves (G, S, N) with a little of the effect at each of some grid points."""
     n = fit.run.sensors
@@ -130,7 +138,7 @@ def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple
     gains = found.shared_gain.copy()
     if len(gains) > 1 and "phase" in found.points[0]:
         return _wave_starts(found, effect, at, most)
-    starts = []
+    starts: list[tuple[float, dict[tuple[int, str], Any]]] = []
     apart = max(1, len(gains) // 16)
     for _ in range(most):
         best = int(np.argmax(gains))

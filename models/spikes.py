@@ -25,7 +25,9 @@ def third_difference_noise(reading: Array) -> float:
         return difference_noise(reading)
     third = np.diff(reading, 3)
     robust = 1.4826 * _median(np.abs(third - _median(third))) / math.sqrt(20.0)
-    near = third[np.abs(third) <= 5.0 * math.sqrt(20.0) * robust] if robust > 0.0 else third[np.abs(third) <= np.ptp(reading) / 20.0]
+    near = (
+        third[np.abs(third) <= 5.0 * math.sqrt(20.0) * robust] if robust > 0.0 else third[np.abs(third) <= np.ptp(reading) / 20.0]
+    )
     return max(robust, math.sqrt(float(near @ near) / len(near) / 20.0)) if len(near) else robust
 
 

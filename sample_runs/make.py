@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from thermofast_cli.output.files import write_columns, write_json
 from thermofast_cli.simulation import Probe, simulate
@@ -57,5 +58,49 @@ def main(folder: Path) -> None:
     (folder / "gaps_and_bad_cells.csv").write_bytes(bad_cells(rough.columns, np.random.default_rng(5)).encode("cp1252"))
 
 
+def hidden(folder: Path) -> None:
+    """The tutorial's records, from the tests' simulator: another program than the one that is to find what is hidden."""
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    from machines import draw, second_run
+
+    for name, kind, seed, second in (("hidden", ("second_mode",), 31, True), ("hidden_two", ("ambient", "second_mode"), 7, False)):
+        rng = np.random.default_rng(seed)
+        case = draw(kind, rng, "clear")
+        write_columns(str(folder / f"{name}.csv"), case.columns)
+        write_json(str(folder / f"{name}.key.json"), plain({"effects": case.truth["effects"], "noise_c": case.noise}))
+        if second:
+            write_columns(str(folder / f"{name}_second_run.csv"), second_run(case, rng).columns)
+    write_columns(str(folder / "hidden_ramp.csv"), ramped(np.random.default_rng(5)))
+    key = {"effects": {"load_ramp": {"change": 0.6, "begin_min": 110.0, "length_min": 130.0}}, "noise_c": 0.015}
+    write_json(str(folder / "hidden_ramp.key.json"), key)
+
+
+def ramped(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Three sensors of a machine whose load is ramped up from minute 110 to 240, which no effect of the catalogue is."""
+    time = np.arange(0.0, 421.0)
+    columns = {"time_min": time}
+    for i, (rate, rise) in enumerate(((0.016, 6.0), (0.021, 9.0), (0.027, 4.5))):
+
+        def slope(t: float, y: np.ndarray, rate: float = rate, rise: float = rise) -> np.ndarray:
+            return rate * (rise * (1.0 + 0.6 * np.clip((t - 110.0) / 130.0, 0.0, 1.0)) - (y - 20.0))
+
+        curve = solve_ivp(slope, (0.0, 420.0), [20.05], "LSODA", time, rtol=1e-9, atol=1e-9, max_step=2.0).y[0]
+        columns[f"T{i + 1}"] = np.round(curve + 0.015 * rng.standard_normal(len(time)), 2)
+    columns["ambient"] = np.round(20.0 + 0.01 * rng.standard_normal(len(time)), 2)
+    return columns
+
+
+def plain(value: object) -> object:
+    """Numbers and lists for JSON; sensors are counted from 1, as in the record."""
+    if isinstance(value, dict):
+        told = {k: plain(v) for k, v in value.items()}
+        return told | {k: [int(i) + 1 for i in np.ravel(value[k])] for k in ("sensors", "source") if k in value}
+    if isinstance(value, np.ndarray):
+        return [round(float(v), 6) for v in value.ravel()]
+    return round(float(value), 6) if isinstance(value, float | np.floating) else value
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
+    main(target)
+    hidden(target)

@@ -9,6 +9,7 @@ Units: time, delays in min; rates (b, kappa, lump rate) in 1/min; temperatures i
 from __future__ import annotations
 
 import copy
+import itertools
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -155,7 +156,7 @@ def simulate(truth: Params, t: Array, method: str | None = None, rtol: float = 1
     if square:
         jumps += list((np.arange(2 * end / cyc["period_min"] + 3) / 2 - cyc["phase"] / 2 / np.pi) * cyc["period_min"])
     edges = [0.0, *(x for x in sorted(jumps) if 1e-9 < x < end - 1e-9), end]
-    for left, right in zip(edges[:-1], edges[1:]):
+    for left, right in itertools.pairwise(edges):
         mid = 0.5 * (left + right)
         while left < right:
             here = np.flatnonzero((asked >= left) & (asked <= right))

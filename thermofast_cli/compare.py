@@ -59,7 +59,9 @@ def compare_task(task: LoopTask) -> list[Comparison]:
 def compare_lost(task: LoopTask) -> list[Comparison]:
     """The record of a run whose worker died."""
     return [
-        Comparison([CompareRecord(task.run.name, "", status="diverged", message="the worker process died; run it alone with --jobs 1")])
+        Comparison(
+            [CompareRecord(task.run.name, "", status="diverged", message="the worker process died; run it alone with --jobs 1")]
+        )
     ]
 
 
@@ -81,7 +83,11 @@ def _compare(task: LoopTask) -> Comparison:
         inside = residual[i][fit.run.used[i]]
         bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
         along = correlations(fit, whole, residual, i)
-        messages = [_in_words(along), *notes, *[n for n in prepared.observed.notes if not n.startswith("T") or n.startswith(channel)]]
+        messages = [
+            _in_words(along),
+            *notes,
+            *[n for n in prepared.observed.notes if not n.startswith("T") or n.startswith(channel)],
+        ]
         if stretches and floor[i] >= PATTERN and unused.any():
             messages.insert(0, "the model holds where it was fitted and fails ahead")
         status = "ok" if floor[i] >= PATTERN and not stretches else "model_doubtful"
@@ -208,7 +214,7 @@ def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list
     for j, other in enumerate(whole.channels):
         if j != i:
             found.append((other, np.nan_to_num(residual[j]), 0.0))
-    told = []
+    told: list[dict[str, Any]] = []
     for name, series, late in found:
         both = good if name in offers else good & np.isfinite(residual[whole.channels.index(name)])
         r, p = _correlation(whole.time[both], own[both], series[both])

@@ -8,7 +8,6 @@ import numpy as np
 
 from models.candidates import Candidate, first_order
 from models.discover import FALSE_ALARM, Discovery, discover, total_gain
-from models.effects.base import Effect
 from models.joint import Fit
 from models.judge import PATTERN
 from models.observations import Observations
@@ -172,12 +171,16 @@ def words(found: Discovery, seen: Observations, until: float | None) -> tuple[st
     where = _where(found, seen)
     near = ", ".join("+".join(c.ids) for c in found.also[:3])
     evidence = (
-        f"the base model fails in {_listed(above)} {where}, and no effect of the catalogue, alone or with a second one, brings every "
-        f"sensor down to its noise with parameters that the record determines; nearest: {near or 'none'}"
+        f"the base model fails in {_listed(above)} {where}, and no effect of the catalogue, alone or with a second one, brings "
+        f"every sensor down to its noise with parameters that the record determines; nearest: {near or 'none'}"
     )
     hints = list(dict.fromkeys(p.effect.separate for c in found.also[:2] for p in c.parts if p.effect.separate))
     advice = short or "; ".join(
-        ["log what changed at that time (speed, power, coolant, room)", *hints[:2], "or write the effect yourself: docs/add-an-effect.md"]
+        [
+            "log what changed at that time (speed, power, coolant, room)",
+            *hints[:2],
+            "or write the effect yourself: docs/add-an-effect.md",
+        ]
     )
     return evidence, advice, "not_determined" if short else "ok"
 
@@ -198,18 +201,22 @@ def _named_words(found: Discovery, seen: Observations, until: float | None) -> t
             if key not in named.fit.values or name.name in ("phase",):
                 continue
             value, error = named.fit.values[key], named.fit.deviations[key]
+            unit = "" if name.unit == "1" else f" {name.unit}"
+            if name.each == "sensor" and int(who.sum()) > 1:
+                numbers.append(f"{name.name} {value[who].min():.2g} to {value[who].max():.2g}{unit}")
+                continue
             if name.each == "sensor":
                 i = int(np.flatnonzero(who)[0])
                 value, error = float(value[i]), float(error[i])
             error = error * abs(value) if name.log else error
-            unit = "" if name.unit == "1" else f" {name.unit}"
             numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
         acts = f" ({part.choice.label})" if part.choice.label else ""
         parts.append(f"{part.effect.summary}{acts}, in {sensors}: {', '.join(numbers)}")
     before, after = _pooled(found.ahead_base[concerned]), _pooled(found.ahead[concerned])
     noise = _pooled(named.fit.noise[concerned])
     evidence = (
-        f"{'; and '.join(parts)}. Adding {' and '.join(named.ids)} cuts the error on readings not fitted from {before:.2g} to {after:.2g} K; "
+        f"{'; and '.join(parts)}. Adding {' and '.join(named.ids)} cuts the error on readings not fitted "
+        f"from {before:.2g} to {after:.2g} K; "
         f"noise {noise:.2g} K"
     )
     hints = list(dict.fromkeys(p.effect.separate for c in (named, *found.also[:2]) for p in c.parts if p.effect.separate))
@@ -256,7 +263,7 @@ def _short_record(found: Discovery, seen: Observations) -> str:
     return f"the record covers {covered:.2f} of a time constant: too short to judge; record at least {need:.0f} min"
 
 
-def visible_sizes(found: Discovery, effects: tuple[Effect, ...] = ()) -> list[str]:
+def visible_sizes(found: Discovery) -> list[str]:
     """For each effect the size that would have been seen, where it acts in the middle of what was searched."""
     sizes = []
     for candidate in found.singles:
@@ -276,5 +283,4 @@ def visible_sizes(found: Discovery, effects: tuple[Effect, ...] = ()) -> list[st
             continue
         unit = "" if main.unit == "1" else f" {main.unit}"
         sizes.append(f"{effect.id} {main.name} {size:.2g}{unit}")
-    del effects
     return sizes

@@ -1,7 +1,7 @@
 """``improve``: add effects, refit, and watch the error fall."""
 
 from dataclasses import dataclass, field
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,18 @@ from models.judge import PATTERN, least_p, noise_floor
 
 from .diagnose import search_run, words
 from .errors import ThermofastError
-from .loop import LoopTask, Ready, ahead_errors, check_inputs, failure_records, ids_of, in_order, parameters_of, ready, refused_records
+from .loop import (
+    LoopTask,
+    Ready,
+    ahead_errors,
+    check_inputs,
+    failure_records,
+    ids_of,
+    in_order,
+    parameters_of,
+    ready,
+    refused_records,
+)
 from .modelfile import ModelFile, model_file
 from .plugins import chosen_effects, load_effect
 from .records import ImproveRecord
@@ -83,7 +94,8 @@ def _improve(task: LoopTask) -> Improved:
             stopped = f"{found.verdict}: {evidence}. {advice}"
         else:
             steps, remark = _staircase(prepared, task.until_min, base, found.named)
-            stopped = f"{remark}every sensor is down to its noise with {' and '.join(found.named.ids)}; nothing more would be told from chance"
+            names = " and ".join(found.named.ids)
+            stopped = f"{remark}every sensor is down to its noise with {names}; nothing more would be told from chance"
     elif task.names:
         effects = chosen_effects(task.names, task.extra)
         check_inputs(effects, prepared.whole)
@@ -140,7 +152,7 @@ def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidat
             continue
         steps.append(last)
         errors = [_pooled(s.ahead) for s in steps]
-        rises = sum(b >= a for a, b in zip(errors[:-1], errors[1:], strict=True))
+        rises = sum(b >= a for a, b in pairwise(errors))
         if best is None or (rises, errors[1]) < best[:2]:
             best = rises, errors[1], steps
     if best is None:

@@ -1,17 +1,18 @@
 """A learnt model on a run: the machine's constants as known, the run's own from its first minutes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from models import Observations
 from models.candidates import try_add
 from models.effects.base import Choice
-from models.joint import BASE, Fit, Model, Part, Prior, fit_model, search, start_values
+from models.joint import Fit, Model, Part, Prior, search, start_values
 
 from .errors import UsageError
-from .modelfile import EffectEntry, ModelFile, Number, constants_of, sha256_of
+from .modelfile import EffectEntry, ModelFile, Number, constants_of
 from .plugins import known_effects
+from .reading.source import sha256_of
 
 #: A machine's constant is held no tighter than this share of itself: two runs of one machine are not exactly alike.
 LEAST_SHARE = 1e-3
@@ -167,17 +168,3 @@ def _phases(layout: Model, same_run: bool) -> list[dict[tuple[int, str], object]
     if not waves or same_run:
         return [{}]
     return [{(waves[0], "phase"): phase} for phase in np.arange(8) / 8.0]
-
-
-def base_fit(seen: Observations) -> Fit:
-    """The base model alone."""
-    return fit_model(seen)
-
-
-def unused_after(seen: Observations, until_min: float | None) -> Observations:
-    """Only the readings after `until_min` in use."""
-    after = seen.until(until_min)
-    return replace(seen, weight=np.where(after.weight > 0.0, 0.0, seen.weight))
-
-
-FIRST = len(BASE)

@@ -1,6 +1,6 @@
 """One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -131,7 +131,7 @@ def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, An
     """{effect.parameter: {value, se, unit}} of a fit's effects; for one sensor, its own and the shared ones."""
     found: dict[str, dict[str, Any]] = {}
     values, errors = fit.values, fit.deviations
-    for j, c in enumerate((*fit.model.local, *fit.model.shared)):
+    for c in (*fit.model.local, *fit.model.shared):
         if c.part < 0:
             continue
         key = c.part, c.parameter.name
@@ -151,7 +151,6 @@ def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, An
             "standard_error": float(f"{error:.2g}") if known else None,
             "unit": c.parameter.unit,
         }
-        del j
     return found
 
 
@@ -161,11 +160,3 @@ def ahead_errors(fit: Fit, whole: Observations) -> Array:
     error = np.where(after, np.nan_to_num(whole.reading) - fit.curve, 0.0)
     count = after.sum(axis=1)
     return np.asarray(np.sqrt(np.where(count > 0, (error**2).sum(axis=1) / np.maximum(count, 1), np.nan)))
-
-
-def over(whole: Observations, fit: Fit) -> Fit:
-    """The same fit beside all readings of the run, those it did not see too."""
-    used = whole.used
-    residual = np.where(used, np.nan_to_num(whole.reading) - fit.curve, 0.0)
-    fit = replace(fit, rss=(whole.weight * residual**2).sum(axis=1))
-    return fit

@@ -47,7 +47,11 @@ def loop_tasks(
 
 
 def run_loop(
-    work: Callable[[LoopTask], list[Any]], tasks: list[LoopTask], jobs: int | None, lost: Callable[[LoopTask], list[Any]], quiet: bool
+    work: Callable[[LoopTask], list[Any]],
+    tasks: list[LoopTask],
+    jobs: int | None,
+    lost: Callable[[LoopTask], list[Any]],
+    quiet: bool,
 ) -> tuple[list[Any], bool]:
     """Results in the order of the runs, and whether the user interrupted; what was finished by then is kept."""
     wanted = jobs if jobs is not None else (cores() if len(tasks) >= POOL_FROM else 1)

@@ -1,6 +1,5 @@
 """The model file: what was learnt of a machine, in TOML that a person can read and that is read back strictly."""
 
-import hashlib
 import math
 import tomllib
 from datetime import date
@@ -11,11 +10,12 @@ import msgspec
 import numpy as np
 
 from models.effects.base import Choice
-from models.joint import BASE, SINK, Fit
+from models.joint import Fit
 
 from . import __version__
 from .errors import UsageError
-from .output.files import write_whole
+from .output.files import write_text_whole
+from .reading.source import sha256_of
 
 SCHEMA = "thermofast.model/1"
 NOT_FOR = (
@@ -71,14 +71,6 @@ class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     channels: tuple[str, ...]
     base: tuple[Number, ...]
     effects: tuple[EffectEntry, ...] = ()
-
-
-def sha256_of(path: str) -> str:
-    """Hash of a file; empty where there is none to read (standard input)."""
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError:
-        return ""
 
 
 def model_file(fit: Fit, source: str, readings: int, until_min: float | None, files: dict[str, str]) -> ModelFile:
@@ -175,13 +167,7 @@ def write_model(path: str, model: ModelFile) -> None:
         "# What thermofast learnt of one machine. 'machine' numbers are carried to other runs of it; 'run' numbers are\n"
         "# found anew from each run's first minutes. Read back strictly: thermofast compare other.csv --model THIS.toml\n\n"
     )
-    text = head + tomli_w.dumps(_without_none(msgspec.to_builtins(model)))
-
-    def write(target: str) -> None:
-        with open(target, "w", encoding="utf-8", newline="\n") as out:
-            out.write(text)
-
-    write_whole(path, write)
+    write_text_whole(path, head + tomli_w.dumps(_without_none(msgspec.to_builtins(model))))
 
 
 def _without_none(value: Any) -> Any:
@@ -230,6 +216,3 @@ def read_model(path: str) -> ModelFile:
 def _known_keys() -> str:
     tables = {"": ModelFile, "learnt_from": LearntFrom, "base": Number, "effects": EffectEntry, "effects.parameters": Number}
     return "; ".join(f"[{n}] {' '.join(t.__struct_fields__)}".replace("[] ", "") for n, t in tables.items())
-
-
-BASE_NAMES = tuple(p.name for p in (*BASE, SINK))

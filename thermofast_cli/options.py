@@ -82,9 +82,18 @@ reading_options = _together(
 )
 
 loop_options = _together(
-    click.option("--until", type=Finite(0, min_open=True), metavar="MIN", help="Fit the first MIN minutes only; the rest shows the error ahead."),
     click.option(
-        "--effect", "extra", multiple=True, metavar="FILE.py[:CLASS]", help="An effect of your own, beside the catalogue; may be repeated."
+        "--until",
+        type=Finite(0, min_open=True),
+        metavar="MIN",
+        help="Fit the first MIN minutes only; the rest shows the error ahead.",
+    ),
+    click.option(
+        "--effect",
+        "extra",
+        multiple=True,
+        metavar="FILE.py[:CLASS]",
+        help="An effect of your own, beside the catalogue; may be repeated.",
     ),
     click.option("--drive", metavar="COLUMN", help="A logged column that is the heat of the base model."),
 )

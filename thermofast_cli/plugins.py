@@ -88,7 +88,7 @@ def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
     by_file = {spec: load_effect(spec).id for spec in files}
     if not names:
         return list(known.values())
-    found = []
+    found: list[Effect] = []
     for name in names:
         wanted = by_file.get(name, name)
         if wanted not in known:
@@ -132,12 +132,16 @@ def load_effect(spec: str) -> Effect:
     except BaseException as error:
         raise EffectError(f"{path}: cannot be imported", found=_where(error, path), do="run it with python to see more") from None
     kinds = [
-        v for v in vars(module).values() if inspect.isclass(v) and issubclass(v, Effect) and v.__module__ == name and v is not Effect
+        v
+        for v in vars(module).values()
+        if inspect.isclass(v) and issubclass(v, Effect) and v.__module__ == name and v is not Effect
     ]
     if wanted:
         kinds = [k for k in kinds if k.__name__ == wanted]
     if len(kinds) != 1:
-        have = listed([k.__name__ for k in vars(module).values() if inspect.isclass(k) and issubclass(k, Effect) and k is not Effect])
+        have = listed(
+            [k.__name__ for k in vars(module).values() if inspect.isclass(k) and issubclass(k, Effect) and k is not Effect]
+        )
         raise UsageError(
             f"{spec}: {'no' if not kinds else 'more than one'} effect class {wanted or ''}".rstrip(),
             found=have or "no class derived from models.effects.Effect",
@@ -203,8 +207,8 @@ def _try(effect: Effect, origin: str) -> bool:
     """
     time = np.linspace(0.0, 120.0, 61)
     reading = np.array([20.0 + 5.0 * (1.0 - np.exp(-0.02 * time)), 20.0 + 3.0 * (1.0 - np.exp(-0.03 * time))])
-    plenty = {"ambient": 20.0 + np.sin(time / 20.0)}
-    columns = {n: 1.0 + (time > 60.0) for n in ("speed", "power", "coolant", "duty", "fan")}
+    plenty: dict[str, Any] = {"ambient": 20.0 + np.sin(time / 20.0)}
+    columns: dict[str, Any] = dict.fromkeys(("speed", "power", "coolant", "duty", "fan"), 1.0 + (time > 60.0))
     full = np.full(2, 0.01)
     run = Observations("trial", ("T1", "T2"), time, reading, np.ones_like(reading), full, full * 0.0, plenty, columns)
     with _watched(effect):
@@ -260,8 +264,11 @@ def _row_by_row(effect: Effect, drive: Drive, run: Observations, p: Any) -> None
     links: list[tuple[Any, Any]] = []
     for i in range(rows):
         single = Drive(
-            drive.sensor[i : i + 1], drive.sink_c[i : i + 1], *(wide[f][i] for f in FIELDS), *(float(tall[f][i, 0]) for f in NUMBERS)
-        )  # type: ignore[arg-type]
+            drive.sensor[i : i + 1],
+            drive.sink_c[i : i + 1],
+            *(wide[f][i] for f in FIELDS),
+            *(float(tall[f][i, 0]) for f in NUMBERS),
+        )
         named = {k: float(v[i, 0]) if isinstance(v, np.ndarray) and v.shape == (rows, 1) else v for k, v in vars(p).items()}
         effect.apply(single, run, Values(named, {}))
         for f in FIELDS:

@@ -205,7 +205,9 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
     ambient = {n: np.full(POINTS, reference if reference is not None else 0.0) for n in run.ambient}
     used = np.flatnonzero(run.used.any(axis=0))
     inputs = {n: np.full(POINTS, float(c[used[-1]])) for n, c in run.inputs.items()}
-    alone = replace(run, time=time, ambient=ambient, inputs=inputs, heat=None if run.heat is None else np.full(POINTS, run.heat[used[-1]]))
+    alone = replace(
+        run, time=time, ambient=ambient, inputs=inputs, heat=None if run.heat is None else np.full(POINTS, run.heat[used[-1]])
+    )
     values = fit.values
     curves = values[-1, "level"][:, None] + (values[-1, "start"] - values[-1, "level"])[:, None] * np.exp(
         -values[-1, "rate"][:, None] * time
@@ -218,7 +220,9 @@ def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[fl
     prepared = ready(task)
     if prepared is None or task.model is None:
         return [
-            Swept((SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w),), np.empty(0), np.empty((0, 0)), np.empty(0))
+            Swept(
+                (SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w),), np.empty(0), np.empty((0, 0)), np.empty(0)
+            )
             for c, s, w in observe(task.run, task.start_min).refused
         ]
     whole = prepared.whole

@@ -78,7 +78,9 @@ def sweep_sensor(
         if not progress.sound:
             last_one = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
             doubted = doubts(last_one, track, sensor)
-    return Swept(sweep_records(blank, doubted, [*sensor.notes, note], windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width)
+    return Swept(
+        sweep_records(blank, doubted, [*sensor.notes, note], windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width
+    )
 
 
 def window_errors(progress: Progress, indices: list[int], states: Array, time: Array, reading: Array) -> Array:
@@ -107,7 +109,7 @@ def sweep_records(
     ends: list[int],
     tolerance_c: float,
 ) -> tuple[SweepRecord, ...]:
-    """Records of one sensor from its errors rmse (windows, times) [K] and widths (times,) [K]; docs/architecture.md has the rules."""
+    """Records of one sensor from its errors rmse (windows, times) [K] and widths (times,) [K] by docs/architecture.md."""
     told = [m for m in (*doubted, *notes) if m]
     counted = np.isfinite(rmse)
     least = np.where(counted, rmse, np.inf)

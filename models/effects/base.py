@@ -20,8 +20,10 @@ class Parameter:
     """One number of an effect.
 
     low, high, start: bounds and start value, in `unit`; with ``share`` they are shares of the record's length. `least_steps`
-    raises the lower bound to that many sampling intervals, `fastest` lowers the upper bound of a rate to that per interval. null is the value at which the effect vanishes (None: this
-    parameter alone cannot make it vanish). belongs: 'machine', carried to other runs of it, or 'run'.
+    raises the lower bound to that many sampling intervals, `fastest` lowers the upper
+    bound of a rate to that per interval.
+    null is the value at which the effect vanishes (None: this parameter alone cannot make it vanish).
+    belongs: 'machine', carried to other runs of it, or 'run'.
     each: 'run', one value for all sensors, or 'sensor', one for each. log: search on a logarithmic scale.
     """
 

@@ -24,7 +24,9 @@ class FrictionDecay(Effect):
     amplitude = "extra"
     parameters = (
         Parameter("extra", "1", 0.0, 8.0, 0.3, "extra heat at the start over the lasting heat", null=0.0),
-        Parameter("time_constant", "min", 0.003, 3.0, 0.1, "time constant of the running-in", log=True, share=True, least_steps=0.7),
+        Parameter(
+            "time_constant", "min", 0.003, 3.0, 0.1, "time constant of the running-in", log=True, share=True, least_steps=0.7
+        ),
     )
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:

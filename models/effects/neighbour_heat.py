@@ -29,8 +29,7 @@ class NeighbourHeat(Effect):
         n = run.sensors
         if n < 2 or n > 40:
             return ()
-        shifts = [Choice(f"+{d}", {"source": (np.arange(n) + d) % n}) for d in range(1, n)]
-        return shifts
+        return [Choice(f"+{d}", {"source": (np.arange(n) + d) % n}) for d in range(1, n)]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         source = np.asarray(p.source)[drive.sensor]

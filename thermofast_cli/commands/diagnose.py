@@ -40,7 +40,7 @@ def command(
     from ..session import deliver, exit_code
 
     given = {k: reading[k] for k in READING}
-    options = {"until_min": until, "extra": extra, "drive": drive, "names": names(effects), "model": model}
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(effects), "model": model}
     tasks, unreadable = loop_tasks(runs, given, quiet, [output], **options)
     found, interrupted = run_loop(diagnose_task, tasks, jobs, diagnose_lost, quiet)
     records = [r for rs in found for r in rs]
@@ -48,7 +48,7 @@ def command(
     drawn = [
         ("sensor", text("channel")),
         ("verdict", text("verdict")),
-        ("as good", text("also_possible")),
+        ("also possible", text("also_possible")),
         ("event min", number("event_min", 1)),
         ("base ahead K", number("rmse_base_ahead_c", 3)),
         ("ahead K", number("rmse_ahead_c", 3)),

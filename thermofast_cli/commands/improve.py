@@ -53,7 +53,7 @@ def command(
     if learns:
         check_target(output or "", (".toml",))
     given = {k: reading[k] for k in READING}
-    options = {"until_min": until, "extra": extra, "drive": drive, "names": names(add), "auto": auto}
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(add), "auto": auto}
     tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], check_table=not learns, **options)
     if learns and len(tasks) > 1:
         raise UsageError(f"{output}: one model file for {len(tasks)} runs", do="learn from one run, or name another output")
@@ -69,7 +69,9 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    deliver("improve", records, ImproveRecord, None if learns else output, form, quiet, drawn, beneath=("stopped_because", "message"))
+    deliver(
+        "improve", records, ImproveRecord, None if learns else output, form, quiet, drawn, beneath=("stopped_because", "message")
+    )
     if learns and found and found[0].model is not None:
         write_model(output or "", found[0].model)
         if not quiet:

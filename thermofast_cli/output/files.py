@@ -107,6 +107,11 @@ def _write_text(path: str, text: str) -> None:
         out.write(text)
 
 
+def write_text_whole(path: str, text: str) -> None:
+    """A text file, whole or not at all."""
+    write_whole(path, lambda p: _write_text(p, text))
+
+
 def write_json(path: str, document: Any) -> None:
     """A JSON document."""
     write_whole(path, lambda p: _write_text(p, json.dumps(document, indent=1) + "\n"))

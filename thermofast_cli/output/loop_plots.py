@@ -62,7 +62,9 @@ def _panel(column: list[Any], p: Panel, inputs: dict[str, Any]) -> None:
     if len(column) > 2:
         for (name, values), colour in zip(inputs.items(), INPUTS, strict=False):
             span = float(np.ptp(values)) or 1.0
-            column[2].plot(p.time, (values - values.min()) / span, lw=0.9, color=colour, label=f"{name} {values.min():.4g}..{values.max():.4g}")
+            column[2].plot(
+                p.time, (values - values.min()) / span, lw=0.9, color=colour, label=f"{name} {values.min():.4g}..{values.max():.4g}"
+            )
         column[2].set_yticks([])
         column[2].set_ylim(-0.15, 2.1)
         column[2].legend(fontsize=6, frameon=False, loc="upper left", ncols=2)

@@ -8,7 +8,7 @@ from typing import Any
 from .text import Row, short, to_csv, to_json, to_jsonl, to_markdown
 
 #: Headings of columns of words: to the left, and folded where they are long.
-WORDS = ("sensor", "effects", "verdict", "as good")
+WORDS = ("sensor", "effects", "verdict", "also possible")
 FORMATS = ("table", "csv", "json", "jsonl", "md")
 
 

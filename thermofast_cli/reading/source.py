@@ -1,5 +1,6 @@
 """The one module that opens a user's records, and the steps from a table to a run."""
 
+import hashlib
 import sys
 from pathlib import Path
 
@@ -30,6 +31,14 @@ def read_run(source: str, options: Options | None = None) -> Run:
     parquet = data.startswith(PARQUET_MAGIC) or source.lower().endswith((".parquet", ".pq"))
     table = read_parquet(data, name) if parquet else read_text(data, name, options)
     return run_from_table(table, options)
+
+
+def sha256_of(source: str) -> str:
+    """Hash of a file; empty where there is none to read (standard input)."""
+    try:
+        return hashlib.sha256(Path(source).read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
 def _bytes(source: str) -> bytes:
