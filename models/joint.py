@@ -42,12 +42,20 @@ GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of the parameters before the fit, in search coordinates: mean and sd (inf: nothing) like the parameters."""
+    """What is known of the parameters before the fit, in search coordinates: means like the parameters, and the inverse of
+    their covariance, per sensor local_precision (S, kl, kl) and shared_precision (ks, ks); 0 where nothing is known.
+    """
 
     local: Array
-    local_sd: Array
+    local_precision: Array
     shared: Array
-    shared_sd: Array
+    shared_precision: Array
+
+    def cost(self, local: Array, shared: Array) -> Array:
+        """Squared distances from what is known (S,), the shared part spread evenly."""
+        off, off_shared = local - self.local, shared - self.shared
+        own = np.einsum("si,sij,sj->s", off, self.local_precision, off)
+        return np.asarray(own + float(off_shared @ self.shared_precision @ off_shared) / len(local))
 
 
 @dataclass(frozen=True)
@@ -125,6 +133,19 @@ class Fit:
         with np.errstate(all="ignore"):  # a direction without any information has a variance beyond all numbers
             return _arrow_inverse(blocks, border, corner, self.model.active)
 
+    def joint_covariance(self, sensor: int) -> Array:
+        """Covariance (kl + ks, kl + ks) of one sensor's own and the shared parameters, in search coordinates."""
+        local, shared, cross = self.covariance
+        top = np.concatenate([local[sensor], cross[sensor]], axis=1)
+        bottom = np.concatenate([cross[sensor].T, shared], axis=1)
+        whole = np.nan_to_num(np.concatenate([top, bottom]), posinf=0.0, neginf=0.0)
+        return np.asarray(0.5 * (whole + whole.T))
+
+    def curve_deviation(self, sensor: int) -> Array:
+        """Standard deviation (N,) [K] of one sensor's curve from that of the parameters."""
+        by = np.concatenate([self.by_local[:, sensor] * self.model.active[sensor][:, None], self.by_shared[:, sensor]])
+        return np.asarray(np.sqrt(np.maximum(np.einsum("in,ij,jn->n", by, self.joint_covariance(sensor), by), 0.0)))
+
     @cached_property
     def deviations(self) -> dict[tuple[int, str], Any]:
         """Standard errors in search coordinates (of the logarithm where one is searched) by (part, name)."""
@@ -162,12 +183,10 @@ def _assemble(
     right = (jl @ r[:, :, None])[:, :, 0]
     right_shared = (js @ r[:, :, None])[:, :, 0].sum(axis=0)
     if prior is not None:
-        pull = 1.0 / prior.local_sd**2
-        right += np.where(pull > 0.0, pull * (prior.local - local), 0.0) * active
-        blocks += np.eye(blocks.shape[1]) * (pull * active)[:, None, :]
-        pull_shared = 1.0 / prior.shared_sd**2
-        right_shared += np.where(pull_shared > 0.0, pull_shared * (prior.shared - shared), 0.0)
-        corner = corner + np.diag(pull_shared)
+        right += (prior.local_precision @ (prior.local - local)[:, :, None])[:, :, 0] * active
+        blocks += prior.local_precision * active[:, :, None] * active[:, None, :]
+        right_shared += prior.shared_precision @ (prior.shared - shared)
+        corner = corner + prior.shared_precision
     blocks += np.eye(blocks.shape[1]) * (~active)[:, None, :]
     return blocks, border, corner, right, right_shared
 
@@ -271,8 +290,7 @@ def search(
             residual = np.where(used, reading - curve, 0.0)
             cost = (weight * residual**2).sum(axis=1)
             if prior is not None:
-                cost = cost + np.nan_to_num((((at_local - prior.local) / prior.local_sd) ** 2) * active).sum(axis=1)
-                cost = cost + np.nan_to_num(((at_shared - prior.shared) / prior.shared_sd) ** 2).sum() / rows
+                cost = cost + prior.cost(at_local, at_shared)
         bad = ~np.isfinite(cost)
         return curve, dl, ds, residual, np.where(bad, np.inf, cost)
 

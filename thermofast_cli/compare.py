@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: A stretch fails where its running mean leaves this many standard errors of white noise.
 FAILS = 4.5
+#: Deviations of the model itself that are no failure.
+UNSURE = 3.0
 #: A correlation is told where chance gives it once in so many looks.
 CORRELATED = 1e-3
 
@@ -77,7 +79,7 @@ def _compare(task: LoopTask) -> Comparison:
     effects = ids_of(fit.model.parts)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
-        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], float(seen.noise[i]))
+        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], float(seen.noise[i]), fit.curve_deviation(i))
         worst = max(stretches, key=lambda s: abs(s[2]), default=None)
         unused = whole.used[i] & ~fit.run.used[i]
         inside = residual[i][fit.run.used[i]]
@@ -144,15 +146,19 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def failing_stretches(time: Array, residual: Array, weight: Array, noise: float) -> list[tuple[float, float, float]]:
+def failing_stretches(
+    time: Array, residual: Array, weight: Array, noise: float, unsure: Array | None = None
+) -> list[tuple[float, float, float]]:
     """(from, to, mean residual [K]) of stretches where the residual (N,), nan for none, leaves a running mean's band.
 
+    The band is that of the noise and, ahead of the fit, of the model's own standard deviation `unsure` (N,) [K].
     Looks at running means over 5, 15 and 45 readings: a long shallow failure shows in the long one, a short one in the short.
     """
     good = np.flatnonzero(np.isfinite(residual) & (weight > 0.0))
     if len(good) < 10:
         return []
     r, w = residual[good], weight[good]
+    room = np.zeros(len(good)) if unsure is None else np.minimum(np.nan_to_num(unsure[good], posinf=1e9), 1e9)
     out = np.zeros(len(good), dtype=bool)
     for width in (5, 15, 45):
         if width * 2 > len(good):
@@ -160,7 +166,7 @@ def failing_stretches(time: Array, residual: Array, weight: Array, noise: float)
         kernel = np.ones(width)
         heavy = np.convolve(w, kernel, "same")
         mean = np.convolve(r * w, kernel, "same") / heavy
-        outside = np.abs(mean) > FAILS * noise / np.sqrt(heavy)
+        outside = np.abs(mean) > FAILS * noise / np.sqrt(heavy) + UNSURE * room
         # A mean over a width speaks for its middle half.
         reach = np.convolve(outside, np.ones(width // 2 | 1), "same") > 0
         side = np.sign(np.convolve(r * w, kernel, "same"))

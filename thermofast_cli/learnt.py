@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models import Observations
 from models.candidates import try_add
 from models.effects.base import Choice
+from models.greybox import Column
 from models.joint import Fit, Model, Part, Prior, search, start_values
 
 from .errors import UsageError
@@ -18,6 +20,10 @@ from .reading.source import sha256_of
 LEAST_SHARE = 1e-3
 #: Gain that an event must bring to be believed in another run.
 EVENT_GAIN = 30.0
+
+
+#: Values and standard errors (S,) of the machine's constants by (part, name).
+Known = dict[tuple[int, str], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: li
     free = start_values(seen)
     told: dict[tuple[int, str], object] = dict(free)
     n = seen.sensors
-    known: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]] = {}
+    known: Known = {}
     for k, numbers in [(-1, model.base), *enumerate(e.parameters for e in entries)]:
         for name in {m.name for m in numbers}:
             mine = [m for m in numbers if m.name == name]
@@ -108,7 +114,7 @@ def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: li
                 told[k, name] = start if mine[0].channel is not None else float(start[0])
             if not is_run:
                 known[k, name] = value, error
-    prior = _prior(layout, known)
+    prior = _prior(layout, model, entries, known)
     best: Fit | None = None
     for phase in _phases(layout, same_run):
         at = {**told, **phase}
@@ -138,28 +144,52 @@ def _levels(layout: Model, local: np.ndarray, shared: np.ndarray) -> np.ndarray:
     return search(held, local, shared, None, 8, hold_shared=True).local
 
 
-def _prior(layout: Model, known: dict[tuple[int, str], tuple[np.ndarray, np.ndarray]]) -> Prior:
-    """The machine's constants with their standard errors, in search coordinates; nothing of the rest."""
+def _prior(layout: Model, model: ModelFile, entries: list[EffectEntry], known: Known) -> Prior:
+    """The machine's constants with their covariance, in search coordinates; nothing of the rest."""
     n = layout.run.sensors
-    local, local_sd = np.zeros((n, len(layout.local))), np.full((n, len(layout.local)), np.inf)
-    shared, shared_sd = np.zeros(len(layout.shared)), np.full(len(layout.shared), np.inf)
-    for columns, mean, sd in ((layout.local, local, local_sd), (layout.shared, shared, shared_sd)):
-        for j, c in enumerate(columns):
-            if (c.part, c.parameter.name) not in known:
+    local, precision = np.zeros((n, len(layout.local))), np.zeros((n, len(layout.local), len(layout.local)))
+    shared, shared_precision = np.zeros(len(layout.shared)), np.zeros((len(layout.shared),) * 2)
+    for j, c in enumerate(layout.shared):
+        if (c.part, c.parameter.name) in known:
+            value, error = (float(v[0]) for v in known[c.part, c.parameter.name])
+            shared[j], spread = _searched(c, value, error)
+            shared_precision[j, j] = spread**-2
+    names = [_full_name(c, entries) for c in layout.local]
+    for i, channel in enumerate(layout.run.channels):
+        told = next((m for m in model.correlations if m.channel == channel), None)
+        at, spreads = [], []
+        for j, c in enumerate(layout.local):
+            if (c.part, c.parameter.name) not in known or not layout.active[i, j]:
                 continue
-            value, error = known[c.part, c.parameter.name]
-            if c.parameter.each == "run":
-                value, error = value[0], error[0]
-            good = np.isfinite(value)
-            safe = np.where(good, value, 1.0)
-            spread = np.hypot(np.where(np.isfinite(error), error, np.inf), LEAST_SHARE * np.abs(safe))
-            if c.parameter.log:
-                mean[..., j] = np.log(np.maximum(safe, 1e-300))
-                spread = spread / np.maximum(safe, 1e-300)
-            else:
-                mean[..., j] = safe
-            sd[..., j] = np.where(good, np.maximum(spread, 1e-9), np.inf)
-    return Prior(local, local_sd, shared, shared_sd)
+            value, error = (float(v[i]) for v in known[c.part, c.parameter.name])
+            if np.isfinite(value):
+                local[i, j], spread = _searched(c, value, error)
+                at.append(j)
+                spreads.append(spread)
+        if not at:
+            continue
+        together = np.eye(len(at))
+        if told is not None and all(names[j] in told.names for j in at):
+            pick = [told.names.index(names[j]) for j in at]
+            together = np.array(told.matrix)[np.ix_(pick, pick)]
+        covariance = together * np.outer(spreads, spreads) + np.diag(
+            (LEAST_SHARE * np.maximum(1.0, np.abs(local[i, at]))) ** 2 * 1e-2
+        )
+        precision[np.ix_([i], at, at)] = np.linalg.inv(covariance)
+    return Prior(local, precision, shared, shared_precision)
+
+
+def _full_name(column: Column, entries: list[EffectEntry]) -> str:
+    return column.parameter.name if column.part < 0 else f"{entries[column.part].id}.{column.parameter.name}"
+
+
+def _searched(column: Column, value: float, error: float) -> tuple[float, float]:
+    """A value and its standard error in search coordinates; an unknown error is taken as half the value."""
+    error = error if np.isfinite(error) else 0.5 * abs(value) + 1e-9
+    error = max(error, LEAST_SHARE * abs(value), 1e-12)
+    if column.parameter.log:
+        return float(np.log(max(value, 1e-300))), error / max(abs(value), 1e-300)
+    return value, error
 
 
 def _phases(layout: Model, same_run: bool) -> list[dict[tuple[int, str], object]]:

@@ -61,6 +61,14 @@ class EffectEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froz
     channels: tuple[str, ...] | None = None
 
 
+class Correlations(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """How the errors of one sensor's own machine constants go together: matrix in the order of names."""
+
+    channel: str
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
 class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """The whole file."""
 
@@ -71,6 +79,7 @@ class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     channels: tuple[str, ...]
     base: tuple[Number, ...]
     effects: tuple[EffectEntry, ...] = ()
+    correlations: tuple[Correlations, ...] = ()
 
 
 def model_file(fit: Fit, source: str, readings: int, until_min: float | None, files: dict[str, str]) -> ModelFile:
@@ -124,11 +133,30 @@ def model_file(fit: Fit, source: str, readings: int, until_min: float | None, fi
         channels=run.channels,
         base=numbers(-1),
         effects=tuple(effects),
+        correlations=tuple(_correlations(fit, i) for i in range(run.sensors)),
     )
 
 
+def _correlations(fit: Fit, sensor: int) -> Correlations:
+    """Of the machine's constants of one sensor, in search coordinates."""
+    model = fit.model
+    at = [j for j, c in enumerate(model.local) if c.parameter.belongs == "machine" and model.active[sensor, j]]
+    names = [model.local[j].parameter.name if model.local[j].part < 0 else _named(fit, j) for j in at]
+    block = fit.covariance[0][sensor][np.ix_(at, at)]
+    deviation = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    matrix = np.nan_to_num(block / np.outer(deviation, deviation))
+    np.fill_diagonal(matrix, 1.0)
+    rounded = tuple(tuple(float(f"{v:.9f}") for v in row) for row in matrix)
+    return Correlations(channel=fit.run.channels[sensor], names=tuple(names), matrix=rounded)
+
+
+def _named(fit: Fit, j: int) -> str:
+    column = fit.model.local[j]
+    return f"{fit.model.parts[column.part].id}.{column.parameter.name}"
+
+
 def _number(p: Any, value: float, error: float, channel: str | None) -> Number:
-    shown = float(f"{error:.3g}") if math.isfinite(error) and error < 1e9 else None
+    shown = float(f"{error:.6g}") if math.isfinite(error) and error < 1e9 else None
     return Number(name=p.name, unit=p.unit, belongs=p.belongs, value=float(f"{value:.9g}"), standard_error=shown, channel=channel)
 
 
@@ -214,5 +242,12 @@ def read_model(path: str) -> ModelFile:
 
 
 def _known_keys() -> str:
-    tables = {"": ModelFile, "learnt_from": LearntFrom, "base": Number, "effects": EffectEntry, "effects.parameters": Number}
+    tables = {
+        "": ModelFile,
+        "learnt_from": LearntFrom,
+        "base": Number,
+        "effects": EffectEntry,
+        "effects.parameters": Number,
+        "correlations": Correlations,
+    }
     return "; ".join(f"[{n}] {' '.join(t.__struct_fields__)}".replace("[] ", "") for n, t in tables.items())

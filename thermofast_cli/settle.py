@@ -101,7 +101,7 @@ def _identify(task: LoopTask) -> list[Identified]:
 
 
 def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: IdentifyRecord) -> Curves:
-    spread = _curve_spread(fit, i)
+    spread = fit.curve_deviation(i)
     steady = "-" if record.steady_state_c is None else f"settles at {record.steady_state_c:.2f} °C"
     return Curves(
         task.run.name,
@@ -116,22 +116,6 @@ def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: Ident
         steady,
         {},
     )
-
-
-def _curve_spread(fit: Fit, i: int) -> Array:
-    """Standard deviation (N,) [K] of the model's curve of one sensor."""
-    covariance = _covariance(fit, i)
-    by = np.concatenate([fit.by_local[:, i] * fit.model.active[i][:, None], fit.by_shared[:, i]])
-    return np.asarray(np.sqrt(np.maximum(np.einsum("in,ij,jn->n", by, covariance, by), 0.0)))
-
-
-def _covariance(fit: Fit, i: int) -> Array:
-    """Covariance of one sensor's own and the shared parameters, in search coordinates."""
-    local, shared, cross = fit.covariance
-    top = np.concatenate([local[i], cross[i]], axis=1)
-    bottom = np.concatenate([cross[i].T, shared], axis=1)
-    whole: Array = np.nan_to_num(np.concatenate([top, bottom]), posinf=0.0, neginf=0.0)
-    return 0.5 * (whole + whole.T)
 
 
 def _reference(seen: Observations) -> float | None:
@@ -159,7 +143,7 @@ def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generato
     model = Model(far, parts)
     model.active = fit.model.active[:, [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]]
     centre = np.concatenate([fit.local[i], fit.shared])
-    root = _root(_covariance(fit, i))
+    root = _root(fit.joint_covariance(i))
     draws = centre + np.concatenate([np.zeros((1, len(centre))), rng.standard_normal((DRAWS, len(centre))) @ root.T])
     kl = fit.local.shape[1]
     local = np.clip(draws[:, :kl], fit.model.low_local, fit.model.high_local)
