@@ -14,7 +14,7 @@ COMMANDS = {
     "sweep": "The shortest identification time that serves.",
     "compare": "Model beside measurement: how well it fits, and where it fails.",
     "diagnose": "Which physical effect is missing.",
-    "improve": "Add effects, refit, and watch the error fall; write the model learnt.",
+    "improve": "Add effects and watch the error fall; write the model learnt.",
     "effects": "The catalogue of effects: equations, parameters, tell-tales.",
     "filters": "The catalogue of filters and their settings.",
     "simulate": "A record with known truth.",

@@ -1,0 +1,59 @@
+"""A small sample of the proof (``make proof`` runs the whole): verdicts on records of an independent simulator."""
+
+import numpy as np
+import pytest
+from machines import EFFECTS
+from test_effects_contract import record
+
+from benchmarks.proof import Job, guarded
+from models.discover import discover
+from models.effects import BUILT_IN
+from thermofast_cli.compare import failing_stretches
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_one_clear_effect_is_named(effect):
+    outcome = guarded(Job("clear", (effect,), "clear", 77))
+    assert outcome.broken == ""
+    assert outcome.verdict == effect
+    assert outcome.held_out_ratio < 1.15
+    if np.isfinite(outcome.other_run_ratio):
+        assert outcome.other_run_ratio < 0.5
+    for error, bound in outcome.event_errors:
+        assert error <= bound
+
+
+def test_nothing_hidden_is_none():
+    verdicts = [guarded(Job("nothing", (), None, 500 + i)).verdict for i in range(12)]
+    assert verdicts.count("none") == 12
+
+
+@pytest.mark.parametrize("outside", ["random_walk_heat", "hysteresis_friction"])
+def test_what_the_catalogue_does_not_hold_is_unexplained(outside):
+    assert guarded(Job("outside", (outside,), "clear", 12)).verdict == "unexplained"
+
+
+def test_two_effects_are_found_together():
+    assert guarded(Job("pairs", ("cooling_switch", "reading_jump"), "clear", 5)).verdict == "cooling_switch+reading_jump"
+
+
+def test_sensors_that_explain_each_other_name_no_neighbour():
+    run = record(2, 300)
+    walk = np.cumsum(0.3 * np.random.default_rng(1).standard_normal(300))
+    walk = np.convolve(walk, np.ones(25) / 25, "same")
+    run.reading[:] += np.array([[0.7], [1.0]]) * walk
+    found = discover(run, [kind() for kind in BUILT_IN])
+    assert found.verdict == "unexplained"
+
+
+def test_failing_stretches_are_where_the_curve_fails_and_nowhere_else():
+    rng = np.random.default_rng(0)
+    time = np.arange(400.0)
+    clean = 0.02 * rng.standard_normal(400)
+    assert failing_stretches(time, clean, np.ones(400), 0.02) == []
+    broken = clean + np.where((time > 200.0) & (time < 240.0), 0.06, 0.0)
+    stretches = failing_stretches(time, broken, np.ones(400), 0.02)
+    assert len(stretches) == 1
+    assert stretches[0][0] == pytest.approx(201.0, abs=6.0)
+    assert stretches[0][1] == pytest.approx(239.0, abs=6.0)
+    assert stretches[0][2] == pytest.approx(0.06, abs=0.015)

@@ -1,0 +1,287 @@
+"""compare, diagnose, improve, effects and the model file as a user meets them, bad input included."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thermofast_cli import plugins
+from thermofast_cli.errors import UsageError
+from thermofast_cli.modelfile import read_model
+
+ROOT = Path(__file__).resolve().parents[1]
+HIDDEN = ROOT / "sample_runs" / "hidden.csv"
+SECOND = ROOT / "sample_runs" / "hidden_second_run.csv"
+SPINDLE = ROOT / "sample_runs" / "spindle.csv"
+
+
+def records(done):
+    assert done.code == 0, done.err
+    return json.loads(done.out)["records"]
+
+
+@pytest.fixture(scope="module")
+def learnt(tmp_path_factory):
+    from click.testing import CliRunner
+
+    from thermofast_cli.main import cli
+
+    path = tmp_path_factory.mktemp("learnt") / "machine.toml"
+    done = CliRunner().invoke(cli, ["improve", str(HIDDEN), "--add", "second_mode", "-o", str(path), "--format", "json", "-q"])
+    assert done.exit_code == 0, done.output
+    return path
+
+
+def test_a_healthy_record_is_none_and_says_what_would_have_been_seen(tool):
+    found = records(tool("diagnose", SPINDLE, "--channels", "T1,T2,T3", "--format", "json", "-q"))
+    assert {r["verdict"] for r in found} == {"none"}
+    assert "would have been seen" in found[0]["message"]
+    assert "load_step change" in found[0]["message"]
+    assert all(r["status"] == "ok" for r in found)
+    assert len(found[0]["ranking"]) >= 9
+
+
+def test_compare_keeps_one_step_and_ahead_apart(tool):
+    found = records(tool("compare", HIDDEN, "--until", 120, "--format", "json", "-q"))
+    for r in found:
+        assert r["rmse_ahead_c"] > 5.0 * r["noise_c"]
+        assert r["rmse_one_step_c"] < 2.0 * r["noise_c"]
+        assert r["status"] == "model_doubtful"
+        assert r["worst_to_min"] > 400.0
+        assert abs(r["worst_error_c"]) > 0.2
+        assert r["failing"]
+        assert 0.0 < r["area_metric_c"] < 1.0
+    assert {t["name"] for t in found[0]["goes_along_with"]} & {"T2", "T3", "T4"}
+
+
+def test_what_one_run_taught_serves_another(tool, learnt):
+    with_it = records(tool("compare", SECOND, "--model", learnt, "--until", 60, "--format", "json", "-q"))
+    for r in with_it:
+        assert r["effects"] == ["second_mode"]
+        assert r["rmse_ahead_c"] < 2.0 * r["noise_c"]
+    identified = records(tool("identify", SECOND, "--model", learnt, "--until", 60, "--format", "json", "-q"))
+    for r in identified:
+        assert r["filter"] == "joint_fit"
+        assert r["steady_state_lo_c"] < r["steady_state_c"] < r["steady_state_hi_c"]
+        assert r["steady_state_hi_c"] - r["steady_state_lo_c"] < 0.6
+        assert r["rmse_ahead_c"] < 0.06
+    swept = records(
+        tool("sweep", SECOND, "--model", learnt, "--windows", "120,200", "--times", "30:110:40", "--format", "json", "-q")
+    )
+    assert all(r["rmse_c"] < 0.05 for r in swept)
+    again = records(tool("diagnose", SECOND, "--model", learnt, "--format", "json", "-q"))
+    assert {r["verdict"] for r in again} == {"none"}
+
+
+def test_identify_covers_the_steady_state_that_the_simulator_knows(tool, learnt):
+    from machines import draw, second_run
+
+    rng = np.random.default_rng(38)
+    other = second_run(draw(("second_mode",), rng, "clear"), rng)
+    found = records(tool("identify", SECOND, "--model", learnt, "--until", 60, "--format", "json", "-q"))
+    settled = other.truth["room"] + np.asarray(other.truth["R"])
+    inside = [r["steady_state_lo_c"] - 0.05 <= s <= r["steady_state_hi_c"] + 0.05 for r, s in zip(found, settled, strict=True)]
+    assert sum(inside) >= 3
+
+
+def test_the_staircase_falls(tool):
+    found = records(tool("improve", HIDDEN, "--auto", "--format", "json", "-q"))
+    assert [r["step"] for r in found] == [0] * 4 + [1] * 4
+    assert all(r["rmse_ahead_c"] < 0.4 * b["rmse_ahead_c"] for b, r in zip(found[:4], found[4:], strict=True))
+    assert found[-1]["effects"] == ["second_mode"]
+    assert "down to its noise" in found[-1]["stopped_because"]
+    assert found[4]["parameters"]["second_mode.kappa"]["unit"] == "1/min"
+
+
+def test_pictures_and_tables_of_every_kind(tool, tmp_path):
+    done = tool("compare", HIDDEN, "--save-plot", tmp_path / "c.png", "-o", tmp_path / "c.parquet")
+    assert done.code == 0, done.err
+    assert (tmp_path / "c.png").stat().st_size > 20_000
+    done = tool("improve", HIDDEN, "--add", "second_mode", "--save-plot", tmp_path / "s.png", "-o", tmp_path / "i.csv")
+    assert done.code == 0, done.err
+    assert (tmp_path / "s.png").stat().st_size > 10_000
+    import pandas as pd
+
+    table = pd.read_parquet(tmp_path / "c.parquet")
+    assert list(table["channel"]) == ["T1", "T2", "T3", "T4"]
+    assert json.loads(table["failing"][0])[0]["from_min"] >= 0.0
+
+
+def test_a_logged_column_may_drive_the_heat(tool, tmp_path):
+    time = np.arange(300.0)
+    duty = np.where((time > 60) & (time < 160), 80.0, np.where(time >= 220, 40.0, 10.0))
+    heat, curve = duty / 80.0, np.empty(300)
+    curve[0] = 21.0
+    for k in range(1, 300):
+        curve[k] = curve[k - 1] + 0.03 * (20.0 * 0.5 * (heat[k] + heat[k - 1]) - (curve[k - 1] - 20.0))
+    noisy = curve + 0.02 * np.random.default_rng(0).standard_normal(300)
+    rows = "\n".join(f"{t:g},{a:.3f},{d:g},20.0" for t, a, d in zip(time, noisy, duty, strict=True))
+    (tmp_path / "driven.csv").write_text("time_min,block,heater_duty,ambient\n" + rows + "\n")
+    found = records(tool("compare", tmp_path / "driven.csv", "--drive", "heater_duty", "--format", "json", "-q"))
+    assert found[0]["rmse_fit_c"] < 0.06
+    assert records(tool("compare", tmp_path / "driven.csv", "--format", "json", "-q"))[0]["rmse_fit_c"] > 0.3
+    verdict = records(tool("diagnose", tmp_path / "driven.csv", "--format", "json", "-q"))[0]
+    assert verdict["verdict"] == "load_step"
+    bad = tool("compare", tmp_path / "driven.csv", "--drive", "speed", "-q", "--format", "json")
+    assert bad.code == 1
+    assert "heater_duty" in json.loads(bad.out)["records"][0]["message"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["diagnose", HIDDEN, "--effects", "warp"], ["unknown effect 'warp'", "second_mode", "reading_jump"]),
+        (["improve", HIDDEN, "--add", "second_mode,second_mode"], ["twice"]),
+        (["improve", HIDDEN, "--add", "second_mode", "--auto"], ["exclude each other"]),
+        (["compare", HIDDEN, "--model", "nowhere.toml"], ["no such model file", "thermofast improve"]),
+        (["compare", HIDDEN, "--until", 9999], ["longer than the record"]),
+        (["effects", "warp"], ["unknown effect", "transport_delay"]),
+        (["diagnose", HIDDEN, "--effect", "nowhere.py"], ["no such file", "my_effect.py"]),
+        (["improve", HIDDEN, "-o", "model.txt"], ["cannot tell the format"]),
+    ],
+)
+def test_bad_usage_is_told(tool, arguments, words):
+    done = tool(*arguments)
+    assert done.code == 2
+    for word in words:
+        assert word in done.err
+
+
+def test_an_effect_without_its_input_says_which_column(tool, tmp_path):
+    text = [",".join(line.split(",")[:3]) for line in HIDDEN.read_text().splitlines()]
+    (tmp_path / "bare.csv").write_text("\n".join(text) + "\n")
+    done = tool("improve", tmp_path / "bare.csv", "--add", "ambient", "--format", "json", "-q")
+    assert done.code == 1
+    message = json.loads(done.out)["records"][0]["message"]
+    assert "needs a logged ambient column" in message
+    assert "inputs: none" in message
+
+
+def test_one_bad_run_among_several_is_one_record(tool, tmp_path):
+    (tmp_path / "bad.csv").write_text("nothing here\n")
+    done = tool("diagnose", HIDDEN, tmp_path / "bad.csv", "--effects", "second_mode", "--format", "json", "-q")
+    assert done.code == 1
+    found = json.loads(done.out)["records"]
+    assert [r["status"] for r in found] == ["ok"] * 4 + ["unreadable"]
+
+
+def test_a_run_too_short_to_judge_says_how_long_it_should_be(tool, tmp_path):
+    lines = SPINDLE.read_text().splitlines()
+    (tmp_path / "short.csv").write_text("\n".join(line.rsplit(",", 9)[0] for line in lines[:32]) + "\n")
+    done = tool("diagnose", tmp_path / "short.csv", "--format", "json", "-q")
+    found = json.loads(done.out)["records"]
+    assert found[0]["status"] == "not_determined"
+    assert "too short to judge; record at least" in found[0]["advice"]
+    (tmp_path / "tiny.csv").write_text("\n".join(lines[:12]) + "\n")
+    done = tool("diagnose", tmp_path / "tiny.csv", "--format", "json", "-q")
+    assert done.code == 1
+    assert {r["status"] for r in json.loads(done.out)["records"]} == {"too_short"}
+
+
+def test_a_model_file_is_read_strictly(learnt, tmp_path):
+    text = learnt.read_text()
+    model = read_model(str(learnt))
+    assert model.effects[0].id == "second_mode"
+    assert {n.belongs for n in model.effects[0].parameters} == {"machine"}
+    assert len(model.correlations) == 4
+    for old, new, words in (
+        ('schema = "thermofast.model/1"', 'schema = "thermofast.model/9"', "not a model file of this version"),
+        ("[learnt_from]", "colour = 1\n[learnt_from]", "colour"),
+        ('id = "second_mode"', 'id = "second_mode"\nlevel = 3', "level"),
+        ("[learnt_from]", "[learnt_from", "not valid TOML"),
+    ):
+        (tmp_path / "m.toml").write_text(text.replace(old, new, 1))
+        with pytest.raises(UsageError, match=words):
+            read_model(str(tmp_path / "m.toml"))
+
+
+def test_a_model_of_another_machine_is_refused(tool, learnt, tmp_path):
+    (tmp_path / "other.csv").write_text(SECOND.read_text().replace("T", "S"))
+    done = tool("compare", tmp_path / "other.csv", "--model", learnt, "--format", "json", "-q")
+    assert done.code == 1
+    assert "none of its sensors is in the model" in json.loads(done.out)["records"][0]["message"]
+
+
+GOOD = (ROOT / "sample_runs" / "my_effect.py").read_text()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("drive.heat = drive.heat + ", "nonsense + "), ["NameError", "line 24"]),
+        (("drive.heat = drive.heat + ", "drive.heat = np.ones((7, 3)) + 0.0 * "), []),
+        (("p.change * np.clip", "p.changed * np.clip"), ["no parameter 'changed'", "change"]),
+        (('amplitude = "change"', 'amplitude = "size"'), ["amplitude must be one of its parameters"]),
+        (('id = "load_ramp"', 'id = "load ramp"'), ["one word"]),
+        (('id = "load_ramp"', 'id = "load_step"'), ["is taken"]),
+        (('0.3, "change of the heat in the end", null=0.0', '0.3, "change of the heat in the end"'), ["needs a null"]),
+        (("drive.heat = drive.heat + ", "drive.heat = 2.0 * drive.heat + "), ["must change nothing"]),
+        (("class LoadRamp(Effect)", "class LoadRamp(Effect"), ["SyntaxError"]),
+        (("class LoadRamp(Effect)", "class LoadRamp"), ["no effect class"]),
+    ],
+)
+def test_what_is_wrong_with_an_effect_is_explained(tool, tmp_path, change, words):
+    text = GOOD.replace(*change)
+    assert text != GOOD
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    done = tool("effects", "--effect", path)
+    assert done.code == 2
+    for word in words:
+        assert word in done.err
+
+
+def test_an_effect_that_never_ends_is_stopped(tool, tmp_path, monkeypatch):
+    monkeypatch.setattr(plugins, "PATIENCE_S", 0.3)
+    path = tmp_path / "endless.py"
+    path.write_text(GOOD.replace("        drive.heat =", "        while True:\n            pass\n        drive.heat ="))
+    done = tool("effects", "--effect", path)
+    assert done.code == 2
+    assert "did not come back" in done.err
+
+
+def test_an_effect_that_fails_later_is_left_out_and_the_rest_goes_on(tool, tmp_path):
+    path = tmp_path / "late.py"
+    late = "        if len(run.time) > 100:\n            raise RuntimeError('only short ones')\n        drive.heat ="
+    path.write_text(GOOD.replace("        drive.heat =", late))
+    found = records(tool("diagnose", HIDDEN, "--effect", path, "--format", "json", "-q"))
+    assert {r["verdict"] for r in found} == {"second_mode"}
+    assert "only short ones" in found[0]["message"]
+    assert "line 25" in found[0]["message"]
+
+
+def test_an_effect_written_for_one_sensor_works_too(tool, tmp_path):
+    path = tmp_path / "plain.py"
+    path.write_text(GOOD.replace("        drive.heat =", "        if p.change == 0.0:\n            return\n        drive.heat ="))
+    effect = plugins.load_effect(str(path))
+    assert effect.by_row
+    done = tool("effects", "--effect", path)
+    assert done.code == 0
+    assert "load_ramp" in done.out
+
+
+def test_hidden_effects_are_made_and_told(tool, tmp_path):
+    done = tool(
+        "simulate",
+        "--effects",
+        "load_step,sensor_drift",
+        "--seed",
+        3,
+        "--sensors",
+        3,
+        "-o",
+        tmp_path / "r.csv",
+        "--key",
+        tmp_path / "k.json",
+    )
+    assert done.code == 0, done.err
+    key = json.loads((tmp_path / "k.json").read_text())
+    assert [e["id"] for e in key["effects"]] == ["load_step", "sensor_drift"]
+    assert len(key["effects"][1]["channels"]) == 1
+    again = tool("simulate", "--effects", "load_step,sensor_drift", "--seed", 3, "--sensors", 3, "-o", tmp_path / "again.csv")
+    assert again.code == 0
+    assert (tmp_path / "r.csv").read_bytes() == (tmp_path / "again.csv").read_bytes()
+    found = records(tool("diagnose", tmp_path / "r.csv", "--format", "json", "-q"))
+    assert "load_step" in found[0]["verdict"]
+    assert found[0]["event_min"] == pytest.approx(key["effects"][0]["parameters"]["event"], abs=4.0)

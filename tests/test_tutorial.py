@@ -1,0 +1,34 @@
+"""The tutorial, command by command: what it shows is what the program prints."""
+
+import re
+
+import pytest
+
+from benchmarks.tutorial import BLOCK, PAGE, run, workplace
+
+NUMBER = re.compile(r"^[-+]?\d+(\.\d+)?$")
+
+
+def same(shown, printed):
+    """Words alike; numbers within 3 %, or the last digits."""
+    if shown == printed:
+        return True
+    if NUMBER.match(shown) and NUMBER.match(printed):
+        return float(shown) == pytest.approx(float(printed), rel=0.03, abs=0.003)
+    sides = re.split(r"\.\.", shown), re.split(r"\.\.", printed)
+    return len(sides[0]) == 2 == len(sides[1]) and all(
+        float(a) == pytest.approx(float(b), rel=0.05, abs=0.01) for a, b in zip(*sides, strict=True)
+    )
+
+
+@pytest.mark.xdist_group("tutorial")
+def test_every_command_prints_what_the_page_shows():
+    folder = workplace()
+    blocks = BLOCK.findall(PAGE.read_text())
+    assert len(blocks) >= 9
+    for command, shown in blocks:
+        printed = run(command, folder).split()
+        page = shown.split()
+        assert len(page) == len(printed), command
+        wrong = [(a, b) for a, b in zip(page, printed, strict=True) if not same(a, b)]
+        assert not wrong, f"{command}: {wrong[:5]}"
