@@ -109,7 +109,7 @@ def discover(
     if named is None:
         if not above:
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
-        near = also or sorted(singles + pairs, key=lambda c: -total_gain(base, c))[:3]
+        near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_gain(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):

@@ -24,6 +24,7 @@ FAILS = 4.5
 UNSURE = 3.0
 #: A correlation is told where chance gives it once in so many looks.
 CORRELATED = 1e-3
+MOST_TOLD = 12
 
 
 @dataclass(frozen=True)
@@ -174,7 +175,12 @@ def failing_stretches(
     edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
     stretches: list[list[float]] = []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
+        a, b = _trimmed(r, w, room, noise, a, b)
+        if b - a < 3:
+            continue
         size = float((r[a:b] * w[a:b]).sum() / w[a:b].sum())
+        if abs(size) < FAILS * noise / math.sqrt(float(w[a:b].sum())):
+            continue
         begin, end = float(time[good[a]]), float(time[good[b - 1]])
         near = stretches and begin - stretches[-1][1] < 0.03 * (time[good[-1]] - time[good[0]]) and stretches[-1][2] * size > 0
         if near:
@@ -183,6 +189,16 @@ def failing_stretches(
         else:
             stretches.append([begin, end, size, b - a])
     return [(round(s[0], 4), round(s[1], 4), s[2]) for s in stretches if s[3] >= 3]
+
+
+def _trimmed(r: Array, w: Array, room: Array, noise: float, a: int, b: int) -> tuple[int, int]:
+    """A stretch without those ends where the mean of five readings is within two standard errors."""
+    side = math.copysign(1.0, float((r[a:b] * w[a:b]).sum()))
+    kernel = np.ones(5)
+    heavy = np.convolve(w, kernel, "same")
+    mean = np.convolve(r * w, kernel, "same") / np.maximum(heavy, 1e-9)
+    far = np.flatnonzero(side * mean[a:b] > 2.0 * noise / np.sqrt(np.maximum(heavy[a:b], 1e-9)) + room[a:b])
+    return (a + int(far[0]), a + int(far[-1]) + 1) if len(far) else (a, a)
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
@@ -203,7 +219,7 @@ def _area(whole: Observations, fit: Fit, i: int) -> float:
 
 
 def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list[dict[str, Any]]:
-    """Logged inputs and other sensors' residuals that a sensor's residual goes along with, and how late it follows.
+    """How a sensor's residual goes along with logged inputs and the other sensors' residuals, and how late it follows.
 
     Slow signals are alike by chance: an input is compared after the lump has smoothed it, at the lump's own lag, and the number
     of independent samples is that left by the autocorrelation of both (Bartlett 1935).
@@ -224,9 +240,8 @@ def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list
     for name, series, late in found:
         both = good if name in offers else good & np.isfinite(residual[whole.channels.index(name)])
         r, p = _correlation(whole.time[both], own[both], series[both])
-        if p < CORRELATED / max(1, len(found)):
-            told.append({"name": name, "correlation": round(r, 3), "late_min": round(late, 1)})
-    return sorted(told, key=lambda t: -abs(t["correlation"]))[:6]
+        told.append({"name": name, "correlation": round(r, 3), "late_min": round(late, 1), "p": float(f"{p:.3g}")})
+    return sorted(told, key=lambda t: (t["p"], -abs(t["correlation"])))[:MOST_TOLD]
 
 
 def _smoothed(time: Array, column: Array, rate: float) -> Array:
@@ -261,9 +276,10 @@ def _correlation(time: Array, a: Array, b: Array) -> tuple[float, float]:
 
 
 def _in_words(along: list[dict[str, Any]]) -> str:
-    if not along:
+    plain = [t for t in along if t["p"] < CORRELATED / len(along)]
+    if not plain:
         return ""
-    first = along[0]
+    first = plain[0]
     late = f", {first['late_min']:g} min late" if first["late_min"] else ""
-    others = f" (and {len(along) - 1} more)" if len(along) > 1 else ""
+    others = f" (and {len(plain) - 1} more)" if len(plain) > 1 else ""
     return f"the residual goes along with {first['name']}{late} (correlation {first['correlation']:.2f}){others}"

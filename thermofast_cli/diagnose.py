@@ -95,7 +95,7 @@ def _diagnose(task: LoopTask) -> list[DiagnoseRecord]:
                 event_min=event,
                 rmse_base_ahead_c=_number(found.ahead_base[i]),
                 rmse_ahead_c=_number(found.ahead[i]) if found.ahead is not None else None,
-                noise_c=float(found.named.fit.noise[i] if found.named else found.base.noise[i]),
+                noise_c=float(found.named.fit.noise[i] if found.named else seen.noise[i]),
                 parameters=parameters_of(found.named.fit, i) if found.named is not None else {},
                 ranking=ranking,
                 advice=advice,
@@ -226,7 +226,8 @@ def _named_words(found: Discovery, seen: Observations, until: float | None) -> t
         advice = f"add it: thermofast improve {seen.name} --add {','.join(named.ids)} -o machine.toml"
     if any(p.id == "transport_delay" for p in named.parts):
         advice += "; if the machine was started later than the record, say --start MIN"
-    return evidence, advice, "ok"
+    # What fits as well may be the cause as well: a name is sure only where it stands alone.
+    return evidence, advice, "not_determined" if found.also else "ok"
 
 
 def _rounded(value: float, error: float) -> str:

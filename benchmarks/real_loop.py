@@ -1,0 +1,91 @@
+"""What the discovery loop says of the measured records beside the checkout: ``python -m benchmarks.real_loop`` (docs/real-records.md)."""
+
+import os
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from models.candidates import try_add
+from models.discover import discover
+from models.effects import BUILT_IN
+from models.heldout import held_out_errors
+from models.joint import Fit, fit_model
+from thermofast_cli.observe import observe
+from thermofast_cli.reading import Options, read_run
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+#: (record, sensors or all, column that drives the heat, effects that the physics is said to be)
+RECORDS = (
+    ("heatshield/duty_sequence.csv", (), "heater_duty", ("nonlinear_loss", "second_mode")),
+    ("daisy_heating/lamp_steps.csv", (), None, ("load_step", "second_mode")),
+    ("tclab/energy_balance.csv", ("T1",), "heater_1", ("sensor_lag", "nonlinear_loss")),
+    ("tclab/second_order.csv", ("T1", "T2"), "heater_1", ("sensor_lag", "neighbour_heat")),
+    ("laptop/cooling_Test_300.csv", ("GPU_Temp", "CPU_Temp"), None, ("neighbour_heat",)),
+    ("cooking_pot/0cm_1L_a.csv", ("T3", "T5"), None, ("nonlinear_loss",)),
+    ("cooking_pot/20cm_3L_b.csv", ("T10", "T5"), None, ("second_mode", "ambient")),
+    ("ulg_pipe/151204_1.csv", ("outlet_pipe", "inlet_pipe"), None, ("transport_delay", "second_mode")),
+)
+
+
+def pooled(errors: np.ndarray) -> float:
+    """Root mean square over sensors [K]."""
+    good = errors[np.isfinite(errors)]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else float("nan")
+
+
+def with_effects(base: Fit, ids: tuple[str, ...]) -> Fit | None:
+    """Effects added one after the other."""
+    kinds = {kind.id: kind for kind in BUILT_IN}
+    fit = base
+    for name in ids:
+        found = try_add(fit, kinds[name]())
+        if found is None:
+            return None
+        fit = found.fit
+    return fit
+
+
+def judged(name: str, channels: tuple[str, ...], drive: str | None, known: tuple[str, ...]) -> dict[str, object]:
+    """What the loop finds in one record."""
+    run = read_run(str(DATA / name), Options(channels=channels))
+    seen = observe(run, 0.0, drive).seen
+    assert seen is not None
+    base = fit_model(seen)
+    found = discover(seen, [kind() for kind in BUILT_IN])
+    first = found.singles[0]
+    told = with_effects(base, known)
+    return {
+        "verdict": found.verdict,
+        "before": pooled(held_out_errors(base)),
+        "first": first.ids[0] + (f" ({first.parts[0].choice.label})" if first.parts[0].choice.label else ""),
+        "first_after": pooled(held_out_errors(first.fit)),
+        "known": " + ".join(known),
+        "known_after": pooled(held_out_errors(told)) if told is not None else float("nan"),
+        "noise": pooled(seen.noise),
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    if not DATA.is_dir():
+        sys.exit(f"no folder {DATA}: the measured records are not part of this repository")
+    print(
+        "| record | sensors | drive | base ahead K | verdict | first in the ranking | ahead K | physics said to be | ahead K | noise K |"
+    )
+    print("| --- | --- | --- | ---: | --- | --- | ---: | --- | ---: | ---: |")
+    for name, channels, drive, known in RECORDS:
+        r = judged(name, channels, drive, known)
+        print(
+            f"| {name} | {', '.join(channels) or 'all'} | {drive or '-'} | {r['before']:.3g} | {r['verdict']} | {r['first']} | {r['first_after']:.3g} "
+            f"| {r['known']} | {r['known_after']:.3g} | {r['noise']:.3g} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
