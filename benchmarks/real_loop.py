@@ -1,4 +1,4 @@
-"""What the discovery loop says of the measured records beside the checkout: ``python -m benchmarks.real_loop`` (docs/real-records.md)."""
+"""What the discovery loop says of measured records: ``python -m benchmarks.real_loop`` (docs/real-records.md)."""
 
 import os
 
@@ -74,17 +74,26 @@ def main() -> None:
     """Print the table."""
     if not DATA.is_dir():
         sys.exit(f"no folder {DATA}: the measured records are not part of this repository")
-    print(
-        "| record | sensors | drive | base ahead K | verdict | first in the ranking | ahead K | physics said to be | ahead K | noise K |"
+    heads = (
+        "record",
+        "sensors",
+        "drive",
+        "base ahead K",
+        "verdict",
+        "first in the ranking",
+        "ahead K",
+        "said to be",
+        "ahead K",
+        "noise K",
     )
+    print("| " + " | ".join(heads) + " |")
     print("| --- | --- | --- | ---: | --- | --- | ---: | --- | ---: | ---: |")
     for name, channels, drive, known in RECORDS:
         r = judged(name, channels, drive, known)
-        print(
-            f"| {name} | {', '.join(channels) or 'all'} | {drive or '-'} | {r['before']:.3g} | {r['verdict']} | {r['first']} | {r['first_after']:.3g} "
-            f"| {r['known']} | {r['known_after']:.3g} | {r['noise']:.3g} |",
-            flush=True,
-        )
+        numbers = {k: f"{v:.3g}" if isinstance(v, float) else v for k, v in r.items()}
+        cells = [name, ", ".join(channels) or "all", drive or "-"]
+        cells += [numbers[k] for k in ("before", "verdict", "first", "first_after", "known", "known_after", "noise")]
+        print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -79,3 +79,25 @@ def test_the_pots_water_is_no_single_lump(shared, tool):
     done = tool("identify", shared / "cooking_pot" / "0cm_1L_a.csv", "--format", "jsonl", "-q")
     statuses = [json.loads(line)["status"] for line in done.out.splitlines()]
     assert "ok" not in statuses  # water that boils is not an exponential rise
+
+
+def test_the_loop_ranks_the_known_physics_first_and_admits_what_it_lacks(shared):
+    from benchmarks.real_loop import judged
+
+    pipe = judged("ulg_pipe/151204_1.csv", ("outlet_pipe", "inlet_pipe"), None, ("transport_delay", "second_mode"))
+    assert pipe["first"] == "transport_delay"
+    assert pipe["first_after"] < 0.25 * pipe["before"]
+    assert pipe["known_after"] < pipe["first_after"]
+    assert pipe["verdict"] == "unexplained"
+    lamp = judged("daisy_heating/lamp_steps.csv", (), None, ("load_step", "second_mode"))
+    assert lamp["first"] == "load_step (lamp_voltage, to a power)"
+    assert lamp["first_after"] < 0.3 * lamp["before"]
+
+
+def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
+    from benchmarks.real_loop import judged
+
+    block = judged("heatshield/duty_sequence.csv", (), "heater_duty", ("nonlinear_loss", "second_mode"))
+    assert block["before"] < 1.2
+    assert block["known_after"] < 0.6 * block["before"]
+    assert block["verdict"] == "unexplained"

@@ -57,7 +57,9 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
         sweep = msgspec.structs.asdict(self.sweep)
         sweep["windows"] = ",".join(f"{w:g}" for w in self.sweep.windows)
         given = {"runs": self.runs}
-        return {
+        reading = {**joined, "jobs": self.jobs}
+        loop = {name: _given(reading) | given for name in ("compare", "diagnose", "improve")}
+        return loop | {
             "identify": _given(shared | msgspec.structs.asdict(self.identify)) | given,
             "sweep": _given(shared | sweep) | given,
         }
