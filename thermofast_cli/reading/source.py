@@ -2,6 +2,7 @@
 
 import hashlib
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -50,11 +51,10 @@ def _bytes(source: str) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        near = (
-            sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in (".csv", ".parquet", ".txt", ".lvm"))
-            if path.parent.is_dir()
-            else []
-        )
+        suffixes = (".csv", ".parquet", ".txt", ".lvm")
+        there = sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in suffixes) if path.parent.is_dir() else []
+        alike = get_close_matches(path.name, there, 3, 0.6)
+        near = alike + [name for name in there if name not in alike]
         raise InputError(
             f"{source}: no such file",
             found=f"in {path.parent}: {listed(near, 6)}" if near else "",
