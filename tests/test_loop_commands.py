@@ -158,6 +158,16 @@ def test_an_effect_without_its_input_says_which_column(tool, tmp_path):
     assert "inputs: none" in message
 
 
+def test_a_room_that_nobody_logged_stays_possible(tool, tmp_path):
+    text = [",".join(line.split(",")[:-1]) for line in HIDDEN.read_text().splitlines()]
+    (tmp_path / "bare.csv").write_text("\n".join(text) + "\n")
+    found = records(tool("diagnose", tmp_path / "bare.csv", "--format", "json", "-q"))
+    assert {r["verdict"] for r in found} == {"second_mode"}
+    assert {r["status"] for r in found} == {"not_determined"}
+    assert all("ambient" in r["also_possible"] for r in found)
+    assert "log the ambient" in found[0]["advice"]
+
+
 def test_one_bad_run_among_several_is_one_record(tool, tmp_path):
     (tmp_path / "bad.csv").write_text("nothing here\n")
     done = tool("diagnose", HIDDEN, tmp_path / "bad.csv", "--effects", "second_mode", "--format", "json", "-q")

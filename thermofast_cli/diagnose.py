@@ -80,6 +80,10 @@ def _diagnose(task: LoopTask) -> list[DiagnoseRecord]:
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
     evidence, advice, status = words(found, seen, task.until_min)
     also = list(dict.fromkeys("+".join(sorted(c.ids)) if len(c.ids) > 1 else c.ids[0] for c in found.also))
+    room = unlogged_room(found, seen)
+    if room:
+        also.append("ambient")
+        advice, status = f"{room}; {advice}", "not_determined"
     records = []
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
@@ -109,6 +113,16 @@ def _diagnose(task: LoopTask) -> list[DiagnoseRecord]:
 
 def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def unlogged_room(found: Discovery, seen: Observations) -> str:
+    """What to say where nobody logged the surroundings and a moving room would look like what was named; else nothing."""
+    if found.named is None or seen.ambient:
+        return ""
+    alike = [p.id for p in found.named.parts if "ambient" in p.effect.mistaken_for]
+    if not alike:
+        return ""
+    return f"the surroundings are not logged, and a room that moves would look like {' and '.join(alike)}: log the ambient"
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:

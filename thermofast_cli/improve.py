@@ -14,7 +14,7 @@ from models.heldout import held_out_errors
 from models.joint import Fit, fit_model
 from models.judge import PATTERN, least_p, noise_floor
 
-from .diagnose import search_run, words
+from .diagnose import search_run, unlogged_room, words
 from .errors import ThermofastError
 from .loop import (
     LoopTask,
@@ -95,6 +95,7 @@ def _improve(task: LoopTask) -> Improved:
         else:
             steps, remark = _staircase(prepared, task.until_min, base, found.named)
             names = " and ".join(found.named.ids)
+            notes += [room] if (room := unlogged_room(found, prepared.seen)) else []
             stopped = f"{remark}every sensor is down to its noise with {names}; nothing more would be told from chance"
     elif task.names:
         effects = chosen_effects(task.names, task.extra)

@@ -16,7 +16,7 @@ class FrictionDecay(Effect):
     summary = "grease and preload run in: more heat at first"
     equation = "heat(t) = 1 + extra exp(-t / time_constant), extra > 0"
     tell_tale = "overshoot, or too fast a start"
-    mistaken_for = ("second_mode", "nonlinear_loss")
+    mistaken_for = ("second_mode", "nonlinear_loss", "ambient")
     separate = "run warm once more without a pause: grease that has run in does not run in again"
     reference = "Lundberg & Palmgren viscous friction; Harris, Rolling Bearing Analysis, ch. 10"
     uses_sink = True
