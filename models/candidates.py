@@ -138,7 +138,9 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
         parts = [*before.model.parts, part]
         base = with_parts(before, parts)
         starts = shared_starts(found, effect, at, most)
-        starts += [(0.0, {**starts[0][1], (at, effect.amplitude): large}) for large in effect.large_starts()]
+        for large in effect.large_starts():
+            rate, level = effect.equivalent(large, base[-1, "rate"], base[-1, "level"], before.model.sink_guess)
+            starts.append((0.0, {**starts[0][1], (at, effect.amplitude): large, (-1, "rate"): rate, (-1, "level"): level}))
         for _, start in starts:
             fit = fit_model(run, parts, {**base, **start}, None, QUICK if quick else MOST_ITERATIONS)
             value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))

@@ -138,7 +138,9 @@ def _pairs(base: Fit, singles: list[Candidate], effects: Sequence[Effect], good:
                     offers.append((own + value, root, effect, scans))
         offers.sort(key=lambda o: -o[0])
         # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
-        for offer in offers[:PARTNERS]:
+        # What is tried from afar as well may promise little from here.
+        chosen = [o for rank, o in enumerate(offers) if rank < PARTNERS or (o[2].scope == "run" and o[2].large_starts())]
+        for offer in chosen:
             unordered = tuple(sorted((*have, offer[2].id)))
             key = (*unordered, str(number)) if number >= len(singles) else unordered
             if key not in promised or offer[0] > promised[key][0]:
@@ -157,8 +159,10 @@ def _pairs(base: Fit, singles: list[Candidate], effects: Sequence[Effect], good:
         if not good or not _sound(pair):
             found_pairs[i] = _refined(base, pair)
     found_pairs.sort(key=lambda c: -total_gain(base, c))
-    if found_pairs and not good and not _sound(found_pairs[0]):
-        found_pairs += _exchanged(base, found_pairs[0], effects, {frozenset(c.ids) for c in found_pairs})
+    if found_pairs and not good:
+        # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
+        others = [e for e in effects if e.scope == "one"] if _sound(found_pairs[0]) else effects
+        found_pairs += _exchanged(base, found_pairs[0], others)
     return [_needed(pair, of_single) for pair in found_pairs]
 
 
@@ -203,7 +207,7 @@ def _worth(base: Fit, candidate: Candidate) -> float:
     return total_gain(base, candidate) - 2.0 * candidate.parameters
 
 
-def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], seen: set[frozenset[str]]) -> list[Candidate]:
+def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect]) -> list[Candidate]:
     """Pairs that share one effect with the best one and that a first-order step promises most of."""
     found = []
     for part in pair.parts:
@@ -211,7 +215,7 @@ def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], seen: set[
         kept = next(p.id for p in pair.parts if p.id != part.id)
         options = []
         for effect in effects:
-            if effect.id in (kept, part.id) or frozenset((kept, effect.id)) in seen:
+            if effect.id in (kept, part.id):
                 continue
             value, scans = first_order(held, effect)
             if scans:

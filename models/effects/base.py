@@ -135,6 +135,10 @@ class Effect:
         """Other values (S,) of rate and own parameters with the same curve, where they are the physical ones; else None."""
         return None
 
+    def equivalent(self, amplitude: float, rate: Array, level: Array, sink: float) -> tuple[Array, Array]:
+        """Rate and level (S,) with which the base model's curve about stays when the effect has this amplitude."""
+        return rate, level
+
     def large_starts(self) -> tuple[float, ...]:
         """Amplitudes, beside the one a straight line suggests, from which a search is worth starting."""
         return ()

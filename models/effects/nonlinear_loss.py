@@ -2,7 +2,10 @@
 
 from typing import Any
 
+import numpy as np
+
 from ..drive import Drive
+from ..kernel import Array
 from ..observations import Observations
 from .base import Effect, Parameter
 
@@ -23,6 +26,11 @@ class NonlinearLoss(Effect):
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.exponent = drive.exponent + p.exponent
+
+    def equivalent(self, amplitude: float, rate: Array, level: Array, sink: float) -> tuple[Array, Array]:
+        above = np.maximum(np.abs(level - sink), 0.5)
+        grown = (above / 40.0) ** amplitude
+        return rate / ((1.0 + 0.5 * amplitude) * grown), sink + (level - sink) * grown
 
     def large_starts(self) -> tuple[float, ...]:
         return (0.5,)
