@@ -66,11 +66,15 @@ class Observations:
         """Mean temperature of the first logged surroundings [degC]."""
         return float(np.mean(next(iter(self.ambient.values())))) if self.ambient else None
 
-    def driven_by(self, column: str) -> "Observations":
-        """The same run with a logged column as the heat of the base model; the effects no longer see that column."""
+    def driven_by(self, column: str, ending: float = 0.5) -> "Observations":
+        """The same run with a logged column as the heat of the base model; the effects no longer see that column.
+
+        ending is the share that a reading of the column has in the interval that ends with it, beside the reading before: 0.5
+        for a column that moves in straight lines, 0 for one that is held until the next reading, 1 for one that tells what was.
+        """
         values = self.inputs[column]
         share = values / max(float(np.abs(values).max()), 1e-300)
-        heat = 0.5 * (share + np.concatenate([share[:1], share[:-1]]))
+        heat = ending * share + (1.0 - ending) * np.concatenate([share[:1], share[:-1]])
         rest = {n: c for n, c in self.inputs.items() if n != column}
         return replace(self, inputs=rest, drive=column, heat=heat)
 

@@ -241,6 +241,7 @@ def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list
         both = good if name in offers else good & np.isfinite(residual[whole.channels.index(name)])
         r, p = _correlation(whole.time[both], own[both], series[both])
         told.append({"name": name, "correlation": round(r, 3), "late_min": round(late, 1), "p": float(f"{p:.3g}")})
+    told = [t for t in told if t["late_min"] < 0.5 * whole.span]
     return sorted(told, key=lambda t: (t["p"], -abs(t["correlation"])))[:MOST_TOLD]
 
 

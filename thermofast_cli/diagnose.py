@@ -1,6 +1,7 @@
 """``diagnose``: which effect is missing, in words that a test engineer understands."""
 
 import math
+import shlex
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +15,11 @@ from models.observations import Observations
 
 from .errors import ThermofastError
 from .loop import LoopTask, Ready, check_inputs, failure_records, ids_of, in_order, parameters_of, ready, refused_records
-from .plugins import EffectError, chosen_effects
+from .plugins import EffectError, Guarded, chosen_effects
 from .records import DiagnoseRecord
 
 #: Gain at which an effect would have been named, for telling how small a one would have been seen.
-SEEN_GAIN = 30.0
+SEEN_GAIN = 70.0
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,8 @@ def words(found: Discovery, seen: Observations, until: float | None) -> tuple[st
         return _named_words(found, seen, until)
     if found.verdict == "none":
         sizes = "; ".join(visible_sizes(found))
-        evidence = f"the base model is down to the noise in every sensor; would have been seen: {sizes}"
+        name = "model" if found.base.model.parts else "base model"
+        evidence = f"the {name} is down to the noise in every sensor; would most likely have been seen: {sizes}"
         return evidence, short or "nothing to add", "not_determined" if short else "ok"
     above = [c for c, p in zip(seen.channels, found.base_floor, strict=True) if p < PATTERN]
     where = _where(found, seen)
@@ -196,7 +198,7 @@ def words(found: Discovery, seen: Observations, until: float | None) -> tuple[st
             "or write the effect yourself: docs/add-an-effect.md",
         ]
     )
-    return evidence, advice, "not_determined" if short else "ok"
+    return evidence, advice, "not_determined" if short else "model_doubtful"
 
 
 def _named_words(found: Discovery, seen: Observations, until: float | None) -> tuple[str, str, str]:
@@ -237,7 +239,10 @@ def _named_words(found: Discovery, seen: Observations, until: float | None) -> t
     if found.also:
         advice = f"as good: {', '.join('+'.join(c.ids) for c in found.also)}. To tell them apart: {'; '.join(hints)}"
     else:
-        advice = f"add it: thermofast improve {seen.name} --add {','.join(named.ids)} -o machine.toml"
+        source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
+        own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if isinstance(p.effect, Guarded))
+        new = [p.id for p in named.parts if p not in found.base.model.parts]
+        advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
     if any(p.id == "transport_delay" for p in named.parts):
         advice += "; if the machine was started later than the record, say --start MIN"
     # What fits as well may be the cause as well: a name is sure only where it stands alone.
@@ -275,7 +280,8 @@ def _short_record(found: Discovery, seen: Observations) -> str:
     if covered >= 0.7:
         return ""
     need = 1.0 / float(np.median(rates))
-    return f"the record covers {covered:.2f} of a time constant: too short to judge; record at least {need:.0f} min"
+    longer = f"at least {need:.0f} min" if need < 20.0 * seen.span else "many times longer: it is hardly bent yet"
+    return f"the record covers {covered:.2f} of a time constant: too short to judge; record {longer}"
 
 
 def visible_sizes(found: Discovery) -> list[str]:

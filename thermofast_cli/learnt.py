@@ -1,15 +1,16 @@
 """A learnt model on a run: the machine's constants as known, the run's own from its first minutes."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models import Observations
 from models.candidates import try_add
-from models.effects.base import Choice
+from models.effects.base import Choice, Effect
 from models.greybox import Column
-from models.joint import Fit, Model, Part, Prior, search, start_values
+from models.joint import BASE, Fit, Model, Part, Prior, search, start_values
 
 from .errors import UsageError
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
@@ -53,10 +54,9 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
     notes = [f"not in the model: {', '.join(missing)}; fitted freely"] if missing else []
     same_run = bool(model.learnt_from.sha256) and sha256_of(source) == model.learnt_from.sha256
     parts, entries, events = [], [], []
-    known = known_effects([e.file for e in model.effects if e.file])
+    known = check_effects(model, model_path)
+    notes += changed_files(model)
     for entry in model.effects:
-        if entry.id not in known:
-            raise UsageError(f"{model_path}: unknown effect {entry.id!r}", allowed=", ".join(known), do="install its plug-in")
         part = _part(entry, known[entry.id], seen, source)
         if part.effect.event and part.effect.event in entry.searched and not same_run:
             events.append((entry, part))
@@ -75,10 +75,44 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
     return Carried(fit, tuple(notes), tuple(missing))
 
 
-def _part(entry: EffectEntry, effect: object, seen: Observations, source: str) -> Part:
-    from models.effects.base import Effect
+def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
+    """The effects that a model file speaks of, by id.
 
-    assert isinstance(effect, Effect)
+    Raises
+    ------
+    UsageError: one is unknown, its file is gone, or a number is outside its range; the message names the model file.
+    """
+    gone = [e for e in model.effects if e.file and not Path(e.file.partition(":")[0]).is_file()]
+    if gone:
+        raise UsageError(
+            f"{path}: its effect {gone[0].id!r} was written in {gone[0].file}, which is not there",
+            do="put the file back, or run from the folder it was learnt in",
+        )
+    known = known_effects([e.file for e in model.effects if e.file])
+    for entry in model.effects:
+        if entry.id not in known:
+            raise UsageError(f"{path}: unknown effect {entry.id!r}", allowed=", ".join(known), do="install its plug-in")
+    ranges = {("", p.name): p for p in BASE}
+    ranges |= {(e.id, p.name): p for e in model.effects for p in known[e.id].parameters}
+    for owner, number in [("", n) for n in model.base] + [(e.id, n) for e in model.effects for n in e.parameters]:
+        p = ranges.get((owner, number.name))
+        if p is not None and not p.share and not p.low <= number.value <= p.high:
+            raise UsageError(
+                f"{path}: {owner or 'base'} {number.name} is outside its range",
+                found=f"{number.value:g} {number.unit}",
+                allowed=f"{p.low:g} to {p.high:g}",
+                do="learn the model anew",
+            )
+    return known
+
+
+def changed_files(model: ModelFile) -> list[str]:
+    """What to say of a user's own effects whose file is no longer the one that the model was learnt with."""
+    changed = [e.file for e in model.effects if e.file and e.sha256 and sha256_of(e.file.partition(":")[0]) != e.sha256]
+    return [f"{name} has changed since the model was learnt" for name in changed]
+
+
+def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -> Part:
     column = entry.constants.get("column")
     have = {**seen.ambient, **seen.inputs}
     if column and column not in have:

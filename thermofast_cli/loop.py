@@ -82,7 +82,7 @@ def check_inputs(effects: list[Effect], whole: Observations) -> None:
             raise UsageError(
                 f"{whole.name}: the effect {effect.id!r} needs {effect.needs or 'an input that this run does not log'}",
                 found=f"inputs: {', '.join(have) or 'none'}; sensors: {', '.join(whole.channels[:8])}",
-                do="name the column with --ambient or --inputs, or leave the effect out",
+                do="leave the effect out" + ("" if "sensor" in effect.needs else ", or name the column with --ambient or --inputs"),
             )
 
 

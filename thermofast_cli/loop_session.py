@@ -25,6 +25,7 @@ def loop_tasks(
     ------
     UsageError, InputError: as the reader, the catalogue and the model file raise them.
     """
+    from .learnt import check_effects
     from .modelfile import read_model
     from .plugins import chosen_effects
 
@@ -32,7 +33,15 @@ def loop_tasks(
         check_target(targets[0], TABLE_SUFFIXES)
     chosen_effects(options.get("names", ()), options.get("extra", ()))
     if options.get("model"):
-        read_model(options["model"])
+        learnt = read_model(options["model"])
+        check_effects(learnt, options["model"])
+        if options.get("drive") not in (None, learnt.learnt_from.drive):
+            raise UsageError(
+                f"--drive {options['drive']!r} is not what the model was learnt with",
+                found=f"{options['model']}: {learnt.learnt_from.drive or 'no drive'}",
+                do="leave --drive out: the model file tells it",
+            )
+        options["drive"] = learnt.learnt_from.drive
     sources = choose_sources(runs)
     check_targets(targets, sources)
     told = given["start"] != "auto"

@@ -55,6 +55,7 @@ class EffectEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froz
     summary: str
     parameters: tuple[Number, ...]
     file: str | None = None
+    sha256: str | None = None
     acts: str = ""
     constants: dict[str, Any] = {}
     searched: tuple[str, ...] = ()
@@ -110,6 +111,7 @@ def model_file(fit: Fit, source: str, readings: int, until_min: float | None, fi
                 id=part.id,
                 summary=part.effect.summary,
                 file=files.get(part.id),
+                sha256=sha256_of(files[part.id].partition(":")[0]) if part.id in files else None,
                 acts=part.choice.label,
                 constants=_plain(part.choice, run.channels),
                 searched=tuple(p.name for p in part.effect.active(part.choice)),
@@ -180,7 +182,11 @@ def constants_of(entry: EffectEntry, channels: tuple[str, ...]) -> dict[str, Any
         if key == "source":
             place = {c: i for i, c in enumerate(channels)}
             found[key] = np.array([place.get(value.get(c, ""), (i + 1) % len(channels)) for i, c in enumerate(channels)])
-        elif key not in ("column", "wave", "product", "scale") and isinstance(value, int | float) and not isinstance(value, bool):
+        elif (
+            key not in ("column", "wave", "product", "scale", "ending")
+            and isinstance(value, int | float)
+            and not isinstance(value, bool)
+        ):
             found[key] = np.full((1, 1), float(value))
         else:
             found[key] = value

@@ -35,7 +35,7 @@ class Guarded(Effect):
     """A user's effect behind a guard: what it raises is told with its line, and it may not run for ever."""
 
     def __init__(self, inner: Effect, by_row: bool) -> None:
-        self.inner, self.by_row = inner, by_row
+        self.inner, self.by_row, self.file = inner, by_row, inspect.getsourcefile(type(inner)) or ""
         for name in ("id", "scope", "event", "uses_sink", "changes_heat", "amplitude", "parameters", "mistaken_for", "separate"):
             setattr(self, name, getattr(inner, name))
         for name in ("summary", "equation", "tell_tale", "needs", "reference"):
@@ -311,7 +311,7 @@ def _watched(effect: Effect) -> Any:
             yield
     except EffectError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise EffectError(f"effect {effect.id!r} raised {type(error).__name__}", found=_where(error, file)) from None
 
 
@@ -340,7 +340,7 @@ def _alarm(what: str) -> Any:
 def _where(error: BaseException, file: str) -> str:
     """'line 12: message', the line in the user's file where it can be told."""
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).name == Path(file).name]
-    place = f"line {lines[-1]}: " if lines else ""
+    place = f"{Path(file).name}, line {lines[-1]}: " if lines else f"{Path(file).name}: "
     if isinstance(error, SyntaxError) and error.lineno:
-        place = f"line {error.lineno}: "
+        place = f"{Path(file).name}, line {error.lineno}: "
     return f"{place}{type(error).__name__}: {error}"

@@ -69,6 +69,8 @@ def _identify(task: LoopTask) -> list[Identified]:
         notes = list(carried.notes)
         if reference is not None:
             notes.insert(0, f"at surroundings of {reference:.4g} degC")
+        if seen.drive is not None:
+            notes.append(f"with {seen.drive} as last logged")
         notes.append(f"with {', '.join(ids_of(fit.model.parts)) or 'no effect'} of {task.model}")
         status = "ok"
         if floor[i] < PATTERN:

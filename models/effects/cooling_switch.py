@@ -8,7 +8,7 @@ import numpy as np
 from ..drive import Drive
 from ..observations import Observations
 from .base import Choice, Effect, Parameter, varying
-from .load_step import held
+from .load_step import endings, held
 
 
 class CoolingSwitch(Effect):
@@ -32,9 +32,10 @@ class CoolingSwitch(Effect):
     def choices(self, run: Observations) -> Sequence[Choice]:
         found = [Choice("", {"column": ""})]
         for name, column in list(varying(run.inputs).items())[:6]:
-            found.append(Choice(name, {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}, ("event",)))
+            constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
+            found += [Choice(name, {**constants, "ending": ending}, ("event",)) for ending in endings(column)]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
-        changed = held(run, p.column, p.scale, 1.0) if p.column else run.after(p.event)
+        changed = held(run, p.column, p.scale, 1.0, getattr(p, "ending", 0.5)) if p.column else run.after(p.event)
         drive.loss = drive.loss * np.maximum(1.0 + (p.ratio - 1.0) * changed, 1e-3)

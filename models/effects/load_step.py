@@ -36,7 +36,8 @@ class LoadStep(Effect):
         for name, column in list(varying(run.inputs).items())[:6]:
             top = float(np.abs(column).max())
             constants = {"column": name, "scale": top, "event": 0.0}
-            found.append(Choice(name, {**constants, "power": 1.0}, ("event", "power")))
+            ways = [{**constants, "power": 1.0, "ending": ending} for ending in endings(column)]
+            found += [Choice(name, way, ("event", "power")) for way in ways]
             if len(np.unique(column)) > 2 and float(column.min()) >= 0.0:
                 found.append(Choice(f"{name}, to a power", constants, ("event",), simple=False))
         return found
@@ -45,12 +46,17 @@ class LoadStep(Effect):
         if not p.column:
             drive.heat = heated(drive, p.change * run.after(p.event), p)
             return
-        drive.heat = heated(drive, p.change * (held(run, p.column, p.scale, p.power) - 1.0), p)
+        drive.heat = heated(drive, p.change * (held(run, p.column, p.scale, p.power, getattr(p, "ending", 0.5)) - 1.0), p)
 
 
-def held(run: Observations, name: str, scale: float, power: Any) -> Any:
+def endings(column: Any) -> tuple[float, ...]:
+    """Shares that a reading may have in the interval it ends: of a column in steps, how it is held is not known."""
+    return (0.5, 0.0, 1.0) if float(np.mean(np.diff(column) == 0.0)) > 0.8 else (0.5,)
+
+
+def held(run: Observations, name: str, scale: float, power: Any, ending: float = 0.5) -> Any:
     """A logged column over `scale`, to a power, as mean over the interval that ends at each reading; (1 or B, N)."""
     level = np.maximum(run.inputs[name] / scale, 0.0) if np.any(np.asarray(power) != 1.0) else run.inputs[name] / scale
     raised = level**power
     before = np.concatenate([raised[..., :1], raised[..., :-1]], axis=-1)
-    return 0.5 * (raised + before)
+    return ending * raised + (1.0 - ending) * before

@@ -35,6 +35,7 @@ def command(
     turn), with inputs as logged. 'one step' is the error of the next reading told from the last, always smaller.
     """
     from ..compare import compare_lost, compare_task
+    from ..errors import UsageError
     from ..loop_session import loop_tasks, run_loop
     from ..output.screen import interval, number, text
     from ..records import CompareRecord
@@ -44,6 +45,8 @@ def command(
         from ..output.plots import check_picture
 
         check_picture(save_plot)
+    if model and effects:
+        raise UsageError("--effects adds to the base model, and --model takes its place", do="leave one of them out")
     given = {k: reading[k] for k in READING}
     tasks, unreadable = loop_tasks(
         runs,
