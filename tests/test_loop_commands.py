@@ -36,7 +36,7 @@ def learnt(tmp_path_factory):
 def test_a_healthy_record_is_none_and_says_what_would_have_been_seen(tool):
     found = records(tool("diagnose", SPINDLE, "--channels", "T1,T2,T3", "--format", "json", "-q"))
     assert {r["verdict"] for r in found} == {"none"}
-    assert "would have been seen" in found[0]["message"]
+    assert "would most likely have been seen" in found[0]["message"]
     assert "load_step change" in found[0]["message"]
     assert all(r["status"] == "ok" for r in found)
     assert len(found[0]["ranking"]) >= 9

@@ -34,8 +34,8 @@ class EffectError(ThermofastError):
 class Guarded(Effect):
     """A user's effect behind a guard: what it raises is told with its line, and it may not run for ever."""
 
-    def __init__(self, inner: Effect, by_row: bool) -> None:
-        self.inner, self.by_row, self.file = inner, by_row, inspect.getsourcefile(type(inner)) or ""
+    def __init__(self, inner: Effect, by_row: bool, file: str = "") -> None:
+        self.inner, self.by_row, self.file = inner, by_row, file
         for name in ("id", "scope", "event", "uses_sink", "changes_heat", "amplitude", "parameters", "mistaken_for", "separate"):
             setattr(self, name, getattr(inner, name))
         for name in ("summary", "equation", "tell_tale", "needs", "reference"):
@@ -148,17 +148,17 @@ def load_effect(spec: str) -> Effect:
             allowed="one class, or its name after a colon",
             do="see docs/add-an-effect.md",
         )
-    _LOADED[spec] = _checked(kinds[0], spec)
+    _LOADED[spec] = _checked(kinds[0], spec, spec)
     return _LOADED[spec]
 
 
-def _checked(kind: Any, origin: str) -> Effect:
+def _checked(kind: Any, origin: str, file: str = "") -> Effect:
     problem = _declaration_problem(kind)
     if problem:
         raise EffectError(f"{origin}: {problem}", do="see docs/add-an-effect.md")
     effect = kind()
     by_row = _try(effect, origin)
-    return Guarded(effect, by_row)
+    return Guarded(effect, by_row, file)
 
 
 def _declaration_problem(kind: Any) -> str | None:
