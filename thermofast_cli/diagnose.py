@@ -240,7 +240,9 @@ def _named_words(found: Discovery, seen: Observations, until: float | None) -> t
         advice = f"as good: {', '.join('+'.join(c.ids) for c in found.also)}. To tell them apart: {'; '.join(hints)}"
     else:
         source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
-        own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if isinstance(p.effect, Guarded) and p.effect.file)
+        own = "".join(
+            f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if isinstance(p.effect, Guarded) and p.effect.file
+        )
         new = [p.id for p in named.parts if p not in found.base.model.parts]
         advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
     if any(p.id == "transport_delay" for p in named.parts):

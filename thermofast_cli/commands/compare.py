@@ -33,6 +33,8 @@ def command(
 
     The headline is 'ahead': the error of the free run on readings that the fit did not see (after --until, else blocks left out in
     turn), with inputs as logged. 'one step' is the error of the next reading told from the last, always smaller.
+
+    A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..compare import compare_lost, compare_task
     from ..errors import UsageError

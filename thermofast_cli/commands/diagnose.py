@@ -32,6 +32,8 @@ def command(
     The verdict is an effect, two joined by '+', 'none', or 'unexplained'. An effect is named only if chance would not give its gain
     (1 % per run over everything that is tried), the error on readings left out falls, the record determines its
     parameters, and every sensor comes down to its noise.
+
+    A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..diagnose import diagnose_lost, diagnose_task
     from ..loop_session import loop_tasks, run_loop

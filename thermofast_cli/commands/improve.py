@@ -33,6 +33,8 @@ def command(
 
     With neither --add nor --auto the base model is learnt and written. The model file serves compare, identify, sweep and
     diagnose through --model, on this run and on others of the same machine.
+
+    A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..errors import UsageError
     from ..improve import improve_lost, improve_task
