@@ -25,6 +25,10 @@ UNSURE = 3.0
 #: A correlation is told where chance gives it once in so many looks.
 CORRELATED = 1e-3
 MOST_TOLD = 12
+HOLDS = (
+    "the model holds where it was fitted and fails ahead: the first minutes did not show what it lacks, or something "
+    "changed later that nothing logs, which no fit could know"
+)
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,7 @@ def _compare(task: LoopTask) -> Comparison:
             *[n for n in prepared.observed.notes if not n.startswith("T") or n.startswith(channel)],
         ]
         if stretches and floor[i] >= PATTERN and unused.any():
-            messages.insert(0, "the model holds where it was fitted and fails ahead")
+            messages.insert(0, HOLDS)
         status = "ok" if floor[i] >= PATTERN and not stretches else "model_doubtful"
         records.append(
             CompareRecord(
