@@ -79,7 +79,7 @@ TRIALS: dict[str, tuple[float, float]] = {
     "neighbour_heat": (8.0, 0.0),
     "cyclic_load": (2.0, 1.0),
     "friction_decay": (6.0, 0.0),
-    "sensor_drift": (1.0, 0.0),
+    "sensor_drift": (2.0, 0.0),
     "reading_jump": (2.0, 1.0),
 }
 UNKNOWN_TRIALS = (30.0, 0.0)
