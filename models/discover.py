@@ -248,7 +248,7 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
 def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
     if not finalists:
         return None, []
-    value = {id(c): total_gain(base, c) for c in finalists}
+    value = {id(c): float(gains(base, c.fit, careful=False).sum()) for c in finalists}
     best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.parameters)
     limit = value[id(best)]
     equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.parameters - c.parameters)]

@@ -95,18 +95,19 @@ def _input_noise(fit: Fit, sensor: int) -> float:
     return total
 
 
-def gains(before: Fit, after: Fit) -> Array:
+def gains(before: Fit, after: Fit, careful: bool = True) -> Array:
     """Log-likelihood ratios times two (S,) of `after` over `before`.
 
     The smaller of that of the readings as they are and that without the logger's rounding: a model may imitate the pattern of
-    the rounding, or bend so that its correction helps; it gains by neither.
+    the rounding, or bend so that its correction helps; it gains by neither. Not careful, for telling rivals that are all down to
+    the noise apart: without the rounding alone, which sees finer.
     """
     run = before.run
     floor = (run.resolution**2 / 12.0) * np.maximum(before.readings, 1) * 1e-3 + 1e-12
     plain = after.dof * np.log((before.rss + floor) / (after.rss + floor))
     rss = [(run.weight * unrounded(f) ** 2).sum(axis=1) for f in (before, after)]
     corrected = after.dof * np.log((rss[0] + floor) / (rss[1] + floor))
-    return np.asarray(np.minimum(plain, corrected))
+    return np.asarray(np.minimum(plain, corrected) if careful else corrected)
 
 
 def fit_noise(fit: Fit, sensor: int) -> float:
