@@ -1,7 +1,7 @@
 """How often chance gives an effect its gain: ``python -m benchmarks.false_alarms`` (docs/false-alarms.md).
 
 Records of the base law alone, made in numpy; every effect of the catalogue is searched on each. Printed per effect: the share
-of records on which chance, by the program's own reckoning (`models/candidates.py`, TRIALS places each), was below 5 % and 1 %. A
+of records on which chance, by the program's own reckoning (each effect's `places`), was below 5 % and 1 %. A
 share above that would mean too few places.
 """
 
@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from models.candidates import TRIALS, try_add
+from models.candidates import try_add
 from models.discover import discover
 from models.effects import BUILT_IN
 from models.joint import fit_model
@@ -61,7 +61,7 @@ def main() -> None:
     print("| --- | ---: | ---: | ---: |")
     for kind in BUILT_IN:
         p = np.array([r[kind.id] for r, _ in results if kind.id in r])
-        constant, by_reading = TRIALS[kind.id]
+        constant, by_reading = kind.places
         places = f"{constant:g}" + (f" + {by_reading:g} a reading" if by_reading else "")
         print(f"| {kind.id} | {100.0 * np.mean(p < 0.05):.1f} % | {100.0 * np.mean(p < 0.01):.1f} % | {places} |")
     print(f"\nan effect named in {sum(named for _, named in results)} of {count} records")

@@ -139,7 +139,7 @@ def _true_values(name: str, p: dict[str, Any], n: int, choice: Choice, effect: A
     if name == "neighbour_heat":
         source = (np.arange(n) + 1) % n
         source[np.ravel(p["sensors"])] = np.ravel(p["source"])
-        return {"kappa": spread(p["kappa"], 0.01)}, Choice("", {"source": source})
+        return {"kappa": spread(p["kappa"], 0.01)}, Choice("", {"source": source}, by_sensor=("source",))
     if name == "cyclic_load":
         wave = next(c for c in effect.choices(run) if c.constants["wave"] == p["wave"])
         return {"depth": p["depth"], "period": p["period_min"]}, wave

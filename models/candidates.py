@@ -9,7 +9,7 @@ import numpy as np
 
 from .effects.base import Choice, Effect
 from .joint import MOST_ITERATIONS, Fit, Model, Part, at_rates, fit_model, rows_of, search, with_parts
-from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, noise_floor
+from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, log_ratio, noise_floor
 from .kernel import Array
 from .observations import Observations
 from .scan import Scan, own_starts, scan, shared_starts
@@ -59,35 +59,10 @@ class Candidate:
     def identifiable(self) -> Identifiability:
         return identifiability(self.fit)
 
-    @property
-    def parameters(self) -> float:
-        """Searched effect parameters; a neighbour that was chosen counts as half a one."""
-        choices = sum(0.5 * int(p.concerns(self.fit.run.sensors).sum()) for p in self.parts if p.id == "neighbour_heat")
-        return self.fit.searched + choices
-
-
-#: Effective number of independent places at which an effect is looked for, and how it grows with the number of readings;
-#: docs/false-alarms.md has the script that finds these.
-TRIALS: dict[str, tuple[float, float]] = {
-    "ambient": (2.0, 0.0),
-    "second_mode": (4.0, 0.0),
-    "load_step": (30.0, 0.0),
-    "cooling_switch": (30.0, 0.0),
-    "sensor_lag": (3.0, 0.0),
-    "transport_delay": (6.0, 0.0),
-    "nonlinear_loss": (2.0, 0.0),
-    "neighbour_heat": (8.0, 0.0),
-    "cyclic_load": (2.0, 1.0),
-    "friction_decay": (6.0, 0.0),
-    "sensor_drift": (2.0, 0.0),
-    "reading_jump": (2.0, 1.0),
-}
-UNKNOWN_TRIALS = (30.0, 0.0)
-
 
 def trials(effect: Effect, run: Observations) -> float:
     """Effective number of places at which an effect is looked for on a run."""
-    constant, by_reading = TRIALS.get(effect.id, UNKNOWN_TRIALS)
+    constant, by_reading = effect.places
     return constant + by_reading * float(run.used.any(axis=0).sum())
 
 
@@ -125,7 +100,7 @@ def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate
     own = gains(before, after)
     if effect.scope != "run":
         own = np.where(part.concerns(before.run.sensors), own, 0.0)
-    free = len(list(effect.active(part.choice)))
+    free = len(effect.active(part.choice))
     return Candidate(after, own, chance(effect, own, free, trials(effect, before.run)))
 
 
@@ -163,7 +138,6 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
     if not more or best[0] < WORTH or least_p(noise_floor(best[1])) >= PATTERN:
         return best
-    at = len(before.model.parts)
     values = best[1].values
     for choice in more:
         label = best[2].choice.constants.get("column")
@@ -171,9 +145,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
             continue
         part = Part(effect, choice)
         parts = [*before.model.parts, part]
-        start = {k: v for k, v in values.items() if k[0] < at}
-        start |= {k: v for k, v in values.items() if k[0] == at}
-        fit = fit_model(before.run, parts, start)
+        fit = fit_model(before.run, parts, values)
         value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
         if value > best[0] + WORTH:
             best = value, fit, part
@@ -227,19 +199,14 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
             if cost[row[i], i] < best_cost[i] * (1.0 - 1e-12):
                 best_cost[i] = cost[row[i], i]
                 best_rows[i] = choice, fit, int(row[i]) * n + int(i)
-    trial = replace(before, rss=best_cost)
-    own = np.array([g if r is not None else 0.0 for g, r in zip(_plain_gains(before, trial), best_rows, strict=True)])
+    gained = log_ratio(before.rss, best_cost, before.dof)
+    own = np.array([g if r is not None else 0.0 for g, r in zip(gained, best_rows, strict=True)])
     free = len(effect.parameters)
     number = trials(effect, run)
     concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < CONCERNED for i in range(n)])
     if not concerned.any():
         concerned[int(np.argmax(own))] = True
     return _joined(before, effect, best_rows, concerned, quick)
-
-
-def _plain_gains(before: Fit, after: Fit) -> Array:
-    floor = 1e-12
-    return np.asarray(before.dof * np.log((before.rss + floor) / (after.rss + floor)))
 
 
 def _own_choices(
@@ -250,16 +217,16 @@ def _own_choices(
     main = effect.parameter(effect.amplitude)
     scale = run.span if main.share else 1.0
     found = []
-    if len(scans) > 1 and "source" in scans[0][0].constants:
+    if scans[0][0].by_sensor:
         promised = np.array([s.gain[0] for _, s in scans])
         amplitude = np.array([s.amplitude[0] for _, s in scans])
         order = np.argsort(-promised, axis=0)
         sensors = np.arange(run.sensors)
         for rank in range(min(1 if quick else 9, len(scans))):
             pick = order[rank]
-            source = np.array([int(scans[p][0].constants["source"][i]) for i, p in enumerate(pick)])
             small = {(at, effect.amplitude): amplitude[pick, sensors]}
-            found.append((Choice("", {"source": source}), [small, {(at, effect.amplitude): np.full(run.sensors, 0.01)}]))
+            starts = [small, {(at, effect.amplitude): np.full(run.sensors, main.start)}]
+            found.append((Choice.composed([scans[p][0] for p in pick]), starts))
         return found
     for choice, s in scans:
         _, start = own_starts([s, *_from_other_rates(before, effect, choice)], effect, at)
@@ -279,11 +246,8 @@ def _joined(
     chosen = next((r for r in rows if r is not None), None)
     if chosen is None:
         return None
-    constants = dict(chosen[0].constants)
-    if "source" in constants:
-        other = (np.arange(n) + 1) % n
-        constants["source"] = np.array([int(r[0].constants["source"][i]) if r else int(other[i]) for i, r in enumerate(rows)])
-    part = Part(effect, Choice("", constants), tuple(bool(c) for c in concerned))
+    choice = Choice.composed([(r or chosen)[0] for r in rows])
+    part = Part(effect, choice, tuple(bool(c) for c in concerned))
     parts = [*before.model.parts, part]
     model = Model(run, parts)
     local, shared = model.vector(with_parts(before, parts))
@@ -322,7 +286,7 @@ def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:
         fewer = replace(part, concerned=tuple(kept))
         parts = [*fit.model.parts[:-1], fewer]
         again = fit_model(fit.run, parts, with_parts(fit, parts))
-        lost = _plain_gains(again, fit)
+        lost = log_ratio(again.rss, fit.rss, again.dof)
         # A sensor that loses by it gets its effect back.
         back = [bool(k or (w and lost[i] > WORTH)) for i, (k, w) in enumerate(zip(kept, who, strict=True))]
         if back == list(who):

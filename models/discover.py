@@ -83,13 +83,17 @@ def discover(
     singles.sort(key=lambda c: -c.gain)
     number = max(1, len(effects))
 
-    def passes(candidate: Candidate) -> bool:
+    def alone(candidate: Candidate) -> bool:
+        return len(candidate.ids) == 1 + len(base.model.parts)
+
+    def over_all(candidate: Candidate) -> float:
         # A pair is the best of all pairs: each of its halves must beat the chance of that.
-        alone = len(candidate.ids) == 1 + len(base.model.parts)
-        looks = number if alone else 0.5 * number * (number + 1)
+        return min(1.0, candidate.p * (number if alone(candidate) else 0.5 * number * (number + 1)))
+
+    def passes(candidate: Candidate) -> bool:
         # Two effects can imitate more than one can: their residuals must look more like noise.
-        clean = candidate.at_floor if alone else least_p(candidate.floor) >= PAIR_PATTERN
-        return candidate.p * looks < false_alarm and clean and candidate.identifiable.ok and physical(candidate)
+        clean = candidate.at_floor if alone(candidate) else least_p(candidate.floor) >= PAIR_PATTERN
+        return over_all(candidate) < false_alarm and clean and candidate.identifiable.ok and candidate.fit.physical
 
     good = [c for c in singles if passes(c)]
     pairs: list[Candidate] = []
@@ -104,7 +108,7 @@ def discover(
         also, named = [named, *also], None
     if named is not None:
         also += _nearly(base, named, also, singles)
-    p = min(1.0, min((c.p for c in singles), default=1.0) * number)
+    p = min((over_all(c) for c in singles), default=1.0)
     blank = np.full(run.sensors, np.nan)
     if named is None:
         if not above:
@@ -115,7 +119,7 @@ def discover(
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
         why = "none" if not above else "the error on readings left out does not fall"
         return Discovery(base, floor, tuple(singles), None, (named, *also), p, ahead_base, None, why)
-    return Discovery(base, floor, tuple(singles), named, tuple(also), min(1.0, named.p * number), ahead_base, ahead, "")
+    return Discovery(base, floor, tuple(singles), named, tuple(also), over_all(named), ahead_base, ahead, "")
 
 
 def total_gain(base: Fit, candidate: Candidate) -> float:
@@ -179,7 +183,7 @@ def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
 
 
 def _sound(candidate: Candidate) -> bool:
-    return least_p(candidate.floor) > SOUND and candidate.identifiable.ok and physical(candidate)
+    return least_p(candidate.floor) > SOUND and candidate.identifiable.ok and candidate.fit.physical
 
 
 def _held(base: Fit, pair: Candidate, without: str) -> Fit:
@@ -204,7 +208,7 @@ def _refined(base: Fit, pair: Candidate) -> Candidate:
 
 def _worth(base: Fit, candidate: Candidate) -> float:
     """Gain less what parameters gain by chance."""
-    return total_gain(base, candidate) - 2.0 * candidate.parameters
+    return total_gain(base, candidate) - 2.0 * candidate.fit.complexity
 
 
 def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect]) -> list[Candidate]:
@@ -249,10 +253,10 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
     if not finalists:
         return None, []
     value = {id(c): float(gains(base, c.fit, careful=False).sum()) for c in finalists}
-    best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.parameters)
+    best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.fit.complexity)
     limit = value[id(best)]
-    equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.parameters - c.parameters)]
-    equal.sort(key=lambda c: (len(c.ids), c.parameters, -value[id(c)]))
+    equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.fit.complexity - c.fit.complexity)]
+    equal.sort(key=lambda c: (len(c.ids), c.fit.complexity, -value[id(c)]))
     named = equal[0]
     also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
     return named, also[:MOST_ALSO]
@@ -281,25 +285,5 @@ def _nearly(base: Fit, named: Candidate, also: list[Candidate], singles: list[Ca
     best = total_gain(base, named)
     slack = min(max(NEARLY[0], 0.25 * best), NEARLY[1])
     ids = {c.ids for c in (named, *also)}
-    near = [c for c in singles if c.ids not in ids and c.at_floor and physical(c) and total_gain(base, c) > best - slack]
+    near = [c for c in singles if c.ids not in ids and c.at_floor and c.fit.physical and total_gain(base, c) > best - slack]
     return near[: max(0, MOST_ALSO - len(also))]
-
-
-def physical(candidate: Candidate) -> bool:
-    """Physics that statistics does not see.
-
-    Two sensors that explain each other share an unknown cause; a probe is faster than the machine (a lag and a rate
-    may change places without a trace).
-    """
-    values = candidate.fit.values
-    for p, part in enumerate(candidate.parts):
-        if part.id == "neighbour_heat":
-            source = np.asarray(part.choice.constants["source"])
-            who = part.concerns(candidate.fit.run.sensors)
-            if any(who[source[i]] and source[source[i]] == i for i in np.flatnonzero(who)):
-                return False
-        if part.id == "sensor_lag":
-            who = part.concerns(candidate.fit.run.sensors)
-            if np.any(values[p, "lag"][who] * values[-1, "rate"][who] > 1.0):
-                return False
-    return True

@@ -17,6 +17,7 @@ from .decay import fit_decay
 from .greybox import BASE, SINK, Model, Part
 from .kernel import Array
 from .observations import Observations
+from .rounding import without_rounding
 
 __all__ = [
     "BASE",
@@ -85,6 +86,15 @@ class Fit:
         return np.where(self.run.used, np.nan_to_num(self.run.reading) - self.curve, 0.0)
 
     @cached_property
+    def unrounded(self) -> Array:
+        """Residuals (S, N) [K] without what the logger's rounding adds to a reading on average."""
+        rows = [
+            without_rounding(self.residual[i], self.curve[i], self.run.weight[i], float(self.run.resolution[i]), float(variance))
+            for i, variance in enumerate(self.rss / self.dof)
+        ]
+        return np.array(rows)
+
+    @cached_property
     def readings(self) -> NDArray[np.int_]:
         return np.asarray(self.run.used.sum(axis=1))
 
@@ -93,6 +103,22 @@ class Fit:
         """Number of effect parameters."""
         n = int(self.model.active[:, len(BASE) :].sum())
         return n + sum(c.part >= 0 for c in self.model.shared)
+
+    @property
+    def complexity(self) -> float:
+        """Number of effect parameters, and what choosing among ways of acting costs."""
+        n = self.run.sensors
+        return self.searched + sum(p.effect.choice_costs * int(p.concerns(n).sum()) for p in self.model.parts)
+
+    @property
+    def physical(self) -> bool:
+        """Whether every effect has values that it could really have."""
+        n, values = self.run.sensors, self.values
+        for p, part in enumerate(self.model.parts):
+            own = {name: value for (at, name), value in values.items() if at == p}
+            if not part.effect.physical(part.choice, part.concerns(n), values[-1, "rate"], own):
+                return False
+        return True
 
     @cached_property
     def dof(self) -> Array:
@@ -258,7 +284,8 @@ def fit_model(
 ) -> Fit:
     """Least-squares fit of the base model and `parts`, all sensors together, from `start` (values by (part, name))."""
     model = Model(run, parts)
-    local, shared = model.vector({**start_values(run), **(start or {})} if not start or (-1, "rate") not in start else start)
+    told = start or {}
+    local, shared = model.vector(told if (-1, "rate") in told else {**start_values(run), **told})
     return search(model, local, shared, prior, most)
 
 

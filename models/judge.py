@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .effects.base import Effect
+from .effects.base import Effect, Parameter
 from .joint import Fit, Part
 from .kernel import Array
 from .tails import chi2_tail
@@ -29,7 +29,7 @@ def noise_floor(fit: Fit) -> Array:
     """P values (S,): would white noise leave residuals as patterned as these? 0 where they are far larger than the noise."""
     run = fit.run
     values = np.ones(run.sensors)
-    residual = unrounded(fit)
+    residual = fit.unrounded
     for i in range(run.sensors):
         used = run.used[i]
         n = int(used.sum())
@@ -51,48 +51,20 @@ def least_p(floor: Array) -> float:
     return min(1.0, 2.0 * min(float(floor.min()) * len(floor), together))
 
 
-def unrounded(fit: Fit) -> Array:
-    """Residuals (S, N) [K] without what the logger's rounding adds to a reading on average.
-
-    A reading of a noisy temperature m + e, rounded to steps q, is on average
-    m + sum (-1)^k q/(pi k) exp(-2 (pi k s/q)^2) sin(2 pi k m/q)
-    (Widrow & Kollar, Quantization Noise, 2008): with noise s below half a step that is a pattern which is no misfit. s is taken
-    as it suits the readings best; where the curve is not good to a fraction of a step the residuals are left as they are.
-    """
-    known = fit.__dict__.get("_unrounded")
-    if known is not None:
-        return np.asarray(known)
-    run = fit.run
-    residual = fit.residual.copy()
-    for i in range(run.sensors):
-        q = float(run.resolution[i])
-        if q <= 0.0 or fit_noise(fit, i) > 0.45 * q or fit.rmse[i] > q:
-            continue
-        turn = 2.0 * np.pi * fit.curve[i] / q
-        waves = [(-1.0) ** k * q / (np.pi * k) * np.sin(k * turn) for k in (1, 2, 3)]
-        best = float(fit.rss[i])
-        for share in (0.05, 0.15, 0.25, 0.35, 0.45):
-            bias = sum(w * np.exp(-2.0 * (np.pi * k * share) ** 2) for k, w in enumerate(waves, 1))
-            other = np.where(run.used[i], fit.residual[i] - bias, 0.0)
-            size = float((run.weight[i] * other**2).sum())
-            if size < best:
-                best, residual[i] = size, other
-    fit.__dict__["_unrounded"] = residual
-    return residual
-
-
 def _input_noise(fit: Fit, sensor: int) -> float:
     """Low-frequency variance, relative to the sensor's noise, that the noise of the inputs puts into the model's curve."""
     total, own = 0.0, max(float(fit.run.noise[sensor]), 1e-9)
     for p, part in enumerate(fit.model.parts):
-        if part.id == "ambient" and fit.run.ambient_noise > 0.0:
-            gain = float(np.max(np.abs(fit.values[p, "gain"])))
-            total += (gain * fit.run.ambient_noise / own) ** 2
-        if part.id == "neighbour_heat" and part.concerns(fit.run.sensors)[sensor]:
-            kappa, rate = fit.values[p, "kappa"][sensor], fit.values[-1, "rate"][sensor]
-            source = int(np.asarray(part.choice.constants["source"])[sensor])
-            total += (kappa / (kappa + rate) * float(fit.run.noise[source]) / own) ** 2
+        if part.concerns(fit.run.sensors)[sensor]:
+            named = {k[1]: float(np.ravel(v)[sensor if np.ndim(v) else 0]) for k, v in fit.values.items() if k[0] == p}
+            rate = float(fit.values[-1, "rate"][sensor])
+            total += (part.effect.borrowed_noise(fit.run, part.choice, sensor, rate, named) / own) ** 2
     return total
+
+
+def log_ratio(before: Array, after: Array, dof: Array, floor: Array | float = 1e-12) -> Array:
+    """Twice the log-likelihood ratio (S,) of residual sums of squares after over before (S,) [K^2]."""
+    return np.asarray(dof * np.log((before + floor) / (after + floor)))
 
 
 def gains(before: Fit, after: Fit, careful: bool = True) -> Array:
@@ -104,16 +76,10 @@ def gains(before: Fit, after: Fit, careful: bool = True) -> Array:
     """
     run = before.run
     floor = (run.resolution**2 / 12.0) * np.maximum(before.readings, 1) * 1e-3 + 1e-12
-    plain = after.dof * np.log((before.rss + floor) / (after.rss + floor))
-    rss = [(run.weight * unrounded(f) ** 2).sum(axis=1) for f in (before, after)]
-    corrected = after.dof * np.log((rss[0] + floor) / (rss[1] + floor))
+    plain = log_ratio(before.rss, after.rss, after.dof, floor)
+    rss = [(run.weight * f.unrounded**2).sum(axis=1) for f in (before, after)]
+    corrected = log_ratio(rss[0], rss[1], after.dof, floor)
     return np.asarray(np.minimum(plain, corrected) if careful else corrected)
-
-
-def fit_noise(fit: Fit, sensor: int) -> float:
-    """Noise of a sensor [K] beyond the logger's rounding."""
-    rest = fit.rss[sensor] / fit.dof[sensor] - fit.run.resolution[sensor] ** 2 / 12.0
-    return math.sqrt(max(float(rest), 1e-18))
 
 
 def chance(effect: Effect, own: Array, free: int, trials: float) -> float:
@@ -140,13 +106,11 @@ class Identifiability:
     why: str = ""
 
 
-def identifiability(fit: Fit, parts: tuple[Part, ...] | None = None) -> Identifiability:
+def identifiability(fit: Fit) -> Identifiability:
     """No flat direction, no parameter at a bound, none that another one imitates, no scale without a value."""
     model = fit.model
     local, shared, cross = fit.covariance
     for p, part in enumerate(model.parts):
-        if parts is not None and part not in parts:
-            continue
         effect = part.effect
         for j, c in enumerate(model.shared):
             if c.part != p:
@@ -191,7 +155,7 @@ def _own_doubts(fit: Fit, p: int, part: Part, local: Array) -> str:
     return "" if 2 * good >= len(who) else found
 
 
-def _doubt(effect, parameter, value, variance, low, high, fit) -> str:  # type: ignore[no-untyped-def]
+def _doubt(effect: Effect, parameter: Parameter, value: float, variance: float, low: float, high: float, fit: Fit) -> str:
     """Why one searched parameter is not determined, or nothing."""
     if parameter.name == effect.event:  # between two readings an event may lie anywhere
         return f"{parameter.name} is at the end of the record" if value <= low or value >= high else ""

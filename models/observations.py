@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 
 from .kernel import Array
 
-#: An interval longer than this many usual ones is a gap; the grid gets points inside it, without readings.
-GAP = 3.0
-
 
 @dataclass(frozen=True)
 class Observations:
@@ -60,6 +57,16 @@ class Observations:
     @cached_property
     def used(self) -> NDArray[np.bool_]:
         return self.weight > 0.0
+
+    @cached_property
+    def filled(self) -> Array:
+        """Readings (S, N) [degC] with holes filled by straight lines: what a neighbour sees."""
+        whole = np.array(self.reading)
+        for row in whole:
+            bad = ~np.isfinite(row)
+            if bad.any() and not bad.all():
+                row[bad] = np.interp(self.time[bad], self.time[~bad], row[~bad])
+        return whole
 
     @cached_property
     def sink_c(self) -> float | None:

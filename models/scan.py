@@ -4,7 +4,7 @@ To first order an effect of amplitude a adds a h(t) to each sensor's curve. What
 with the residuals: one division gives the best amplitude and its gain, for hundreds of event times or periods at once.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,29 +46,6 @@ def _tangents(fit: Fit, root: Array, seen: Any) -> list[Array]:
     return bases
 
 
-def _responses(fit: Fit, effect: Effect, points: list[dict[str, float]], root: Array, seen: Any) -> Callable[[int], Array]:
-    """Changes (G, n seen) of a sensor's curve for a wave of depth 1: a lump answers a wave with a wave.
-
-    What the start of the wave adds decays like the curve itself and lies in the fit's own directions.
-    """
-    omega = 2.0 * np.pi / np.array([p["period"] for p in points[::2]])
-    turn = omega[:, None] * fit.run.time[seen]
-    sine, cosine = np.sin(turn), np.cos(turn)
-    values = fit.values
-
-    def of(i: int) -> Array:
-        rate, rise = values[-1, "rate"][i], values[-1, "level"][i] - fit.model.sink_guess
-        answer = rise * rate / (rate + 1j * omega)
-        first = answer.real[:, None] * sine + answer.imag[:, None] * cosine
-        second = answer.imag[:, None] * sine - answer.real[:, None] * cosine
-        both = np.empty((len(points), len(seen)))
-        both[::2], both[1::2] = first, second
-        weighted: Array = both * root[i][seen]
-        return weighted
-
-    return of
-
-
 def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -> Scan:
     """First-order gains of adding an effect to a fit, in units of the noise variance (S,): that of the fit by default."""
     run = fit.run
@@ -85,17 +62,18 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     seen = np.flatnonzero(run.used.any(axis=0))
     bases = _tangents(fit, root, seen)
     residual = (fit.residual * root)[:, seen]
-    per = max(1, CHUNK // (n * len(run.time)))
+    per = max(2, CHUNK // (n * len(run.time)) // 2 * 2)
     along, size = np.empty((len(points), n)), np.empty((len(points), n))
-    wave = _responses(fit, effect, points, root, seen) if "phase" in points[0] and effect.id == "cyclic_load" else None
-    for first in range(0, len(points), len(points) if wave else per):
-        some = points[first : first + (len(points) if wave else per)]
-        change = None if wave else _changes(fit, model, base, at, effect, main.null + nudge, some)
+    rate, rise, time = fit.values[-1, "rate"], fit.values[-1, "level"] - fit.model.sink_guess, run.time[seen]
+    for first in range(0, len(points), per):
+        some = points[first : first + per]
+        change = None
         for i in range(n):
-            if wave:
-                h = wave(i)
+            known = effect.response(some, time, float(rate[i]), float(rise[i]))
+            if known is not None:
+                h = known * root[i][seen]
             else:
-                assert change is not None
+                change = _changes(fit, model, base, at, effect, main.null + nudge, some) if change is None else change
                 h = np.nan_to_num(((change[:, i] - fit.curve[i]) * (root[i] / nudge))[:, seen])
             whole = (h * h).sum(axis=1)
             h = h - (h @ bases[i]) @ bases[i].T
@@ -135,39 +113,8 @@ def _changes(
 
 def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
     """The best distinct places of a shared effect: (first-order gain, start values of part `at`)."""
-    gains = found.shared_gain.copy()
-    if len(gains) > 1 and "phase" in found.points[0]:
-        return _wave_starts(found, effect, at, most)
-    starts: list[tuple[float, dict[tuple[int, str], Any]]] = []
-    apart = max(1, len(gains) // 16)
-    for _ in range(most):
-        best = int(np.argmax(gains))
-        if gains[best] <= 0.0 and starts:
-            break
-        values: dict[tuple[int, str], Any] = {(at, k): v for k, v in found.points[best].items()}
-        values[at, effect.amplitude] = found.shared_amplitude[best]
-        starts.append((float(found.shared_gain[best]), values))
-        gains[max(0, best - apart) : best + apart + 1] = -1.0
-    return starts
-
-
-def _wave_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
-    """A wave's two phases, a quarter apart, are one amplitude and one phase."""
-    quarter = found.shared_amplitude.reshape(-1, 2)
-    gains = found.shared_gain.reshape(-1, 2).sum(axis=1)
-    starts = []
-    for _ in range(most):
-        best = int(np.argmax(gains))
-        sine, cosine = quarter[best]
-        depth = float(np.hypot(sine, cosine))
-        # sin(x) sine + sin(x - 90 deg) cosine = depth sin(x - phase)
-        phase = float(np.arctan2(cosine, sine) / (2 * np.pi)) % 1.0
-        low, high = effect.parameter("depth").low, effect.parameter("depth").high
-        values: dict[tuple[int, str], Any] = {(at, "period"): found.points[2 * best]["period"], (at, "phase"): phase}
-        values[at, "depth"] = float(np.clip(depth, 0.9 * low, 0.9 * high))
-        starts.append((float(gains[best]), values))
-        gains[max(0, best - 2) : best + 3] = -1.0
-    return starts
+    best = effect.starts(found.points, found.shared_amplitude, found.shared_gain, most)
+    return [(gain, {(at, name): value for name, value in values.items()}) for gain, values in best]
 
 
 def own_starts(found: Sequence[Scan], effect: Effect, at: int) -> tuple[Array, dict[tuple[int, str], Any]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from models import Observations
 from models.heldout import held_out_errors
 from models.joint import Fit
-from models.judge import PATTERN, noise_floor, unrounded
+from models.judge import PATTERN, noise_floor
 
 from .errors import ThermofastError
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
@@ -229,7 +229,7 @@ def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list
     of independent samples is that left by the autocorrelation of both (Bartlett 1935).
     """
     good = whole.used[i]
-    own = unrounded(fit)[i] if not (whole.used & ~fit.run.used).any() else np.nan_to_num(residual[i])
+    own = fit.unrounded[i] if not (whole.used & ~fit.run.used).any() else np.nan_to_num(residual[i])
     rate = float(fit.values[-1, "rate"][i])
     found = []
     offers = {**whole.ambient, **whole.inputs}

@@ -33,7 +33,6 @@ class Carried:
 
     fit: Fit
     notes: tuple[str, ...]
-    unknown: tuple[str, ...]
 
 
 def carry(model: ModelFile, seen: Observations, source: str, model_path: str) -> Carried:
@@ -72,7 +71,7 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
             notes.append(f"{entry.id}: found in this run too")
         else:
             notes.append(f"{entry.id}: an event of the run learnt from; not seen in the readings used here")
-    return Carried(fit, tuple(notes), tuple(missing))
+    return Carried(fit, tuple(notes))
 
 
 def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
@@ -126,7 +125,8 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
     if unknown:
         raise UsageError(f"model file: effect {entry.id!r} has no parameter {unknown[0]!r}", allowed=", ".join(sorted(names)))
     omitted = tuple(n for n in names if n not in entry.searched)
-    choice = Choice(entry.acts, constants_of(entry, seen.channels), omitted)
+    constants, by_sensor = constants_of(entry, seen.channels)
+    choice = Choice(entry.acts, constants, omitted, by_sensor=by_sensor)
     concerned = None if entry.channels is None else tuple(c in entry.channels for c in seen.channels)
     return Part(effect, choice, concerned)
 

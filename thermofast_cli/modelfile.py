@@ -9,8 +9,8 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from models.effects.base import Choice
-from models.joint import Fit
+from models.effects.base import Choice, Parameter
+from models.joint import Fit, Part
 
 from . import __version__
 from .errors import UsageError
@@ -95,12 +95,12 @@ def model_file(fit: Fit, source: str, readings: int, until_min: float | None, fi
                 p = c.parameter
                 for i in np.flatnonzero(model.active[:, j]):
                     value, error = float(values[part, p.name][i]), float(errors[part, p.name][i])
-                    found.append(_number(p, value, error * value if p.log else error, run.channels[i]))
+                    found.append(_number(p, model.parts, part, value, error * value if p.log else error, run.channels[i]))
         for c in model.shared:
             if c.part == part:
                 p = c.parameter
                 value, error = float(values[part, p.name]), float(errors[part, p.name])
-                found.append(_number(p, value, error * value if p.log else error, None))
+                found.append(_number(p, model.parts, part, value, error * value if p.log else error, None))
         return tuple(found)
 
     effects = []
@@ -157,40 +157,32 @@ def _named(fit: Fit, j: int) -> str:
     return f"{fit.model.parts[column.part].id}.{column.parameter.name}"
 
 
-def _number(p: Any, value: float, error: float, channel: str | None) -> Number:
+def _number(p: Parameter, parts: tuple[Part, ...], part: int, value: float, error: float, channel: str | None) -> Number:
     shown = float(f"{error:.6g}") if math.isfinite(error) and error < 1e9 else None
-    return Number(name=p.name, unit=p.unit, belongs=p.belongs, value=float(f"{value:.9g}"), standard_error=shown, channel=channel)
+    # How strongly the machine follows a logged column is the machine's, though an unlogged change is the run's.
+    belongs: Any = "machine" if part >= 0 and p.name in parts[part].choice.coupled else p.belongs
+    return Number(name=p.name, unit=p.unit, belongs=belongs, value=float(f"{value:.9g}"), standard_error=shown, channel=channel)
 
 
 def _plain(choice: Choice, channels: tuple[str, ...]) -> dict[str, Any]:
     """The constants of a choice in TOML's types; neighbours by their names."""
     found: dict[str, Any] = {}
     for key, value in choice.constants.items():
-        if key == "source":
+        if key in choice.by_sensor:
             found[key] = {channels[i]: channels[int(s)] for i, s in enumerate(np.asarray(value))}
-        elif isinstance(value, np.ndarray):
-            found[key] = float(value.ravel()[0])
         else:
             found[key] = value.item() if isinstance(value, np.generic) else value
     return found
 
 
-def constants_of(entry: EffectEntry, channels: tuple[str, ...]) -> dict[str, Any]:
-    """Back from the file: neighbours as indices into `channels`."""
-    found: dict[str, Any] = {}
-    for key, value in entry.constants.items():
-        if key == "source":
-            place = {c: i for i, c in enumerate(channels)}
-            found[key] = np.array([place.get(value.get(c, ""), (i + 1) % len(channels)) for i, c in enumerate(channels)])
-        elif (
-            key not in ("column", "wave", "product", "scale", "ending")
-            and isinstance(value, int | float)
-            and not isinstance(value, bool)
-        ):
-            found[key] = np.full((1, 1), float(value))
-        else:
-            found[key] = value
-    return found
+def constants_of(entry: EffectEntry, channels: tuple[str, ...]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Back from the file, and the names of those that are per sensor: neighbours as indices into `channels`."""
+    place = {c: i for i, c in enumerate(channels)}
+    found, by_sensor = dict(entry.constants), tuple(k for k, v in entry.constants.items() if isinstance(v, dict))
+    for key in by_sensor:
+        other = entry.constants[key]
+        found[key] = np.array([place.get(other.get(c, ""), (i + 1) % len(channels)) for i, c in enumerate(channels)])
+    return found, by_sensor
 
 
 def write_model(path: str, model: ModelFile) -> None:

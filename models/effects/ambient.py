@@ -23,6 +23,7 @@ class Ambient(Effect):
     separate = "log the ambient near the machine"
     reference = "Brauner et al.; ISO 230-3, environmental temperature variation error"
     logged = True
+    places = (2.0, 0.0)
     amplitude = "gain"
     parameters = (
         Parameter("gain", "K/K", 0.0, 2.0, 1.0, "share of the ambient's movement that reaches the machine", null=0.0),
@@ -31,18 +32,21 @@ class Ambient(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         columns = list(varying(run.ambient))[:4]
-        direct = [Choice(c, {"column": c, "lag": np.zeros((1, 1))}, ("lag",)) for c in columns]
+        direct = [Choice(c, {"column": c, "lag": 0.0}, ("lag",)) for c in columns]
         return direct + [Choice(f"{c}, lagged", {"column": c}, simple=False) for c in columns]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         column = run.ambient[p.column]
-        if np.any(p.lag > 0.0):
+        if np.any(np.asarray(p.lag) > 0.0):
             lag = np.ascontiguousarray(np.broadcast_to(p.lag, (len(drive.sensor), 1))[:, 0])
             moved = np.empty((len(lag), len(column)))
             kernel.followed(run.time, np.ascontiguousarray(column), lag, moved)
         else:
             moved = column[None, :]
         drive.sink = drive.sink + p.gain * (moved - float(np.mean(column)))
+
+    def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
+        return abs(own["gain"]) * run.ambient_noise
 
     def large_starts(self) -> tuple[float, ...]:
         return (1.0,)

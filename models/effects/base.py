@@ -5,7 +5,7 @@ docs/add-an-effect.md. Effects add up: each changes the drive that the one befor
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,13 +60,24 @@ class Parameter:
 class Choice:
     """One way for an effect to act on a run: which logged column it follows, which neighbour, which shape of wave.
 
-    constants are carried in the model file. simple is False for a way that is tried only where the simple ones do not do.
+    constants are carried in the model file; by_sensor names those that are (S,) indices of sensors, one for each sensor. omitted
+    are parameters that this way does not search, coupled those of the run that it makes the machine's. simple is False for a
+    way that is tried only where the simple ones do not do.
     """
 
     label: str = ""
     constants: dict[str, Any] = field(default_factory=dict)
     omitted: tuple[str, ...] = ()
     simple: bool = True
+    by_sensor: tuple[str, ...] = ()
+    coupled: tuple[str, ...] = ()
+
+    @staticmethod
+    def composed(choices: "Sequence[Choice]") -> "Choice":
+        """Each sensor's own choice of several: choices (S,)."""
+        first = choices[0]
+        own = {k: np.array([int(c.constants[k][i]) for i, c in enumerate(choices)]) for k in first.by_sensor}
+        return replace(first, label="" if own else first.label, constants={**first.constants, **own})
 
 
 class Values:
@@ -86,6 +97,8 @@ class Effect:
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
     logged: it follows a logged column, so it is tried beside every other effect.
+    places (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
+    choice_costs: what choosing a way of acting costs each sensor, in parameters.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
     sensors have it, each with its own values; 'one', it concerns a single sensor.
     """
@@ -103,6 +116,8 @@ class Effect:
     uses_sink: ClassVar[bool] = False
     changes_heat: ClassVar[bool] = False
     logged: ClassVar[bool] = False
+    places: ClassVar[tuple[float, float]] = (30.0, 0.0)
+    choice_costs: ClassVar[float] = 0.0
     amplitude: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
@@ -130,6 +145,33 @@ class Effect:
         meshes = np.meshgrid(*[p.grid(run, points) for p in others], indexing="ij")
         columns = [m.ravel() for m in meshes]
         return [{p.name: float(c[i]) for p, c in zip(others, columns, strict=True)} for i in range(len(columns[0]))]
+
+    def starts(
+        self, points: list[dict[str, float]], amplitude: Array, gain: Array, most: int
+    ) -> list[tuple[float, dict[str, float]]]:
+        """The best distinct of grid points (G) with first-order amplitude and gain (G,): (gain, values by name)."""
+        found: list[tuple[float, dict[str, float]]] = []
+        left = gain.copy()
+        apart = max(1, len(left) // 16)
+        for _ in range(most):
+            best = int(np.argmax(left))
+            if left[best] <= 0.0 and found:
+                break
+            found.append((float(gain[best]), {**points[best], self.amplitude: float(amplitude[best])}))
+            left[max(0, best - apart) : best + apart + 1] = -1.0
+        return found
+
+    def response(self, points: list[dict[str, float]], time: Array, rate: float, rise: float) -> Array | None:
+        """Change (G, n) of the curve of one lump by an amplitude of 1 at each grid point, where a formula gives it; else None."""
+        return None
+
+    def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
+        """Standard deviation [K] of the slow noise that a logged input puts into a sensor's curve."""
+        return 0.0
+
+    def physical(self, choice: Choice, who: Any, rate: Array, own: dict[str, Array]) -> bool:
+        """Whether the sensors concerned, who (S,), could really have these values; what statistics does not see."""
+        return True
 
     def mirrored(self, rate: Array, own: dict[str, Array]) -> tuple[Array, dict[str, Array]] | None:
         """Other values (S,) of rate and own parameters with the same curve, where they are the physical ones; else None."""

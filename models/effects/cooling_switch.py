@@ -23,6 +23,7 @@ class CoolingSwitch(Effect):
     reference = "lumped capacitance with a changed film coefficient, Incropera ch. 5"
     event = "event"
     uses_sink = True
+    places = (30.0, 0.0)
     amplitude = "ratio"
     parameters = (
         Parameter("ratio", "1", 0.05, 12.0, 1.3, "loss after the change over the loss before", null=1.0, belongs="run"),
@@ -33,9 +34,9 @@ class CoolingSwitch(Effect):
         found = [Choice("", {"column": ""})]
         for name, column in list(varying(run.inputs).items())[:6]:
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
-            found += [Choice(name, {**constants, "ending": ending}, ("event",)) for ending in endings(column)]
+            found += [Choice(name, {**constants, "ending": ending}, ("event",), coupled=("ratio",)) for ending in endings(column)]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
-        changed = held(run, p.column, p.scale, 1.0, getattr(p, "ending", 0.5)) if p.column else run.after(p.event)
+        changed = held(run, p.column, p.scale, 1.0, p.ending) if p.column else run.after(p.event)
         drive.loss = drive.loss * np.maximum(1.0 + (p.ratio - 1.0) * changed, 1e-3)

@@ -23,6 +23,7 @@ class CyclicLoad(Effect):
     reference = "response of a lump to periodic heating, Carslaw & Jaeger, Conduction of Heat in Solids, ch. 2"
     uses_sink = True
     changes_heat = True
+    places = (2.0, 1.0)
     amplitude = "depth"
     parameters = (
         Parameter("depth", "1", -6.0, 6.0, 0.2, "amplitude of the heat's wave over its mean", null=0.0),
@@ -44,6 +45,33 @@ class CyclicLoad(Effect):
         lines = np.arange(1.0 / high, 1.0 / low, 0.4 / run.span)
         lines = lines if len(lines) <= 300 else np.geomspace(1.0 / high, 1.0 / low, 300)
         return [{"period": float(1.0 / f), "phase": phase} for f in lines for phase in (0.0, 0.25)]
+
+    def starts(
+        self, points: list[dict[str, float]], amplitude: Array, gain: Array, most: int
+    ) -> list[tuple[float, dict[str, float]]]:
+        """A wave's two phases, a quarter apart, are one depth and one phase."""
+        quarter, both, found = amplitude.reshape(-1, 2), gain.reshape(-1, 2).sum(axis=1), []
+        left = both.copy()
+        deepest = 0.9 * self.parameter("depth").high
+        for _ in range(most):
+            best = int(np.argmax(left))
+            sine, cosine = quarter[best]
+            # sin(x) sine + sin(x - 90 deg) cosine = depth sin(x - phase)
+            phase = float(np.arctan2(cosine, sine) / (2 * np.pi)) % 1.0
+            depth = min(float(np.hypot(sine, cosine)), deepest)
+            found.append((float(both[best]), {"period": points[2 * best]["period"], "phase": phase, "depth": depth}))
+            left[max(0, best - 2) : best + 3] = -1.0
+        return found
+
+    def response(self, points: list[dict[str, float]], time: Array, rate: float, rise: float) -> Array:
+        """A lump answers a wave with a wave; what its start adds decays like the curve and lies in the fit's own directions."""
+        omega = 2.0 * np.pi / np.array([p["period"] for p in points[::2]])
+        turn = omega[:, None] * time
+        answer = rise * rate / (rate + 1j * omega)
+        both = np.empty((len(points), len(time)))
+        both[::2] = answer.real[:, None] * np.sin(turn) + answer.imag[:, None] * np.cos(turn)
+        both[1::2] = answer.imag[:, None] * np.sin(turn) - answer.real[:, None] * np.cos(turn)
+        return both
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         length = np.maximum(np.diff(run.time, prepend=run.time[0] - run.step), 1e-12)

@@ -21,6 +21,7 @@ class FrictionDecay(Effect):
     reference = "Lundberg & Palmgren viscous friction; Harris, Rolling Bearing Analysis, ch. 10"
     uses_sink = True
     changes_heat = True
+    places = (6.0, 0.0)
     amplitude = "extra"
     parameters = (
         Parameter("extra", "1", 0.0, 8.0, 0.3, "extra heat at the start over the lasting heat", null=0.0),

@@ -23,6 +23,7 @@ class LoadStep(Effect):
     event = "event"
     uses_sink = True
     changes_heat = True
+    places = (30.0, 0.0)
     amplitude = "change"
     parameters = (
         Parameter("change", "1", -1.5, 8.0, 0.2, "change of the heat, relative to the heat at the start", null=0.0, belongs="run"),
@@ -31,22 +32,24 @@ class LoadStep(Effect):
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
-        free = Choice("", {"column": "", "power": 1.0}, ("power",))
+        free = Choice("", {"column": "", "power": 1.0, "ending": 0.5}, ("power",))
         found = [free]
         for name, column in list(varying(run.inputs).items())[:6]:
             top = float(np.abs(column).max())
             constants = {"column": name, "scale": top, "event": 0.0}
             ways = [{**constants, "power": 1.0, "ending": ending} for ending in endings(column)]
-            found += [Choice(name, way, ("event", "power")) for way in ways]
+            found += [Choice(name, way, ("event", "power"), coupled=("change",)) for way in ways]
             if len(np.unique(column)) > 2 and float(column.min()) >= 0.0:
-                found.append(Choice(f"{name}, to a power", constants, ("event",), simple=False))
+                found.append(
+                    Choice(f"{name}, to a power", {**constants, "ending": 0.5}, ("event",), simple=False, coupled=("change",))
+                )
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         if not p.column:
             drive.heat = heated(drive, p.change * run.after(p.event), p)
             return
-        drive.heat = heated(drive, p.change * (held(run, p.column, p.scale, p.power, getattr(p, "ending", 0.5)) - 1.0), p)
+        drive.heat = heated(drive, p.change * (held(run, p.column, p.scale, p.power, p.ending) - 1.0), p)
 
 
 def endings(column: Any) -> tuple[float, ...]:

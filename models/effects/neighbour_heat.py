@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..drive import Drive
+from ..kernel import Array
 from ..observations import Observations
 from .base import Choice, Effect, Parameter
 
@@ -22,6 +23,8 @@ class NeighbourHeat(Effect):
     separate = "heat the neighbour alone; measure between the two"
     reference = "thermal networks, e.g. Bacher & Madsen 2011"
     scope = "sensor"
+    places = (8.0, 0.0)
+    choice_costs = 0.5
     amplitude = "kappa"
     parameters = (Parameter("kappa", "1/min", 0.0, 2.0, 0.01, "coupling to the neighbour", null=0.0, each="sensor", fastest=2.0),)
 
@@ -29,21 +32,17 @@ class NeighbourHeat(Effect):
         n = run.sensors
         if n < 2 or n > 40:
             return ()
-        return [Choice(f"+{d}", {"source": (np.arange(n) + d) % n}) for d in range(1, n)]
+        return [Choice(f"+{d}", {"source": (np.arange(n) + d) % n}, by_sensor=("source",)) for d in range(1, n)]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         source = np.asarray(p.source)[drive.sensor]
-        drive.links.append((p.kappa, run_filled(run)[source]))
+        drive.links.append((p.kappa, run.filled[source]))
 
+    def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
+        source = int(choice.constants["source"][sensor])
+        return own["kappa"] / (own["kappa"] + rate) * float(run.noise[source])
 
-def run_filled(run: Observations) -> Any:
-    """Readings (S, N) [degC] with holes filled by straight lines."""
-    held = run.__dict__.get("_filled")
-    if held is None:
-        held = np.array(run.reading)
-        for row in held:
-            bad = ~np.isfinite(row)
-            if bad.any() and not bad.all():
-                row[bad] = np.interp(run.time[bad], run.time[~bad], row[~bad])
-        run.__dict__["_filled"] = held
-    return held
+    def physical(self, choice: Choice, who: Any, rate: Array, own: dict[str, Array]) -> bool:
+        """Two sensors that explain each other share an unknown cause."""
+        source = np.asarray(choice.constants["source"])
+        return not any(who[source[i]] and source[source[i]] == i for i in np.flatnonzero(who))

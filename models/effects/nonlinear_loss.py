@@ -21,6 +21,7 @@ class NonlinearLoss(Effect):
     separate = "run at another speed: the rate of a nonlinear loss depends on the level"
     reference = "natural convection Nu ~ Ra^(1/4), Incropera ch. 9"
     uses_sink = True
+    places = (2.0, 0.0)
     amplitude = "exponent"
     parameters = (Parameter("exponent", "1", 0.0, 3.0, 0.25, "exponent of the loss; 0.25 is natural convection", null=0.0),)
 

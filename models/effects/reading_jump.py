@@ -19,6 +19,7 @@ class ReadingJump(Effect):
     reference = "level shift, e.g. Chen & Liu 1993, JASA 88"
     scope = "one"
     event = "event"
+    places = (2.0, 1.0)
     amplitude = "jump"
     parameters = (
         Parameter("jump", "K", -60.0, 60.0, 0.1, "size of the step", null=0.0, belongs="run", each="sensor"),

@@ -18,6 +18,7 @@ class SecondMode(Effect):
     separate = "stop the spindle and watch it cool; measure at a second place"
     reference = "Bacher & Madsen 2011, Energy and Buildings 43, two-state grey-box models"
     scope = "sensor"
+    places = (4.0, 0.0)
     amplitude = "kappa"
     parameters = (
         Parameter("kappa", "1/min", 0.0, 2.0, 0.01, "coupling to the hidden mass", null=0.0, each="sensor", fastest=2.0),

@@ -18,6 +18,7 @@ class SensorDrift(Effect):
     separate = "swap the probe, or compare it with a second one at the same place"
     reference = "thermocouple drift, e.g. Bentley, Handbook of Temperature Measurement, vol. 3"
     scope = "one"
+    places = (2.0, 0.0)
     amplitude = "drift"
     parameters = (Parameter("drift", "K/min", -0.5, 0.5, 0.001, "drift of the reading", null=0.0, each="sensor"),)
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..drive import Drive
 from ..kernel import Array
 from ..observations import Observations
-from .base import Effect, Parameter
+from .base import Choice, Effect, Parameter
 
 
 class SensorLag(Effect):
@@ -21,11 +21,16 @@ class SensorLag(Effect):
     separate = "read faster in the first ten minutes; press the probe on better"
     reference = "first-order probe, e.g. Bentley, Principles of Measurement Systems, ch. 4"
     scope = "sensor"
+    places = (3.0, 0.0)
     amplitude = "lag"
     parameters = (Parameter("lag", "min", 0.0, 240.0, 2.0, "time constant of the probe", null=0.0, each="sensor"),)
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.lag = drive.lag + p.lag
+
+    def physical(self, choice: Choice, who: Any, rate: Array, own: dict[str, Array]) -> bool:
+        """A probe is faster than the machine."""
+        return not np.any(own["lag"][who] * rate[who] > 1.0)
 
     def mirrored(self, rate: Array, own: dict[str, Array]) -> tuple[Array, dict[str, Array]] | None:
         """A probe is faster than the machine: lag and 1/rate may change places without a trace."""

@@ -18,6 +18,7 @@ class TransportDelay(Effect):
     separate = "read faster in the first ten minutes; if the machine was started later than the record, say --start MIN"
     reference = "pure dead time, e.g. Ljung, System Identification, ch. 4"
     scope = "sensor"
+    places = (6.0, 0.0)
     amplitude = "delay"
     parameters = (Parameter("delay", "min", 0.0, 0.7, 0.05, "dead time", null=0.0, each="sensor", share=True),)
 
