@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .effects.base import Choice, Effect
-from .joint import MOST_ITERATIONS, Fit, Model, Part, at_rates, fit_model, rows_of, search, with_parts
+from .joint import MOST_ITERATIONS, Fit, Model, Part, fit_model, rows_of, search, with_parts
 from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, log_ratio, noise_floor
 from .kernel import Array
 from .observations import Observations
@@ -18,6 +18,8 @@ from .scan import Scan, own_starts, scan, shared_starts
 FOLLOWED = 3
 #: Iterations of a quick look.
 QUICK = 14
+#: Iterations of the first look at every start of an effect that each sensor has for itself, and how many are then carried on.
+GLANCE, CARRIED_ON = 8, 3
 #: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
 CONCERNED = 0.01
 #: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.
@@ -169,22 +171,17 @@ def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
 
 
 def _from_other_rates(before: Fit, effect: Effect, choice: Choice) -> list[Scan]:
-    """Scans from rates like the other sensors' and faster ones: without its effect a fit bends the rate to imitate it."""
-    own = before.values[-1, "rate"]
-    common = np.full_like(own, np.median(own))
-    places = [common, 2.0 * common] if len(own) > 2 else []
-    return [scan(at_rates(before, r), effect, choice, before.noise) for r in [*places, 2.0 * own, 5.0 * own]]
+    """Scans from other rates than the fit's own."""
+    return [scan(fit, effect, choice, before.noise) for fit in before.elsewhere]
 
 
 def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate | None:
     """Each sensor by itself from several starts, all at once; then those it concerns, with what is shared."""
     run, at, n = before.run, len(before.model.parts), before.run.sensors
     sensors = np.arange(n)
-    best_cost = before.rss.copy()
-    best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
+    looked: list[tuple[Choice, Fit]] = []
     for choice, starts in _own_choices(before, effect, scans, at, quick):
-        part = Part(effect, choice)
-        parts = [*before.model.parts, part]
+        parts = [*before.model.parts, Part(effect, choice)]
         model = Model(run, parts)
         base = with_parts(before, parts)
         stacked, shared = [], np.zeros(0)
@@ -192,13 +189,18 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
             local, shared = model.vector({**base, **start})
             stacked.append(local)
         tiled = np.tile(sensors, len(starts))
-        fit = search(model, np.concatenate(stacked), shared, None, QUICK if quick else 25, tiled, hold_shared=True)
-        cost = np.where(np.isfinite(fit.rss), fit.rss, np.inf).reshape(len(starts), n)
-        row = np.argmin(cost, axis=0)
-        for i in sensors:
-            if cost[row[i], i] < best_cost[i] * (1.0 - 1e-12):
-                best_cost[i] = cost[row[i], i]
-                best_rows[i] = choice, fit, int(row[i]) * n + int(i)
+        looked.append((choice, search(model, np.concatenate(stacked), shared, None, GLANCE, tiled, hold_shared=True)))
+    best_cost = before.rss.copy()
+    best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
+    for (choice, glance), kept in zip(looked, _promising([f for _, f in looked], n), strict=True):
+        if not len(kept):
+            continue
+        own, most = kept % n, (QUICK if quick else 25) - GLANCE
+        fit = search(glance.model, glance.local[kept], glance.shared, None, most, own, hold_shared=True)
+        for row, i in enumerate(own):
+            if np.isfinite(fit.rss[row]) and fit.rss[row] < best_cost[i] * (1.0 - 1e-12):
+                best_cost[i] = fit.rss[row]
+                best_rows[i] = choice, fit, row
     gained = log_ratio(before.rss, best_cost, before.dof)
     own = np.array([g if r is not None else 0.0 for g, r in zip(gained, best_rows, strict=True)])
     free = len(effect.parameters)
@@ -207,6 +209,13 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
     if not concerned.any():
         concerned[int(np.argmax(own))] = True
     return _joined(before, effect, best_rows, concerned, quick)
+
+
+def _promising(looked: list[Fit], sensors: int) -> list[Any]:
+    """Rows of each first look that are among the CARRIED_ON best of their sensor."""
+    costs = [np.where(np.isfinite(f.rss), f.rss, np.inf).reshape(-1, sensors) for f in looked]
+    limit = np.sort(np.concatenate(costs), axis=0)[:CARRIED_ON][-1]
+    return [np.flatnonzero((c <= limit) & np.isfinite(c)) for c in costs]
 
 
 def _own_choices(

@@ -5,8 +5,11 @@ on readings left out, the record determines its parameters, and every sensor is 
 equally well the one with the fewest parameters is the verdict.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +21,9 @@ from .judge import PATTERN, chance, gains, least_p, noise_floor
 from .kernel import Array
 from .observations import Observations
 from .scan import Scan
+
+#: How work is spread over processes: as the built-in ``map``, results in order.
+Spread = Callable[..., Iterable[Any]]
 
 #: Chance, over all effects and sensors of a run, of naming an effect that is not there.
 FALSE_ALARM = 0.01
@@ -70,16 +76,20 @@ class Discovery:
 
 
 def discover(
-    run: Observations, effects: Sequence[Effect], false_alarm: float = FALSE_ALARM, most: int = 2, known: Fit | None = None
+    run: Observations,
+    effects: Sequence[Effect],
+    false_alarm: float = FALSE_ALARM,
+    most: int = 2,
+    known: Fit | None = None,
+    spread: Spread = map,
 ) -> Discovery:
-    """Search the effects, singly and in pairs, that the base model (or the model `known`) lacks on a run."""
+    """Search the effects, singly and in pairs, that the base model (or the model `known`) lacks on a run.
+
+    `spread` may be the ``map`` of a ``concurrent.futures.Executor``; the result does not depend on it.
+    """
     base = fit_model(run) if known is None else known
     floor = noise_floor(base)
-    singles: list[Candidate] = []
-    for effect in effects:
-        found = try_add(base, effect)
-        if found is not None:
-            singles.append(found)
+    singles: list[Candidate] = [c for c in spread(partial(try_add, base), effects) if c is not None]
     singles.sort(key=lambda c: -c.gain)
     number = max(1, len(effects))
 
@@ -101,7 +111,7 @@ def discover(
     if most > 1 and known is None and (above or good):
         # A single that is well down at the noise leaves room for little more.
         sound = [c for c in good if least_p(c.floor) > SOUND]
-        pairs = _pairs(base, singles, effects, sound)
+        pairs = _pairs(base, singles, effects, sound, spread)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
     if named is not None and _arbitrary(base, named, pairs):
@@ -127,47 +137,61 @@ def total_gain(base: Fit, candidate: Candidate) -> float:
     return float(gains(base, candidate.fit).sum())
 
 
-def _pairs(base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate]) -> list[Candidate]:
+@dataclass(frozen=True)
+class _Offer:
+    """A second effect beside a fit, and what a first-order step promises of both."""
+
+    promised: float
+    root: Fit
+    effect: Effect
+    scans: list[tuple[Choice, Scan]]
+
+
+def _offers(base: Fit, effects: Sequence[Effect], least: float, most: int, afar: bool, root: Fit) -> list[_Offer]:
+    """The best partners of a root; with afar also those that are tried from far away, which may promise little from here."""
+    own, have = float(gains(base, root).sum()), [p.id for p in root.model.parts]
+    offers = []
+    for effect in effects:
+        if effect.id not in have:
+            value, scans = first_order(root, effect)
+            if scans and value > least:
+                offers.append(_Offer(own + value, root, effect, scans))
+    offers.sort(key=lambda o: -o.promised)
+    return [o for rank, o in enumerate(offers) if rank < most or (afar and o.effect.scope == "run" and o.effect.large_starts())]
+
+
+def _taken(offer: _Offer, quick: bool) -> Candidate | None:
+    return try_add(offer.root, offer.effect, offer.scans, quick)
+
+
+def _pairs(
+    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], spread: Spread
+) -> list[Candidate]:
     """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
-    promised: dict[tuple[str, ...], tuple[float, Fit, Effect, list[tuple[Choice, Scan]]]] = {}
+    promised: dict[tuple[str, ...], _Offer] = {}
     roots = [c.fit for c in (good[:3] if good else singles)]
     roots += [] if good else _as_logged(base, effects)
-    for number, root in enumerate(roots):
-        own, have = float(gains(base, root).sum()), [p.id for p in root.model.parts]
-        offers = []
-        for effect in effects:
-            if effect.id not in have:
-                value, scans = first_order(root, effect)
-                if scans and (not good or value > 25.0):
-                    offers.append((own + value, root, effect, scans))
-        offers.sort(key=lambda o: -o[0])
-        # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
-        # What is tried from afar as well may promise little from here.
-        chosen = [o for rank, o in enumerate(offers) if rank < PARTNERS or (o[2].scope == "run" and o[2].large_starts())]
-        for offer in chosen:
-            unordered = tuple(sorted((*have, offer[2].id)))
+    # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
+    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, PARTNERS, True), roots)):
+        for offer in offers:
+            unordered = tuple(sorted((*(p.id for p in offer.root.model.parts), offer.effect.id)))
             key = (*unordered, str(number)) if number >= len(singles) else unordered
-            if key not in promised or offer[0] > promised[key][0]:
+            if key not in promised or offer.promised > promised[key].promised:
                 promised[key] = offer
     of_single = {c.ids[0]: c for c in singles}
-    found_pairs = []
-    order = sorted(promised, key=lambda k: -promised[k][0])[: 4 if good else PAIRS]
+    order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else PAIRS]
     order += [k for k in promised if len(k) > 2 and k not in order]
-    for key in order:
-        _, root, effect, scans = promised[key]
-        pair = try_add(root, effect, scans, quick=not good)
-        if pair is not None:
-            found_pairs.append(pair)
-    found_pairs.sort(key=lambda c: -total_gain(base, c))
-    for i, pair in enumerate(found_pairs[:REFINED]):
-        if not good or not _sound(pair):
-            found_pairs[i] = _refined(base, pair)
-    found_pairs.sort(key=lambda c: -total_gain(base, c))
-    if found_pairs and not good:
+    tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
+    found = sorted([c for c in tried if c is not None], key=lambda c: -total_gain(base, c))
+    again = [i for i, pair in enumerate(found[:REFINED]) if not good or not _sound(pair)]
+    for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
+        found[i] = pair
+    found.sort(key=lambda c: -total_gain(base, c))
+    if found and not good:
         # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
-        others = [e for e in effects if e.scope == "one"] if _sound(found_pairs[0]) else effects
-        found_pairs += _exchanged(base, found_pairs[0], others)
-    return [_needed(pair, of_single) for pair in found_pairs]
+        others = [e for e in effects if e.scope == "one"] if _sound(found[0]) else effects
+        found += _exchanged(base, found[0], others, spread)
+    return [_needed(pair, of_single) for pair in found]
 
 
 def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
@@ -211,24 +235,17 @@ def _worth(base: Fit, candidate: Candidate) -> float:
     return total_gain(base, candidate) - 2.0 * candidate.fit.complexity
 
 
-def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect]) -> list[Candidate]:
+def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """Pairs that share one effect with the best one and that a first-order step promises most of."""
-    found = []
-    for part in pair.parts:
-        held = _held(base, pair, part.id)
-        kept = next(p.id for p in pair.parts if p.id != part.id)
-        options = []
-        for effect in effects:
-            if effect.id in (kept, part.id):
-                continue
-            value, scans = first_order(held, effect)
-            if scans:
-                options.append((value, effect, scans))
-        options.sort(key=lambda o: -o[0])
-        quick = [try_add(held, effect, scans, quick=True) for _, effect, scans in options[:EXCHANGED]]
-        likely = sorted([c for c in quick if c is not None], key=lambda c: -total_gain(base, c))
-        found += [_refined(base, c) for c in likely[:2]]
-    return found
+    others = [e for e in effects if e.id not in pair.ids]
+    held = [_held(base, pair, p.id) for p in pair.parts]
+    offers = list(spread(partial(_offers, base, others, -1.0, EXCHANGED, False), held))
+    tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
+    likely: list[Candidate] = []
+    for of in offers:
+        quick = [c for c in islice(tried, len(of)) if c is not None]
+        likely += sorted(quick, key=lambda c: -total_gain(base, c))[:2]
+    return list(spread(partial(_refined, base), likely))
 
 
 def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:

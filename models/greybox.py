@@ -148,6 +148,17 @@ class Model:
                 out[..., j] = np.clip(np.log(np.maximum(value, 1e-300)) if log[j] else value, low[j], high[j])
         return local, shared
 
+    def place(self, local: Array, shared: Array, part: int, name: str, values: Array) -> None:
+        """Write values (G,) of one parameter into search coordinates local (G, S, kl), shared (G, ks), clipped to its bounds."""
+        for columns, out, log, low, high in (
+            (self.local, local, self.log_local, self.low_local, self.high_local),
+            (self.shared, shared, self.log_shared, self.low_shared, self.high_shared),
+        ):
+            for j, c in enumerate(columns):
+                if (c.part, c.parameter.name) == (part, name):
+                    inside = np.clip(np.log(np.maximum(values, 1e-300)) if log[j] else values, low[j], high[j])
+                    out[..., j] = inside.reshape(-1, *[1] * (out.ndim - 2))
+
     def named(self, local: Array, shared: Array) -> dict[tuple[int, str], Any]:
         """Natural values by (part, name): (S,) for local, a number for shared parameters."""
         found: dict[tuple[int, str], Any] = {}

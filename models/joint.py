@@ -6,7 +6,7 @@ is shared; they are solved by the border's Schur complement inside a projected L
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -83,7 +83,7 @@ class Fit:
     @cached_property
     def residual(self) -> Array:
         """Reading minus model (S, N) [K]; 0 where there is no reading in use."""
-        return np.where(self.run.used, np.nan_to_num(self.run.reading) - self.curve, 0.0)
+        return np.where(self.run.used, self.run.known - self.curve, 0.0)
 
     @cached_property
     def unrounded(self) -> Array:
@@ -137,6 +137,34 @@ class Fit:
         """Root mean square residual (S,) [K] of the readings in use."""
         total = (self.residual**2).sum(axis=1)
         return np.asarray(np.sqrt(total / np.maximum(self.readings, 1)))
+
+    @cached_property
+    def directions(self) -> list[Array]:
+        """Orthonormal directions (n, m) in which the fit of each sensor can move, each reading by the root of its weight.
+
+        n are the grid times at which any sensor has a reading in use.
+        """
+        seen, root = np.flatnonzero(self.run.used.any(axis=0)), np.sqrt(self.run.weight)
+        bases = []
+        for i in range(self.run.sensors):
+            own = self.by_local[self.model.active[i], i]
+            tangent = (np.concatenate([own, self.by_shared[:, i]]) * root[i]).T[seen]
+            scale = np.maximum(np.sqrt((tangent**2).sum(axis=0)), 1e-300)
+            u, s, _ = np.linalg.svd(np.nan_to_num(tangent / scale), full_matrices=False)
+            bases.append(u[:, s > 1e-7])
+        return bases
+
+    @cached_property
+    def elsewhere(self) -> tuple["Fit", ...]:
+        """The same model with rates held like the other sensors' and faster: without what is missing a fit bends them."""
+        own = self.values[-1, "rate"]
+        common = np.full_like(own, np.median(own))
+        rates = [common, 2.0 * common] if len(own) > 2 else []
+        return tuple(at_rates(self, r) for r in [*rates, 2.0 * own, 5.0 * own])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process needs: the fields, without what can be worked out again."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def tangent(self, sensor: int) -> Array:
         """Directions (n used, m) in which the fit of a sensor can move."""
@@ -215,6 +243,11 @@ def _assemble(
         corner = corner + prior.shared_precision
     blocks += np.eye(blocks.shape[1]) * (~active)[:, None, :]
     return blocks, border, corner, right, right_shared
+
+
+def _finite(values: Array) -> Array:
+    """Derivatives with 0 where a trial was beyond all numbers."""
+    return values if np.isfinite(values.sum()) else np.nan_to_num(values)
 
 
 def _scaled(blocks: Array, corner: Array) -> tuple[Array, Array]:
@@ -306,60 +339,58 @@ def search(
     """
     run = model.run
     sensor = np.arange(run.sensors) if sensor is None else sensor
-    reading, used = np.nan_to_num(run.reading)[sensor], run.used[sensor]
+    reading, used = run.known[sensor], run.used[sensor]
     weight = run.weight[sensor] / np.maximum(run.noise[sensor], 1e-9)[:, None] ** 2
     active = model.active[sensor]
     rows, together = len(sensor), len(model.shared) > 0 and not hold_shared
 
-    def evaluate(at_local: Array, at_shared: Array) -> tuple[Array, ...]:
+    def evaluate(at_local: Array, at_shared: Array, on: Any) -> tuple[Array, ...]:
         with np.errstate(all="ignore"):
-            curve, dl, ds = model.with_jacobian(at_local, np.broadcast_to(at_shared, (rows, len(model.shared))), sensor)
-            residual = np.where(used, reading - curve, 0.0)
-            cost = (weight * residual**2).sum(axis=1)
+            common = np.broadcast_to(at_shared, (len(at_local), len(model.shared)))
+            curve, dl, ds = model.with_jacobian(at_local, common, sensor[on])
+            residual = np.where(used[on], reading[on] - curve, 0.0)
+            cost = (weight[on] * residual**2).sum(axis=1)
             if prior is not None:
                 cost = cost + prior.cost(at_local, at_shared)
         bad = ~np.isfinite(cost)
         return curve, dl, ds, residual, np.where(bad, np.inf, cost)
 
-    curve, dl, ds, residual, cost = evaluate(local, shared)
-    damping = np.full(rows, 1e-3)
-    live = np.ones(rows, dtype=bool)
-    converged = False
+    # Rows that are searched apart and have ended are worked out no more.
+    on = np.arange(rows)
+    curve, dl, ds, residual, cost = evaluate(local, shared, on)
+    local, damping, live, converged = local.copy(), np.full(rows, 1e-3), np.ones(rows, dtype=bool), False
     for _ in range(most):
-        blocks, border, corner, right, right_shared = _assemble(
-            np.nan_to_num(dl), np.nan_to_num(ds), residual, weight, active, prior, local, shared
-        )
+        here, may_move = local[on], active[on]
+        slopes = _finite(dl[:, on]), _finite(ds[:, on])
+        blocks, border, corner, right, right_shared = _assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
         if hold_shared:
             border, corner, right_shared = border[:, :, :0], corner[:0, :0], right_shared[:0]
         # A parameter at its bound that wants beyond it stays there for this step.
-        stuck = ((local <= model.low_local) & (right < 0.0)) | ((local >= model.high_local) & (right > 0.0))
+        stuck = ((here <= model.low_local) & (right < 0.0)) | ((here >= model.high_local) & (right > 0.0))
         stuck_shared = np.zeros(0, dtype=bool)
         if together:
             stuck_shared = (shared <= model.low_shared) & (right_shared < 0.0)
             stuck_shared |= (shared >= model.high_shared) & (right_shared > 0.0)
-        move, move_shared = _arrow_step(blocks, border, corner, right, right_shared, stuck | ~active, stuck_shared, damping)
-        trial = np.clip(local + move, model.low_local, model.high_local)
-        trial = np.where(live[:, None] & active, trial, local)
+        move, move_shared = _arrow_step(blocks, border, corner, right, right_shared, stuck | ~may_move, stuck_shared, damping[on])
+        trial = np.where(live[on, None] & may_move, np.clip(here + move, model.low_local, model.high_local), here)
         trial_shared = np.clip(shared + move_shared, model.low_shared, model.high_shared) if together else shared
-        after = evaluate(trial, trial_shared)
-        if together:
-            better = np.full(rows, bool(after[4].sum() < cost.sum()))
-            gain = np.full(rows, cost.sum() - after[4].sum() if better[0] else 0.0)
-            total = np.full(rows, cost.sum())
-        else:
-            better, gain, total = after[4] < cost, cost - after[4], cost
-        local = np.where(better[:, None], trial, local)
+        after = evaluate(trial, trial_shared, on)
+        total, new = (cost, after[4]) if not together else (np.full(rows, v.sum()) for v in (cost, after[4]))
+        gain = total[on] - new
+        better = new < total[on]
+        done = better & (gain < GAIN_AT_END + SHARE_AT_END * total[on])
+        damping[on] = np.where(better, damping[on] * 0.2, damping[on] * 8.0)
+        live[on] &= ~(done | (damping[on] > 1e8))
+        took = on[better]
+        local[took], curve[took], residual[took] = trial[better], after[0][better], after[3][better]
+        dl[:, took], ds[:, took], cost[took] = after[1][:, better], after[2][:, better], after[4][better]
         if together and better[0]:
             shared = trial_shared
-        curve, residual = (np.where(better[:, None], new, old) for new, old in ((after[0], curve), (after[3], residual)))
-        dl, ds = (np.where(better[None, :, None], new, old) for new, old in ((after[1], dl), (after[2], ds)))
-        cost = np.where(better, after[4], cost)
-        done = better & (gain < GAIN_AT_END + SHARE_AT_END * total)
-        damping = np.where(better, damping * 0.2, damping * 8.0)
-        live &= ~(done | (damping > 1e8))
         if not live.any():
             converged = True
             break
+        if not together and prior is None:
+            on = np.flatnonzero(live)
     rss = (run.weight[sensor] * residual**2).sum(axis=1)
     return Fit(model, local, shared, curve, dl, ds, rss, converged, prior)
 

@@ -59,6 +59,11 @@ class Observations:
         return self.weight > 0.0
 
     @cached_property
+    def known(self) -> Array:
+        """Readings (S, N) [degC] with 0 in holes, which carry no weight."""
+        return np.nan_to_num(self.reading)
+
+    @cached_property
     def filled(self) -> Array:
         """Readings (S, N) [degC] with holes filled by straight lines: what a neighbour sees."""
         whole = np.array(self.reading)
@@ -92,10 +97,14 @@ class Observations:
 
     def after(self, time: Array | float) -> Array:
         """Share of the interval that ends at each reading which lies after `time`: 0 before, 1 after, (..., N)."""
-        ends = self.time - time
-        length = np.concatenate([[self.step], np.diff(self.time)])
-        share: Array = np.clip(ends / length, 0.0, 1.0)
-        return share
+        share: Array = (self.time - time) / self._length
+        np.minimum(share, 1.0, out=share)
+        return np.maximum(share, 0.0, out=share)
+
+    @cached_property
+    def _length(self) -> Array:
+        """Length of the interval that ends at each reading (N,) [min]."""
+        return np.concatenate([[self.step], np.diff(self.time)])
 
     def until(self, minutes: float | None) -> "Observations":
         """The same grid with the readings after `minutes` left out."""

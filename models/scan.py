@@ -34,18 +34,6 @@ class Scan:
     fit: Fit
 
 
-def _tangents(fit: Fit, root: Array, seen: Any) -> list[Array]:
-    """Orthonormal directions (n seen, m) in which the fit of each sensor can move, weighted by root (S, N)."""
-    bases = []
-    for i in range(fit.run.sensors):
-        own = fit.by_local[fit.model.active[i], i]
-        tangent = (np.concatenate([own, fit.by_shared[:, i]]) * root[i]).T[seen]
-        scale = np.maximum(np.sqrt((tangent**2).sum(axis=0)), 1e-300)
-        u, s, _ = np.linalg.svd(np.nan_to_num(tangent / scale), full_matrices=False)
-        bases.append(u[:, s > 1e-7])
-    return bases
-
-
 def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -> Scan:
     """First-order gains of adding an effect to a fit, in units of the noise variance (S,): that of the fit by default."""
     run = fit.run
@@ -56,27 +44,26 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     assert main.null is not None
     points = effect.grid(run, choice)
     nudge = 0.02 * ((main.start - main.null) or 1.0) * (run.span if main.share else 1.0)
-    base = with_parts(fit, parts)
+    middle = model.vector({**with_parts(fit, parts), (at, effect.amplitude): main.null + nudge})
     n = run.sensors
     root = np.sqrt(run.weight / (fit.noise if noise is None else noise)[:, None] ** 2)
     seen = np.flatnonzero(run.used.any(axis=0))
-    bases = _tangents(fit, root, seen)
     residual = (fit.residual * root)[:, seen]
     per = max(2, CHUNK // (n * len(run.time)) // 2 * 2)
     along, size = np.empty((len(points), n)), np.empty((len(points), n))
-    rate, rise, time = fit.values[-1, "rate"], fit.values[-1, "level"] - fit.model.sink_guess, run.time[seen]
+    rate, rise = fit.values[-1, "rate"], fit.values[-1, "level"] - fit.model.sink_guess
     for first in range(0, len(points), per):
         some = points[first : first + per]
-        change = None
+        known = effect.response(some, run, rate, rise)
+        change = _changes(model, *middle, at, some) if known is None else None
         for i in range(n):
-            known = effect.response(some, time, float(rate[i]), float(rise[i]))
             if known is not None:
-                h = known * root[i][seen]
+                h = (known[i % len(known)] * root[i])[:, seen]
             else:
-                change = _changes(fit, model, base, at, effect, main.null + nudge, some) if change is None else change
+                assert change is not None
                 h = np.nan_to_num(((change[:, i] - fit.curve[i]) * (root[i] / nudge))[:, seen])
             whole = (h * h).sum(axis=1)
-            h = h - (h @ bases[i]) @ bases[i].T
+            h = h - (h @ fit.directions[i]) @ fit.directions[i].T
             along[first : first + len(some), i] = h @ residual[i]
             own = (h * h).sum(axis=1)
             # What the fit imitates to the last digits is no direction of its own.
@@ -90,24 +77,15 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     return Scan(points, amplitude + main.null, gain, together + main.null, shared_gain, size, (residual**2).sum(axis=1), fit)
 
 
-def _changes(
-    fit: Fit,
-    model: Model,
-    base: dict[tuple[int, str], Any],
-    at: int,
-    effect: Effect,
-    amplitude: float,
-    some: list[dict[str, float]],
-) -> Array:
-    """Curves (G, S, N) with a little of the effect at each of some grid points."""
-    n = fit.run.sensors
-    local, shared = [], []
-    for point in some:
-        named = {**base, (at, effect.amplitude): amplitude, **{(at, k): v for k, v in point.items()}}
-        rows, common = model.vector(named)
-        local.append(rows)
-        shared.append(np.broadcast_to(common, (n, len(common))))
-    curves = model.forward(np.concatenate(local), np.concatenate(shared), np.tile(np.arange(n), len(some)))
+def _changes(model: Model, local: Array, shared: Array, at: int, some: list[dict[str, float]]) -> Array:
+    """Curves (G, S, N) at each of some grid points of part `at`, all else as in local (S, kl), shared (ks,)."""
+    n = len(local)
+    many, common = np.repeat(local[None], len(some), axis=0), np.repeat(shared[None], len(some), axis=0)
+    for name in some[0]:
+        values = np.array([point[name] for point in some])
+        model.place(many, common, at, name, values)
+    rows = np.repeat(common, n, axis=0)
+    curves = model.forward(many.reshape(len(some) * n, -1), rows, np.tile(np.arange(n), len(some)))
     return curves.reshape(len(some), n, -1)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from models.candidates import Candidate, first_order
-from models.discover import FALSE_ALARM, Discovery, discover, total_gain
+from models.discover import FALSE_ALARM, Discovery, Spread, discover, total_gain
 from models.joint import Fit
 from models.judge import PATTERN
 from models.observations import Observations
@@ -30,7 +30,7 @@ class Told:
     broken: tuple[str, ...]
 
 
-def search_run(task: LoopTask, prepared: Ready) -> Told:
+def search_run(task: LoopTask, prepared: Ready, spread: Spread = map) -> Told:
     """Search the effects asked for; one that raises is left out and named."""
     effects = chosen_effects(task.names, task.extra)
     if task.names:
@@ -45,7 +45,7 @@ def search_run(task: LoopTask, prepared: Ready) -> Told:
         effects = [e for e in effects if e.id not in ids_of(known.model.parts)]
     while True:
         try:
-            return Told(discover(prepared.seen, effects, FALSE_ALARM, known=known), tuple(broken))
+            return Told(discover(prepared.seen, effects, FALSE_ALARM, known=known, spread=spread), tuple(broken))
         except EffectError as error:
             at_fault = [e for e in effects if f"effect {e.id!r}" in str(error)]
             if not at_fault:
@@ -54,10 +54,10 @@ def search_run(task: LoopTask, prepared: Ready) -> Told:
             effects = [e for e in effects if e is not at_fault[0]]
 
 
-def diagnose_task(task: LoopTask) -> list[list[DiagnoseRecord]]:
+def diagnose_task(task: LoopTask, spread: Spread = map) -> list[list[DiagnoseRecord]]:
     """A run diagnosed; whatever is wrong with it is a record."""
     try:
-        return [_diagnose(task)]
+        return [_diagnose(task, spread)]
     except ThermofastError as error:
         return [failure_records(DiagnoseRecord, task, error)]
 
@@ -68,13 +68,13 @@ def diagnose_lost(task: LoopTask) -> list[list[DiagnoseRecord]]:
     return [[DiagnoseRecord(task.run.name, "", status="diverged", message=why)]]
 
 
-def _diagnose(task: LoopTask) -> list[DiagnoseRecord]:
+def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     prepared = ready(task)
     if prepared is None:
         from .observe import observe
 
         return refused_records(DiagnoseRecord, task.run.name, observe(task.run, task.start_min))
-    told = search_run(task, prepared)
+    told = search_run(task, prepared, spread)
     found, seen = told.discovery, prepared.seen
     ranking = [ranked(c, found) for c in found.singles]
     if found.named is not None:

@@ -1,6 +1,8 @@
 """One family of exceptions; only ``main`` turns them into an exit code."""
 
 from collections.abc import Iterable
+from functools import partial
+from typing import Any
 
 
 class ThermofastError(Exception):
@@ -10,6 +12,10 @@ class ThermofastError(Exception):
         self.what, self.found, self.allowed, self.do = what, found, allowed, do
         parts = [what, found and f"found: {found}", allowed and f"allowed: {allowed}", do and f"do: {do}"]
         super().__init__("\n  ".join(p for p in parts if p))
+
+    def __reduce__(self) -> Any:
+        """Across processes with its parts."""
+        return partial(type(self), found=self.found, allowed=self.allowed, do=self.do), (self.what,)
 
 
 class InputError(ThermofastError):

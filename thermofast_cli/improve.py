@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.candidates import Candidate, try_add
-from models.discover import total_gain
+from models.discover import Spread, total_gain
 from models.effects.base import Effect
 from models.heldout import held_out_errors
 from models.joint import Fit, fit_model
@@ -58,10 +58,10 @@ class Improved:
     channels: tuple[str, ...] = ()
 
 
-def improve_task(task: LoopTask) -> list[Improved]:
+def improve_task(task: LoopTask, spread: Spread = map) -> list[Improved]:
     """A run improved; whatever is wrong with it is a record."""
     try:
-        return [_improve(task)]
+        return [_improve(task, spread)]
     except ThermofastError as error:
         return [Improved(failure_records(ImproveRecord, task, error))]
 
@@ -77,7 +77,7 @@ def _step(fit: Fit, prepared: Ready, until: float | None) -> Step:
     return Step(fit, ahead, noise_floor(fit))
 
 
-def _improve(task: LoopTask) -> Improved:
+def _improve(task: LoopTask, spread: Spread) -> Improved:
     prepared = ready(task)
     if prepared is None:
         from .observe import observe
@@ -86,7 +86,7 @@ def _improve(task: LoopTask) -> Improved:
     base = _step(fit_model(prepared.seen), prepared, task.until_min)
     steps, stopped, notes = [base], "", list(prepared.observed.notes)
     if task.auto:
-        told = search_run(task, prepared)
+        told = search_run(task, prepared, spread)
         found = told.discovery
         notes += told.broken
         if found.named is None:

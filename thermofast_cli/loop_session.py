@@ -1,17 +1,23 @@
 """What the commands of the discovery loop share: runs into tasks, tasks into results over a pool of processes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
+
+from models.discover import Spread
 
 from .errors import UsageError
 from .loop import LoopTask
 from .output.files import TABLE_SUFFIXES, check_target, check_targets
 from .output.screen import progress, say
-from .pool import cores, map_tasks
+from .pool import Shared, cores, map_tasks
 from .session import choose_sources, read_all
 
 #: Runs from which on a pool of processes pays.
 POOL_FROM = 3
+#: Readings of all sensors together from which on a single run is worth sharing.
+SHARED_FROM = 1500
 
 
 def loop_tasks(
@@ -55,19 +61,40 @@ def loop_tasks(
     return tasks, readings.unreadable
 
 
+@contextmanager
+def _sharing(tasks: list[LoopTask], jobs: int) -> Iterator[Spread]:
+    largest = max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0)
+    if jobs < 2 or largest < SHARED_FROM:
+        yield map
+        return
+    shared = Shared(jobs)
+    try:
+        yield shared
+    finally:
+        shared.close()
+
+
 def run_loop(
-    work: Callable[[LoopTask], list[Any]],
+    work: Callable[..., list[Any]],
     tasks: list[LoopTask],
     jobs: int | None,
     lost: Callable[[LoopTask], list[Any]],
     quiet: bool,
+    shares: bool = False,
 ) -> tuple[list[Any], bool]:
-    """Results in the order of the runs, and whether the user interrupted; what was finished by then is kept."""
-    wanted = jobs if jobs is not None else (cores() if len(tasks) >= POOL_FROM else 1)
+    """Results in the order of the runs, and whether the user interrupted; what was finished by then is kept.
+
+    Many runs are spread over processes, a run each. ``shares``: the work takes a keyword `spread` and shares out a single large
+    run by it.
+    """
+    wanted = jobs if jobs is not None else cores()
+    several = len(tasks) >= POOL_FROM or (jobs is not None and len(tasks) > 1)
     found: list[Any] = []
-    with progress(len(tasks), "runs", quiet) as advance:
+    with progress(len(tasks), "runs", quiet) as advance, _sharing(tasks, 1 if several or not shares else wanted) as spread:
         try:
-            for results in map_tasks(work, tasks, min(wanted, max(1, len(tasks))), lambda task: task.singles(), lost):
+            processes = min(wanted, len(tasks)) if several else 1
+            doing = partial(work, spread=spread) if shares else work
+            for results in map_tasks(doing, tasks, processes, lambda task: task.singles(), lost):
                 advance(1)
                 found += results
         except KeyboardInterrupt:

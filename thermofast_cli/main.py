@@ -1,5 +1,6 @@
 """The command group. Commands are imported when they are called, so that ``--help`` is quick."""
 
+import os
 import sys
 from importlib import import_module
 from typing import Any
@@ -8,6 +9,10 @@ import click
 
 from . import __version__
 from .errors import ThermofastError
+
+# The matrices are small and the cores go to whole tasks: threads within one product would only wait for each other.
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 COMMANDS = {
     "identify": "Steady state and settling time from the first part of a record.",

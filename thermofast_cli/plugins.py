@@ -41,6 +41,10 @@ class Guarded(Effect):
         for name in ("summary", "equation", "tell_tale", "needs", "reference"):
             setattr(self, name, getattr(inner, name))
 
+    def __reduce__(self) -> Any:
+        """Another process loads the file or the plug-in itself."""
+        return _again, (self.file, self.id)
+
     def choices(self, run: Observations) -> Any:
         with _watched(self.inner):
             return tuple(self.inner.choices(run))
@@ -60,6 +64,10 @@ class Guarded(Effect):
             else:
                 _row_by_row(self.inner, drive, run, p)
         _check_shapes(self.inner, drive, run)
+
+
+def _again(file: str, name: str) -> Effect:
+    return load_effect(file) if file else known_effects()[name]
 
 
 def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:

@@ -3,10 +3,10 @@
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -44,7 +44,7 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["thermofast_cli.work", "scipy.special"])
+    context.set_forkserver_preload(["thermofast_cli.work", "models.discover"])
     return context
 
 
@@ -66,6 +66,30 @@ def warm_pool(jobs: int | None, size_bytes: int) -> ProcessPoolExecutor | None:
     for _ in range(processes):
         pool.submit(_nothing)
     return pool
+
+
+class Shared:
+    """One run's work shared over processes: as the built-in ``map``. What a dying worker leaves is done in this process."""
+
+    def __init__(self, jobs: int) -> None:
+        self._pool: ProcessPoolExecutor | None = new_pool(jobs)
+        for _ in range(jobs):
+            self._pool.submit(_nothing)
+
+    def __call__(self, work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        items = list(items)
+        futures = [_submit(self._pool, work, item) for item in items] if self._pool is not None else []
+        for i, item in enumerate(items):
+            try:
+                yield futures[i].result() if futures else work(item)
+            except BrokenProcessPool:
+                self._pool = None
+                yield work(item)
+
+    def close(self) -> None:
+        """End the processes without waiting for them."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 def map_tasks(
@@ -105,11 +129,11 @@ def map_tasks(
             pool.shutdown(cancel_futures=True)
 
 
-def _submit(pool: Executor, work: Callable[[Task], list[Result]], task: Task) -> Future[list[Result]]:
+def _submit(pool: Executor, work: Callable[[Task], Any], task: Task) -> Future[Any]:
     try:
         return pool.submit(work, task)
     except BrokenProcessPool as error:  # broken while tasks were still being handed out
-        failed: Future[list[Result]] = Future()
+        failed: Future[Any] = Future()
         failed.set_exception(error)
         return failed
 

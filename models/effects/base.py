@@ -161,8 +161,8 @@ class Effect:
             left[max(0, best - apart) : best + apart + 1] = -1.0
         return found
 
-    def response(self, points: list[dict[str, float]], time: Array, rate: float, rise: float) -> Array | None:
-        """Change (G, n) of the curve of one lump by an amplitude of 1 at each grid point, where a formula gives it; else None."""
+    def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array | None:
+        """Change (S or 1, G, N) of the curves of lumps (S,) by an amplitude of 1 at each grid point, where a formula gives it."""
         return None
 
     def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:

@@ -63,24 +63,26 @@ class CyclicLoad(Effect):
             left[max(0, best - 2) : best + 3] = -1.0
         return found
 
-    def response(self, points: list[dict[str, float]], time: Array, rate: float, rise: float) -> Array:
+    def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array:
         """A lump answers a wave with a wave; what its start adds decays like the curve and lies in the fit's own directions."""
         omega = 2.0 * np.pi / np.array([p["period"] for p in points[::2]])
-        turn = omega[:, None] * time
-        answer = rise * rate / (rate + 1j * omega)
-        both = np.empty((len(points), len(time)))
-        both[::2] = answer.real[:, None] * np.sin(turn) + answer.imag[:, None] * np.cos(turn)
-        both[1::2] = answer.imag[:, None] * np.sin(turn) - answer.real[:, None] * np.cos(turn)
+        sine, cosine = np.sin(omega[:, None] * run.time), np.cos(omega[:, None] * run.time)
+        answer = (rise * rate)[:, None] / (rate[:, None] + 1j * omega)
+        both = np.empty((len(rate), len(points), len(run.time)))
+        both[:, ::2] = answer.real[:, :, None] * sine + answer.imag[:, :, None] * cosine
+        both[:, 1::2] = answer.imag[:, :, None] * sine - answer.real[:, :, None] * cosine
         return both
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         length = np.maximum(np.diff(run.time, prepend=run.time[0] - run.step), 1e-12)
-        end, begin = run.time / p.period - p.phase, run.before(0.0) / p.period - p.phase
-        if p.wave == "sine":
-            whole: Array = (np.cos(2 * np.pi * begin) - np.cos(2 * np.pi * end)) / (2 * np.pi)
-        else:
-            whole = _square_area(end, p.duty) - _square_area(begin, p.duty)
-        drive.heat = heated(drive, p.depth * (whole * p.period / length), p)
+        # All sensors share the wave: it is worked out once for each set of values, not for each row.
+        values = np.concatenate([np.broadcast_to(v, p.depth.shape) for v in (p.period, p.phase, p.duty)], axis=1)
+        own, row = np.unique(values, axis=0, return_inverse=True)
+        period, phase, duty = own.T[:, :, None]
+        edges = np.concatenate([run.time[:1] - run.step, run.time]) / period - phase
+        area: Array = -np.cos(2 * np.pi * edges) / (2 * np.pi) if p.wave == "sine" else _square_area(edges, duty)
+        whole = np.diff(area, axis=1) * (period / length)
+        drive.heat = heated(drive, p.depth * whole[row.reshape(-1)], p)
 
 
 def _square_area(x: Array, duty: Any) -> Array:

@@ -2,7 +2,10 @@
 
 from typing import Any
 
+import numpy as np
+
 from ..drive import Drive
+from ..kernel import Array
 from ..observations import Observations
 from .base import Choice, Effect, Parameter
 
@@ -30,6 +33,9 @@ class ReadingJump(Effect):
         """Every interval between readings."""
         every = max(1, len(run.time) // 600)
         return [{"event": float(t)} for t in 0.5 * (run.time[2:-2:every] + run.time[1:-3:every])]
+
+    def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array:
+        return run.after(np.array([[p["event"]] for p in points]))[None]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.offset = drive.offset + p.jump * run.after(p.event)

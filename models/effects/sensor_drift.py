@@ -2,7 +2,10 @@
 
 from typing import Any
 
+import numpy as np
+
 from ..drive import Drive
+from ..kernel import Array
 from ..observations import Observations
 from .base import Effect, Parameter
 
@@ -21,6 +24,9 @@ class SensorDrift(Effect):
     places = (2.0, 0.0)
     amplitude = "drift"
     parameters = (Parameter("drift", "K/min", -0.5, 0.5, 0.001, "drift of the reading", null=0.0, each="sensor"),)
+
+    def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array:
+        return np.broadcast_to(run.time - run.time[0], (1, len(points), len(run.time)))
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.offset = drive.offset + p.drift * (run.time - run.time[0])

@@ -44,7 +44,7 @@ def command(
     given = {k: reading[k] for k in READING}
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(effects), "model": model}
     tasks, unreadable = loop_tasks(runs, given, quiet, [output], **options)
-    found, interrupted = run_loop(diagnose_task, tasks, jobs, diagnose_lost, quiet)
+    found, interrupted = run_loop(diagnose_task, tasks, jobs, diagnose_lost, quiet, shares=True)
     records = [r for rs in found for r in rs]
     records += [DiagnoseRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
     drawn = [

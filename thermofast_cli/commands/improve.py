@@ -59,7 +59,7 @@ def command(
     tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], check_table=not learns, **options)
     if learns and len(tasks) > 1:
         raise UsageError(f"{output}: one model file for {len(tasks)} runs", do="learn from one run, or name another output")
-    found, interrupted = run_loop(improve_task, tasks, jobs, improve_lost, quiet)
+    found, interrupted = run_loop(improve_task, tasks, jobs, improve_lost, quiet, shares=True)
     records = [r for i in found for r in i.records]
     records += [ImproveRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
     drawn = [
