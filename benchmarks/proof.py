@@ -153,9 +153,10 @@ def _true_values(name: str, p: dict[str, Any], n: int, choice: Choice, effect: A
 def judge(job: Job) -> Outcome:
     """Draw a record, search it, and measure what can be measured of the answer."""
     rng = np.random.default_rng([job.seed, *map(ord, job.part), *(ord(c) for k in job.kind for c in k)])
-    case = draw(job.kind, rng, job.size)
-    seen = observe(as_run(case)).seen
-    assert seen is not None
+    seen = None
+    while seen is None:  # a record that is refused as too short is no trial of the search: another is drawn
+        case = draw(job.kind, rng, job.size)
+        seen = observe(as_run(case)).seen
     began = time.perf_counter()
     found = discover(seen, [kind() for kind in BUILT_IN])
     spent = time.perf_counter() - began
