@@ -8,13 +8,12 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from models.candidates import try_add
 from models.discover import discover
 from models.effects import BUILT_IN
 from models.heldout import held_out_errors
 from models.joint import Fit, fit_model
+from thermofast_cli.loop import pooled
 from thermofast_cli.observe import observe
 from thermofast_cli.reading import Options, read_run
 
@@ -30,12 +29,6 @@ RECORDS = (
     ("cooking_pot/20cm_3L_b.csv", ("T10", "T5"), None, ("second_mode", "ambient")),
     ("ulg_pipe/151204_1.csv", ("outlet_pipe", "inlet_pipe"), None, ("transport_delay", "second_mode")),
 )
-
-
-def pooled(errors: np.ndarray) -> float:
-    """Root mean square over sensors [K]."""
-    good = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(good**2))) if len(good) else float("nan")
 
 
 def with_effects(base: Fit, ids: tuple[str, ...]) -> Fit | None:

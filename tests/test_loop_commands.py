@@ -295,3 +295,115 @@ def test_hidden_effects_are_made_and_told(tool, tmp_path):
     found = records(tool("diagnose", tmp_path / "r.csv", "--format", "json", "-q"))
     assert "load_step" in found[0]["verdict"]
     assert found[0]["event_min"] == pytest.approx(key["effects"][0]["parameters"]["event"], abs=4.0)
+
+
+def simulated(minutes, every_s, seed=3, rates=(0.004, 0.006), noise=0.02):
+    """Two healthy sensors of slow or quick lumps, by formula."""
+    time = np.arange(0.0, minutes * 60.0 + 1.0, every_s)
+    rng = np.random.default_rng(seed)
+    columns = {"time_s": time}
+    for i, rate in enumerate(rates):
+        columns[f"T{i + 1}"] = 20.0 + (6.0 + i) * (1.0 - np.exp(-rate * time / 60.0)) + noise * rng.standard_normal(len(time))
+    return columns
+
+
+@pytest.mark.parametrize(
+    ("minutes", "every_s", "rates"), [(2400, 600, (0.004, 0.006)), (60, 1, (0.05, 0.08)), (60, 60, (0.04, 0.06))]
+)
+def test_records_of_forty_hours_and_of_readings_each_second_are_judged(tool, tmp_path, minutes, every_s, rates):
+    from thermofast_cli.output.files import write_columns
+
+    write_columns(str(tmp_path / "run.csv"), simulated(minutes, every_s, rates=rates))
+    for r in records(tool("diagnose", tmp_path / "run.csv", "--format", "json", "-q")):
+        assert r["verdict"] == "none"
+        assert r["status"] == "ok"
+        assert 0.013 < r["noise_c"] < 0.03 or every_s == 1
+        assert ("averaged into one" in r["message"]) == (every_s == 1)
+
+
+def test_diagnose_until_gives_the_error_on_the_readings_after_it(tool):
+    inside = records(tool("diagnose", HIDDEN, "--format", "json", "-q"))
+    early = records(tool("diagnose", HIDDEN, "--until", 200, "--format", "json", "-q"))
+    compared = records(tool("compare", HIDDEN, "--until", 200, "--format", "json", "-q"))
+    for a, b, c in zip(inside, early, compared, strict=True):
+        assert b["rmse_base_ahead_c"] == pytest.approx(c["rmse_ahead_c"])
+        assert b["rmse_base_ahead_c"] != pytest.approx(a["rmse_base_ahead_c"], rel=0.05)
+
+
+def test_evidence_holds_the_tell_tale_with_the_delay_in_minutes(tool):
+    message = records(tool("diagnose", HIDDEN, "--format", "json", "-q"))[0]["message"]
+    assert "Seen as: fast rise, long creeping tail" in message
+
+
+def test_a_stricter_false_alarm_rate_is_kept(tool, tmp_path):
+    from machines import draw
+
+    from thermofast_cli.output.files import write_columns
+
+    case = draw(("second_mode",), np.random.default_rng(11), "faint")
+    write_columns(str(tmp_path / "run.csv"), case.columns)
+    loose, strict = (
+        records(tool("diagnose", tmp_path / "run.csv", "--false-alarm", p, "--format", "json", "-q")) for p in ("0.05", "1e-12")
+    )
+    assert loose[0]["false_alarm_p"] < 0.05
+    assert loose[0]["false_alarm_p"] > 1e-12
+    assert loose[0]["verdict"] not in ("none", "unexplained")
+    assert strict[0]["verdict"] in ("none", "unexplained")
+    done = tool("diagnose", tmp_path / "run.csv", "--false-alarm", "0")
+    assert done.code == 2
+    assert "--false-alarm" in done.err
+
+
+def test_one_run_gives_the_same_records_on_one_process_and_on_two(tool):
+    for path, more in (
+        (ROOT / "sample_runs" / "hidden_two.csv", ()),
+        (ROOT / "sample_runs" / "hidden_ramp.csv", ("--effect", ROOT / "sample_runs" / "my_effect.py")),
+    ):
+        one, two = (tool("diagnose", path, *more, "--jobs", jobs, "--format", "json", "-q") for jobs in (1, 2))
+        assert one.out == two.out
+
+
+def test_work_of_a_dying_process_is_done_in_this_one():
+    from thermofast_cli.pool import Shared
+
+    shared = Shared(2)
+    assert list(shared(_ends_in_a_worker, [1, 2, 3])) == [1, 4, 9]
+    assert list(shared(_ends_in_a_worker, [4])) == [16]
+    shared.close()
+
+
+def _ends_in_a_worker(number):
+    import multiprocessing
+    import os
+
+    if multiprocessing.parent_process() is not None:
+        os._exit(1)
+    return number * number
+
+
+def test_the_chance_of_a_pair_counts_pairs(tool):
+    found = records(tool("diagnose", ROOT / "sample_runs" / "hidden_two.csv", "--format", "json", "-q"))[0]
+    assert "+" in found["verdict"]
+    pair = next(r for r in found["ranking"] if "+" in r["effect"])
+    tried = len([r for r in found["ranking"] if "+" not in r["effect"]])
+    assert found["false_alarm_p"] == pytest.approx(min(1.0, pair["p"] * 0.5 * tried * (tried + 1)), rel=0.02, abs=1e-300)
+
+
+def test_an_installed_package_brings_an_effect(tool, monkeypatch):
+    from importlib.metadata import EntryPoint
+
+    spec = EntryPoint("grows", "thermofast_installed_effect:HeatGrows", plugins.GROUP)
+    import importlib.util
+    import sys
+
+    module_spec = importlib.util.spec_from_file_location("thermofast_installed_effect", ROOT / "sample_runs" / "my_effect.py")
+    module = importlib.util.module_from_spec(module_spec)
+    module_spec.loader.exec_module(module)
+    kind = next(v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__)
+    module.HeatGrows = kind
+    monkeypatch.setitem(sys.modules, "thermofast_installed_effect", module)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [spec] if group == plugins.GROUP else [])
+    assert kind.id in tool("effects").out
+    ramp = ROOT / "sample_runs" / "hidden_ramp.csv"
+    found = records(tool("diagnose", ramp, "--format", "json", "-q", "--jobs", 1))
+    assert found[0]["verdict"] == kind.id

@@ -14,7 +14,7 @@ from models.judge import PATTERN, noise_floor
 
 from .errors import ThermofastError
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
-from .records import CompareRecord
+from .records import CompareRecord, finite
 
 Array = NDArray[np.float64]
 
@@ -73,9 +73,9 @@ def compare_lost(task: LoopTask) -> list[Comparison]:
 
 
 def _compare(task: LoopTask) -> Comparison:
-    prepared = ready(task)
+    observed, prepared = ready(task)
     if prepared is None:
-        return Comparison(refused_records(CompareRecord, task.run.name, _observed(task)))
+        return Comparison(refused_records(CompareRecord, task.run.name, observed))
     whole, seen = prepared.whole, prepared.seen
     fit, notes = first_model(task, prepared)
     ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
@@ -90,11 +90,7 @@ def _compare(task: LoopTask) -> Comparison:
         inside = residual[i][fit.run.used[i]]
         bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
         along = correlations(fit, whole, residual, i)
-        messages = [
-            _in_words(along),
-            *notes,
-            *[n for n in prepared.observed.notes if not n.startswith("T") or n.startswith(channel)],
-        ]
+        messages = [_in_words(along), *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= PATTERN and unused.any():
             messages.insert(0, HOLDS)
         status = "ok" if floor[i] >= PATTERN and not stretches else "model_doubtful"
@@ -106,7 +102,7 @@ def _compare(task: LoopTask) -> Comparison:
                 until_min=task.until_min,
                 samples=int(fit.readings[i]),
                 rmse_fit_c=float(fit.rmse[i]),
-                rmse_ahead_c=_number(ahead[i]),
+                rmse_ahead_c=finite(ahead[i]),
                 rmse_one_step_c=_one_step(fit, whole, i),
                 bias_c=bias,
                 noise_c=float(seen.noise[i]),
@@ -137,18 +133,8 @@ def _compare(task: LoopTask) -> Comparison:
                     {**whole.ambient, **whole.inputs},
                 )
             )
-    records += refused_records(CompareRecord, task.run.name, prepared.observed)
+    records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels)
-
-
-def _observed(task: LoopTask) -> Any:
-    from .observe import observe
-
-    return observe(task.run, task.start_min)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def failing_stretches(

@@ -2,21 +2,33 @@
 
 import math
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from models.candidates import Candidate, first_order
-from models.discover import FALSE_ALARM, Discovery, Spread, discover, total_gain
+from models.discover import Discovery, Spread, discover, total_gain
 from models.joint import Fit
 from models.judge import PATTERN
 from models.observations import Observations
 
 from .errors import ThermofastError
-from .loop import LoopTask, Ready, check_inputs, failure_records, ids_of, in_order, parameters_of, ready, refused_records
+from .loop import (
+    LoopTask,
+    Ready,
+    ahead_errors,
+    check_inputs,
+    failure_records,
+    ids_of,
+    in_order,
+    parameters_of,
+    pooled,
+    ready,
+    refused_records,
+)
 from .plugins import EffectError, Guarded, chosen_effects
-from .records import DiagnoseRecord
+from .records import DiagnoseRecord, finite
 
 #: Gain at which an effect would have been named, for telling how small a one would have been seen.
 SEEN_GAIN = 70.0
@@ -45,13 +57,24 @@ def search_run(task: LoopTask, prepared: Ready, spread: Spread = map) -> Told:
         effects = [e for e in effects if e.id not in ids_of(known.model.parts)]
     while True:
         try:
-            return Told(discover(prepared.seen, effects, FALSE_ALARM, known=known, spread=spread), tuple(broken))
+            found = discover(prepared.seen, effects, task.false_alarm, known=known, spread=spread)
+            return Told(_ahead_of(found, prepared, task.until_min), tuple(broken))
         except EffectError as error:
             at_fault = [e for e in effects if f"effect {e.id!r}" in str(error)]
             if not at_fault:
                 raise
             broken.append(f"left out: {' '.join(str(error).split())}")
             effects = [e for e in effects if e is not at_fault[0]]
+
+
+def _ahead_of(found: Discovery, prepared: Ready, until: float | None) -> Discovery:
+    """With the errors on the readings after --until, where there are any, in the place of those on blocks left out."""
+    ahead = ahead_errors(found.base, prepared.whole)
+    if until is None or not np.isfinite(ahead).any():
+        return found
+    return replace(
+        found, ahead_base=ahead, ahead=ahead_errors(found.named.fit, prepared.whole) if found.named is not None else None
+    )
 
 
 def diagnose_task(task: LoopTask, spread: Spread = map) -> list[list[DiagnoseRecord]]:
@@ -69,11 +92,9 @@ def diagnose_lost(task: LoopTask) -> list[list[DiagnoseRecord]]:
 
 
 def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
-    prepared = ready(task)
+    observed, prepared = ready(task)
     if prepared is None:
-        from .observe import observe
-
-        return refused_records(DiagnoseRecord, task.run.name, observe(task.run, task.start_min))
+        return refused_records(DiagnoseRecord, task.run.name, observed)
     told = search_run(task, prepared, spread)
     found, seen = told.discovery, prepared.seen
     ranking = [ranked(c, found) for c in found.singles]
@@ -89,7 +110,7 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
         event = event_of(found.named.fit, i) if found.named is not None else None
-        message = "; ".join(dict.fromkeys([evidence, *told.broken, *prepared.observed.notes]))
+        message = "; ".join(dict.fromkeys([evidence, *told.broken, *prepared.notes_of(channel)]))
         records.append(
             DiagnoseRecord(
                 task.run.name,
@@ -98,8 +119,8 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
                 also_possible=also if verdict != "none" else [],
                 false_alarm_p=float(f"{found.p:.3g}"),
                 event_min=event,
-                rmse_base_ahead_c=_number(found.ahead_base[i]),
-                rmse_ahead_c=_number(found.ahead[i]) if found.ahead is not None else None,
+                rmse_base_ahead_c=finite(found.ahead_base[i]),
+                rmse_ahead_c=finite(found.ahead[i]) if found.ahead is not None else None,
                 noise_c=float(found.named.fit.noise[i] if found.named else seen.noise[i]),
                 parameters=parameters_of(found.named.fit, i) if found.named is not None else {},
                 ranking=ranking,
@@ -108,12 +129,8 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
                 message=message,
             )
         )
-    records += refused_records(DiagnoseRecord, task.run.name, prepared.observed)
+    records += refused_records(DiagnoseRecord, task.run.name, observed)
     return in_order(records, task.run)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def unlogged_room(found: Discovery, seen: Observations) -> str:
@@ -154,8 +171,8 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
     named = found.named is candidate
     return {
         "effect": "+".join(candidate.ids),
-        "rmse_fit_c": _pooled(fit.rmse),
-        "rmse_ahead_c": _pooled(found.ahead) if named and found.ahead is not None else None,
+        "rmse_fit_c": finite(pooled(fit.rmse)),
+        "rmse_ahead_c": finite(pooled(found.ahead)) if named and found.ahead is not None else None,
         "gain": round(total_gain(found.base, candidate), 1),
         "p": float(f"{candidate.p:.3g}"),
         "at_noise": candidate.at_floor,
@@ -165,12 +182,6 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
         "sensors": [c for c, w in zip(fit.run.channels, who, strict=True) if w],
         "parameters": parameters_of(fit, first),
     }
-
-
-def _pooled(errors: Any) -> float | None:
-    good = np.asarray(errors, dtype=float)
-    good = good[np.isfinite(good)]
-    return float(np.sqrt(np.mean(good**2))) if len(good) else None
 
 
 def words(found: Discovery, seen: Observations, until: float | None) -> tuple[str, str, str]:
@@ -228,10 +239,10 @@ def _named_words(found: Discovery, seen: Observations, until: float | None) -> t
             numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
         acts = f" ({part.choice.label})" if part.choice.label else ""
         parts.append(f"{part.effect.summary}{acts}, in {sensors}: {', '.join(numbers)}")
-    before, after = _pooled(found.ahead_base[concerned]), _pooled(found.ahead[concerned])
-    noise = _pooled(named.fit.noise[concerned])
+    before, after = pooled(found.ahead_base[concerned]), pooled(found.ahead[concerned])
+    noise = pooled(named.fit.noise[concerned])
     evidence = (
-        f"{'; and '.join(parts)}. Adding {' and '.join(named.ids)} cuts the error on readings not fitted "
+        f"{'; and '.join(parts)}. {_seen_as(named)}Adding {' and '.join(named.ids)} cuts the error on readings not fitted "
         f"from {before:.2g} to {after:.2g} K; "
         f"noise {noise:.2g} K"
     )
@@ -249,6 +260,13 @@ def _named_words(found: Discovery, seen: Observations, until: float | None) -> t
         advice += "; if the machine was started later than the record, say --start MIN"
     # What fits as well may be the cause as well: a name is sure only where it stands alone.
     return evidence, advice, "not_determined" if found.also else "ok"
+
+
+def _seen_as(named: Candidate) -> str:
+    """The tell-tale of each effect, with 1/b in minutes where it speaks of that."""
+    late = 1.0 / float(np.median(named.fit.values[-1, "rate"]))
+    tales = [p.effect.tell_tale.replace("1/b", f"1/b = {late:.3g} min") for p in named.parts if p.effect.tell_tale]
+    return f"Seen as: {'; '.join(tales)}. " if tales else ""
 
 
 def _rounded(value: float, error: float) -> str:

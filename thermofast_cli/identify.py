@@ -12,7 +12,7 @@ from models import spike_weights
 
 from .estimate import DOUBT, FEWEST_READINGS, Estimate, Model, estimate_at
 from .measured import measured_equilibrium
-from .records import IdentifyRecord
+from .records import IdentifyRecord, finite
 from .sensor import Sensor, prepare
 
 Array = NDArray[np.float64]
@@ -235,11 +235,6 @@ def _curves(
         note,
         trace or {},
     )
-
-
-def finite(value: float | None) -> float | None:
-    """None for a number that is none."""
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def _joined(messages: list[Any]) -> str:

@@ -25,12 +25,14 @@ from .loop import (
     ids_of,
     in_order,
     parameters_of,
+    pooled,
     ready,
     refused_records,
 )
 from .modelfile import ModelFile, model_file
+from .observe import Observed
 from .plugins import chosen_effects, load_effect
-from .records import ImproveRecord
+from .records import ImproveRecord, finite
 
 Array = NDArray[np.float64]
 
@@ -78,13 +80,11 @@ def _step(fit: Fit, prepared: Ready, until: float | None) -> Step:
 
 
 def _improve(task: LoopTask, spread: Spread) -> Improved:
-    prepared = ready(task)
+    observed, prepared = ready(task)
     if prepared is None:
-        from .observe import observe
-
-        return Improved(refused_records(ImproveRecord, task.run.name, observe(task.run, task.start_min)))
+        return Improved(refused_records(ImproveRecord, task.run.name, observed))
     base = _step(fit_model(prepared.seen), prepared, task.until_min)
-    steps, stopped, notes = [base], "", list(prepared.observed.notes)
+    steps, stopped, notes = [base], "", prepared.notes_of()
     if task.auto:
         told = search_run(task, prepared, spread)
         found = told.discovery
@@ -115,7 +115,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
                 notes.append(f"not determined by this record: {added.identifiable.why}")
     else:
         stopped = "the base model was asked for"
-    return _improved(task, prepared, steps, stopped, notes)
+    return _improved(task, observed, prepared, steps, stopped, notes)
 
 
 def _all_added(base: Fit, effects: list[Effect]) -> Candidate | None:
@@ -152,7 +152,7 @@ def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidat
         if len(steps) < len(effects):
             continue
         steps.append(last)
-        errors = [_pooled(s.ahead) for s in steps]
+        errors = [pooled(s.ahead) for s in steps]
         rises = sum(b >= a for a, b in pairwise(errors))
         if best is None or (rises, errors[1]) < best[:2]:
             best = rises, errors[1], steps
@@ -163,12 +163,7 @@ def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidat
     return best[2], ""
 
 
-def _pooled(errors: Array) -> float:
-    good = errors[np.isfinite(errors)]
-    return float(np.sqrt(np.mean(good**2))) if len(good) else float("nan")
-
-
-def _improved(task: LoopTask, prepared: Ready, steps: list[Step], stopped: str, notes: list[str]) -> Improved:
+def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[Step], stopped: str, notes: list[str]) -> Improved:
     seen = prepared.seen
     records: list[Any] = []
     labels = []
@@ -187,7 +182,7 @@ def _improved(task: LoopTask, prepared: Ready, steps: list[Step], stopped: str, 
                     step=number,
                     effects=effects,
                     rmse_fit_c=float(step.fit.rmse[i]),
-                    rmse_ahead_c=float(ahead) if np.isfinite(ahead) else None,
+                    rmse_ahead_c=finite(ahead),
                     noise_c=float(seen.noise[i]),
                     whiteness_p=float(step.floor[i]),
                     parameters=parameters_of(step.fit, i),
@@ -196,9 +191,9 @@ def _improved(task: LoopTask, prepared: Ready, steps: list[Step], stopped: str, 
                     message="; ".join(dict.fromkeys(notes)) if final else "",
                 )
             )
-    records += refused_records(ImproveRecord, task.run.name, prepared.observed)
+    records += refused_records(ImproveRecord, task.run.name, observed)
     files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
-    learnt = model_file(steps[-1].fit, task.run.name, prepared.observed.readings, task.until_min, files)
+    learnt = model_file(steps[-1].fit, task.run.name, prepared.readings, task.until_min, files)
     ordered = [r for s in range(len(steps)) for r in in_order([x for x in records if x.step == s], task.run)]
     return Improved(
         ordered,

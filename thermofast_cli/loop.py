@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import Observations
+from models.discover import FALSE_ALARM
 from models.effects.base import Effect
 from models.joint import Fit, Part, fit_model
 
 from .errors import ThermofastError, UsageError
 from .learnt import carry
 from .modelfile import read_model
-from .observe import Observed, observe
+from .observe import Note, Observed, observe
 from .plugins import chosen_effects
 from .reading import Run
 from .records import Record
@@ -33,6 +34,7 @@ class LoopTask:
     model: str | None = None
     drive: str | None = None
     auto: bool = False
+    false_alarm: float = FALSE_ALARM
     want_curves: bool = False
 
     @property
@@ -49,13 +51,19 @@ class LoopTask:
 class Ready:
     """A run made ready: all readings and those up to the identification time on one grid."""
 
-    observed: Observed
+    notes: tuple[Note, ...]
+    readings: int
     whole: Observations
     seen: Observations
 
+    def notes_of(self, channel: str | None = None) -> list[str]:
+        """What the reader said of the run, and of one sensor or of all."""
+        mine = [n for n in self.notes if channel is None or n.channel in (None, channel)]
+        return [n.text if n.channel is None else f"{n.channel}: {n.text}" for n in mine]
 
-def ready(task: LoopTask) -> Ready | None:
-    """The run's observations, or None where no sensor is usable.
+
+def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
+    """What the reader found of a run, and its observations, None where no sensor is usable.
 
     Raises
     ------
@@ -69,9 +77,8 @@ def ready(task: LoopTask) -> Ready | None:
         )
     observed = observe(task.run, task.start_min, task.drive)
     if observed.seen is None:
-        return None
-    whole = observed.seen
-    return Ready(observed, whole, whole.until(task.until_min))
+        return observed, None
+    return observed, Ready(observed.notes, observed.readings, observed.seen, observed.seen.until(task.until_min))
 
 
 def check_inputs(effects: list[Effect], whole: Observations) -> None:
@@ -152,6 +159,13 @@ def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, An
             "unit": c.parameter.unit,
         }
     return found
+
+
+def pooled(errors: Any) -> float:
+    """Root mean square over sensors (S,) [K] of those that have an error; nan where none has."""
+    good = np.asarray(errors, dtype=float)
+    good = good[np.isfinite(good)]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else float("nan")
 
 
 def ahead_errors(fit: Fit, whole: Observations) -> Array:

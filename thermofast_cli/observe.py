@@ -24,12 +24,20 @@ FEWEST_READINGS = 24
 
 
 @dataclass(frozen=True)
+class Note:
+    """Something to say of a sensor, or of the whole run (None)."""
+
+    channel: str | None
+    text: str
+
+
+@dataclass(frozen=True)
 class Observed:
     """What a joint fit sees of a run; refused are (channel, status, why) of sensors it leaves out."""
 
     seen: Observations | None
     refused: tuple[tuple[str, str, str], ...]
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     readings: int = 0
 
 
@@ -51,7 +59,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
         stuck = saturated(reading[good], step)
         if stuck.any():
             weight[at[stuck]] = 0.0
-            notes.append(f"{name}: {int(stuck.sum())} readings stuck at the end of the range left out")
+            notes.append(Note(name, f"{int(stuck.sum())} readings stuck at the end of the range left out"))
         weight[at] *= spike_weights(np.ascontiguousarray(reading[good]), step)
         channels.append(name)
         rows.append(reading)
@@ -65,7 +73,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
     rates = [_rate(time, r, w) for r, w in zip(reading, weight, strict=True)]
     seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates)
     if note:
-        notes.append(note)
+        notes.append(Note(None, note))
     if drive is not None:
         # Loggers hold a column, or tell what was, or mean a straight line: the temperatures know which.
         ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]

@@ -98,6 +98,15 @@ loop_options = _together(
     click.option("--drive", metavar="COLUMN", help="A logged column that is the heat of the base model."),
 )
 
+false_alarm_option = click.option(
+    "--false-alarm",
+    type=Finite(0, 0.5, min_open=True),
+    default=0.01,
+    show_default=True,
+    metavar="P",
+    help="Chance per run, over all that is tried, of naming an effect that is not there.",
+)
+
 model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve', in place of the base model.")
 
 #: Names of the parameters that ``reading_options`` adds.

@@ -1,10 +1,16 @@
 """One record per line of output: the same columns in every format. None is an absent number."""
 
+import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 #: Statuses that are failures of a sensor: exit code 1.
 FAILURES = frozenset({"constant", "no_data", "too_short", "diverged", "unreadable"})
+
+
+def finite(value: float | None) -> float | None:
+    """None for a number that is none."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 @dataclass(frozen=True)

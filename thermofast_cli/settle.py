@@ -1,6 +1,5 @@
 """``identify`` and ``sweep`` with a learnt model: steady state and settling time with its effects in."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +16,7 @@ from .learnt import carry
 from .loop import LoopTask, ids_of, in_order, ready
 from .measured import measured_equilibrium
 from .modelfile import read_model
-from .observe import observe
-from .records import IdentifyRecord, SweepRecord
+from .records import IdentifyRecord, SweepRecord, finite
 from .sweep import Swept, sweep_records
 
 Array = NDArray[np.float64]
@@ -43,17 +41,15 @@ def identify_model_lost(task: LoopTask) -> list[list[Identified]]:
     return [[Identified(IdentifyRecord(task.run.name, "", NAME, status="diverged", message="the worker process died"))]]
 
 
-def _refused(task: LoopTask) -> list[Identified]:
-    return [
-        Identified(IdentifyRecord(task.run.name, c, NAME, until_min=task.until_min, status=status, message=why))
-        for c, status, why in observe(task.run, task.start_min).refused
-    ]
-
-
 def _identify(task: LoopTask) -> list[Identified]:
-    prepared = ready(task)
-    if prepared is None or task.model is None:
-        return _refused(task)
+    assert task.model is not None
+    observed, prepared = ready(task)
+    refused = [
+        Identified(IdentifyRecord(task.run.name, c, NAME, until_min=task.until_min, status=status, message=why))
+        for c, status, why in observed.refused
+    ]
+    if prepared is None:
+        return refused
     whole, seen = prepared.whole, prepared.seen
     carried = carry(read_model(task.model), seen, task.run.name, task.model)
     fit = carried.fit
@@ -97,7 +93,7 @@ def _identify(task: LoopTask) -> list[Identified]:
             **settled,
         )
         found.append(Identified(record, None, _curves(task, whole, fit, i, record) if task.want_curves else None))
-    found += _refused(task)
+    found += refused
     order = in_order([f.record for f in found], task.run)
     return [next(f for f in found if f.record is r) for r in order]
 
@@ -165,17 +161,13 @@ def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generato
     low, high = np.quantile(steady[1:], [0.025, 0.975])
     t_low, t_high = np.quantile(t95[1:], [0.025, 0.975])
     return {
-        "steady_state_c": _finite(steady[0]),
-        "steady_state_lo_c": _finite(min(low, steady[0])),
-        "steady_state_hi_c": _finite(max(high, steady[0])),
-        "t95_min": _finite(t95[0]),
-        "t95_lo_min": _finite(min(t_low, t95[0])),
-        "t95_hi_min": _finite(max(t_high, t95[0])),
+        "steady_state_c": finite(steady[0]),
+        "steady_state_lo_c": finite(min(low, steady[0])),
+        "steady_state_hi_c": finite(max(high, steady[0])),
+        "t95_min": finite(t95[0]),
+        "t95_lo_min": finite(min(t_low, t95[0])),
+        "t95_hi_min": finite(max(t_high, t95[0])),
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _root(covariance: Array) -> Array:
@@ -203,13 +195,14 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
 
 def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[Swept]:
     """RMSE of the learnt model over each window against identification time, all sensors of a run."""
-    prepared = ready(task)
-    if prepared is None or task.model is None:
+    assert task.model is not None
+    observed, prepared = ready(task)
+    if prepared is None:
         return [
             Swept(
                 (SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w),), np.empty(0), np.empty((0, 0)), np.empty(0)
             )
-            for c, s, w in observe(task.run, task.start_min).refused
+            for c, s, w in observed.refused
         ]
     whole = prepared.whole
     model = read_model(task.model)

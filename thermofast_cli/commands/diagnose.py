@@ -4,12 +4,13 @@ from typing import Any
 
 import click
 
-from ..options import READING, loop_options, model_option, names, output_options, reading_options, runs_argument
+from ..options import READING, false_alarm_option, loop_options, model_option, names, output_options, reading_options, runs_argument
 
 
 @click.command("diagnose", epilog="Example: thermofast diagnose sample_runs/hidden.csv --format table")
 @runs_argument
 @loop_options
+@false_alarm_option
 @click.option("--effects", metavar="A,B", help="Look for these effects only: ids, or FILE.py:CLASS.")
 @model_option
 @reading_options
@@ -19,6 +20,7 @@ def command(
     until: float | None,
     extra: tuple[str, ...],
     drive: str | None,
+    false_alarm: float,
     effects: str | None,
     model: str | None,
     form: str | None,
@@ -30,7 +32,7 @@ def command(
     """Say which physical effect the base model (or the model of --model) lacks on each RUN.
 
     The verdict is an effect, two joined by '+', 'none', or 'unexplained'. An effect is named only if chance would not give its gain
-    (1 % per run over everything that is tried), the error on readings left out falls, the record determines its
+    (--false-alarm, over everything that is tried), the error on readings left out falls, the record determines its
     parameters, and every sensor comes down to its noise.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
@@ -42,7 +44,14 @@ def command(
     from ..session import deliver, exit_code
 
     given = {k: reading[k] for k in READING}
-    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(effects), "model": model}
+    options: dict[str, Any] = {
+        "until_min": until,
+        "extra": extra,
+        "drive": drive,
+        "false_alarm": false_alarm,
+        "names": names(effects),
+        "model": model,
+    }
     tasks, unreadable = loop_tasks(runs, given, quiet, [output], **options)
     found, interrupted = run_loop(diagnose_task, tasks, jobs, diagnose_lost, quiet, shares=True)
     records = [r for rs in found for r in rs]

@@ -4,12 +4,13 @@ from typing import Any
 
 import click
 
-from ..options import READING, loop_options, names, output_options, reading_options, runs_argument
+from ..options import READING, false_alarm_option, loop_options, names, output_options, reading_options, runs_argument
 
 
 @click.command("improve", epilog="Example: thermofast improve sample_runs/hidden.csv --auto -o machine.toml --format table")
 @runs_argument
 @loop_options
+@false_alarm_option
 @click.option("--add", metavar="A,B", help="Add these effects: ids, or FILE.py:CLASS.")
 @click.option("--auto", is_flag=True, help="Add what the search names, and stop where it would name no more.")
 @reading_options
@@ -20,6 +21,7 @@ def command(
     until: float | None,
     extra: tuple[str, ...],
     drive: str | None,
+    false_alarm: float,
     add: str | None,
     auto: bool,
     form: str | None,
@@ -55,7 +57,8 @@ def command(
     if learns:
         check_target(output or "", (".toml",))
     given = {k: reading[k] for k in READING}
-    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(add), "auto": auto}
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(add)}
+    options |= {"auto": auto, "false_alarm": false_alarm}
     tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], check_table=not learns, **options)
     if learns and len(tasks) > 1:
         raise UsageError(f"{output}: one model file for {len(tasks)} runs", do="learn from one run, or name another output")
