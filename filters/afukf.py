@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from .base import Closing, setting
-from .fading import AdaptiveFading, FadingRule
+from .fading import AdaptiveFading
 from .loop import GaussianFilter
 from .moments import Moments, sigma_points
 
@@ -32,7 +32,7 @@ class Afukf(GaussianFilter):
         return sigma_points(self.spread)
 
     @property
-    def fading_rule(self) -> FadingRule:
+    def fading_rule(self) -> AdaptiveFading:
         return AdaptiveFading(
             self.forgetting,
             self.spread_forgetting,

@@ -122,6 +122,27 @@ class InnovationFading(FadingRule):
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """One innovation as the adaptive rule sees it.
+
+    nu: in its standard deviations; z: deviations of the running mean from none; threshold: those at which fading wakes;
+    gated: outside the gate; matters: the mean is more than the logger's rounding.
+    """
+
+    nu: float
+    z: float
+    threshold: float
+    caution: float
+    gated: bool
+    matters: bool
+
+    @property
+    def wakes(self) -> float:
+        """Z over its threshold where it is beyond it, else 0."""
+        return self.z / self.threshold if self.z > self.threshold and self.matters else 0.0
+
+
+@dataclass(frozen=True)
 class AdaptiveFading(FadingRule):
     """Adaptive fading in a form that stays stable: noise that grew, a stray reading and a wrong model are told apart.
 
@@ -142,16 +163,20 @@ class AdaptiveFading(FadingRule):
     jump_readings: float = 4.0
 
     def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
+        evidence = self.weigh(m, p, e, context)
+        return self.apply(m, state, p, e, context, evidence, evidence.wakes)
+
+    def weigh(self, m: Memory, p: Array, e: float, context: Context) -> "Evidence":
+        """What an innovation says before anything is done about it; advances the running mean and spread."""
         s = p[0, 0] + 1.0
         nu = e / math.sqrt(s * m.scale)
         # Until the noise is known from enough readings, every threshold stands further out.
         caution = 1.0 + 5.0 / m.seen
         gate, wake_threshold = self.gate * caution, self.wake_threshold * caution
-        noise_threshold = self.noise_threshold * caution**2
         gated = abs(nu) > gate
         if gated:
             m.gated_run = m.gated_run + math.copysign(1.0, nu) if m.gated_run * nu > 0.0 else math.copysign(1.0, nu)
-        woke, z = False, 0.0
+        mean_c, z = 0.0, 0.0
         if not (gated and abs(m.gated_run) < 2.0):  # one stray reading teaches nothing
             deviation = nu - m.mean
             m.spread = self.spread_forgetting * m.spread + (1.0 - self.spread_forgetting) * min(deviation**2, gate**2)
@@ -159,9 +184,16 @@ class AdaptiveFading(FadingRule):
             u = nu / math.sqrt(max(m.spread, 1.0))
             m.mean = self.forgetting * m.mean + (1.0 - self.forgetting) * min(max(u, -3.0), 3.0)
             z = abs(m.mean) * math.sqrt((1.0 + self.forgetting) / (1.0 - self.forgetting))
-            woke = z > wake_threshold and abs(m.mean) * math.sqrt(s * m.scale) > context.dead_band
+            mean_c = abs(m.mean) * math.sqrt(s * m.scale)
         if not gated:
             m.gated_run = 0.0
+        return Evidence(nu, z, wake_threshold, caution, gated, mean_c > context.dead_band)
+
+    def apply(self, m: Memory, state: Array, p: Array, e: float, context: Context, evidence: "Evidence", wakes: float) -> Update:
+        """The update of one reading; `wakes` is how far the evidence stands over the threshold, 0 where nothing wakes."""
+        nu, gated = evidence.nu, evidence.gated
+        noise_threshold = self.noise_threshold * evidence.caution**2
+        s = p[0, 0] + 1.0
         r = m.spread if m.spread > noise_threshold else 1.0
         alpha, weight = 1.0, 1.0
         if gated and abs(m.gated_run) >= self.jump_readings:  # not stray: the reading has moved for good
@@ -170,8 +202,8 @@ class AdaptiveFading(FadingRule):
         else:
             if gated:
                 weight = 0.0
-            if woke:
-                alpha = min(1.0 + self.fading_gain * (z / wake_threshold) ** 2, self.fading_most)
+            if wakes > 0.0:
+                alpha = min(1.0 + self.fading_gain * wakes**2, self.fading_most)
         added, before = 0.0, p[0, 0]
         if alpha > 1.0:
             factor = np.full(len(state), math.sqrt(alpha))

@@ -1,13 +1,15 @@
 """From one sensor's readings to one record of ``identify``. Pure: arrays in, records out."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from filters import Filter, Track
+from filters import Afukf, Filter, Track
+from filters.joint import track_together
 from models import spike_weights
 
 from .estimate import DOUBT, FEWEST_READINGS, Estimate, Model, estimate_at
@@ -72,21 +74,73 @@ def identify_sensor(
     """
     sensor = prepare(time_min, values, start_min)
     blank = IdentifyRecord(run, channel, method.filter.name, until_min=until_min, start_min=start_min)
-    refused = refusal(sensor, until_min)
-    notes = [note] if note else []
-    if refused:
-        return Identified(replace(blank, samples=refused[2], status=refused[0], message=_joined([refused[1], *notes])))
+    refused = _refused(blank, sensor, until_min, note)
+    if refused is not None:
+        return refused
     count = sensor.until(until_min)
-    time, reading = sensor.time, sensor.reading
-    track = method.filter.track(method.model, time[:count], reading[:count], sensor.resolution)
-    blank = replace(blank, samples=count, until_min=until_min if until_min is not None else float(time_min[-1] - time_min[0]))
+    track = method.filter.track(method.model, sensor.time[:count], sensor.reading[:count], sensor.resolution)
+    return _identified(replace(blank, until_min=_until(until_min, time_min)), sensor, track, method, note, until_min, want_trace)
+
+
+def identify_together(
+    run: str,
+    channels: Sequence[str],
+    time_min: Array,
+    values: Array,
+    method: Method,
+    until_min: float | None = None,
+    start_min: float = 0.0,
+    notes: Sequence[str] = (),
+    want_trace: bool = False,
+) -> list[Identified]:
+    """As :func:`identify_sensor` for all sensors of a run, values (S, N), under one adaptive fading filter.
+
+    Raises
+    ------
+    TypeError: the filter is not the AFUKF.
+    """
+    if not isinstance(method.filter, Afukf):
+        raise TypeError(f"one filter over all sensors is the AFUKF, not {method.filter.name}")
+    sensors = [prepare(time_min, row, start_min) for row in values]
+    blanks = [IdentifyRecord(run, c, f"{method.filter.name} (joint)", until_min=until_min, start_min=start_min) for c in channels]
+    refused = [_refused(blank, s, until_min, note) for blank, s, note in zip(blanks, sensors, notes, strict=True)]
+    going = [i for i, r in enumerate(refused) if r is None]
+    cut = [sensors[i].until(until_min) for i in going]
+    records = [(sensors[i].time[:n], sensors[i].reading[:n], sensors[i].resolution) for i, n in zip(going, cut, strict=True)]
+    tracks = dict(zip(going, track_together(method.model, method.filter.moments, method.filter.fading_rule, records), strict=True))
+    minutes = _until(until_min, time_min)
+    return [
+        done
+        if done is not None
+        else _identified(replace(blanks[i], until_min=minutes), sensors[i], tracks[i], method, notes[i], until_min, want_trace)
+        for i, done in enumerate(refused)
+    ]
+
+
+def _until(until_min: float | None, time_min: Array) -> float:
+    return until_min if until_min is not None else float(time_min[-1] - time_min[0])
+
+
+def _refused(blank: IdentifyRecord, sensor: Sensor, until_min: float | None, note: str) -> Identified | None:
+    refused = refusal(sensor, until_min)
+    if refused is None:
+        return None
+    status, why, samples = refused
+    return Identified(replace(blank, samples=samples, status=status, message=_joined([why, note])))
+
+
+def _identified(
+    blank: IdentifyRecord, sensor: Sensor, track: Track, method: Method, note: str, until_min: float | None, want_trace: bool
+) -> Identified:
+    count, time, reading = len(track.weight), sensor.time, sensor.reading
+    blank, notes = replace(blank, samples=count), [note] if note else []
     if track.diverged_at is not None:
         message = f"the filter diverged at reading {track.diverged_at + 1}, {time[track.diverged_at]:.4g} min"
         return Identified(replace(blank, status="diverged", message=_joined([message, *notes])))
     estimate = estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, sensor.resolution)
     record = _record(blank, sensor, estimate, track, count, notes)
     trace = trace_columns(method.model, track, time[:count], reading[:count]) if want_trace else None
-    curves = _curves(run, channel, sensor, estimate, trace, count, until_min) if want_trace else None
+    curves = _curves(blank.run, blank.channel, sensor, estimate, trace, count, until_min) if want_trace else None
     return Identified(record, trace, curves)
 
 

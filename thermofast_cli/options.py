@@ -41,7 +41,11 @@ filter_options = _together(
     ),
 )
 
-output_options = _together(
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."
+)
+
+table_options = _together(
     click.option(
         "--format",
         "form",
@@ -49,9 +53,10 @@ output_options = _together(
         help="Table on a terminal, else CSV, by default.",
     ),
     click.option("-o", "--output", metavar="FILE", help="Write to FILE instead: .csv .json .jsonl .parquet .md."),
-    click.option("--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."),
     click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error but errors."),
 )
+
+output_options = _together(table_options, jobs_option)
 
 reading_options = _together(
     click.option("--time", metavar="COLUMN", help="The time column."),

@@ -135,6 +135,24 @@ class ImproveRecord(Record):
     message: str = ""
 
 
+@dataclass(frozen=True)
+class BenchRecord(Record):
+    """One filter on all sensors of a run; errors in K over all of them, width_c the median width of the steady state's interval."""
+
+    filter: str = ""
+    until_min: float | None = None
+    sensors: int = 0
+    broken: int = 0
+    undetermined: int = 0
+    rmse_fit_c: float | None = None
+    rmse_ahead_c: float | None = None
+    width_c: float | None = None
+    steps_per_s: float | None = None
+    chosen: bool = False
+    status: str = "ok"
+    message: str = ""
+
+
 #: Columns of a trace, one row per reading.
 TRACE_COLUMNS = (
     "run",

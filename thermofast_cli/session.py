@@ -115,8 +115,10 @@ def _start(text: str) -> float | None:
     return value
 
 
-def share_out(readings: Readings, jobs: int | None, weight: float, make: Callable[..., Any]) -> tuple[list[Any], int]:
-    """Tasks over all sensors of all runs, and the number of processes that they pay for."""
+def share_out(
+    readings: Readings, jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False
+) -> tuple[list[Any], int]:
+    """Tasks over all sensors of all runs, `whole` runs or parts of them, and the number of processes that they pay for."""
     sensors = sum(len(run.channels) for run, _ in readings.runs)
     longest = max(len(run.time_s) for run, _ in readings.runs)
     processes = jobs if jobs is not None else worth(sensors, longest, weight)
@@ -124,6 +126,7 @@ def share_out(readings: Readings, jobs: int | None, weight: float, make: Callabl
     for run, start in readings.runs:
         channels = list(run.channels)
         size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
+        size = len(channels) if whole else size
         for i in range(0, len(channels), size):
             part = tuple(channels[i : i + size])
             values = np.stack([run.channels[c] for c in part])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .identify import Identified, Method, identify_sensor
+from .identify import Identified, Method, identify_sensor, identify_together
 from .records import IdentifyRecord, SweepRecord
 from .sweep import Swept, sweep_sensor
 
@@ -38,6 +38,7 @@ class IdentifyTask(Task):
 
     until_min: float | None = None
     want_trace: bool = False
+    together: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,18 @@ LOST = "the worker process died twice on this sensor; run it alone with --jobs 1
 
 def identify_task(task: IdentifyTask) -> list[Identified]:
     """Each sensor of the task identified."""
+    if task.together:
+        return identify_together(
+            task.run,
+            task.channels,
+            task.time_min,
+            task.values,
+            task.method,
+            task.until_min,
+            task.start_min,
+            task.notes,
+            task.want_trace,
+        )
     return [
         identify_sensor(task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace)
         for c, v, note in zip(task.channels, task.values, task.notes, strict=True)

@@ -16,6 +16,7 @@ from ..options import READING, Finite, filter_options, model_option, output_opti
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
 @model_option
+@click.option("--joint", is_flag=True, help="One AFUKF over all sensors of a run: what they say together wakes its fading.")
 @filter_options
 @reading_options
 @output_options
@@ -26,6 +27,7 @@ def command(
     runs: tuple[str, ...],
     until: float | None,
     model: str | None,
+    joint: bool,
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -52,6 +54,12 @@ def command(
     from ..work import IdentifyTask, identify_lost, identify_task
 
     method = choose(filter_name, preset, settings)
+    if joint and (filter_name != "afukf" or preset or model):
+        raise UsageError(
+            "--joint runs the AFUKF over all sensors",
+            found=f"--model {model}" if model else f"--preset {preset}" if preset else f"--filter {filter_name}",
+            do="leave one of them out",
+        )
     for target in (output, trace):
         if target:
             check_target(target, TABLE_SUFFIXES)
@@ -81,10 +89,10 @@ def command(
         filter_name = "joint_fit"
 
     def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> IdentifyTask:
-        return IdentifyTask(name, minutes, part, values, notes, method, start, until, details)
+        return IdentifyTask(name, minutes, part, values, notes, method, start, until, details, joint)
 
     if not model:
-        tasks, processes = share_out(readings, jobs, 1.0, make)
+        tasks, processes = share_out(readings, jobs, 1.0 if not joint else 100.0, make, whole=joint)
         found, interrupted = collect(identify_task, tasks, processes, identify_lost, quiet, readings.warm)
     records = [r.record for r in found]
     records += [IdentifyRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]

@@ -56,6 +56,23 @@ INPUTS = frozenset(
     ]
 )
 COUNTERS = frozenset(["no", "nr", "index", "idx", "sample", "scan", "record", "count", "row", "number", "id"])
+#: Words of a thermal displacement; the unit alone says it too, as in ``Z (um)``.
+DISPLACEMENTS = frozenset(
+    [
+        "um",
+        "µm",
+        "μm",
+        "micron",
+        "microns",
+        "disp",
+        "displacement",
+        "displacements",
+        "verlagerung",
+        "verschiebung",
+        "热位移",
+        "位移",
+    ]
+)
 ABSOLUTE_ZERO_C = -273.15
 HOTTEST_C = 5000.0
 
@@ -68,6 +85,7 @@ class Roles:
     inputs: tuple[str, ...]
     sensors: tuple[str, ...]
     counters: tuple[str, ...]
+    displacements: tuple[str, ...] = ()
 
 
 def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: str) -> None:
@@ -82,13 +100,13 @@ def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: s
             )
 
 
-def classify(names: list[str], values: dict[str, Array], options: Options, run: str) -> Roles:
+def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str) -> Roles:
     """Roles of the numeric columns, by the user's word first and by their names else."""
     check_names(options.channels, names, "--channels", run)
     check_names(options.inputs, names, "--inputs", run)
     if options.ambient:
         check_names([options.ambient], names, "--ambient", run)
-    ambient, inputs, sensors, counters = [], [], [], []
+    ambient, inputs, sensors, counters, displacements = [], [], [], [], []
     for name in names:
         told = set(words(name)) | ({name} if not name.isascii() else set())
         if name in options.exclude:
@@ -97,6 +115,8 @@ def classify(names: list[str], values: dict[str, Array], options: Options, run: 
             ambient.append(name)
         elif name in options.inputs:
             inputs.append(name)
+        elif name not in options.channels and (told | set(words(units.get(name, "")))) & DISPLACEMENTS:
+            displacements.append(name)
         elif options.channels:
             if name in options.channels:
                 sensors.append(name)
@@ -112,7 +132,7 @@ def classify(names: list[str], values: dict[str, Array], options: Options, run: 
             counters.append(name)
         else:
             sensors.append(name)
-    return Roles(tuple(ambient), tuple(inputs), tuple(sensors), tuple(counters))
+    return Roles(tuple(ambient), tuple(inputs), tuple(sensors), tuple(counters), tuple(displacements))
 
 
 def _counts(values: Array) -> bool:

@@ -32,6 +32,7 @@ class Run:
     """One record: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 
     `notes` say what was taken for what, and what was mended; `channel_notes` what was mended in one sensor.
+    `displacements` are columns in um.
     """
 
     name: str
@@ -41,3 +42,4 @@ class Run:
     inputs: dict[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     channel_notes: dict[str, str] = field(default_factory=dict)
+    displacements: dict[str, Array] = field(default_factory=dict)

@@ -81,7 +81,7 @@ def run_from_table(table: Table, options: Options) -> Run:
     check_names(options.exclude, table.names, "--exclude", table.name)
     if options.channels:
         check_names(options.channels, [*named, *words], "--channels", table.name)
-    roles = classify(named, numbers, options, table.name)
+    roles = classify(named, numbers, table.units, options, table.name)
     if roles.counters:
         notes.append(f"row counters left out: {listed(roles.counters)}")
     if not roles.sensors:
@@ -108,6 +108,8 @@ def run_from_table(table: Table, options: Options) -> Run:
         notes.append(f"surroundings: {listed(roles.ambient)}")
     if roles.inputs:
         notes.append(f"inputs: {listed(roles.inputs)}")
+    if roles.displacements:
+        notes.append(f"displacements: {listed(roles.displacements)}")
     return Run(
         table.name,
         time,
@@ -116,6 +118,7 @@ def run_from_table(table: Table, options: Options) -> Run:
         {n: numbers[n] for n in roles.inputs},
         tuple(notes),
         channel_notes,
+        {n: numbers[n] for n in roles.displacements},
     )
 
 

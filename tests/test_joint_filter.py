@@ -1,0 +1,127 @@
+"""One filter over all sensors, and all filters on a user's record."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from filters import Afukf
+from filters.joint import pooled_deviation, track_together
+from models import Lump
+from thermofast_cli.bench import choose_among
+from thermofast_cli.records import BenchRecord
+
+METHOD = Afukf()
+
+
+def machine(rng, ramp=0.0, sensors=8, minutes=120):
+    t = np.arange(minutes + 1.0)
+    rates, rises = rng.uniform(0.010, 0.025, sensors), rng.uniform(3.0, 12.0, sensors)
+    since = np.maximum(0.0, t - minutes / 2)
+    clean = [20.0 + r * (1.0 - np.exp(-b * t)) for b, r in zip(rates, rises, strict=True)]
+    warm = [ramp / 60.0 * (since - (1.0 - np.exp(-b * since)) / b) for b in rates]
+    return t, np.array(clean) + np.array(warm) + 0.02 * rng.standard_normal((sensors, len(t)))
+
+
+def together(time, readings):
+    return track_together(Lump(), METHOD.moments, METHOD.fading_rule, [(time, row, 0.0) for row in readings])
+
+
+@pytest.mark.parametrize("m", [2, 5, 10, 30])
+def test_pooled_evidence_is_a_standard_deviate(m):
+    for p in (0.1, 1e-2, 1e-4):
+        size = math.sqrt(stats.chi2.isf(p, m) / m)
+        assert pooled_deviation([size] * m) == pytest.approx(stats.norm.isf(p), abs=0.12)
+    assert pooled_deviation([2.5]) == 2.5
+    assert pooled_deviation([0.1] * m) == 0.0
+
+
+def test_a_sensor_alone_is_filtered_as_by_itself():
+    time, y = machine(np.random.default_rng(1), ramp=2.0, sensors=1)
+    [one] = together(time, y)
+    alone = METHOD.track(Lump(), time, y[0], 0.0)
+    assert np.allclose(one.state, alone.state, atol=1e-9, equal_nan=True)
+    assert np.allclose(one.fading, alone.fading)
+
+
+def test_healthy_sensors_are_left_alone():
+    time, y = machine(np.random.default_rng(2))
+    for track, row in zip(together(time, y), y, strict=True):
+        assert (track.fading == 1.0).all()
+        assert np.allclose(track.state, METHOD.track(Lump(), time, row, 0.0).state, atol=1e-9, equal_nan=True)
+
+
+def test_a_cause_too_faint_for_each_wakes_all_together():
+    earlier = 0
+    for seed in range(6):
+        time, y = machine(np.random.default_rng([3, seed]), ramp=0.5)
+        woke = [np.flatnonzero(t.fading > 1.0) for t in together(time, y)]
+        alone = [np.flatnonzero(METHOD.track(Lump(), time, row, 0.0).fading > 1.0) for row in y]
+        firsts = [min((w[0] for w in ways if len(w)), default=999) for ways in (woke, alone)]
+        assert all(len(w) for w in woke)
+        assert firsts[0] <= firsts[1]
+        earlier += int(np.median([w[0] if len(w) else 999 for w in woke]) < np.median([w[0] if len(w) else 999 for w in alone]))
+    assert earlier >= 5
+
+
+def test_gaps_and_a_sensor_that_breaks_leave_the_others_alone():
+    time, y = machine(np.random.default_rng(4), sensors=3)
+    records = [(time, y[0], 0.0), (np.delete(time, range(40, 60)), np.delete(y[1], range(40, 60)), 0.0), (time, y[2].copy(), 0.0)]
+    records[2][1][80:] = 1e13
+    tracks = track_together(Lump(), METHOD.moments, METHOD.fading_rule, records)
+    assert tracks[2].diverged_at is not None
+    assert np.isnan(tracks[2].state[tracks[2].diverged_at :]).all()
+    for track, record in zip(tracks[:2], records[:2], strict=True):
+        assert track.diverged_at is None
+        assert track.state[-1] == pytest.approx(METHOD.track(Lump(), *record).state[-1], abs=1e-9)
+
+
+def test_joint_at_the_command_line(tool, tmp_path):
+    from thermofast_cli.output.files import write_columns
+
+    time, y = machine(np.random.default_rng(5), ramp=1.0, sensors=4)
+    columns = {"time_min": time, **{f"T{i}": row for i, row in enumerate(y)}, "dead": np.full(len(time), 20.0)}
+    write_columns(str(tmp_path / "run.csv"), columns)
+    done = tool("identify", tmp_path / "run.csv", "--joint", "--format", "json", "-q")
+    found = json.loads(done.out)["records"]
+    assert done.code == 1
+    assert [r["status"] for r in found] == ["model_doubtful"] * 4 + ["constant"]
+    assert {r["filter"] for r in found} == {"afukf (joint)"}
+    refused = tool("identify", tmp_path / "run.csv", "--joint", "--filter", "ekf")
+    assert refused.code == 2
+    assert "--joint runs the AFUKF" in refused.err
+
+
+def test_bench_runs_every_filter_and_says_which_to_use(tool):
+    from thermofast_cli.methods import known_filters
+
+    done = tool("filters", "bench", "sample_runs/spindle.csv", "--until", 60, "--format", "json", "-q")
+    assert done.code == 0, done.err
+    found = json.loads(done.out)["records"]
+    assert [r["filter"] for r in found] == [*known_filters(), "afukf (joint)"]
+    assert sum(r["chosen"] for r in found) == 1
+    for r in found:
+        assert r["sensors"] == 10
+        assert r["steps_per_s"] > 0
+    best = next(r for r in found if r["chosen"])
+    assert best["message"].startswith("use it here")
+    assert best["rmse_ahead_c"] <= 1.1 * min(r["rmse_ahead_c"] for r in found if r["broken"] == 0)
+    wrong = tool("filters", "bench", "sample_runs/spindle.csv", "--until", 4000)
+    assert wrong.code == 2
+    assert "--until" in wrong.err
+
+
+def test_the_choice_leaves_out_what_broke_and_prefers_the_default_among_equals():
+    def record(name, ahead, broken=0):
+        return BenchRecord("r", "", filter=name, sensors=3, broken=broken, rmse_ahead_c=ahead, steps_per_s=1e5)
+
+    told = {r.filter: r for r in choose_among([record("afukf", 0.105), record("ukf", 0.1), record("ekf", 0.05, broken=1)])}
+    assert told["afukf"].chosen
+    assert not told["ekf"].chosen
+    assert "as good: ukf" in told["afukf"].message
+    told = {r.filter: r for r in choose_among([record("afukf", 0.2), record("ukf", 0.1)])}
+    assert told["ukf"].chosen
+    told = choose_among([record("afukf", None, broken=3)])
+    assert "no filter came through" in told[0].message
