@@ -7,10 +7,12 @@ from .fading_ukf import FadingUkf
 from .least_squares import LeastSquares
 from .loop import GaussianFilter
 from .printed import PrintedAfukf, PrintedFadingUkf
+from .rls import Rls
+from .svd import SvdUkf
 from .ukf import Ukf
 
 #: Built-in filters, the default first.
-BUILT_IN: tuple[type[Filter], ...] = (Afukf, FadingUkf, Ukf, Ekf, LeastSquares)
+BUILT_IN: tuple[type[Filter], ...] = (Afukf, FadingUkf, Ukf, Ekf, SvdUkf, Rls, LeastSquares)
 #: What ``--preset paper`` turns a filter into.
 PRINTED: tuple[type[Filter], ...] = (PrintedAfukf, PrintedFadingUkf)
 
@@ -27,8 +29,10 @@ __all__ = [
     "LeastSquares",
     "PrintedAfukf",
     "PrintedFadingUkf",
+    "Rls",
     "Start",
     "StateModel",
+    "SvdUkf",
     "Track",
     "Ukf",
 ]

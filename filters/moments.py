@@ -3,6 +3,7 @@
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,6 +39,9 @@ class Moments:
     The covariance is per unit of `scale`, the noise variance: sigma points stand where the true covariance puts them.
     """
 
+    #: Whether the compiled loop knows this transform; where not, the readable loop is taken.
+    compiled: ClassVar[bool] = True
+
     @abstractmethod
     def predict(self, model: StateModel, mean: Array, covariance: Array, dt: float, scale: float) -> tuple[Array, Array]: ...
 
@@ -48,6 +52,10 @@ class Moments:
 
 @dataclass(frozen=True)
 class _SigmaPoints(Moments):
+    def root(self, covariance: Array) -> Array:
+        """Factor (n, n) of a covariance along whose columns the points stand."""
+        return semidefinite_root(covariance)
+
     @abstractmethod
     def weights(self, n: int) -> tuple[float, float, float, float]:
         """Spread of the points, weight of the centre in the mean and in the covariance, weight of every other point."""
@@ -55,7 +63,7 @@ class _SigmaPoints(Moments):
     def predict(self, model: StateModel, mean: Array, covariance: Array, dt: float, scale: float) -> tuple[Array, Array]:
         n = len(mean)
         spread, mean0, cov0, each = self.weights(n)
-        arms = spread * math.sqrt(scale) * semidefinite_root(covariance).T
+        arms = spread * math.sqrt(scale) * self.root(covariance).T
         moved = model.step(np.concatenate([mean + arms, mean - arms]), dt)
         centre = model.step(mean, dt)
         new_mean = each * moved.sum(axis=0) + mean0 * centre

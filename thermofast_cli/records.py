@@ -153,6 +153,54 @@ class BenchRecord(Record):
     message: str = ""
 
 
+@dataclass(frozen=True)
+class SensitivityRecord(Record):
+    """What one uncertain thing contributes to the spread of one quantity of a sensor.
+
+    size is its standard deviation; first_order and total are Sobol indices, shares of the quantity's variance; mean and deviation are
+    the quantity's over all that is uncertain; surrogate_error the share of the variance that the polynomial misses;
+    exceed_p_* the probability that the steady state errs by more than the limit asked for.
+    """
+
+    until_min: float | None = None
+    quantity: str = ""
+    factor: str = ""
+    size: float | None = None
+    unit: str = ""
+    first_order: float | None = None
+    total: float | None = None
+    mean: float | None = None
+    deviation: float | None = None
+    exceed_p_form: float | None = None
+    exceed_p_mc: float | None = None
+    exceed_p_mc_lo: float | None = None
+    exceed_p_mc_hi: float | None = None
+    runs: int = 0
+    lost: int = 0
+    surrogate_error: float | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class DisplacementRecord(Record):
+    """One way to tell a displacement from the temperatures; errors in um on readings not used, over contiguous blocks.
+
+    channel is the displacement column; baseline_um the error of its mean alone; coverage the share of readings inside the 95 % interval.
+    """
+
+    method: str = ""
+    samples: int = 0
+    sensors: list[str] = field(default_factory=list)
+    rmse_fit_um: float | None = None
+    rmse_ahead_um: float | None = None
+    baseline_um: float | None = None
+    coverage: float | None = None
+    trusted: bool = False
+    status: str = "ok"
+    message: str = ""
+
+
 #: Columns of a trace, one row per reading.
 TRACE_COLUMNS = (
     "run",

@@ -54,7 +54,7 @@ def _identify(task: LoopTask) -> list[Identified]:
     carried = carry(read_model(task.model), seen, task.run.name, task.model)
     fit = carried.fit
     floor = noise_floor(fit)
-    reference = _reference(seen)
+    reference = reference_of(seen)
     rng = np.random.default_rng(1)
     found = []
     for i, channel in enumerate(seen.channels):
@@ -116,7 +116,7 @@ def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: Ident
     )
 
 
-def _reference(seen: Observations) -> float | None:
+def reference_of(seen: Observations) -> float | None:
     """The surroundings that a steady state is told for: their mean over the last tenth of the readings used [degC]."""
     if not seen.ambient:
         return None
@@ -125,8 +125,31 @@ def _reference(seen: Observations) -> float | None:
     return float(np.mean(column[used[-max(1, len(used) // 10) :]]))
 
 
+def settling_point(fit: Fit, i: int, reference: float | None) -> tuple[float, float]:
+    """Steady state [degC] and t95 [min] of one sensor at the fitted parameters."""
+    steady, t95 = _settled(fit, i, reference, np.zeros((1, fit.local.shape[1] + len(fit.shared))))
+    return float(steady[0]), float(t95[0])
+
+
 def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generator) -> dict[str, Any]:
     """Steady state and t95 of one sensor with their 95 % intervals, over draws of the parameters."""
+    root = _root(fit.joint_covariance(i))
+    draws = rng.standard_normal((DRAWS, len(root))) @ root.T
+    steady, t95 = _settled(fit, i, reference, np.concatenate([np.zeros((1, len(root))), draws]))
+    low, high = np.quantile(steady[1:], [0.025, 0.975])
+    t_low, t_high = np.quantile(t95[1:], [0.025, 0.975])
+    return {
+        "steady_state_c": finite(steady[0]),
+        "steady_state_lo_c": finite(min(low, steady[0])),
+        "steady_state_hi_c": finite(max(high, steady[0])),
+        "t95_min": finite(t95[0]),
+        "t95_lo_min": finite(min(t_low, t95[0])),
+        "t95_hi_min": finite(max(t_high, t95[0])),
+    }
+
+
+def _settled(fit: Fit, i: int, reference: float | None, moves: Array) -> tuple[Array, Array]:
+    """Steady states [degC] and t95 [min] (R,) of one sensor with its parameters moved by (R, kl + ks) in search coordinates."""
     parts = [p for p in fit.model.parts if p.effect.scope != "one"]
     keep = [k for k, p in enumerate(fit.model.parts) if p.effect.scope != "one"]
     rates = [float(fit.values[-1, "rate"][i])]
@@ -141,8 +164,7 @@ def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generato
     model = Model(far, parts)
     model.active = fit.model.active[:, [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]]
     centre = np.concatenate([fit.local[i], fit.shared])
-    root = _root(fit.joint_covariance(i))
-    draws = centre + np.concatenate([np.zeros((1, len(centre))), rng.standard_normal((DRAWS, len(centre))) @ root.T])
+    draws = centre + moves
     kl = fit.local.shape[1]
     local = np.clip(draws[:, :kl], fit.model.low_local, fit.model.high_local)
     shared = np.clip(draws[:, kl:], fit.model.low_shared, fit.model.high_shared)
@@ -158,16 +180,7 @@ def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generato
     outside = np.abs(curves - steady[:, None]) > band[:, None]
     last = outside.shape[1] - 1 - np.argmax(outside[:, ::-1], axis=1)
     t95 = np.where(outside.any(axis=1), far.time[np.minimum(last + 1, len(far.time) - 1)], 0.0)
-    low, high = np.quantile(steady[1:], [0.025, 0.975])
-    t_low, t_high = np.quantile(t95[1:], [0.025, 0.975])
-    return {
-        "steady_state_c": finite(steady[0]),
-        "steady_state_lo_c": finite(min(low, steady[0])),
-        "steady_state_hi_c": finite(max(high, steady[0])),
-        "t95_min": finite(t95[0]),
-        "t95_lo_min": finite(min(t_low, t95[0])),
-        "t95_hi_min": finite(max(t_high, t95[0])),
-    }
+    return steady, t95
 
 
 def _root(covariance: Array) -> Array:
@@ -221,7 +234,7 @@ def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[fl
             inside = (whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used
             if until < window - 1e-9:
                 rmse[:, j, k] = np.sqrt((np.where(inside, error, 0.0) ** 2).sum(axis=1) / np.maximum(inside.sum(axis=1) - 1, 1))
-        reference = _reference(seen)
+        reference = reference_of(seen)
         for i in range(n):
             settled = _settling(fit, i, reference, rng)
             width[i, k] = settled["steady_state_hi_c"] - settled["steady_state_lo_c"]
