@@ -1,18 +1,20 @@
 """``compare``: the model beside the measurement, how well and where it fails."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models import Observations
+from models.area_metric import FEWEST, enough, record_area_metric
+from models.greybox import Model
 from models.heldout import held_out_errors
 from models.joint import Fit
 from models.judge import PATTERN, noise_floor
 
-from .errors import ThermofastError
+from .errors import ThermofastError, UsageError
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .records import CompareRecord, finite
 
@@ -82,6 +84,7 @@ def _compare(task: LoopTask) -> Comparison:
     floor = noise_floor(fit)
     residual = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
     effects = ids_of(fit.model.parts)
+    low, high = curve_bounds(fit, dict(task.input_ranges))
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
         stretches = failing_stretches(whole.time, residual[i], whole.weight[i], float(seen.noise[i]), fit.curve_deviation(i))
@@ -90,7 +93,8 @@ def _compare(task: LoopTask) -> Comparison:
         inside = residual[i][fit.run.used[i]]
         bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
         along = correlations(fit, whole, residual, i)
-        messages = [_in_words(along), *notes, *prepared.notes_of(channel)]
+        few = f"area metric of {int(whole.used[i].sum())} readings: at least {FEWEST} are needed to rank models by it"
+        messages = [few if not enough(int(whole.used[i].sum())) else "", _in_words(along), *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= PATTERN and unused.any():
             messages.insert(0, HOLDS)
         status = "ok" if floor[i] >= PATTERN and not stretches else "model_doubtful"
@@ -107,7 +111,7 @@ def _compare(task: LoopTask) -> Comparison:
                 bias_c=bias,
                 noise_c=float(seen.noise[i]),
                 whiteness_p=float(floor[i]),
-                area_metric_c=_area(whole, fit, i),
+                area_metric_c=_area(whole, fit, low, high, i) if whole.used[i].any() else None,
                 worst_from_min=worst[0] if worst else None,
                 worst_to_min=worst[1] if worst else None,
                 worst_error_c=worst[2] if worst else None,
@@ -202,10 +206,38 @@ def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
     return float(np.sqrt(np.mean((residual[1:] - kept * residual[:-1]) ** 2)))
 
 
-def _area(whole: Observations, fit: Fit, i: int) -> float:
-    """Area between the distributions of measured and modelled temperatures [K] (Ferson, Oberkampf & Ginzburg 2008)."""
+def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
+    """Least and largest curve (S, N), (S, N) [degC] while each logged input named lies within +- its range, all else held.
+
+    Raises
+    ------
+    UsageError: a name that is no logged input.
+    """
+    run = fit.run
+    low, high = fit.curve, fit.curve
+    for name, reach in ranges.items():
+        if name not in run.ambient and name not in run.inputs:
+            have = ", ".join([*run.ambient, *run.inputs]) or "this run logs none"
+            raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=have)
+        for share in (-1.0, -0.5, 0.5, 1.0):
+            moved = replace(
+                run,
+                ambient={n: c + share * reach * (n == name) for n, c in run.ambient.items()},
+                inputs={n: c + share * reach * (n == name) for n, c in run.inputs.items()},
+            )
+            shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
+            curve = Model(moved, fit.model.parts).forward(fit.local, shared, np.arange(run.sensors))
+            low, high = np.minimum(low, curve), np.maximum(high, curve)
+    return low, high
+
+
+def _area(whole: Observations, fit: Fit, low: Array, high: Array, i: int) -> float:
+    """Area metric [K] of one sensor: the parameters' uncertainty random, the declared input ranges intervals."""
     good = whole.used[i]
-    return float(np.mean(np.abs(np.sort(whole.reading[i][good]) - np.sort(fit.curve[i][good]))))
+    deviation = fit.curve_deviation(i)[good]
+    deviation = np.minimum(np.nan_to_num(deviation, nan=0.0, posinf=1e6), 1e6)
+    bounds = low[i][good], high[i][good]
+    return record_area_metric(whole.reading[i][good], fit.curve[i][good], deviation, *bounds, noise=float(whole.noise[i]))
 
 
 def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list[dict[str, Any]]:

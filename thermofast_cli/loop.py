@@ -35,6 +35,7 @@ class LoopTask:
     drive: str | None = None
     auto: bool = False
     false_alarm: float = FALSE_ALARM
+    input_ranges: tuple[tuple[str, float], ...] = ()
     want_curves: bool = False
 
     @property

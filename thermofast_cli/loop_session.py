@@ -1,6 +1,6 @@
 """What the commands of the discovery loop share: runs into tasks, tasks into results over a pool of processes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
@@ -62,9 +62,8 @@ def loop_tasks(
 
 
 @contextmanager
-def _sharing(tasks: list[LoopTask], jobs: int) -> Iterator[Spread]:
-    largest = max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0)
-    if jobs < 2 or largest < SHARED_FROM:
+def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator[Spread]:
+    if jobs < 2 or max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) < SHARED_FROM:
         yield map
         return
     shared = Shared(jobs)
@@ -76,9 +75,9 @@ def _sharing(tasks: list[LoopTask], jobs: int) -> Iterator[Spread]:
 
 def run_loop(
     work: Callable[..., list[Any]],
-    tasks: list[LoopTask],
+    tasks: Sequence[Any],
     jobs: int | None,
-    lost: Callable[[LoopTask], list[Any]],
+    lost: Callable[[Any], list[Any]],
     quiet: bool,
     shares: bool = False,
 ) -> tuple[list[Any], bool]:

@@ -162,3 +162,23 @@ def numbers(text: str, option: str) -> tuple[float, ...]:
             f"{option}: not a list of minutes", found=repr(text), allowed="numbers above zero as 40,45,50 or FIRST:LAST:STEP"
         ) from None
     return tuple(sorted({round(v, 9) for v in found}))
+
+
+def ranges(texts: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
+    """'ambient=0.5' as ('ambient', 0.5).
+
+    Raises
+    ------
+    UsageError: not of that form, or not a number above zero.
+    """
+    found = []
+    for text in texts:
+        name, _, value = text.rpartition("=")
+        try:
+            reach = float(value)
+        except ValueError:
+            reach = math.nan
+        if not name or not 0.0 < reach < math.inf:
+            raise UsageError("--input-range: not of the form COLUMN=X", found=repr(text), allowed="X above zero, as in ambient=0.5")
+        found.append((name.strip(), reach))
+    return tuple(found)

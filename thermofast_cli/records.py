@@ -80,6 +80,8 @@ class CompareRecord(Record):
 
     rmse_ahead_c is the free run's error on readings that the fit did not see: those after --until, else blocks left out in turn.
     failing lists the stretches where the model fails, goes_along_with what the residual follows.
+    area_metric_c is the mean distance by which the residuals would have to move to be such as the model, its parameters uncertain
+    and its inputs within their ranges, foretells.
     """
 
     effects: list[str] = field(default_factory=list)
@@ -157,8 +159,8 @@ class BenchRecord(Record):
 class SensitivityRecord(Record):
     """What one uncertain thing contributes to the spread of one quantity of a sensor.
 
-    size is its standard deviation; first_order and total are Sobol indices, shares of the quantity's variance; mean and deviation are
-    the quantity's over all that is uncertain; surrogate_error the share of the variance that the polynomial misses;
+    size is its standard deviation; first_order and total are Sobol indices, shares of the quantity's variance; mean and
+    deviation are the quantity's over all that is uncertain; surrogate_error the share of the variance that the polynomial misses;
     exceed_p_* the probability that the steady state errs by more than the limit asked for.
     """
 
@@ -186,7 +188,8 @@ class SensitivityRecord(Record):
 class DisplacementRecord(Record):
     """One way to tell a displacement from the temperatures; errors in um on readings not used, over contiguous blocks.
 
-    channel is the displacement column; baseline_um the error of its mean alone; coverage the share of readings inside the 95 % interval.
+    channel is the displacement column; baseline_um the error of its mean alone; coverage the share of readings inside the 95 %
+    interval.
     """
 
     method: str = ""

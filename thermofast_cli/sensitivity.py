@@ -10,11 +10,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from models.chaos import Chaos, design, fit_chaos
-from models.reliability import Exceedance, exceedance
 from numpy.typing import NDArray
 
-from models import Lump, Observations
+from models import Lump
+from models.chaos import Chaos, design, fit_chaos
+from models.joint import Fit
+from models.reliability import first_order, monte_carlo
 
 from .errors import ThermofastError
 from .estimate import Estimate, estimate_at
@@ -28,14 +29,13 @@ from .settle import reference_of, settling_point
 
 Array = NDArray[np.float64]
 
-#: Degree of the polynomials, and design points per coefficient.
-DEGREE, POINTS_EACH = 2, 2.0
-#: A chaos whose left-out error is more than this share of the variance tells nothing.
-WORST_LEFT_OUT = 0.2
+#: Degree of the polynomials.
+DEGREE = 2
+#: Draws of the polynomial for a probability.
+COUNTED = 50_000
 #: Share of the runs that may end undetermined.
 MOST_LOST = 0.05
-#: Each quantity's name and unit.
-QUANTITIES = (("steady_state_c", "degC"), ("t95_min", "min"))
+QUANTITIES = ("steady_state_c", "t95_min")
 
 
 @dataclass(frozen=True)
@@ -60,16 +60,6 @@ class Factor:
     size: float
     unit: str
     inputs: int = 1
-
-
-@dataclass(frozen=True)
-class Study:
-    """What was found for one sensor and quantity."""
-
-    factors: list[Factor]
-    chaos: Chaos
-    lost: int
-    exceedance: Exceedance | None
 
 
 @dataclass(frozen=True)
@@ -201,7 +191,7 @@ def _root(covariance: Array) -> Array:
 
 
 def _points(factors: list[Factor]) -> Array:
-    return design(sum(f.inputs for f in factors), DEGREE, None, 1)
+    return design(sum(f.inputs for f in factors), DEGREE)
 
 
 def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
@@ -216,17 +206,22 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     constants = [(owner, n) for owner, n in _shared_constants(file) if n.standard_error]
     factors = [
         Factor("probe noise", float(np.median(whole.noise)), "K", 2),
+        Factor("time stamps", sizes.jitter, "s", 2),
         Factor("probe offset", sizes.offset, "K"),
+        Factor("start level", sizes.start, "K"),
         Factor("room", sizes.room, "K"),
         Factor("identification time", sizes.until, "min"),
         *[Factor(f"{owner}.{n.name}" if owner else n.name, float(n.standard_error or 0.0), n.unit) for owner, n in constants],
     ]
     centre = carry(file, prepared.seen, loop.run.name, loop.model).fit
-    levels = _own_level_roots(centre)
+    slope = np.gradient(centre.curve, whole.time, axis=1)
+    noise_of = _level_roots(centre, np.broadcast_to(centre.noise[:, None], centre.curve.shape))
+    stamps_of = _level_roots(centre, np.abs(slope) * sizes.jitter / 60.0)
+    fading = np.exp(-centre.values[-1, "rate"][:, None] * whole.time)
 
     def outcome(point: Array) -> Array:
-        noise, offset, room, minutes, moved = point[:2], point[2], point[3], point[4], point[5:]
-        added = np.einsum("snk,k->sn", levels, noise) + offset * sizes.offset
+        noise, stamps, (offset, start, room, minutes), moved = point[:2], point[2:4], point[4:8], point[8:]
+        added = noise_of @ noise + stamps_of @ stamps + offset * sizes.offset + start * sizes.start * fading
         changed = replace(
             whole,
             reading=whole.reading + added,
@@ -235,7 +230,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
         seen = changed.until(until + minutes * sizes.until)
         fit = carry(_moved(file, constants, moved), seen, loop.run.name, loop.model or "").fit
         reference = reference_of(seen)
-        return np.array([settling_point(fit, i, reference) for i in range(whole.sensors)])
+        return np.asarray([settling_point(fit, i, reference) for i in range(whole.sensors)])
 
     points = _points(factors)
     outputs = np.array([outcome(point) for point in points])
@@ -251,8 +246,7 @@ def _shared_constants(file: ModelFile) -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     for owner, numbers in [("", file.base), *[(e.id, e.parameters) for e in file.effects]]:
         names = dict.fromkeys(n.name for n in numbers if n.belongs == "machine")
-        for name in names:
-            found.append((owner, next(n for n in numbers if n.name == name)))
+        found += [(owner, next(n for n in numbers if n.name == name)) for name in names]
     return found
 
 
@@ -279,15 +273,16 @@ def _inside(number: Any, shift: float) -> float:
     return float(number.value + shift * number.standard_error)
 
 
-def _own_level_roots(fit: Any) -> Array:
-    """What the noise puts into each sensor's own level and start, as changes (S, N, 2) of its curve."""
-    run: Observations = fit.run
+def _level_roots(fit: Fit, deviation: Array) -> Array:
+    """What independent errors of the readings, deviation (S, N) [K], put into each sensor's own level and start: changes
+    (S, N, 2) of its curve.
+    """
+    run = fit.run
     roots = np.zeros((run.sensors, len(run.time), 2))
     for i in range(run.sensors):
-        by = fit.by_local[1:3, i].T
-        used = run.used[i]
-        precision = (by[used] * run.weight[i][used][:, None]).T @ by[used] / fit.noise[i] ** 2
-        roots[i] = by @ _root(np.linalg.pinv(precision))
+        by, used = fit.by_local[1:3, i].T, run.used[i]
+        back = np.linalg.pinv(by[used])
+        roots[i] = by @ _root((back * deviation[i][used] ** 2) @ back.T)
     return roots
 
 
@@ -297,38 +292,40 @@ def _records(
     good = np.isfinite(outputs).all(axis=1)
     lost = int((~good).sum())
     records: list[SensitivityRecord] = []
-    for q, (quantity, unit) in enumerate(QUANTITIES):
+    for q, quantity in enumerate(QUANTITIES):
         named = replace(blank, quantity=quantity, lost=lost)
         if lost > MOST_LOST * len(points):
             why = f"{lost} of {len(points)} changed records leave the steady state undetermined: measure longer"
             records.append(replace(named, status="not_determined", message=why))
             continue
         chaos = fit_chaos(points[good], outputs[good, q], DEGREE)
-        told = exceedance(chaos, limit) if limit is not None and quantity == "steady_state_c" else None
-        doubtful = chaos.left_out_error > WORST_LEFT_OUT
+        exceeds = _exceedance(chaos, limit) if limit is not None and quantity == "steady_state_c" else {}
+        spread = replace(
+            named,
+            mean=chaos.mean,
+            deviation=chaos.standard_deviation,
+            surrogate_error=chaos.unexplained,
+            status="model_doubtful" if chaos.doubt else "ok",
+            message=f"{quantity}: the shares are rough: {chaos.doubt}" if chaos.doubt else "",
+            **exceeds,
+        )
         first = 0
         for factor in factors:
-            mine = list(range(first, first + factor.inputs))
+            mine = range(first, first + factor.inputs)
             first += factor.inputs
-            records.append(
-                replace(
-                    named,
-                    factor=factor.name,
-                    size=factor.size,
-                    unit=factor.unit,
-                    first_order=chaos.first_order_of(mine),
-                    total=chaos.total_of(mine),
-                    mean=chaos.mean,
-                    deviation=chaos.deviation,
-                    surrogate_error=chaos.left_out_error,
-                    exceed_p_form=told.by_form if told else None,
-                    exceed_p_mc=told.by_monte_carlo if told else None,
-                    exceed_p_mc_lo=told.low if told else None,
-                    exceed_p_mc_hi=told.high if told else None,
-                    status="model_doubtful" if doubtful else "ok",
-                    message=f"the polynomial misses {100 * chaos.left_out_error:.0f} % of the variance: shares are rough ({unit})"
-                    if doubtful
-                    else "",
-                )
-            )
+            alone, in_all = chaos.alone(mine), chaos.in_all(mine)
+            told = replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, first_order=alone, total=in_all)
+            records.append(told)
     return records
+
+
+def _exceedance(chaos: Chaos, limit: float) -> dict[str, Any]:
+    """Probability that the steady state is further than `limit` [K] from its mean: first order, and counted on the polynomial."""
+    about = replace(chaos, coefficients=np.concatenate([[0.0], chaos.coefficients[1:]]))
+    counted = monte_carlo(about, limit, chaos.dimension, COUNTED)
+    return {
+        "exceed_p_form": first_order(about, limit).probability,
+        "exceed_p_mc": counted.probability,
+        "exceed_p_mc_lo": counted.low,
+        "exceed_p_mc_hi": counted.high,
+    }

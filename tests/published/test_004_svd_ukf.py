@@ -294,16 +294,15 @@ def test_the_points_carry_a_gaussian_as_the_other_points_do(points):
     assert apart[1][1] == pytest.approx(100 * apart[0][1], rel=0.05)
 
 
-def test_the_readable_loop_runs_on_them_and_the_compiled_one_refuses():
+def test_the_readable_loop_is_taken_for_them():
     rng = np.random.default_rng(6)
     time = np.arange(120.0)
     reading = 26.0 - 8.0 * np.exp(-0.02 * time) + 0.02 * rng.standard_normal(120)
     start = Lump().start(time, reading, 0.0)
-    one, two = (run_filter(Lump(), start, m, NoFading(), time, reading, compiled=False) for m in (SvdPoints(), ScaledPoints()))
+    one, two = (run_filter(Lump(), start, m, NoFading(), time, reading) for m in (SvdPoints(), ScaledPoints()))
     assert one.diverged_at is None
     assert one.state[-1] == pytest.approx(two.state[-1], rel=1e-3)
-    with pytest.raises(NotImplementedError, match="compiled=False"):
-        SvdPoints().compiled_settings(3)
+    assert not SvdPoints().compiled
 
 
 # ---------------------------------------------------------------- recursive least squares

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, loop_options, model_option, names, output_options, reading_options, runs_argument
+from ..options import READING, loop_options, model_option, names, output_options, ranges, reading_options, runs_argument
 
 
 @click.command("compare", epilog="Example: thermofast compare sample_runs/hidden.csv --until 240 --save-plot compare.png")
@@ -12,6 +12,13 @@ from ..options import READING, loop_options, model_option, names, output_options
 @loop_options
 @click.option("--effects", metavar="A,B", help="Add these effects to the base model: ids, or FILE.py:CLASS.")
 @model_option
+@click.option(
+    "--input-range",
+    "input_ranges",
+    multiple=True,
+    metavar="COLUMN=X",
+    help="A logged input is only known to within +- X of its unit; widens what area_metric_c allows. May be repeated.",
+)
 @reading_options
 @output_options
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and residual with failing stretches: .png .pdf .svg.")
@@ -22,6 +29,7 @@ def command(
     drive: str | None,
     effects: str | None,
     model: str | None,
+    input_ranges: tuple[str, ...],
     form: str | None,
     output: str | None,
     jobs: int | None,
@@ -60,6 +68,7 @@ def command(
         drive=drive,
         names=names(effects),
         model=model,
+        input_ranges=ranges(input_ranges),
         want_curves=bool(save_plot),
     )
     found, interrupted = run_loop(compare_task, tasks, jobs, compare_lost, quiet)

@@ -27,11 +27,9 @@ from ..options import READING, Finite, filter_options, model_option, output_opti
     default=2.0,
     show_default=True,
     metavar="MIN",
-    help="Of the identification time.",
+    help="Of the time to identify.",
 )
-@click.option(
-    "--limit", type=Finite(0, min_open=True), metavar="K", help="Give the probability that the steady state errs by more."
-)
+@click.option("--limit", type=Finite(0, min_open=True), metavar="K", help="Tell the probability of a larger error.")
 @reading_options
 @output_options
 @click.option("--save-plot", metavar="FILE", help="Draw the shares as bars: .png .pdf .svg.")
@@ -58,9 +56,9 @@ def command(
     """Say how much each uncertain thing contributes to the spread of the steady state and of the settling time.
 
     Uncertain are the probe's noise (from the record), its offset, the level at the start, the room, the time stamps and the
-    identification time, each by the standard deviation of its option; with --model also the machine's constants, by their standard
-    errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in all' that with what
-    it does together with others.
+    identification time, each by the standard deviation of its option; with --model also the machine's constants, by their
+    standard errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in
+    all' that with what it does together with others. --limit is about the steady state's distance from its mean.
     """
     from ..loop_session import loop_tasks, run_loop
     from ..methods import choose
