@@ -1,7 +1,10 @@
 """Estimation: one file per published filter, one loop, two plug points (moment transform, fading rule). Knows no physics."""
 
 from .afukf import Afukf
+from .ast_cqkf import AstCqkf
 from .base import Closing, Compiled, Filter, Start, StateModel, Track
+from .ckf import Ckf
+from .cqkf import Cqkf
 from .ekf import Ekf
 from .fading_ukf import FadingUkf
 from .least_squares import LeastSquares
@@ -12,7 +15,7 @@ from .svd import SvdUkf
 from .ukf import Ukf
 
 #: Built-in filters, the default first.
-BUILT_IN: tuple[type[Filter], ...] = (Afukf, FadingUkf, Ukf, Ekf, SvdUkf, Rls, LeastSquares)
+BUILT_IN: tuple[type[Filter], ...] = (Afukf, FadingUkf, Ukf, Ekf, SvdUkf, Ckf, Cqkf, AstCqkf, Rls, LeastSquares)
 #: What ``--preset paper`` turns a filter into.
 PRINTED: tuple[type[Filter], ...] = (PrintedAfukf, PrintedFadingUkf)
 
@@ -20,8 +23,11 @@ __all__ = [
     "BUILT_IN",
     "PRINTED",
     "Afukf",
+    "AstCqkf",
+    "Ckf",
     "Closing",
     "Compiled",
+    "Cqkf",
     "Ekf",
     "FadingUkf",
     "Filter",

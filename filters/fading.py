@@ -8,6 +8,7 @@ Joseph, the covariance of the gain that was really used.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -66,6 +67,8 @@ class FadingRule:
     """Contract: ``update`` one reading; ``rule`` and ``compiled_settings`` name its compiled twin."""
 
     rule = "abstract"
+    #: Whether the compiled loop knows this rule; where not, the readable loop is taken.
+    compiled: ClassVar[bool] = True
 
     def memory(self, scale: float, dof: float) -> Memory:
         return Memory(scale, dof)

@@ -66,7 +66,7 @@ def run(
     columns[: start.index + 1, 6] = start.weights
     # Rounding to the logger's step is no news of the physics, however long it lasts.
     dead_band = 0.5 * resolution
-    if compiled and moments.compiled and _compiled_run is not None and model.compiled is not None:
+    if compiled and moments.compiled and rule.compiled and _compiled_run is not None and model.compiled is not None:
         broken = _compiled_run(
             model.compiled.step,
             model.compiled.jacobian,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from filters import Afukf, Filter, Track
 from filters.joint import track_together
 from models import spike_weights
+from models.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from .estimate import DOUBT, FEWEST_READINGS, Estimate, Model, estimate_at
 from .measured import measured_equilibrium
@@ -25,10 +26,11 @@ WIDEST = 5.0
 
 @dataclass(frozen=True)
 class Method:
-    """What every sensor of a run is treated with."""
+    """What every sensor of a run is treated with; paces: how the rate will change after the last reading used."""
 
     model: Model
     filter: Filter
+    paces: tuple[Pace, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def _identified(
         message = f"the filter diverged at reading {track.diverged_at + 1}, {time[track.diverged_at]:.4g} min"
         return Identified(replace(blank, status="diverged", message=_joined([message, *notes])))
     estimate = estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, sensor.resolution)
-    record = _record(blank, sensor, estimate, track, count, notes)
+    record = _record(blank, sensor, estimate, track, count, notes, method.paces)
     trace = trace_columns(method.model, track, time[:count], reading[:count]) if want_trace else None
     curves = _curves(blank.run, blank.channel, sensor, estimate, trace, count, until_min) if want_trace else None
     return Identified(record, trace, curves)
@@ -158,7 +160,13 @@ def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | N
 
 
 def _record(
-    blank: IdentifyRecord, sensor: Sensor, estimate: Estimate, track: Track, count: int, notes: list[str]
+    blank: IdentifyRecord,
+    sensor: Sensor,
+    estimate: Estimate,
+    track: Track,
+    count: int,
+    notes: list[str],
+    paces: Sequence[Pace],
 ) -> IdentifyRecord:
     time, reading = sensor.time, sensor.reading
     steady, t95 = estimate.steady_state_interval, estimate.t95_interval
@@ -170,6 +178,7 @@ def _record(
         error = estimate.free_run(time[count:])[kept] - reading[count:][kept]
         ahead = math.sqrt(float(np.mean(error**2))) if len(error) else None
     status, messages = _verdict(estimate, track, sensor)
+    to_go = remaining(estimate, max(estimate.time - (blank.start_min or 0.0), 0.0), paces)
     return replace(
         blank,
         initial_c=finite(initial),
@@ -182,6 +191,9 @@ def _record(
         t95_lo_min=finite(t95.low),
         t95_hi_min=finite(t95.high),
         t95_measured_min=measured[1] if measured else None,
+        time_to_go_min=to_go.median,
+        time_to_go_lo_min=to_go.low,
+        time_to_go_hi_min=to_go.high,
         rate_per_min=finite(estimate.rate),
         noise_c=finite(estimate.noise),
         rmse_fit_c=finite(estimate.misfit),
@@ -189,6 +201,21 @@ def _record(
         status=status,
         message=_joined([*messages, *sensor.notes, *notes]),
     )
+
+
+def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) -> TimeToGo:
+    """Minutes from the last reading used until 95 % of the rise is done for good, `elapsed` [min] after its start.
+
+    Where one curve holds from the start on, what is left is t95 less what has passed. Where the filter has forgotten its past,
+    the start is a reading of its own, and the time is the first passage of the state's curve into the band around its steady state.
+    """
+    if estimate.t95 is None:
+        return TimeToGo(None, None, None)
+    if estimate.faded:
+        return time_to_go(estimate.state, estimate.covariance, estimate.initial, paces=paces)
+    sides = estimate.t95_interval.low, estimate.t95, estimate.t95_interval.high
+    low, median, high = (clock_time(max(v - elapsed, 0.0), paces) if v is not None else None for v in sides)
+    return TimeToGo(low, median, high)
 
 
 def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, list[str]]:

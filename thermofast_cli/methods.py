@@ -6,6 +6,7 @@ from typing import Any
 
 from filters import BUILT_IN, PRINTED, Filter
 from models import Lump, PrintedLump
+from models.first_passage import Pace
 
 from .errors import UsageError, listed
 from .identify import Method
@@ -98,3 +99,25 @@ def _value(text: str, value: str, field: Any) -> Any:
     if not low <= number <= high:
         raise UsageError(f"--set {text!r}: out of range", found=f"{number:g}", allowed=f"{low:g} to {high:g}")
     return number
+
+
+def paces(text: str | None) -> tuple[Pace, ...]:
+    """'60:1.3,30:1' as phases of 60 min at 1.3 times the rate and then of its own rate, the last of which lasts.
+
+    Raises
+    ------
+    UsageError: not of that form, no duration above zero, or a factor below zero.
+    """
+    found = []
+    for part in text.split(",") if text else ():
+        minutes, _, factor = part.partition(":")
+        try:
+            pace = Pace(float(minutes), float(factor))
+        except ValueError:
+            pace = Pace(0.0, 0.0)
+        if not (0.0 < pace.duration < 1e7 and 0.0 <= pace.factor < 1e3):
+            raise UsageError(
+                "--pace: not a list of phases", found=repr(part), allowed="MIN:FACTOR, both numbers, as in 60:1.3,30:1"
+            )
+        found.append(pace)
+    return tuple(found)

@@ -33,7 +33,8 @@ class IdentifyRecord(Record):
     """Steady state and settling time of one sensor; temperatures degC, times min, rate 1/min.
 
     steady_state_limit_c is the smallest standard deviation that any unbiased method could reach on these readings;
-    *_measured_* stand where the record itself is complete.
+    *_measured_* stand where the record itself is complete. time_to_go_* count from the last reading used to the time at which
+    95 % of the rise is done for good.
     """
 
     filter: str
@@ -50,6 +51,9 @@ class IdentifyRecord(Record):
     t95_lo_min: float | None = None
     t95_hi_min: float | None = None
     t95_measured_min: float | None = None
+    time_to_go_min: float | None = None
+    time_to_go_lo_min: float | None = None
+    time_to_go_hi_min: float | None = None
     rate_per_min: float | None = None
     noise_c: float | None = None
     rmse_fit_c: float | None = None

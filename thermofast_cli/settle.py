@@ -91,11 +91,21 @@ def _identify(task: LoopTask) -> list[Identified]:
             status=status,
             message="; ".join(notes),
             **settled,
+            **_to_go(settled, float(seen.time[np.flatnonzero(seen.used[i])[-1]])),
         )
         found.append(Identified(record, None, _curves(task, whole, fit, i, record) if task.want_curves else None))
     found += refused
     order = in_order([f.record for f in found], task.run)
     return [next(f for f in found if f.record is r) for r in order]
+
+
+def _to_go(settled: dict[str, Any], elapsed: float) -> dict[str, Any]:
+    """What is left of t95 after `elapsed` [min]."""
+    sides = {"": "t95_min", "_lo": "t95_lo_min", "_hi": "t95_hi_min"}
+    return {
+        f"time_to_go{side}_min": max(settled[name] - elapsed, 0.0) if settled[name] is not None else None
+        for side, name in sides.items()
+    }
 
 
 def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: IdentifyRecord) -> Curves:

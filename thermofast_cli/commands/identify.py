@@ -16,6 +16,11 @@ from ..options import READING, Finite, filter_options, model_option, output_opti
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
 @model_option
+@click.option(
+    "--pace",
+    metavar="MIN:FACTOR,..",
+    help="After the last reading used the rate is FACTOR times its own for MIN minutes, and so on; the last one lasts.",
+)
 @click.option("--joint", is_flag=True, help="One AFUKF over all sensors of a run: what they say together wakes its fading.")
 @filter_options
 @reading_options
@@ -27,6 +32,7 @@ def command(
     runs: tuple[str, ...],
     until: float | None,
     model: str | None,
+    pace: str | None,
     joint: bool,
     filter_name: str,
     preset: str | None,
@@ -45,15 +51,19 @@ def command(
     RUN is a CSV or Parquet file, or - for standard input. One record per sensor; status tells how far to trust it:
     ok, not_determined (a side of an interval is open), model_doubtful (the base model does not fit).
     """
+    from dataclasses import replace
+
     from ..errors import UsageError
-    from ..methods import choose
+    from ..methods import choose, paces
     from ..output.files import TABLE_SUFFIXES, check_target, check_targets, write_table
     from ..output.screen import interval, number, text
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
     from ..work import IdentifyTask, identify_lost, identify_task
 
-    method = choose(filter_name, preset, settings)
+    method = replace(choose(filter_name, preset, settings), paces=paces(pace))
+    if pace and model:
+        raise UsageError("--pace changes the rate of the base model", do="leave --pace or --model out")
     if joint and (filter_name != "afukf" or preset or model):
         raise UsageError(
             "--joint runs the AFUKF over all sensors",
@@ -103,6 +113,7 @@ def command(
         ("measured", number("steady_state_measured_c")),
         ("t95 min", number("t95_min", 1)),
         ("95 % interval", interval("t95_lo_min", "t95_hi_min", 1)),
+        ("to go min", number("time_to_go_min", 0)),
         ("noise K", number("noise_c", 3)),
         ("rmse K", number("rmse_fit_c", 3)),
         ("ahead K", number("rmse_ahead_c", 3)),

@@ -1,0 +1,48 @@
+"""Adaptive strong tracking cubature quadrature Kalman filter."""
+
+from dataclasses import dataclass
+
+from .base import Closing, setting
+from .cubature import CubaturePoints
+from .fading import FadingRule
+from .loop import GaussianFilter
+from .moments import Moments
+from .strong_tracking import StrongTracking
+
+
+@dataclass(frozen=True)
+class AstCqkf(GaussianFilter):
+    """Cubature quadrature points; fades until the innovations are explained, follows their noise."""
+
+    name = "ast_cqkf"
+    summary = "adaptive strong tracking CQKF: fades with the innovations, estimates the noise as it goes"
+    reference = "Liu et al. 2018, doi:10.13700/j.bh.1001-5965.2017.0312, in a stable form"
+
+    order: float = setting(2.0, "m, points along each radius", 1.0, 20.0)
+    weakening: float = setting(3.5, "beta of equation (28)", 1.0, 100.0)
+    forgetting: float = setting(0.95, "rho of equation (30)", 0.0, 1.0)
+    noise_forgetting: float = setting(0.95, "b of equation (41)", 0.5, 0.999)
+    noise_least: float = setting(0.1, "least noise variance, per that of the start", 1e-6, 1.0)
+    noise_most: float = setting(100.0, "largest noise variance, per that of the start", 1.0, 1e6)
+    fading_most: float = setting(1.5, "largest fading factor of one reading", 1.0, 1e3)
+    stray: float = setting(5.0, "standard deviations at which a reading says no more about noise and model", 2.0, 100.0)
+
+    @property
+    def moments(self) -> Moments:
+        return CubaturePoints(int(self.order))
+
+    @property
+    def fading_rule(self) -> FadingRule:
+        return StrongTracking(
+            self.weakening,
+            self.forgetting,
+            self.noise_forgetting,
+            self.noise_least,
+            self.noise_most,
+            self.fading_most,
+            self.stray,
+        )
+
+    @property
+    def closing(self) -> Closing:
+        return "never"

@@ -1,0 +1,32 @@
+"""Cubature quadrature Kalman filter."""
+
+from dataclasses import dataclass
+
+from .base import Closing, setting
+from .cubature import CubaturePoints
+from .fading import FadingRule, NoFading
+from .loop import GaussianFilter
+from .moments import Moments
+
+
+@dataclass(frozen=True)
+class Cqkf(GaussianFilter):
+    """The spherical rule times a Gauss-Laguerre rule of order m along the radius, equations (20)-(25)."""
+
+    name = "cqkf"
+    summary = "cubature quadrature Kalman filter: m points along each radius, no fading"
+    reference = "Liu et al. 2018, doi:10.13700/j.bh.1001-5965.2017.0312, after Bhaumik & Swati 2013, IET Signal Processing 7(7)"
+
+    order: float = setting(2.0, "m, points along each radius; 1 is the cubature Kalman filter", 1.0, 20.0)
+
+    @property
+    def moments(self) -> Moments:
+        return CubaturePoints(int(self.order))
+
+    @property
+    def fading_rule(self) -> FadingRule:
+        return NoFading()
+
+    @property
+    def closing(self) -> Closing:
+        return "never"
