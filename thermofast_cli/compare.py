@@ -226,7 +226,11 @@ def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
                 inputs={n: c + share * reach * (n == name) for n, c in run.inputs.items()},
             )
             shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
-            curve = Model(moved, fit.model.parts).forward(fit.local, shared, np.arange(run.sensors))
+            model = Model(moved, fit.model.parts)
+            local = fit.local.copy()
+            # The heating is what it was: surroundings that are warmer make the machine warmer.
+            local[:, 1] += model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
+            curve = model.forward(local, shared, np.arange(run.sensors))
             low, high = np.minimum(low, curve), np.maximum(high, curve)
     return low, high
 

@@ -1,0 +1,152 @@
+"""Shares of the uncertain things, the time still to go, and the area metric as a user meets them."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from models.chaos import fit_chaos
+from thermofast_cli.estimate import estimate_at
+from thermofast_cli.identify import remaining
+from thermofast_cli.methods import choose
+from thermofast_cli.sensitivity import Sizes, _plain_factors, _points
+from thermofast_cli.sensor import Sensor
+
+METHOD = choose("afukf", None, ())
+
+
+def records(done):
+    assert done.code == 0, done.err
+    return json.loads(done.out)["records"]
+
+
+def study(noise=0.02, until=60.0, seed=1):
+    time = np.arange(121.0)
+    rng = np.random.default_rng(seed)
+    sensor = Sensor(time, 26.7 - 8.8 * np.exp(-0.01536 * time) + noise * rng.standard_normal(121), 0.0, ())
+    count = sensor.until(until)
+    track = METHOD.filter.track(METHOD.model, time[:count], sensor.reading[:count], 0.0)
+    centre = estimate_at(METHOD.model, METHOD.filter, track, time[:count], sensor.reading[:count], count - 1, 0.0)
+    factors, change = _plain_factors(Sizes(), sensor, until, centre)
+
+    def outcome(point):
+        reading, to = change(point)
+        n = int(np.searchsorted(time, to, "right"))
+        t = METHOD.filter.track(METHOD.model, time[:n], reading[:n], 0.0)
+        found = estimate_at(METHOD.model, METHOD.filter, t, time[:n], reading[:n], n - 1, 0.0)
+        return found.steady_state, found.t95
+
+    return centre, factors, outcome
+
+
+def test_132_runs_tell_what_monte_carlo_tells_from_1000():
+    _, factors, outcome = study()
+    points = _points(factors)
+    assert len(points) == 132
+    outputs = np.array([outcome(p) for p in points])
+    drawn = np.random.default_rng(5).standard_normal((1000, points.shape[1]))
+    counted = np.array([outcome(p) for p in drawn])
+    for q in range(2):
+        chaos = fit_chaos(points, outputs[:, q], 2)
+        assert chaos.mean == pytest.approx(counted[:, q].mean(), abs=0.1 * counted[:, q].std())
+        assert chaos.standard_deviation == pytest.approx(counted[:, q].std(), rel=0.06)
+        assert not chaos.doubt
+
+
+def test_the_noises_share_is_what_the_interval_says():
+    centre, factors, outcome = study()
+    points = _points(factors)
+    chaos = fit_chaos(points, np.array([outcome(p)[0] for p in points]), 2)
+    from_noise = math.sqrt(chaos.alone(range(3))) * chaos.standard_deviation
+    width = (centre.steady_state_interval.high - centre.steady_state_interval.low) / 3.92
+    assert from_noise == pytest.approx(width, rel=0.15)
+    offset = math.sqrt(chaos.alone([6])) * chaos.standard_deviation
+    assert offset == pytest.approx(0.1, rel=0.02)  # an offset of the probe moves the steady state by itself
+    assert sum(chaos.alone(m) for m in ([0, 1, 2], [3, 4, 5], [6], [7], [8], [9])) == pytest.approx(1.0, abs=0.03)
+
+
+def test_sensitivity_at_the_command_line(tool, tmp_path):
+    picture = tmp_path / "shares.png"
+    arguments = ["sample_runs/spindle.csv", "--until", 60, "--channels", "T1", "--limit", "0.5", "--format", "json", "-q"]
+    found = records(tool("sensitivity", *arguments, "--save-plot", picture))
+    assert picture.stat().st_size > 5000
+    assert {r["quantity"] for r in found} == {"steady_state_c", "t95_min"}
+    assert [r["factor"] for r in found[:6]] == [
+        "probe noise",
+        "time stamps",
+        "probe offset",
+        "start level",
+        "room",
+        "identification time",
+    ]
+    for r in found:
+        assert r["status"] == "ok"
+        assert -1e-9 <= r["first_order"] <= r["total"] + 1e-9 <= 1.0 + 1e-6
+    steady = [r for r in found if r["quantity"] == "steady_state_c"]
+    assert 0.2 < steady[0]["exceed_p_mc"] < 0.4
+    assert steady[0]["exceed_p_form"] == pytest.approx(steady[0]["exceed_p_mc"], abs=0.03)
+    assert found[-1]["exceed_p_mc"] is None
+    small = records(tool("sensitivity", *arguments, "--room", "0"))
+    assert small[0]["deviation"] < 0.3 * steady[0]["deviation"]
+
+
+def test_sensitivity_with_a_model_holds_its_constants(tool, tmp_path):
+    model = tmp_path / "machine.toml"
+    assert tool("improve", "sample_runs/hidden.csv", "--add", "second_mode", "-o", model, "-q").code == 0
+    run = "sample_runs/hidden_second_run.csv"
+    found = records(tool("sensitivity", run, "--model", model, "--until", 60, "--channels", "T1,T2", "--format", "json", "-q"))
+    factors = {r["factor"] for r in found}
+    assert {"second_mode.kappa", "second_mode.rate", "rate", "probe offset", "room", "start level", "time stamps"} <= factors
+    t95 = {r["factor"]: r["first_order"] for r in found if r["channel"] == "T1" and r["quantity"] == "t95_min"}
+    assert max(t95, key=t95.get) == "second_mode.rate"
+
+
+def test_nothing_is_said_of_what_is_not_determined(tool):
+    done = tool("sensitivity", "sample_runs/spindle.csv", "--until", 8, "--channels", "T10", "--format", "json", "-q")
+    for record in json.loads(done.out)["records"]:
+        assert record["status"] == "not_determined"
+        assert record["first_order"] is None
+        assert "measure longer" in record["message"]
+
+
+def test_time_to_go_is_what_is_left_of_t95(tool):
+    for r in records(tool("identify", "sample_runs/spindle.csv", "--until", 60, "--format", "json", "-q")):
+        assert r["time_to_go_min"] == pytest.approx(r["t95_min"] - 60.0)
+        assert r["time_to_go_lo_min"] == pytest.approx(r["t95_lo_min"] - 60.0)
+        assert r["time_to_go_hi_min"] == pytest.approx(r["t95_hi_min"] - 60.0)
+    twice = records(tool("identify", "sample_runs/spindle.csv", "--until", 60, "--pace", "10:2,1:1", "--format", "json", "-q"))
+    plain = records(tool("identify", "sample_runs/spindle.csv", "--until", 60, "--format", "json", "-q"))
+    for a, b in zip(twice, plain, strict=True):
+        assert a["time_to_go_min"] == pytest.approx(b["time_to_go_min"] - 10.0)
+    done = tool("identify", "sample_runs/spindle.csv", "--pace", "10")
+    assert done.code == 2
+    assert "MIN:FACTOR" in done.err
+
+
+def test_time_to_go_of_a_settled_sensor_is_none_left_and_of_a_faded_one_its_own():
+    time = np.arange(401.0)
+    rng = np.random.default_rng(2)
+    reading = 26.7 - 8.8 * np.exp(-0.01536 * time) + 0.02 * rng.standard_normal(401)
+    track = METHOD.filter.track(METHOD.model, time, reading, 0.0)
+    settled = estimate_at(METHOD.model, METHOD.filter, track, time, reading, 400, 0.0)
+    assert remaining(settled, 400.0).median == 0.0
+    ramped = reading[:121] + 2.0 / 60.0 * np.maximum(0.0, time[:121] - 60.0)
+    track = METHOD.filter.track(METHOD.model, time[:121], ramped, 0.0)
+    faded = estimate_at(METHOD.model, METHOD.filter, track, time[:121], ramped, 120, 0.0)
+    assert faded.faded
+    left = remaining(faded, 120.0)
+    assert left.median is None or left.low <= left.median
+
+
+def test_input_ranges_widen_what_the_area_metric_allows(tool):
+    run = "sample_runs/hidden_two.csv"
+    plain, wide = (
+        records(tool("compare", run, "--effects", "ambient", *more, "--format", "json", "-q"))
+        for more in ((), ("--input-range", "ambient=0.5"))
+    )
+    for a, b in zip(plain, wide, strict=True):
+        assert 0.0 <= b["area_metric_c"] < a["area_metric_c"]
+    done = tool("compare", run, "--input-range", "ambient=x")
+    assert done.code == 2
+    assert "COLUMN=X" in done.err
