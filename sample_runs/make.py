@@ -71,6 +71,7 @@ def hidden(folder: Path) -> None:
         if second:
             write_columns(str(folder / f"{name}_second_run.csv"), second_run(case, rng).columns)
     write_columns(str(folder / "hidden_ramp.csv"), ramped(np.random.default_rng(5)))
+    write_columns(str(folder / "displacement.csv"), displaced(np.random.default_rng(41)))
     key = {"effects": {"load_ramp": {"change": 0.6, "begin_min": 110.0, "length_min": 130.0}}, "noise_c": 0.015}
     write_json(str(folder / "hidden_ramp.key.json"), key)
 
@@ -87,6 +88,29 @@ def ramped(rng: np.random.Generator) -> dict[str, np.ndarray]:
         curve = solve_ivp(slope, (0.0, 420.0), [20.05], "LSODA", time, rtol=1e-9, atol=1e-9, max_step=2.0).y[0]
         columns[f"T{i + 1}"] = np.round(curve + 0.015 * rng.standard_normal(len(time)), 2)
     columns["ambient"] = np.round(20.0 + 0.01 * rng.standard_normal(len(time)), 2)
+    return columns
+
+
+def displaced(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Five temperatures of a drive that runs, rests and runs faster, and two displacements of the spindle nose.
+
+    Z is the sum of what the parts expand by; Y jumps by 6 um where a bearing seat lets go, 5 K above the room.
+    """
+    time = np.arange(0.0, 601.0)
+    load = np.where(time < 180, 1.0, np.where(time < 300, 0.2, np.where(time < 460, 1.4, 0.0)))
+    above = []
+    for rate, rise in ((0.030, 9.0), (0.018, 6.0), (0.012, 4.5), (0.008, 3.0), (0.020, 2.0)):
+        curve = np.zeros(len(time))
+        for k in range(1, len(time)):
+            curve[k] = rise * load[k] + (curve[k - 1] - rise * load[k]) * np.exp(-rate)
+        above.append(curve)
+    z = 1.9 * above[0] + 2.6 * above[1] + 1.4 * above[2] - 0.8 * above[3]
+    y = np.where(above[0] > 5.0, 6.0, 0.0) - 0.35 * above[1]
+    columns = {"time_min": time}
+    for i, curve in enumerate(above):
+        columns[f"T{i + 1}"] = np.round(20.0 + curve + 0.02 * rng.standard_normal(len(time)), 2)
+    columns["Z_um"] = np.round(z + 0.4 * rng.standard_normal(len(time)), 1)
+    columns["Y_um"] = np.round(y + 0.3 * rng.standard_normal(len(time)), 1)
     return columns
 
 

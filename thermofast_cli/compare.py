@@ -14,16 +14,14 @@ from models.heldout import held_out_errors
 from models.joint import Fit
 from models.judge import PATTERN, noise_floor
 
+from .colour import colour_of
 from .errors import ThermofastError, UsageError
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .records import CompareRecord, finite
+from .stretches import failing_stretches
 
 Array = NDArray[np.float64]
 
-#: A stretch fails where its running mean leaves this many standard errors of white noise.
-FAILS = 4.5
-#: Deviations of the model itself that are no failure.
-UNSURE = 3.0
 #: A correlation is told where chance gives it once in so many looks.
 CORRELATED = 1e-3
 MOST_TOLD = 12
@@ -87,17 +85,25 @@ def _compare(task: LoopTask) -> Comparison:
     low, high = curve_bounds(fit, dict(task.input_ranges))
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
-        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], float(seen.noise[i]), fit.curve_deviation(i))
+        colour = colour_of(fit, i, float(floor[i]))
+        # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
+        wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
+        noise = wider * float(fit.noise[i]) if colour.short else float(seen.noise[i])
+        unsure = wider * fit.curve_deviation(i)
+        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], noise, unsure)
         worst = max(stretches, key=lambda s: abs(s[2]), default=None)
         unused = whole.used[i] & ~fit.run.used[i]
         inside = residual[i][fit.run.used[i]]
         bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
         along = correlations(fit, whole, residual, i)
-        few = f"area metric of {int(whole.used[i].sum())} readings: at least {FEWEST} are needed to rank models by it"
-        messages = [few if not enough(int(whole.used[i].sum())) else "", _in_words(along), *notes, *prepared.notes_of(channel)]
+        count = int(whole.used[i].sum())
+        few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
+        messages = [few, colour.words, _in_words(along), *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= PATTERN and unused.any():
             messages.insert(0, HOLDS)
-        status = "ok" if floor[i] >= PATTERN and not stretches else "model_doubtful"
+        # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
+        sound = floor[i] >= PATTERN or (colour.short and colour.whitened_p >= PATTERN)
+        status = "ok" if sound and not stretches else "model_doubtful"
         records.append(
             CompareRecord(
                 task.run.name,
@@ -111,6 +117,9 @@ def _compare(task: LoopTask) -> Comparison:
                 bias_c=bias,
                 noise_c=float(seen.noise[i]),
                 whiteness_p=float(floor[i]),
+                noise_order=colour.order,
+                whitened_p=finite(colour.whitened_p),
+                long_run_factor=colour.long_run_factor,
                 area_metric_c=_area(whole, fit, low, high, i) if whole.used[i].any() else None,
                 worst_from_min=worst[0] if worst else None,
                 worst_to_min=worst[1] if worst else None,
@@ -139,60 +148,6 @@ def _compare(task: LoopTask) -> Comparison:
             )
     records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels)
-
-
-def failing_stretches(
-    time: Array, residual: Array, weight: Array, noise: float, unsure: Array | None = None
-) -> list[tuple[float, float, float]]:
-    """(from, to, mean residual [K]) of stretches where the residual (N,), nan for none, leaves a running mean's band.
-
-    The band is that of the noise and, ahead of the fit, of the model's own standard deviation `unsure` (N,) [K].
-    Looks at running means over 5, 15 and 45 readings: a long shallow failure shows in the long one, a short one in the short.
-    """
-    good = np.flatnonzero(np.isfinite(residual) & (weight > 0.0))
-    if len(good) < 10:
-        return []
-    r, w = residual[good], weight[good]
-    room = np.zeros(len(good)) if unsure is None else np.minimum(np.nan_to_num(unsure[good], posinf=1e9), 1e9)
-    out = np.zeros(len(good), dtype=bool)
-    for width in (5, 15, 45):
-        if width * 2 > len(good):
-            break
-        kernel = np.ones(width)
-        heavy = np.convolve(w, kernel, "same")
-        mean = np.convolve(r * w, kernel, "same") / heavy
-        outside = np.abs(mean) > FAILS * noise / np.sqrt(heavy) + UNSURE * room
-        # A mean over a width speaks for its middle half.
-        reach = np.convolve(outside, np.ones(width // 2 | 1), "same") > 0
-        side = np.sign(np.convolve(r * w, kernel, "same"))
-        out |= reach & (np.sign(r) == side)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
-    stretches: list[list[float]] = []
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
-        a, b = _trimmed(r, w, room, noise, a, b)
-        if b - a < 3:
-            continue
-        size = float((r[a:b] * w[a:b]).sum() / w[a:b].sum())
-        if abs(size) < FAILS * noise / math.sqrt(float(w[a:b].sum())):
-            continue
-        begin, end = float(time[good[a]]), float(time[good[b - 1]])
-        near = stretches and begin - stretches[-1][1] < 0.03 * (time[good[-1]] - time[good[0]]) and stretches[-1][2] * size > 0
-        if near:
-            count = stretches[-1][3]
-            stretches[-1] = [stretches[-1][0], end, (stretches[-1][2] * count + size * (b - a)) / (count + b - a), count + b - a]
-        else:
-            stretches.append([begin, end, size, b - a])
-    return [(round(s[0], 4), round(s[1], 4), s[2]) for s in stretches if s[3] >= 3]
-
-
-def _trimmed(r: Array, w: Array, room: Array, noise: float, a: int, b: int) -> tuple[int, int]:
-    """A stretch without those ends where the mean of five readings is within two standard errors."""
-    side = math.copysign(1.0, float((r[a:b] * w[a:b]).sum()))
-    kernel = np.ones(5)
-    heavy = np.convolve(w, kernel, "same")
-    mean = np.convolve(r * w, kernel, "same") / np.maximum(heavy, 1e-9)
-    far = np.flatnonzero(side * mean[a:b] > 2.0 * noise / np.sqrt(np.maximum(heavy[a:b], 1e-9)) + room[a:b])
-    return (a + int(far[0]), a + int(far[-1]) + 1) if len(far) else (a, a)
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:

@@ -281,7 +281,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _where(found: Discovery, seen: Observations) -> str:
-    from .compare import failing_stretches
+    from .stretches import failing_stretches
 
     base = found.base
     worst = None

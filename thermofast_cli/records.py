@@ -84,8 +84,10 @@ class CompareRecord(Record):
 
     rmse_ahead_c is the free run's error on readings that the fit did not see: those after --until, else blocks left out in turn.
     failing lists the stretches where the model fails, goes_along_with what the residual follows.
-    area_metric_c is the mean distance by which the residuals would have to move to be such as the model, its parameters uncertain
-    and its inputs within their ranges, foretells.
+    whiteness_p is that of the residual being white noise; where it is not, noise_order is the ARMA model of its colour and,
+    where that is short enough to be the sensor's noise, whitened_p the p value once the colour is taken off.
+    area_metric_c is the mean distance by which the residuals would have to move to be such as the model, its parameters
+    uncertain and its inputs within their ranges, foretells.
     """
 
     effects: list[str] = field(default_factory=list)
@@ -97,6 +99,9 @@ class CompareRecord(Record):
     bias_c: float | None = None
     noise_c: float | None = None
     whiteness_p: float | None = None
+    noise_order: str = ""
+    whitened_p: float | None = None
+    long_run_factor: float | None = None
     area_metric_c: float | None = None
     worst_from_min: float | None = None
     worst_to_min: float | None = None

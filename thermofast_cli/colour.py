@@ -1,0 +1,69 @@
+"""The colour of a residual: is it the sensor's noise, smoothed by its logger, or a misfit of the model?"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.joint import Fit
+from models.residual_noise import NoiseModel, long_run_factor, select_arma, whitened
+from models.whiteness import pattern_p_value
+
+#: Above this p value a residual is taken for white and no model of its colour is looked for.
+PLAIN = 0.05
+#: Noise of a sensor and its logger has died away within this share of the lump's time constant; slower is a misfit.
+SHORT = 0.1
+#: Autocorrelation at which it has died away.
+DIED = 0.1
+FEWEST = 60
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Colour of one sensor's residual: ARMA order in words, whether it is short enough to be noise, p value of what is left white.
+
+    long_run_factor is that by which errors of slow parameters are larger in variance than under white noise.
+    """
+
+    order: str = "white"
+    short: bool = False
+    whitened_p: float = math.nan
+    long_run_factor: float = 1.0
+    words: str = ""
+
+
+def colour_of(fit: Fit, sensor: int, whiteness_p: float) -> Colour:
+    """Colour of a sensor's residual where it does not look white; whiteness_p is its p value under white noise."""
+    used = fit.run.used[sensor]
+    if whiteness_p >= PLAIN or int(used.sum()) < FEWEST:
+        return Colour()
+    residual = np.where(used, fit.unrounded[sensor], np.nan)
+    span = slice(*(np.flatnonzero(used)[[0, -1]] + [0, 1]))
+    series, weight = residual[span], np.sqrt(fit.run.weight[sensor][span])
+    if not float(np.nanstd(series)) > 0.0:
+        return Colour()
+    model = select_arma(series * weight)
+    p, q = model.order
+    if p + q == 0:
+        return Colour()
+    lasts = _dies_after(model, len(series)) * fit.run.step
+    short = lasts <= SHORT / float(fit.values[-1, "rate"][sensor])
+    name = f"ARMA({p},{q})"
+    if not short:
+        return Colour(name, False, words=f"the residual's pattern lasts {lasts:.3g} min: a misfit, not noise")
+    tangent = np.concatenate([fit.by_local[:, sensor], fit.by_shared[:, sensor]]).T[span]
+    tangent = np.where(np.isfinite(series)[:, None], tangent, np.nan)
+    white = whitened(series * weight, model)
+    columns = whitened(tangent[:, np.abs(np.nan_to_num(tangent)).max(axis=0) > 0.0] * weight[:, None], model)
+    good = np.isfinite(white)
+    factor = float(long_run_factor(series * weight))
+    times = math.sqrt(factor)
+    told = f"the noise is {name}, gone after {lasts:.3g} min: slow parameters err {times:.2g} times as much as under white noise"
+    return Colour(name, True, pattern_p_value(white[good], columns[good]), factor, told)
+
+
+def _dies_after(model: NoiseModel, readings: int) -> int:
+    """Readings after which the autocorrelation stays below DIED."""
+    covariance = model.autocovariance(max(2, readings // 2))
+    beyond = np.flatnonzero(np.abs(covariance) > DIED * covariance[0])
+    return int(beyond[-1]) + 1

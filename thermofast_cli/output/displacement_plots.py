@@ -1,0 +1,34 @@
+"""Pictures of displacement: measured, and told of readings left out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..displacement import Panel
+from .plots import MARK, MEASURED, MODEL, new_figure, save_figure
+from .screen import say
+
+MOST = 6
+COLOURS = {"least squares": MODEL, "network": MARK}
+
+
+def plot_displacement(path: str, panels: Sequence[Panel]) -> None:
+    """A panel for each displacement: what was measured, and what each model says of blocks that it had not seen."""
+    shown = panels[:MOST]
+    if not shown:
+        say("no displacement to draw: see the status of each record")
+        return
+    figure = new_figure(7.5, 3.0 * len(shown) + 0.5)
+    axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+    for axis, panel in zip(axes, shown, strict=True):
+        axis.plot(panel.time, panel.displacement, ".", ms=2.5, color=MEASURED, label="measured")
+        for method, told in panel.told.items():
+            axis.plot(panel.time, told.mean, lw=1.2, color=COLOURS[method], label=f"{method}, readings left out")
+            if method == panel.trusted:
+                low, high = told.mean - 1.96 * told.deviation, told.mean + 1.96 * told.deviation
+                axis.fill_between(panel.time, low, high, color=COLOURS[method], alpha=0.15, lw=0)
+        axis.set_title(f"{Path(panel.run).name}: {panel.channel}, trust {panel.trusted}", fontsize=9)
+        axis.set_ylabel("displacement, um", fontsize=8)
+        axis.tick_params(labelsize=8)
+    axes[0].legend(fontsize=7, frameon=False)
+    axes[-1].set_xlabel("time, min", fontsize=8)
+    save_figure(path, figure)
