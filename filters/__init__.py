@@ -4,6 +4,7 @@ from .afukf import Afukf
 from .ast_cqkf import AstCqkf
 from .base import Closing, Compiled, Filter, Start, StateModel, Track
 from .ckf import Ckf
+from .cost_reference import AdaptiveCostReference, CostReference
 from .cqkf import Cqkf
 from .ekf import Ekf
 from .fading_ukf import FadingUkf
@@ -15,18 +16,33 @@ from .svd import SvdUkf
 from .ukf import Ukf
 
 #: Built-in filters, the default first.
-BUILT_IN: tuple[type[Filter], ...] = (Afukf, FadingUkf, Ukf, Ekf, SvdUkf, Ckf, Cqkf, AstCqkf, Rls, LeastSquares)
+BUILT_IN: tuple[type[Filter], ...] = (
+    Afukf,
+    FadingUkf,
+    Ukf,
+    Ekf,
+    SvdUkf,
+    Ckf,
+    Cqkf,
+    AstCqkf,
+    CostReference,
+    AdaptiveCostReference,
+    Rls,
+    LeastSquares,
+)
 #: What ``--preset paper`` turns a filter into.
 PRINTED: tuple[type[Filter], ...] = (PrintedAfukf, PrintedFadingUkf)
 
 __all__ = [
     "BUILT_IN",
     "PRINTED",
+    "AdaptiveCostReference",
     "Afukf",
     "AstCqkf",
     "Ckf",
     "Closing",
     "Compiled",
+    "CostReference",
     "Cqkf",
     "Ekf",
     "FadingUkf",

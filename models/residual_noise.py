@@ -209,17 +209,16 @@ def select_arma(series: Array, most_p: int = MOST_AR, most_q: int = MOST_MA) -> 
 def long_run_factor(residual: Array) -> float:
     """By which factor (>= 1) the variance of slow parameters is larger than if this residual (N,) were white; nan are gaps.
 
-    Long-run variance over variance of an ARMA model among LONG_RUN_ORDERS, at most N/4. 1 for fewer than 20 readings or a
-    residual of zeros. By Schwarz's criterion and without models whose spectrum vanishes at frequency zero: that hole is what
-    the fit of a mean or a slow curve leaves in its own residual, and AIC takes it for the noise's in one short record
-    of ten. A misfit is coloured too and is counted as noise here.
+    Long-run variance over variance of the ARMA model of least AIC among LONG_RUN_ORDERS, at most N/4; 1 for fewer than 20
+    readings or a residual of zeros. Models whose spectrum vanishes at frequency zero are left out: that hole is what the fit of
+    a mean or a slow curve leaves in its own residual, and in one short record of twenty it would be taken for the noise's.
+    For the same reason the factor comes out low on short records. A misfit is coloured too and is counted as noise here.
     """
     n = int(np.isfinite(residual).sum())
     if n < FEWEST or not np.nanmax(np.abs(residual)) > 0.0:
         return 1.0
     fits = [fit_arma(residual, p, q) for p, q in LONG_RUN_ORDERS]
-    penalty = math.log(n) - 2.0
-    model = min((m for m in fits if 1.0 + m.theta.sum() > HOLE), key=lambda m: m.aic + penalty * sum(m.order))
+    model = min((m for m in fits if 1.0 + m.theta.sum() > HOLE), key=lambda m: m.aic)
     return min(max(model.long_run_factor, 1.0), n / 4.0)
 
 

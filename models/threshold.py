@@ -35,6 +35,7 @@ def adaptive_threshold(
     Unlike (17)-(18) the window ends before the reading that is judged, and a reading beyond `guard` deviations does not enter
     it: as printed a lasting fault is inside its own limits as soon as it fills the window. guard = inf lets all readings in.
     floor is the least standard deviation, such as that of a logger's rounding. nan for the first `window` readings.
+    The window follows a slow drift, which stays inside: this finds what comes abruptly.
     White Gaussian residuals leave the limits as often as :func:`false_alarm_rate` says.
 
     Raises

@@ -125,3 +125,26 @@ def test_the_choice_leaves_out_what_broke_and_prefers_the_default_among_equals()
     assert told["ukf"].chosen
     told = choose_among([record("afukf", None, broken=3)])
     assert "no filter came through" in told[0].message
+
+
+def test_a_filter_that_cannot_run_says_so_in_the_records_status():
+    from dataclasses import dataclass, replace
+
+    from filters import Ukf
+    from thermofast_cli.identify import Method, identify_sensor
+    from thermofast_cli.sweep import sweep_sensor
+
+    @dataclass(frozen=True)
+    class Choosy(Ukf):
+        name = "choosy"
+
+        def track(self, model, time, reading, resolution=0.0):
+            raise ValueError("needs a reading each second")
+
+    time, y = machine(np.random.default_rng(6), sensors=1)
+    method = replace(Method(Lump(), METHOD), filter=Choosy())
+    one = identify_sensor("run", "T1", time, y[0], method).record
+    swept = sweep_sensor("run", "T1", time, y[0], method, (60.0,), (30.0,), 0.1).records[0]
+    for record in (one, swept):
+        assert record.status == "diverged"
+        assert record.message == "choosy: needs a reading each second"

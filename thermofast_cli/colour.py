@@ -16,11 +16,16 @@ SHORT = 0.1
 #: Autocorrelation at which it has died away.
 DIED = 0.1
 FEWEST = 60
+#: Orders that are tried: larger ones win by roots at the edge of stability.
+MOST_AR, MOST_MA = 2, 1
 
 
 @dataclass(frozen=True)
 class Colour:
     """Colour of one sensor's residual: ARMA order in words, whether it is short enough to be noise, p value of what is left white.
+
+    A residual whitened by a model of itself says whether that order is enough, not whether the physics is right: a misfit would
+    be whitened too. That is why only a colour that dies away quickly is taken for the sensor's.
 
     long_run_factor is that by which errors of slow parameters are larger in variance than under white noise.
     """
@@ -42,7 +47,7 @@ def colour_of(fit: Fit, sensor: int, whiteness_p: float) -> Colour:
     series, weight = residual[span], np.sqrt(fit.run.weight[sensor][span])
     if not float(np.nanstd(series)) > 0.0:
         return Colour()
-    model = select_arma(series * weight)
+    model = select_arma(series * weight, MOST_AR, MOST_MA)
     p, q = model.order
     if p + q == 0:
         return Colour()

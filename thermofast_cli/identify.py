@@ -80,7 +80,12 @@ def identify_sensor(
     if refused is not None:
         return refused
     count = sensor.until(until_min)
-    track = method.filter.track(method.model, sensor.time[:count], sensor.reading[:count], sensor.resolution)
+    try:
+        track = method.filter.track(method.model, sensor.time[:count], sensor.reading[:count], sensor.resolution)
+    except ValueError as error:  # a filter that cannot run on these readings says why
+        return Identified(
+            replace(blank, samples=count, status="diverged", message=_joined([f"{method.filter.name}: {error}", note]))
+        )
     return _identified(replace(blank, until_min=_until(until_min, time_min)), sensor, track, method, note, until_min, want_trace)
 
 

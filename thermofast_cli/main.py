@@ -20,7 +20,7 @@ COMMANDS = {
     "compare": "Model beside measurement: how well it fits, and where it fails.",
     "diagnose": "Which physical effect is missing.",
     "improve": "Add effects and watch the error fall; write the model learnt.",
-    "sensitivity": "What each uncertain thing contributes to the spread of the result.",
+    "sensitivity": "Which uncertain thing makes the result spread.",
     "displacement": "Thermal displacement from temperatures, and which way to trust.",
     "effects": "The catalogue of effects: equations, parameters, tell-tales.",
     "filters": "The catalogue of filters and their settings.",

@@ -98,6 +98,10 @@ def _value(text: str, value: str, field: Any) -> Any:
         raise UsageError(f"--set {text!r}: not a number", found=repr(value), allowed=f"{low:g} to {high:g}") from None
     if not low <= number <= high:
         raise UsageError(f"--set {text!r}: out of range", found=f"{number:g}", allowed=f"{low:g} to {high:g}")
+    if isinstance(field.default, int):
+        if number != int(number):
+            raise UsageError(f"--set {text!r}: not a whole number", found=f"{number:g}", allowed=f"{low:g} to {high:g}")
+        return int(number)
     return number
 
 

@@ -9,7 +9,7 @@ import click
 from .errors import UsageError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-FILTERS = "afukf, fading_ukf, ukf, ekf, least_squares"
+FILTERS = "afukf, fading_ukf, ukf, ekf, svd_ukf, ckf, cqkf, ast_cqkf, crpf, acrpf, rls, least_squares"
 
 
 def _together(*options: Decorator) -> Decorator:

@@ -133,7 +133,10 @@ def _estimate(method: Method, time: Array, reading: Array, until: float, resolut
     count = int(np.searchsorted(time, until + 1e-9, "right"))
     if count < 6:
         return None
-    track = method.filter.track(method.model, time[:count], reading[:count], resolution)
+    try:
+        track = method.filter.track(method.model, time[:count], reading[:count], resolution)
+    except ValueError:  # the filter cannot run on these readings
+        return None
     if track.diverged_at is not None:
         return None
     return estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, resolution)

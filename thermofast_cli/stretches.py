@@ -14,7 +14,7 @@ FAILS = 4.5
 #: Deviations of the model itself that are no failure.
 UNSURE = 3.0
 #: Readings whose moments set the adaptive limits of the next, deviations of the limits, readings in a row beyond that count.
-WINDOW, DEVIATIONS, IN_A_ROW = 20, 4.0, 3
+WINDOW, DEVIATIONS, IN_A_ROW = 20, 3.0, 3
 
 
 def failing_stretches(

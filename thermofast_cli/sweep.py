@@ -54,7 +54,11 @@ def sweep_sensor(
         return Swept(failed, grid, nothing, nothing[0])
     count = sensor.until(max(windows[-1], times[-1]))
     time, reading = sensor.time[:count], sensor.reading[:count]
-    track = method.filter.track(method.model, time, reading, sensor.resolution)
+    try:
+        track = method.filter.track(method.model, time, reading, sensor.resolution)
+    except ValueError as error:  # a filter that cannot run on these readings says why
+        failed = tuple(replace(b, status="diverged", message=f"{method.filter.name}: {error}") for b in blank)
+        return Swept(failed, grid, nothing, nothing[0])
     rmse, width = nothing.copy(), np.full(len(times), np.nan)
     ends = [min(sensor.until(w), count) for w in windows]
     last = np.searchsorted(time, grid * (1 + 1e-12) + 1e-9, "right") - 1

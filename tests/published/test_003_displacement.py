@@ -33,14 +33,13 @@ from models.displacement import (
     BLOCKS,
     READINGS_PER_BLOCK,
     blocks_of,
-    compare,
     conditional_table,
     equal_width_edges,
     fit_least_squares,
     fit_network,
-    score,
     states_of,
 )
+from models.displacement_score import compare, score
 
 RUNS, MINUTES, STATES, PARENT_STATES = 30, 150, 6, 3
 

@@ -23,7 +23,13 @@ class Catalogue(click.Group):
             formatter.write_dl([("NAME", "What the filter of that name is, and its settings."), ("bench", "All on a record.")])
 
 
-@click.group("filters", cls=Catalogue, invoke_without_command=True, subcommand_metavar="[NAME | bench RUN...]")
+@click.group(
+    "filters",
+    cls=Catalogue,
+    invoke_without_command=True,
+    subcommand_metavar="[NAME | bench RUN...]",
+    epilog="Example: thermofast filters afukf",
+)
 @click.pass_context
 def command(ctx: click.Context) -> int:
     """List the filters; show the settings of the one called NAME; or run all of them on a record of yours: bench."""
