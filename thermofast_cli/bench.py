@@ -2,7 +2,7 @@
 
 import math
 import time as clock
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,20 @@ from .sensor import Sensor, prepare
 
 Array = NDArray[np.float64]
 
-#: Filters whose error ahead is within this share of the least are as good.
+#: Filters whose error ahead is within this share of the chosen one's are told beside it.
 AS_GOOD = 0.10
-#: Order of preference among those: what a filter tells beside the estimate, then what it costs.
-PREFERRED = ("afukf", "afukf (joint)")
+#: Chance of leaving the default where nothing is better.
+ALARM = 0.05
+FEWEST_SENSORS = 3
 DEFAULT = "afukf"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A filter's record and its error ahead on each sensor (S,) [K]."""
+
+    record: BenchRecord
+    ahead: Array
 
 
 def bench_run(run: Run, start_min: float, until_min: float | None, known: dict[str, type[Filter]]) -> list[BenchRecord]:
@@ -34,13 +43,13 @@ def bench_run(run: Run, start_min: float, until_min: float | None, known: dict[s
     blank = BenchRecord(run.name, "", until_min=until, sensors=len(sensors))
     if not sensors:
         return [replace(blank, status="no_data", message=f"no sensor has {FEWEST_READINGS} moving readings before {until:g} min")]
-    records = [_bench(replace(blank, filter=name), kind(), sensors, until, False) for name, kind in known.items()]
+    trials = [_bench(replace(blank, filter=name), kind(), sensors, until, False) for name, kind in known.items()]
     if len(sensors) > 1:
-        records.append(_bench(replace(blank, filter="afukf (joint)"), Afukf(), sensors, until, True))
-    return choose_among(records)
+        trials.append(_bench(replace(blank, filter="afukf (joint)"), Afukf(), sensors, until, True))
+    return choose_among(trials)
 
 
-def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: float, together: bool) -> BenchRecord:
+def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: float, together: bool) -> Trial:
     model = Lump()
     cut = [s.until(until) for s in sensors]
     records = [(s.time[:n], s.reading[:n], s.resolution) for s, n in zip(sensors, cut, strict=True)]
@@ -71,7 +80,7 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
     widths = [_width(e) for e, _, _ in good]
     known = [w for w in widths if w is not None]
     broken = len(sensors) - len(good)
-    return replace(
+    told = replace(
         blank,
         broken=broken,
         undetermined=len(widths) - len(known),
@@ -82,6 +91,12 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
         status="diverged" if broken == len(sensors) else "ok",
         message=why or (f"broke on {broken} of {len(sensors)} sensors" if broken else ""),
     )
+    # By sensor, nan where the filter broke: only what both filters of a pair did is compared.
+    by_sensor = np.full(len(sensors), np.nan)
+    by_sensor[[i for i, e in enumerate(estimates) if e is not None]] = [
+        math.sqrt(float(np.mean(e**2))) if len(e) else np.nan for e in ahead
+    ]
+    return Trial(told, by_sensor)
 
 
 def _error(estimate: Estimate, sensor: Sensor, first: int, last: int) -> Array:
@@ -102,22 +117,50 @@ def _pooled(errors: list[Array]) -> float | None:
     return finite(math.sqrt(float(np.mean(whole**2)))) if len(whole) else None
 
 
-def choose_among(records: list[BenchRecord]) -> list[BenchRecord]:
-    """The records with the one filter marked that is to be used, and why."""
-    sound = [r for r in records if r.broken == 0 and r.rmse_ahead_c is not None]
+def choose_among(trials: list[Trial]) -> list[BenchRecord]:
+    """Records with the one filter marked that is to be used, and why.
+
+    The default stays unless another filter is better over the sensors by a paired t test on the logarithms of their errors
+    ahead, with room for how many filters are compared: one record's luck is no reason to change.
+    """
+    sound = {t.record.filter: t for t in trials if t.record.broken == 0 and t.record.rmse_ahead_c is not None}
     if not sound:
         advice = "no filter came through on every sensor: see thermofast compare"
-        return [replace(r, message="; ".join(m for m in (r.message, advice) if m)) for r in records]
-    least = min(r.rmse_ahead_c for r in sound if r.rmse_ahead_c is not None)
-    close = [r for r in sound if r.rmse_ahead_c is not None and r.rmse_ahead_c <= (1.0 + AS_GOOD) * least]
-    order = {name: i for i, name in enumerate(PREFERRED)}
-    best = min(close, key=lambda r: (order.get(r.filter, len(order)), r.rmse_ahead_c, -(r.steps_per_s or 0.0)))
-    others = [r.filter for r in close if r is not best]
-    why = f"use it here: error ahead {best.rmse_ahead_c:.3g} K"
-    if best.rmse_ahead_c is not None and best.rmse_ahead_c > least:
-        why += f", within {100 * AS_GOOD:.0f} % of the least ({least:.3g} K)"
+        return [replace(t.record, message="; ".join(m for m in (t.record.message, advice) if m)) for t in trials]
+    if DEFAULT in sound:
+        base = sound[DEFAULT]
+        better = [t for t in sound.values() if clearly_better(t.ahead, base.ahead, ALARM / max(1, len(sound) - 1))]
+        best = min(better, key=_size) if better else base
+        why = f"use it here: error ahead {_size(best):.3g} K"
+        why += (
+            f", clearly below that of {DEFAULT} ({_size(base):.3g} K)"
+            if better
+            else "; no filter is clearly better over the sensors"
+        )
+    else:
+        best = min(sound.values(), key=_size)
+        why = f"use it here: error ahead {_size(best):.3g} K, the least of those that came through; {DEFAULT} broke"
+    others = [t.record.filter for t in sound.values() if t is not best and _size(t) <= (1.0 + AS_GOOD) * _size(best)]
     if others:
-        why += f"; as good: {', '.join(others)}"
-        if best.filter in PREFERRED:
-            why += "; this one also leaves stray readings out and tells when the model fails"
-    return [replace(r, chosen=True, message=why) if r is best else r for r in records]
+        why += f"; within {100 * AS_GOOD:.0f} %: {', '.join(others)}"
+    if best.record.filter == DEFAULT:
+        why += "; it also leaves stray readings out and tells when the model fails"
+    return [replace(t.record, chosen=True, message=why) if t is best else t.record for t in trials]
+
+
+def _size(trial: Trial) -> float:
+    return trial.record.rmse_ahead_c if trial.record.rmse_ahead_c is not None else math.inf
+
+
+def clearly_better(own: Array, other: Array, level: float) -> bool:
+    """Whether errors own (S,) are below those of another filter on the same sensors, at a one-sided level."""
+    both = np.isfinite(own) & np.isfinite(other) & (own > 0.0) & (other > 0.0)
+    if int(both.sum()) < FEWEST_SENSORS:
+        return False
+    gain = np.log(other[both] / own[both])
+    spread = float(gain.std(ddof=1)) / math.sqrt(len(gain))
+    if not spread > 0.0:
+        return bool(gain[0] > 0.0)
+    from scipy.special import stdtr
+
+    return bool(stdtr(len(gain) - 1, -float(gain.mean()) / spread) < level)
