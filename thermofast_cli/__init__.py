@@ -1,3 +1,3 @@
 """The command line tool: reads records, joins filters and models, writes tables and pictures."""
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
