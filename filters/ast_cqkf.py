@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from .base import Closing, setting
+from .base import setting
 from .cubature import CubaturePoints
 from .fading import FadingRule
 from .loop import GaussianFilter
@@ -42,7 +42,3 @@ class AstCqkf(GaussianFilter):
             self.fading_most,
             self.stray,
         )
-
-    @property
-    def closing(self) -> Closing:
-        return "never"

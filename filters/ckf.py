@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-from .base import Closing
 from .cubature import CubaturePoints
-from .fading import FadingRule, NoFading
 from .loop import GaussianFilter
 from .moments import Moments
 
@@ -20,11 +18,3 @@ class Ckf(GaussianFilter):
     @property
     def moments(self) -> Moments:
         return CubaturePoints(1)
-
-    @property
-    def fading_rule(self) -> FadingRule:
-        return NoFading()
-
-    @property
-    def closing(self) -> Closing:
-        return "never"

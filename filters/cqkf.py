@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 
-from .base import Closing, setting
+from .base import setting
 from .cubature import CubaturePoints
-from .fading import FadingRule, NoFading
 from .loop import GaussianFilter
 from .moments import Moments
 
@@ -22,11 +21,3 @@ class Cqkf(GaussianFilter):
     @property
     def moments(self) -> Moments:
         return CubaturePoints(int(self.order))
-
-    @property
-    def fading_rule(self) -> FadingRule:
-        return NoFading()
-
-    @property
-    def closing(self) -> Closing:
-        return "never"

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from .base import Closing
-from .fading import FadingRule, NoFading
 from .loop import GaussianFilter
 from .moments import Linearised, Moments
 
@@ -19,11 +17,3 @@ class Ekf(GaussianFilter):
     @property
     def moments(self) -> Moments:
         return Linearised()
-
-    @property
-    def fading_rule(self) -> FadingRule:
-        return NoFading()
-
-    @property
-    def closing(self) -> Closing:
-        return "never"

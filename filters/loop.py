@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .base import Array, Filter, Start, StateModel, Track
-from .fading import Context, FadingRule
+from .base import Array, Closing, Filter, Start, StateModel, Track
+from .fading import Context, FadingRule, NoFading
 from .moments import Moments
 
 _compiled_run: Callable[..., int] | None
@@ -31,7 +31,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class GaussianFilter(Filter):
-    """A moment transform times a fading rule. Subclasses choose the two and declare the settings."""
+    """A moment transform times a fading rule, none by default. Subclasses choose the two and declare the settings."""
 
     @property
     def moments(self) -> Moments:
@@ -39,7 +39,11 @@ class GaussianFilter(Filter):
 
     @property
     def fading_rule(self) -> FadingRule:
-        raise NotImplementedError
+        return NoFading()
+
+    @property
+    def closing(self) -> Closing:
+        return "never"
 
     def track(self, model: StateModel, time: Array, reading: Array, resolution: float = 0.0) -> Track:
         """Start the model on the first readings, then filter the rest; see :class:`filters.base.Track`."""

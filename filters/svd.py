@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from .base import Array, Closing, setting
-from .fading import FadingRule, NoFading
+from .base import Array, setting
 from .loop import GaussianFilter
 from .moments import Moments, ScaledPoints
 
@@ -60,11 +59,3 @@ class SvdUkf(GaussianFilter):
     @property
     def moments(self) -> Moments:
         return SvdPoints(self.spread)
-
-    @property
-    def fading_rule(self) -> FadingRule:
-        return NoFading()
-
-    @property
-    def closing(self) -> Closing:
-        return "never"

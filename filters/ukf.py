@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from .base import Closing, setting
-from .fading import FadingRule, NoFading
+from .base import setting
 from .loop import GaussianFilter
 from .moments import Moments, sigma_points
 
@@ -21,11 +20,3 @@ class Ukf(GaussianFilter):
     @property
     def moments(self) -> Moments:
         return sigma_points(self.spread)
-
-    @property
-    def fading_rule(self) -> FadingRule:
-        return NoFading()
-
-    @property
-    def closing(self) -> Closing:
-        return "never"

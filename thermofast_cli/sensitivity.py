@@ -25,7 +25,7 @@ from .loop import LoopTask, failure_records, in_order, ready, refused_records
 from .modelfile import ModelFile, read_model
 from .records import SensitivityRecord
 from .sensor import Sensor, prepare
-from .settle import reference_of, settling_point
+from .settle import covariance_root, reference_of, settling_point
 
 Array = NDArray[np.float64]
 
@@ -153,7 +153,7 @@ def _plain_factors(
     slope = np.gradient(Lump().free_run(centre.state, time - centre.time), time)
     back = np.linalg.pinv(by_state[inside])
     stamps = back @ np.diag((slope[inside] * sizes.jitter / 60.0) ** 2) @ back.T
-    noise_root, stamp_root = _root(centre.covariance), _root(stamps)
+    noise_root, stamp_root = covariance_root(centre.covariance), covariance_root(stamps)
     # The room warms in a straight line while the readings are taken, and the lump follows by its own rate.
     share = np.minimum(time / until, 1.0)
     lagged = share - (1.0 - np.exp(-rate * np.minimum(time, until))) / (rate * until) * np.exp(
@@ -186,11 +186,6 @@ def _tangent(centre: Estimate, time: Array) -> Array:
         up, down = (Lump().free_run(state, time - centre.time) for state in moved)
         columns.append((up - down) / (2.0 * step))
     return np.stack(columns, axis=1)
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _points(factors: list[Factor]) -> Array:
@@ -285,7 +280,7 @@ def _level_roots(fit: Fit, deviation: Array) -> Array:
     for i in range(run.sensors):
         by, used = fit.by_local[1:3, i].T, run.used[i]
         back = np.linalg.pinv(by[used])
-        roots[i] = by @ _root((back * deviation[i][used] ** 2) @ back.T)
+        roots[i] = by @ covariance_root((back * deviation[i][used] ** 2) @ back.T)
     return roots
 
 

@@ -143,7 +143,7 @@ def settling_point(fit: Fit, i: int, reference: float | None) -> tuple[float, fl
 
 def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generator) -> dict[str, Any]:
     """Steady state and t95 of one sensor with their 95 % intervals, over draws of the parameters."""
-    root = _root(fit.joint_covariance(i))
+    root = covariance_root(fit.joint_covariance(i))
     draws = rng.standard_normal((DRAWS, len(root))) @ root.T
     steady, t95 = _settled(fit, i, reference, np.concatenate([np.zeros((1, len(root))), draws]))
     low, high = np.quantile(steady[1:], [0.025, 0.975])
@@ -193,7 +193,8 @@ def _settled(fit: Fit, i: int, reference: float | None, moves: Array) -> tuple[A
     return steady, t95
 
 
-def _root(covariance: Array) -> Array:
+def covariance_root(covariance: Array) -> Array:
+    """Factor (n, n) of a covariance, a little indefinite by rounding or not."""
     values, vectors = np.linalg.eigh(covariance)
     root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
     return root
