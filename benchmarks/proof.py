@@ -311,8 +311,9 @@ Simulated machines of two to ten sensors, noise 10 to 40 mK, logger steps of 0.0
 two, none, or one that the catalogue does not hold; every record judged as `thermofast diagnose` would. The simulator is another
 program than the product (`tests/machines.py`: a network of lumps integrated by scipy's stiff solver). *Clear*: refitting the base
 law to the noise-free signal leaves at least 3 times the noise in some sensor; *faint*: the summed square of what it leaves is 40 to
-200 noise variances. *Held-out error*: on contiguous blocks left out of the fit. *Another run*: the error of the curve after minute 60,
-machine constants from the first run, level and start from the first hour, over that of the base model learnt on the same first run.
+200 noise variances. *Held-out error*: on contiguous blocks left out of the fit. *Another run*: the error of the curve after
+minute 60, machine constants from the first run, level and start from the first hour, over that of the base model learnt on the
+same first run.
 
 Made by `make proof` (`python -m benchmarks.proof`), seed {seed}, in {minutes:.0f} min on {cores} cores.
 
@@ -322,11 +323,11 @@ Made by `make proof` (`python -m benchmarks.proof`), seed {seed}, in {minutes:.0
 NOTES = """
 ## Reading the tables
 
-- A verdict that shares its place with others is told so (`also_possible`, status `not_determined`); *confident* means that it stands
-  alone.
-- Faint effects are often named by a cousin: with so little signal a slow mode, a drift and a neighbour draw the same curve. The true
-  one is then among `also_possible`; least often for a faint `second_mode`.
-- `second_mode` beside `ambient` can be undecidable although each alone would be clear: together they may draw what one of them draws.
+- A verdict that shares its place with others is told so (`also_possible`, status `not_determined`); *confident* means that it
+  stands alone.
+- Faint effects are often named by a cousin: with so little signal a slow mode, a drift and a neighbour draw the same curve. The
+  true one is then among `also_possible`; least often for a faint `second_mode`.
+- `second_mode` beside `ambient` can be undecidable although each alone would be clear: together they may draw what one draws.
 - A `worsening_contact` that at this noise and step is a straight line to the last digit is called `sensor_drift`.
 - A record of fewer than 24 readings is refused as too short, and another one drawn in its place.
 """
