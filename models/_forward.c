@@ -1754,19 +1754,21 @@ struct __pyx_MemviewEnum_obj;
 struct __pyx_memoryview_obj;
 struct __pyx_memoryviewslice_obj;
 struct __pyx_t_6models_8_forward_Power;
+struct __pyx_t_6models_8_forward_Lump;
 
 /* "models/_forward.pyx":6
  * from libc.stdlib cimport free, malloc
  * 
  * cdef enum:             # <<<<<<<<<<<<<<
  *     MOST_SUBSTEPS = 256
- * 
+ *     ABREAST = 4
 */
 enum  {
-  __pyx_e_6models_8_forward_MOST_SUBSTEPS = 0x100
+  __pyx_e_6models_8_forward_MOST_SUBSTEPS = 0x100,
+  __pyx_e_6models_8_forward_ABREAST = 4
 };
 
-/* "models/_forward.pyx":14
+/* "models/_forward.pyx":15
  * 
  * 
  * cdef struct Power:             # <<<<<<<<<<<<<<
@@ -1784,6 +1786,44 @@ struct __pyx_t_6models_8_forward_Power {
   double c4;
   double c5;
   double c6;
+};
+
+/* "models/_forward.pyx":105
+ * 
+ * 
+ * cdef struct Lump:             # <<<<<<<<<<<<<<
+ *     # One row: its constants, where its drive and its output lie, its state, and what is kept from step to step.
+ *     double rate, rise, start, exponent, hidden, hidden_rate, links, lag, delay
+*/
+struct __pyx_t_6models_8_forward_Lump {
+  double rate;
+  double rise;
+  double start;
+  double exponent;
+  double hidden;
+  double hidden_rate;
+  double links;
+  double lag;
+  double delay;
+  double const *heat;
+  double const *loss;
+  double const *sink;
+  double const *linked;
+  double *out;
+  double *slope;
+  double T;
+  double Z;
+  double y;
+  double last_lam;
+  double last_dt;
+  double last_h;
+  double fade;
+  double E;
+  double phi;
+  double psi;
+  int pair_ok;
+  struct __pyx_t_6models_8_forward_Power power;
+  double w[8];
 };
 
 /* "View.MemoryView":128
@@ -3285,6 +3325,11 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double, double, double, double, double, double, struct __pyx_t_6models_8_forward_Power *, double, double, double); /*proto*/
 static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double, double, double, double, double *); /*proto*/
 static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double, double, double, double, double, double, double, double); /*proto*/
+static CYTHON_INLINE double __pyx_f_6models_8_forward_end_slope(struct __pyx_t_6models_8_forward_Lump *, double, double, Py_ssize_t); /*proto*/
+static CYTHON_INLINE void __pyx_f_6models_8_forward_weigh(struct __pyx_t_6models_8_forward_Lump *, double, double); /*proto*/
+static CYTHON_INLINE double __pyx_f_6models_8_forward_faded(struct __pyx_t_6models_8_forward_Lump *, double); /*proto*/
+static CYTHON_INLINE void __pyx_f_6models_8_forward_advance(struct __pyx_t_6models_8_forward_Lump *, double, Py_ssize_t); /*proto*/
+static void __pyx_f_6models_8_forward_retard(struct __pyx_t_6models_8_forward_Lump *, double const *, Py_ssize_t, double *); /*proto*/
 static int __pyx_array_allocate_buffer(struct __pyx_array_obj *); /*proto*/
 static struct __pyx_array_obj *__pyx_array_new(PyObject *, Py_ssize_t, char *, char const *, char *); /*proto*/
 static PyObject *__pyx_memoryview_new(PyObject *, int, int, __Pyx_TypeInfo const *); /*proto*/
@@ -3532,7 +3577,7 @@ namespace {
     PyObject *__pyx_slice[1];
     PyObject *__pyx_tuple[2];
     PyObject *__pyx_codeobj_tab[2];
-    PyObject *__pyx_string_tab[168];
+    PyObject *__pyx_string_tab[127];
     PyObject *__pyx_number_tab[3];
 /* #### Code section: module_state_contents ### */
 /* PyFrozenDict.module_state_decls */
@@ -3611,145 +3656,104 @@ static __pyx_mstatetype * const __pyx_mstate_global = &__pyx_mstate_global_stati
 #define __pyx_n_u_ASCII __pyx_string_tab[26]
 #define __pyx_n_u_E __pyx_string_tab[27]
 #define __pyx_n_u_Ellipsis __pyx_string_tab[28]
-#define __pyx_n_u_H __pyx_string_tab[29]
-#define __pyx_n_u_L __pyx_string_tab[30]
-#define __pyx_n_u_Sequence __pyx_string_tab[31]
-#define __pyx_n_u_T __pyx_string_tab[32]
-#define __pyx_n_u_T0 __pyx_string_tab[33]
-#define __pyx_n_u_View_MemoryView __pyx_string_tab[34]
-#define __pyx_n_u_Z __pyx_string_tab[35]
-#define __pyx_n_u_Pyx_PyDict_NextRef __pyx_string_tab[36]
-#define __pyx_n_u_annotate __pyx_string_tab[37]
-#define __pyx_n_u_class __pyx_string_tab[38]
-#define __pyx_n_u_class_getitem __pyx_string_tab[39]
-#define __pyx_n_u_dict __pyx_string_tab[40]
-#define __pyx_n_u_func __pyx_string_tab[41]
-#define __pyx_n_u_getstate __pyx_string_tab[42]
-#define __pyx_n_u_import __pyx_string_tab[43]
-#define __pyx_n_u_main __pyx_string_tab[44]
-#define __pyx_n_u_module __pyx_string_tab[45]
-#define __pyx_n_u_name_2 __pyx_string_tab[46]
-#define __pyx_n_u_new __pyx_string_tab[47]
-#define __pyx_n_u_pyx_checksum __pyx_string_tab[48]
-#define __pyx_n_u_pyx_state __pyx_string_tab[49]
-#define __pyx_n_u_pyx_type __pyx_string_tab[50]
-#define __pyx_n_u_pyx_unpickle_Enum __pyx_string_tab[51]
-#define __pyx_n_u_pyx_vtable __pyx_string_tab[52]
-#define __pyx_n_u_qualname __pyx_string_tab[53]
-#define __pyx_n_u_reduce __pyx_string_tab[54]
-#define __pyx_n_u_reduce_cython __pyx_string_tab[55]
-#define __pyx_n_u_reduce_ex __pyx_string_tab[56]
-#define __pyx_n_u_set_name __pyx_string_tab[57]
-#define __pyx_n_u_setstate __pyx_string_tab[58]
-#define __pyx_n_u_setstate_cython __pyx_string_tab[59]
-#define __pyx_n_u_test __pyx_string_tab[60]
-#define __pyx_n_u_is_coroutine __pyx_string_tab[61]
-#define __pyx_n_u_a __pyx_string_tab[62]
-#define __pyx_n_u_abc __pyx_string_tab[63]
-#define __pyx_n_u_allocate_buffer __pyx_string_tab[64]
-#define __pyx_n_u_asyncio_coroutines __pyx_string_tab[65]
-#define __pyx_n_u_at __pyx_string_tab[66]
-#define __pyx_n_u_b __pyx_string_tab[67]
-#define __pyx_n_u_base __pyx_string_tab[68]
-#define __pyx_n_u_c __pyx_string_tab[69]
-#define __pyx_n_u_cline_in_traceback __pyx_string_tab[70]
-#define __pyx_n_u_count __pyx_string_tab[71]
-#define __pyx_n_u_curve __pyx_string_tab[72]
-#define __pyx_n_u_delay __pyx_string_tab[73]
-#define __pyx_n_u_dq __pyx_string_tab[74]
-#define __pyx_n_u_ds __pyx_string_tab[75]
-#define __pyx_n_u_dt __pyx_string_tab[76]
-#define __pyx_n_u_dtype_is_object __pyx_string_tab[77]
-#define __pyx_n_u_encode __pyx_string_tab[78]
-#define __pyx_n_u_enumerate __pyx_string_tab[79]
-#define __pyx_n_u_error __pyx_string_tab[80]
-#define __pyx_n_u_exponent __pyx_string_tab[81]
-#define __pyx_n_u_fade __pyx_string_tab[82]
-#define __pyx_n_u_fast __pyx_string_tab[83]
-#define __pyx_n_u_flags __pyx_string_tab[84]
-#define __pyx_n_u_followed __pyx_string_tab[85]
-#define __pyx_n_u_format __pyx_string_tab[86]
-#define __pyx_n_u_fortran __pyx_string_tab[87]
-#define __pyx_n_u_forward __pyx_string_tab[88]
-#define __pyx_n_u_h __pyx_string_tab[89]
-#define __pyx_n_u_hb __pyx_string_tab[90]
-#define __pyx_n_u_heat __pyx_string_tab[91]
-#define __pyx_n_u_hidden __pyx_string_tab[92]
-#define __pyx_n_u_hidden_rate __pyx_string_tab[93]
-#define __pyx_n_u_i __pyx_string_tab[94]
-#define __pyx_n_u_id __pyx_string_tab[95]
-#define __pyx_n_u_index __pyx_string_tab[96]
-#define __pyx_n_u_items __pyx_string_tab[97]
-#define __pyx_n_u_itemsize __pyx_string_tab[98]
-#define __pyx_n_u_j __pyx_string_tab[99]
-#define __pyx_n_u_k __pyx_string_tab[100]
-#define __pyx_n_u_k1 __pyx_string_tab[101]
-#define __pyx_n_u_k2 __pyx_string_tab[102]
-#define __pyx_n_u_k3 __pyx_string_tab[103]
-#define __pyx_n_u_k4 __pyx_string_tab[104]
-#define __pyx_n_u_kb __pyx_string_tab[105]
-#define __pyx_n_u_lag __pyx_string_tab[106]
-#define __pyx_n_u_lam __pyx_string_tab[107]
-#define __pyx_n_u_last_dt __pyx_string_tab[108]
-#define __pyx_n_u_last_h __pyx_string_tab[109]
-#define __pyx_n_u_last_lam __pyx_string_tab[110]
-#define __pyx_n_u_lb __pyx_string_tab[111]
-#define __pyx_n_u_linked __pyx_string_tab[112]
-#define __pyx_n_u_links __pyx_string_tab[113]
-#define __pyx_n_u_loss __pyx_string_tab[114]
-#define __pyx_n_u_m __pyx_string_tab[115]
-#define __pyx_n_u_memview __pyx_string_tab[116]
-#define __pyx_n_u_mode __pyx_string_tab[117]
-#define __pyx_n_u_models__forward __pyx_string_tab[118]
-#define __pyx_n_u_n __pyx_string_tab[119]
-#define __pyx_n_u_name __pyx_string_tab[120]
-#define __pyx_n_u_ndim __pyx_string_tab[121]
-#define __pyx_n_u_obj __pyx_string_tab[122]
-#define __pyx_n_u_out __pyx_string_tab[123]
-#define __pyx_n_u_pack __pyx_string_tab[124]
-#define __pyx_n_u_pair_ok __pyx_string_tab[125]
-#define __pyx_n_u_paired __pyx_string_tab[126]
-#define __pyx_n_u_phi __pyx_string_tab[127]
-#define __pyx_n_u_pop __pyx_string_tab[128]
-#define __pyx_n_u_power __pyx_string_tab[129]
-#define __pyx_n_u_psi __pyx_string_tab[130]
-#define __pyx_n_u_q __pyx_string_tab[131]
-#define __pyx_n_u_q1 __pyx_string_tab[132]
-#define __pyx_n_u_qm __pyx_string_tab[133]
-#define __pyx_n_u_rate __pyx_string_tab[134]
-#define __pyx_n_u_register __pyx_string_tab[135]
-#define __pyx_n_u_rise __pyx_string_tab[136]
-#define __pyx_n_u_rows __pyx_string_tab[137]
-#define __pyx_n_u_s __pyx_string_tab[138]
-#define __pyx_n_u_s1 __pyx_string_tab[139]
-#define __pyx_n_u_sb __pyx_string_tab[140]
-#define __pyx_n_u_setdefault __pyx_string_tab[141]
-#define __pyx_n_u_shape __pyx_string_tab[142]
-#define __pyx_n_u_sink __pyx_string_tab[143]
-#define __pyx_n_u_size __pyx_string_tab[144]
-#define __pyx_n_u_slope __pyx_string_tab[145]
-#define __pyx_n_u_sm __pyx_string_tab[146]
-#define __pyx_n_u_start __pyx_string_tab[147]
-#define __pyx_n_u_step __pyx_string_tab[148]
-#define __pyx_n_u_steps __pyx_string_tab[149]
-#define __pyx_n_u_stop __pyx_string_tab[150]
-#define __pyx_n_u_struct __pyx_string_tab[151]
-#define __pyx_n_u_time __pyx_string_tab[152]
-#define __pyx_n_u_u0 __pyx_string_tab[153]
-#define __pyx_n_u_u1 __pyx_string_tab[154]
-#define __pyx_n_u_unpack __pyx_string_tab[155]
-#define __pyx_n_u_update __pyx_string_tab[156]
-#define __pyx_n_u_values __pyx_string_tab[157]
-#define __pyx_n_u_w __pyx_string_tab[158]
-#define __pyx_n_u_x __pyx_string_tab[159]
-#define __pyx_n_u_y __pyx_string_tab[160]
-#define __pyx_n_u_z1 __pyx_string_tab[161]
-#define __pyx_n_u_z2 __pyx_string_tab[162]
-#define __pyx_n_u_z3 __pyx_string_tab[163]
-#define __pyx_n_u_z4 __pyx_string_tab[164]
-#define __pyx_n_b_O __pyx_string_tab[165]
-#define __pyx_kp_b_iso88591_3fAXT_q_E_aq_aq_q_5_U_3a_3as_Q __pyx_string_tab[166]
-#define __pyx_kp_b_iso88591_4vQhd_6_Ba_6_Ba_vS_S_c_AQ_AQ_E __pyx_string_tab[167]
+#define __pyx_n_u_Sequence __pyx_string_tab[29]
+#define __pyx_n_u_View_MemoryView __pyx_string_tab[30]
+#define __pyx_n_u_Pyx_PyDict_NextRef __pyx_string_tab[31]
+#define __pyx_n_u_annotate __pyx_string_tab[32]
+#define __pyx_n_u_class __pyx_string_tab[33]
+#define __pyx_n_u_class_getitem __pyx_string_tab[34]
+#define __pyx_n_u_dict __pyx_string_tab[35]
+#define __pyx_n_u_func __pyx_string_tab[36]
+#define __pyx_n_u_getstate __pyx_string_tab[37]
+#define __pyx_n_u_import __pyx_string_tab[38]
+#define __pyx_n_u_main __pyx_string_tab[39]
+#define __pyx_n_u_module __pyx_string_tab[40]
+#define __pyx_n_u_name_2 __pyx_string_tab[41]
+#define __pyx_n_u_new __pyx_string_tab[42]
+#define __pyx_n_u_pyx_checksum __pyx_string_tab[43]
+#define __pyx_n_u_pyx_state __pyx_string_tab[44]
+#define __pyx_n_u_pyx_type __pyx_string_tab[45]
+#define __pyx_n_u_pyx_unpickle_Enum __pyx_string_tab[46]
+#define __pyx_n_u_pyx_vtable __pyx_string_tab[47]
+#define __pyx_n_u_qualname __pyx_string_tab[48]
+#define __pyx_n_u_reduce __pyx_string_tab[49]
+#define __pyx_n_u_reduce_cython __pyx_string_tab[50]
+#define __pyx_n_u_reduce_ex __pyx_string_tab[51]
+#define __pyx_n_u_set_name __pyx_string_tab[52]
+#define __pyx_n_u_setstate __pyx_string_tab[53]
+#define __pyx_n_u_setstate_cython __pyx_string_tab[54]
+#define __pyx_n_u_test __pyx_string_tab[55]
+#define __pyx_n_u_is_coroutine __pyx_string_tab[56]
+#define __pyx_n_u_a __pyx_string_tab[57]
+#define __pyx_n_u_abc __pyx_string_tab[58]
+#define __pyx_n_u_allocate_buffer __pyx_string_tab[59]
+#define __pyx_n_u_asyncio_coroutines __pyx_string_tab[60]
+#define __pyx_n_u_b __pyx_string_tab[61]
+#define __pyx_n_u_base __pyx_string_tab[62]
+#define __pyx_n_u_c __pyx_string_tab[63]
+#define __pyx_n_u_cline_in_traceback __pyx_string_tab[64]
+#define __pyx_n_u_count __pyx_string_tab[65]
+#define __pyx_n_u_delay __pyx_string_tab[66]
+#define __pyx_n_u_dt __pyx_string_tab[67]
+#define __pyx_n_u_dtype_is_object __pyx_string_tab[68]
+#define __pyx_n_u_encode __pyx_string_tab[69]
+#define __pyx_n_u_enumerate __pyx_string_tab[70]
+#define __pyx_n_u_error __pyx_string_tab[71]
+#define __pyx_n_u_exponent __pyx_string_tab[72]
+#define __pyx_n_u_first __pyx_string_tab[73]
+#define __pyx_n_u_flags __pyx_string_tab[74]
+#define __pyx_n_u_followed __pyx_string_tab[75]
+#define __pyx_n_u_format __pyx_string_tab[76]
+#define __pyx_n_u_fortran __pyx_string_tab[77]
+#define __pyx_n_u_forward __pyx_string_tab[78]
+#define __pyx_n_u_heat __pyx_string_tab[79]
+#define __pyx_n_u_hidden __pyx_string_tab[80]
+#define __pyx_n_u_hidden_rate __pyx_string_tab[81]
+#define __pyx_n_u_id __pyx_string_tab[82]
+#define __pyx_n_u_index __pyx_string_tab[83]
+#define __pyx_n_u_items __pyx_string_tab[84]
+#define __pyx_n_u_itemsize __pyx_string_tab[85]
+#define __pyx_n_u_j __pyx_string_tab[86]
+#define __pyx_n_u_k __pyx_string_tab[87]
+#define __pyx_n_u_lag __pyx_string_tab[88]
+#define __pyx_n_u_linked __pyx_string_tab[89]
+#define __pyx_n_u_links __pyx_string_tab[90]
+#define __pyx_n_u_loss __pyx_string_tab[91]
+#define __pyx_n_u_lumps __pyx_string_tab[92]
+#define __pyx_n_u_memview __pyx_string_tab[93]
+#define __pyx_n_u_mode __pyx_string_tab[94]
+#define __pyx_n_u_models__forward __pyx_string_tab[95]
+#define __pyx_n_u_n __pyx_string_tab[96]
+#define __pyx_n_u_name __pyx_string_tab[97]
+#define __pyx_n_u_ndim __pyx_string_tab[98]
+#define __pyx_n_u_obj __pyx_string_tab[99]
+#define __pyx_n_u_out __pyx_string_tab[100]
+#define __pyx_n_u_pack __pyx_string_tab[101]
+#define __pyx_n_u_phi __pyx_string_tab[102]
+#define __pyx_n_u_pop __pyx_string_tab[103]
+#define __pyx_n_u_rate __pyx_string_tab[104]
+#define __pyx_n_u_register __pyx_string_tab[105]
+#define __pyx_n_u_rise __pyx_string_tab[106]
+#define __pyx_n_u_rows __pyx_string_tab[107]
+#define __pyx_n_u_s __pyx_string_tab[108]
+#define __pyx_n_u_setdefault __pyx_string_tab[109]
+#define __pyx_n_u_shape __pyx_string_tab[110]
+#define __pyx_n_u_sink __pyx_string_tab[111]
+#define __pyx_n_u_size __pyx_string_tab[112]
+#define __pyx_n_u_slopes __pyx_string_tab[113]
+#define __pyx_n_u_start __pyx_string_tab[114]
+#define __pyx_n_u_step __pyx_string_tab[115]
+#define __pyx_n_u_stop __pyx_string_tab[116]
+#define __pyx_n_u_struct __pyx_string_tab[117]
+#define __pyx_n_u_time __pyx_string_tab[118]
+#define __pyx_n_u_unpack __pyx_string_tab[119]
+#define __pyx_n_u_update __pyx_string_tab[120]
+#define __pyx_n_u_values __pyx_string_tab[121]
+#define __pyx_n_u_x __pyx_string_tab[122]
+#define __pyx_n_u_y __pyx_string_tab[123]
+#define __pyx_n_b_O __pyx_string_tab[124]
+#define __pyx_kp_b_iso88591_3fAXT_q_E_aq_aq_q_5_U_3a_3as_Q __pyx_string_tab[125]
+#define __pyx_kp_b_iso88591_4vQhd_F_HBc_2Rq_wc_fBa_KvRxs_E __pyx_string_tab[126]
 #define __pyx_int_0 __pyx_number_tab[0]
 #define __pyx_int_neg_1 __pyx_number_tab[1]
 #define __pyx_int_136983863 __pyx_number_tab[2]
@@ -3781,7 +3785,7 @@ static CYTHON_SMALL_CODE int __pyx_m_clear(PyObject *m) {
   for (int i=0; i<1; ++i) { Py_CLEAR(clear_module_state->__pyx_slice[i]); }
   for (int i=0; i<2; ++i) { Py_CLEAR(clear_module_state->__pyx_tuple[i]); }
   for (int i=0; i<2; ++i) { Py_CLEAR(clear_module_state->__pyx_codeobj_tab[i]); }
-  for (int i=0; i<168; ++i) { Py_CLEAR(clear_module_state->__pyx_string_tab[i]); }
+  for (int i=0; i<127; ++i) { Py_CLEAR(clear_module_state->__pyx_string_tab[i]); }
   for (int i=0; i<3; ++i) { Py_CLEAR(clear_module_state->__pyx_number_tab[i]); }
 /* #### Code section: module_state_clear_contents ### */
 /* CommonTypesMetaclass.module_state_clear */
@@ -3819,7 +3823,7 @@ static CYTHON_SMALL_CODE int __pyx_m_traverse(PyObject *m, visitproc visit, void
   for (int i=0; i<1; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_slice[i]); }
   for (int i=0; i<2; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_tuple[i]); }
   for (int i=0; i<2; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_codeobj_tab[i]); }
-  for (int i=0; i<168; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_string_tab[i]); }
+  for (int i=0; i<127; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_string_tab[i]); }
   for (int i=0; i<3; ++i) { __Pyx_VISIT_CONST(traverse_module_state->__pyx_number_tab[i]); }
 /* #### Code section: module_state_traverse_contents ### */
 /* CommonTypesMetaclass.module_state_traverse */
@@ -18006,7 +18010,7 @@ static PyObject *__pyx_unpickle_Enum__set_state(struct __pyx_MemviewEnum_obj *__
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":27
+/* "models/_forward.pyx":28
  * 
  * 
  * cdef inline void power_of(Power* p, double exponent) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18016,7 +18020,7 @@ static PyObject *__pyx_unpickle_Enum__set_state(struct __pyx_MemviewEnum_obj *__
 
 static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6models_8_forward_Power *__pyx_v_p, double __pyx_v_exponent) {
 
-  /* "models/_forward.pyx":28
+  /* "models/_forward.pyx":29
  * 
  * cdef inline void power_of(Power* p, double exponent) noexcept nogil:
  *     p.exponent = exponent             # <<<<<<<<<<<<<<
@@ -18025,7 +18029,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->exponent = __pyx_v_exponent;
 
-  /* "models/_forward.pyx":29
+  /* "models/_forward.pyx":30
  * cdef inline void power_of(Power* p, double exponent) noexcept nogil:
  *     p.exponent = exponent
  *     p.anchor = -1.0             # <<<<<<<<<<<<<<
@@ -18034,7 +18038,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->anchor = -1.0;
 
-  /* "models/_forward.pyx":30
+  /* "models/_forward.pyx":31
  *     p.exponent = exponent
  *     p.anchor = -1.0
  *     p.inverse = 0.0             # <<<<<<<<<<<<<<
@@ -18043,7 +18047,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->inverse = 0.0;
 
-  /* "models/_forward.pyx":31
+  /* "models/_forward.pyx":32
  *     p.anchor = -1.0
  *     p.inverse = 0.0
  *     p.value = 0.0             # <<<<<<<<<<<<<<
@@ -18052,7 +18056,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->value = 0.0;
 
-  /* "models/_forward.pyx":32
+  /* "models/_forward.pyx":33
  *     p.inverse = 0.0
  *     p.value = 0.0
  *     p.c1 = exponent             # <<<<<<<<<<<<<<
@@ -18061,7 +18065,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->c1 = __pyx_v_exponent;
 
-  /* "models/_forward.pyx":33
+  /* "models/_forward.pyx":34
  *     p.value = 0.0
  *     p.c1 = exponent
  *     p.c2 = p.c1 * (exponent - 1.0) / 2.0             # <<<<<<<<<<<<<<
@@ -18070,7 +18074,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->c2 = ((__pyx_v_p->c1 * (__pyx_v_exponent - 1.0)) / 2.0);
 
-  /* "models/_forward.pyx":34
+  /* "models/_forward.pyx":35
  *     p.c1 = exponent
  *     p.c2 = p.c1 * (exponent - 1.0) / 2.0
  *     p.c3 = p.c2 * (exponent - 2.0) / 3.0             # <<<<<<<<<<<<<<
@@ -18079,7 +18083,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->c3 = ((__pyx_v_p->c2 * (__pyx_v_exponent - 2.0)) / 3.0);
 
-  /* "models/_forward.pyx":35
+  /* "models/_forward.pyx":36
  *     p.c2 = p.c1 * (exponent - 1.0) / 2.0
  *     p.c3 = p.c2 * (exponent - 2.0) / 3.0
  *     p.c4 = p.c3 * (exponent - 3.0) / 4.0             # <<<<<<<<<<<<<<
@@ -18088,7 +18092,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->c4 = ((__pyx_v_p->c3 * (__pyx_v_exponent - 3.0)) / 4.0);
 
-  /* "models/_forward.pyx":36
+  /* "models/_forward.pyx":37
  *     p.c3 = p.c2 * (exponent - 2.0) / 3.0
  *     p.c4 = p.c3 * (exponent - 3.0) / 4.0
  *     p.c5 = p.c4 * (exponent - 4.0) / 5.0             # <<<<<<<<<<<<<<
@@ -18097,7 +18101,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->c5 = ((__pyx_v_p->c4 * (__pyx_v_exponent - 4.0)) / 5.0);
 
-  /* "models/_forward.pyx":37
+  /* "models/_forward.pyx":38
  *     p.c4 = p.c3 * (exponent - 3.0) / 4.0
  *     p.c5 = p.c4 * (exponent - 4.0) / 5.0
  *     p.c6 = p.c5 * (exponent - 5.0) / 6.0             # <<<<<<<<<<<<<<
@@ -18106,7 +18110,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
 */
   __pyx_v_p->c6 = ((__pyx_v_p->c5 * (__pyx_v_exponent - 5.0)) / 6.0);
 
-  /* "models/_forward.pyx":27
+  /* "models/_forward.pyx":28
  * 
  * 
  * cdef inline void power_of(Power* p, double exponent) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18117,7 +18121,7 @@ static CYTHON_INLINE void __pyx_f_6models_8_forward_power_of(struct __pyx_t_6mod
   /* function exit code */
 }
 
-/* "models/_forward.pyx":40
+/* "models/_forward.pyx":41
  * 
  * 
  * cdef inline double raised(Power* p, double x) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18131,7 +18135,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
   double __pyx_r;
   int __pyx_t_1;
 
-  /* "models/_forward.pyx":43
+  /* "models/_forward.pyx":44
  *     """x ** exponent for x > 0, quick where x has hardly moved."""
  *     cdef double d, e
  *     if p.anchor > 0.0:             # <<<<<<<<<<<<<<
@@ -18143,7 +18147,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
   if (__pyx_t_1) {
 
 
-    /* "models/_forward.pyx":44
+    /* "models/_forward.pyx":45
  *     cdef double d, e
  *     if p.anchor > 0.0:
  *         d = x * p.inverse - 1.0             # <<<<<<<<<<<<<<
@@ -18152,7 +18156,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
     __pyx_v_d = ((__pyx_v_x * __pyx_v_p->inverse) - 1.0);
 
-    /* "models/_forward.pyx":45
+    /* "models/_forward.pyx":46
  *     if p.anchor > 0.0:
  *         d = x * p.inverse - 1.0
  *         if -NEAR < d < NEAR:             # <<<<<<<<<<<<<<
@@ -18166,7 +18170,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
     if (__pyx_t_1) {
 
 
-      /* "models/_forward.pyx":46
+      /* "models/_forward.pyx":47
  *         d = x * p.inverse - 1.0
  *         if -NEAR < d < NEAR:
  *             e = d * d             # <<<<<<<<<<<<<<
@@ -18175,7 +18179,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
       __pyx_v_e = (__pyx_v_d * __pyx_v_d);
 
-      /* "models/_forward.pyx":47
+      /* "models/_forward.pyx":48
  *         if -NEAR < d < NEAR:
  *             e = d * d
  *             return p.value * ((1.0 + p.c1 * d) + e * ((p.c2 + p.c3 * d) + e * ((p.c4 + p.c5 * d) + e * p.c6)))             # <<<<<<<<<<<<<<
@@ -18188,7 +18192,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
       }
       goto __pyx_L0;
 
-      /* "models/_forward.pyx":45
+      /* "models/_forward.pyx":46
  *     if p.anchor > 0.0:
  *         d = x * p.inverse - 1.0
  *         if -NEAR < d < NEAR:             # <<<<<<<<<<<<<<
@@ -18197,7 +18201,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
     }
 
-    /* "models/_forward.pyx":43
+    /* "models/_forward.pyx":44
  *     """x ** exponent for x > 0, quick where x has hardly moved."""
  *     cdef double d, e
  *     if p.anchor > 0.0:             # <<<<<<<<<<<<<<
@@ -18206,7 +18210,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
   }
 
-  /* "models/_forward.pyx":48
+  /* "models/_forward.pyx":49
  *             e = d * d
  *             return p.value * ((1.0 + p.c1 * d) + e * ((p.c2 + p.c3 * d) + e * ((p.c4 + p.c5 * d) + e * p.c6)))
  *     p.anchor = x             # <<<<<<<<<<<<<<
@@ -18215,7 +18219,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
   __pyx_v_p->anchor = __pyx_v_x;
 
-  /* "models/_forward.pyx":49
+  /* "models/_forward.pyx":50
  *             return p.value * ((1.0 + p.c1 * d) + e * ((p.c2 + p.c3 * d) + e * ((p.c4 + p.c5 * d) + e * p.c6)))
  *     p.anchor = x
  *     p.inverse = 1.0 / x             # <<<<<<<<<<<<<<
@@ -18224,7 +18228,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
   __pyx_v_p->inverse = (1.0 / __pyx_v_x);
 
-  /* "models/_forward.pyx":50
+  /* "models/_forward.pyx":51
  *     p.anchor = x
  *     p.inverse = 1.0 / x
  *     p.value = pow(x, p.exponent)             # <<<<<<<<<<<<<<
@@ -18233,7 +18237,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
 */
   __pyx_v_p->value = pow(__pyx_v_x, __pyx_v_p->exponent);
 
-  /* "models/_forward.pyx":51
+  /* "models/_forward.pyx":52
  *     p.inverse = 1.0 / x
  *     p.value = pow(x, p.exponent)
  *     return p.value             # <<<<<<<<<<<<<<
@@ -18246,7 +18250,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
   }
   goto __pyx_L0;
 
-  /* "models/_forward.pyx":40
+  /* "models/_forward.pyx":41
  * 
  * 
  * cdef inline double raised(Power* p, double x) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18261,7 +18265,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_raised(struct __pyx_t_6mod
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":54
+/* "models/_forward.pyx":55
  * 
  * 
  * cdef inline double slope_of(double T, double Z, double rate, double heat, double loss, double sink, Power* power,             # <<<<<<<<<<<<<<
@@ -18275,7 +18279,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
   double __pyx_r;
   int __pyx_t_1;
 
-  /* "models/_forward.pyx":56
+  /* "models/_forward.pyx":57
  * cdef inline double slope_of(double T, double Z, double rate, double heat, double loss, double sink, Power* power,
  *                             double hidden, double links, double linked) noexcept nogil:
  *     cdef double above = T - sink             # <<<<<<<<<<<<<<
@@ -18284,7 +18288,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
 */
   __pyx_v_above = (__pyx_v_T - __pyx_v_sink);
 
-  /* "models/_forward.pyx":57
+  /* "models/_forward.pyx":58
  *                             double hidden, double links, double linked) noexcept nogil:
  *     cdef double above = T - sink
  *     cdef double g = loss             # <<<<<<<<<<<<<<
@@ -18293,7 +18297,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
 */
   __pyx_v_g = __pyx_v_loss;
 
-  /* "models/_forward.pyx":58
+  /* "models/_forward.pyx":59
  *     cdef double above = T - sink
  *     cdef double g = loss
  *     if power.exponent != 0.0:             # <<<<<<<<<<<<<<
@@ -18305,7 +18309,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
   if (__pyx_t_1) {
 
 
-    /* "models/_forward.pyx":59
+    /* "models/_forward.pyx":60
  *     cdef double g = loss
  *     if power.exponent != 0.0:
  *         g = loss * raised(power, (fabs(above) + 1e-9) * 0.025)             # <<<<<<<<<<<<<<
@@ -18314,7 +18318,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
 */
     __pyx_v_g = (__pyx_v_loss * __pyx_f_6models_8_forward_raised(__pyx_v_power, ((fabs(__pyx_v_above) + 1e-9) * 0.025)));
 
-    /* "models/_forward.pyx":58
+    /* "models/_forward.pyx":59
  *     cdef double above = T - sink
  *     cdef double g = loss
  *     if power.exponent != 0.0:             # <<<<<<<<<<<<<<
@@ -18323,7 +18327,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
 */
   }
 
-  /* "models/_forward.pyx":60
+  /* "models/_forward.pyx":61
  *     if power.exponent != 0.0:
  *         g = loss * raised(power, (fabs(above) + 1e-9) * 0.025)
  *     return rate * (heat - g * above) - hidden * (T - Z) - (links * T - linked)             # <<<<<<<<<<<<<<
@@ -18336,7 +18340,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
   }
   goto __pyx_L0;
 
-  /* "models/_forward.pyx":54
+  /* "models/_forward.pyx":55
  * 
  * 
  * cdef inline double slope_of(double T, double Z, double rate, double heat, double loss, double sink, Power* power,             # <<<<<<<<<<<<<<
@@ -18351,7 +18355,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_slope_of(double __pyx_v_T,
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":63
+/* "models/_forward.pyx":64
  * 
  * 
  * cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18375,7 +18379,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
   int __pyx_t_1;
   double __pyx_t_2;
 
-  /* "models/_forward.pyx":65
+  /* "models/_forward.pyx":66
  * cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:
  *     """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
  *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d             # <<<<<<<<<<<<<<
@@ -18384,7 +18388,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_a = (__pyx_v_lam + __pyx_v_hidden);
 
-  /* "models/_forward.pyx":66
+  /* "models/_forward.pyx":67
  *     """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
  *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
  *     root = (a - r) * (a - r) + 4.0 * hidden * r             # <<<<<<<<<<<<<<
@@ -18393,7 +18397,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_root = (((__pyx_v_a - __pyx_v_r) * (__pyx_v_a - __pyx_v_r)) + ((4.0 * __pyx_v_hidden) * __pyx_v_r));
 
-  /* "models/_forward.pyx":67
+  /* "models/_forward.pyx":68
  *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
  *     root = (a - r) * (a - r) + 4.0 * hidden * r
  *     if not root > 1e-8 * (a + r) * (a + r):             # <<<<<<<<<<<<<<
@@ -18405,7 +18409,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
   if (__pyx_t_1) {
 
 
-    /* "models/_forward.pyx":68
+    /* "models/_forward.pyx":69
  *     root = (a - r) * (a - r) + 4.0 * hidden * r
  *     if not root > 1e-8 * (a + r) * (a + r):
  *         return False             # <<<<<<<<<<<<<<
@@ -18418,7 +18422,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
     }
     goto __pyx_L0;
 
-    /* "models/_forward.pyx":67
+    /* "models/_forward.pyx":68
  *     cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
  *     root = (a - r) * (a - r) + 4.0 * hidden * r
  *     if not root > 1e-8 * (a + r) * (a + r):             # <<<<<<<<<<<<<<
@@ -18427,7 +18431,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   }
 
-  /* "models/_forward.pyx":69
+  /* "models/_forward.pyx":70
  *     if not root > 1e-8 * (a + r) * (a + r):
  *         return False
  *     root = sqrt(root)             # <<<<<<<<<<<<<<
@@ -18436,7 +18440,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_root = sqrt(__pyx_v_root);
 
-  /* "models/_forward.pyx":70
+  /* "models/_forward.pyx":71
  *         return False
  *     root = sqrt(root)
  *     l1 = -0.5 * (a + r + root)             # <<<<<<<<<<<<<<
@@ -18445,7 +18449,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_l1 = (-0.5 * ((__pyx_v_a + __pyx_v_r) + __pyx_v_root));
 
-  /* "models/_forward.pyx":71
+  /* "models/_forward.pyx":72
  *     root = sqrt(root)
  *     l1 = -0.5 * (a + r + root)
  *     l2 = -(lam * r) / (0.5 * (a + r + root))             # <<<<<<<<<<<<<<
@@ -18454,7 +18458,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_l2 = ((-(__pyx_v_lam * __pyx_v_r)) / (0.5 * ((__pyx_v_a + __pyx_v_r) + __pyx_v_root)));
 
-  /* "models/_forward.pyx":72
+  /* "models/_forward.pyx":73
  *     l1 = -0.5 * (a + r + root)
  *     l2 = -(lam * r) / (0.5 * (a + r + root))
  *     e1 = exp(l1 * dt)             # <<<<<<<<<<<<<<
@@ -18463,7 +18467,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_e1 = exp((__pyx_v_l1 * __pyx_v_dt));
 
-  /* "models/_forward.pyx":73
+  /* "models/_forward.pyx":74
  *     l2 = -(lam * r) / (0.5 * (a + r + root))
  *     e1 = exp(l1 * dt)
  *     e2 = exp(l2 * dt)             # <<<<<<<<<<<<<<
@@ -18472,7 +18476,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_e2 = exp((__pyx_v_l2 * __pyx_v_dt));
 
-  /* "models/_forward.pyx":74
+  /* "models/_forward.pyx":75
  *     e1 = exp(l1 * dt)
  *     e2 = exp(l2 * dt)
  *     f1 = expm1(l1 * dt) / l1             # <<<<<<<<<<<<<<
@@ -18481,7 +18485,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_f1 = (expm1((__pyx_v_l1 * __pyx_v_dt)) / __pyx_v_l1);
 
-  /* "models/_forward.pyx":75
+  /* "models/_forward.pyx":76
  *     e2 = exp(l2 * dt)
  *     f1 = expm1(l1 * dt) / l1
  *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt             # <<<<<<<<<<<<<<
@@ -18500,7 +18504,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 
   __pyx_v_f2 = __pyx_t_2;
 
-  /* "models/_forward.pyx":76
+  /* "models/_forward.pyx":77
  *     f1 = expm1(l1 * dt) / l1
  *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
  *     g1 = (f1 - dt) / l1             # <<<<<<<<<<<<<<
@@ -18509,7 +18513,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_g1 = ((__pyx_v_f1 - __pyx_v_dt) / __pyx_v_l1);
 
-  /* "models/_forward.pyx":77
+  /* "models/_forward.pyx":78
  *     f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
  *     g1 = (f1 - dt) / l1
  *     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)             # <<<<<<<<<<<<<<
@@ -18528,7 +18532,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 
   __pyx_v_g2 = __pyx_t_2;
 
-  /* "models/_forward.pyx":78
+  /* "models/_forward.pyx":79
  *     g1 = (f1 - dt) / l1
  *     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
  *     d = l1 - l2             # <<<<<<<<<<<<<<
@@ -18537,7 +18541,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   __pyx_v_d = (__pyx_v_l1 - __pyx_v_l2);
 
-  /* "models/_forward.pyx":80
+  /* "models/_forward.pyx":81
  *     d = l1 - l2
  *     # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
  *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d             # <<<<<<<<<<<<<<
@@ -18546,7 +18550,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[0]) = (((__pyx_v_e1 * ((-__pyx_v_a) - __pyx_v_l2)) + (__pyx_v_e2 * (__pyx_v_l1 + __pyx_v_a))) / __pyx_v_d);
 
-  /* "models/_forward.pyx":81
+  /* "models/_forward.pyx":82
  *     # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
  *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
  *     w[1] = (e1 - e2) * hidden / d             # <<<<<<<<<<<<<<
@@ -18555,7 +18559,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[1]) = (((__pyx_v_e1 - __pyx_v_e2) * __pyx_v_hidden) / __pyx_v_d);
 
-  /* "models/_forward.pyx":82
+  /* "models/_forward.pyx":83
  *     w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
  *     w[1] = (e1 - e2) * hidden / d
  *     w[2] = (e1 - e2) * r / d             # <<<<<<<<<<<<<<
@@ -18564,7 +18568,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[2]) = (((__pyx_v_e1 - __pyx_v_e2) * __pyx_v_r) / __pyx_v_d);
 
-  /* "models/_forward.pyx":83
+  /* "models/_forward.pyx":84
  *     w[1] = (e1 - e2) * hidden / d
  *     w[2] = (e1 - e2) * r / d
  *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d             # <<<<<<<<<<<<<<
@@ -18573,7 +18577,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[3]) = (((__pyx_v_e1 * ((-__pyx_v_r) - __pyx_v_l2)) + (__pyx_v_e2 * (__pyx_v_l1 + __pyx_v_r))) / __pyx_v_d);
 
-  /* "models/_forward.pyx":84
+  /* "models/_forward.pyx":85
  *     w[2] = (e1 - e2) * r / d
  *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
  *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d             # <<<<<<<<<<<<<<
@@ -18582,7 +18586,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[4]) = (((__pyx_v_f1 * ((-__pyx_v_a) - __pyx_v_l2)) + (__pyx_v_f2 * (__pyx_v_l1 + __pyx_v_a))) / __pyx_v_d);
 
-  /* "models/_forward.pyx":85
+  /* "models/_forward.pyx":86
  *     w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
  *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
  *     w[5] = (f1 - f2) * r / d             # <<<<<<<<<<<<<<
@@ -18591,7 +18595,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[5]) = (((__pyx_v_f1 - __pyx_v_f2) * __pyx_v_r) / __pyx_v_d);
 
-  /* "models/_forward.pyx":86
+  /* "models/_forward.pyx":87
  *     w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
  *     w[5] = (f1 - f2) * r / d
  *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d             # <<<<<<<<<<<<<<
@@ -18600,7 +18604,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[6]) = (((__pyx_v_g1 * ((-__pyx_v_a) - __pyx_v_l2)) + (__pyx_v_g2 * (__pyx_v_l1 + __pyx_v_a))) / __pyx_v_d);
 
-  /* "models/_forward.pyx":87
+  /* "models/_forward.pyx":88
  *     w[5] = (f1 - f2) * r / d
  *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
  *     w[7] = (g1 - g2) * r / d             # <<<<<<<<<<<<<<
@@ -18609,7 +18613,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
 */
   (__pyx_v_w[7]) = (((__pyx_v_g1 - __pyx_v_g2) * __pyx_v_r) / __pyx_v_d);
 
-  /* "models/_forward.pyx":88
+  /* "models/_forward.pyx":89
  *     w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
  *     w[7] = (g1 - g2) * r / d
  *     return True             # <<<<<<<<<<<<<<
@@ -18622,7 +18626,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
   }
   goto __pyx_L0;
 
-  /* "models/_forward.pyx":63
+  /* "models/_forward.pyx":64
  * 
  * 
  * cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:             # <<<<<<<<<<<<<<
@@ -18646,7 +18650,7 @@ static CYTHON_INLINE int __pyx_f_6models_8_forward_two_lumps(double __pyx_v_lam,
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":91
+/* "models/_forward.pyx":92
  * 
  * 
  * cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag,             # <<<<<<<<<<<<<<
@@ -18661,7 +18665,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
   double __pyx_v_last;
   double __pyx_r;
 
-  /* "models/_forward.pyx":97
+  /* "models/_forward.pyx":98
  *     fade = exp(-h / lag).
  *     """
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h             # <<<<<<<<<<<<<<
@@ -18670,7 +18674,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_c = (((((3.0 * (__pyx_v_T1 - __pyx_v_T0)) / __pyx_v_h) - (2.0 * __pyx_v_s0)) - __pyx_v_s1) / __pyx_v_h);
 
-  /* "models/_forward.pyx":98
+  /* "models/_forward.pyx":99
  *     """
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
  *     cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)             # <<<<<<<<<<<<<<
@@ -18679,7 +18683,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_d = (((((2.0 * (__pyx_v_T0 - __pyx_v_T1)) / __pyx_v_h) + __pyx_v_s0) + __pyx_v_s1) / (__pyx_v_h * __pyx_v_h));
 
-  /* "models/_forward.pyx":99
+  /* "models/_forward.pyx":100
  *     cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
  *     cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)
  *     cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))             # <<<<<<<<<<<<<<
@@ -18688,7 +18692,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_first = (__pyx_v_T0 - (__pyx_v_lag * (__pyx_v_s0 - (__pyx_v_lag * ((2.0 * __pyx_v_c) - ((__pyx_v_lag * 6.0) * __pyx_v_d))))));
 
-  /* "models/_forward.pyx":100
+  /* "models/_forward.pyx":101
  *     cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)
  *     cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))
  *     cdef double last = T1 - lag * (s1 - lag * (2.0 * c + 6.0 * d * h - lag * 6.0 * d))             # <<<<<<<<<<<<<<
@@ -18697,7 +18701,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
 */
   __pyx_v_last = (__pyx_v_T1 - (__pyx_v_lag * (__pyx_v_s1 - (__pyx_v_lag * (((2.0 * __pyx_v_c) + ((6.0 * __pyx_v_d) * __pyx_v_h)) - ((__pyx_v_lag * 6.0) * __pyx_v_d))))));
 
-  /* "models/_forward.pyx":101
+  /* "models/_forward.pyx":102
  *     cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))
  *     cdef double last = T1 - lag * (s1 - lag * (2.0 * c + 6.0 * d * h - lag * 6.0 * d))
  *     return last + (y - first) * fade             # <<<<<<<<<<<<<<
@@ -18710,7 +18714,7 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
   }
   goto __pyx_L0;
 
-  /* "models/_forward.pyx":91
+  /* "models/_forward.pyx":92
  * 
  * 
  * cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag,             # <<<<<<<<<<<<<<
@@ -18727,7 +18731,1373 @@ static CYTHON_INLINE double __pyx_f_6models_8_forward_late_probe(double __pyx_v_
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":104
+/* "models/_forward.pyx":120
+ * 
+ * 
+ * cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """Slope of the reading at the end of interval k."""
+ *     if s.lag > 0.0:
+*/
+
+static CYTHON_INLINE double __pyx_f_6models_8_forward_end_slope(struct __pyx_t_6models_8_forward_Lump *__pyx_v_s, double __pyx_v_H, double __pyx_v_L, Py_ssize_t __pyx_v_k) {
+  double __pyx_r;
+  int __pyx_t_1;
+
+  /* "models/_forward.pyx":122
+ * cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:
+ *     """Slope of the reading at the end of interval k."""
+ *     if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *         return (s.T - s.y) / s.lag
+ *     return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+*/
+  __pyx_t_1 = (__pyx_v_s->lag > 0.0);
+
+  if (__pyx_t_1) {
+
+
+    /* "models/_forward.pyx":123
+ *     """Slope of the reading at the end of interval k."""
+ *     if s.lag > 0.0:
+ *         return (s.T - s.y) / s.lag             # <<<<<<<<<<<<<<
+ *     return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+ * 
+*/
+    {
+
+      __pyx_r = ((__pyx_v_s->T - __pyx_v_s->y) / __pyx_v_s->lag);
+    }
+    goto __pyx_L0;
+
+    /* "models/_forward.pyx":122
+ * cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:
+ *     """Slope of the reading at the end of interval k."""
+ *     if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *         return (s.T - s.y) / s.lag
+ *     return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+*/
+  }
+
+  /* "models/_forward.pyx":124
+ *     if s.lag > 0.0:
+ *         return (s.T - s.y) / s.lag
+ *     return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])             # <<<<<<<<<<<<<<
+ * 
+ * 
+*/
+  {
+
+    __pyx_r = __pyx_f_6models_8_forward_slope_of(__pyx_v_s->T, __pyx_v_s->Z, __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, (__pyx_v_s->sink[__pyx_v_k]), (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, (__pyx_v_s->linked[__pyx_v_k]));
+  }
+  goto __pyx_L0;
+
+  /* "models/_forward.pyx":120
+ * 
+ * 
+ * cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """Slope of the reading at the end of interval k."""
+ *     if s.lag > 0.0:
+*/
+
+  /* function exit code */
+  __pyx_L0:;
+  return __pyx_r;
+}
+
+/* "models/_forward.pyx":127
+ * 
+ * 
+ * cdef inline void weigh(Lump* s, double lam, double dt) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
+ *     cdef double a
+*/
+
+static CYTHON_INLINE void __pyx_f_6models_8_forward_weigh(struct __pyx_t_6models_8_forward_Lump *__pyx_v_s, double __pyx_v_lam, double __pyx_v_dt) {
+  double __pyx_v_a;
+  int __pyx_t_1;
+  int __pyx_t_2;
+
+  /* "models/_forward.pyx":130
+ *     """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
+ *     cdef double a
+ *     if lam != s.last_lam or dt != s.last_dt:             # <<<<<<<<<<<<<<
+ *         a = lam * dt
+ *         s.E = exp(-a)
+*/
+  __pyx_t_2 = (__pyx_v_lam != __pyx_v_s->last_lam);
+
+  if (!__pyx_t_2) {
+
+  } else {
+
+    __pyx_t_1 = __pyx_t_2;
+
+    goto __pyx_L4_bool_binop_done;
+  }
+  __pyx_t_2 = (__pyx_v_dt != __pyx_v_s->last_dt);
+
+
+  __pyx_t_1 = __pyx_t_2;
+
+  __pyx_L4_bool_binop_done:;
+  if (__pyx_t_1) {
+
+
+    /* "models/_forward.pyx":131
+ *     cdef double a
+ *     if lam != s.last_lam or dt != s.last_dt:
+ *         a = lam * dt             # <<<<<<<<<<<<<<
+ *         s.E = exp(-a)
+ *         if a < 1e-3:
+*/
+    __pyx_v_a = (__pyx_v_lam * __pyx_v_dt);
+
+    /* "models/_forward.pyx":132
+ *     if lam != s.last_lam or dt != s.last_dt:
+ *         a = lam * dt
+ *         s.E = exp(-a)             # <<<<<<<<<<<<<<
+ *         if a < 1e-3:
+ *             s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
+*/
+    __pyx_v_s->E = exp((-__pyx_v_a));
+
+    /* "models/_forward.pyx":133
+ *         a = lam * dt
+ *         s.E = exp(-a)
+ *         if a < 1e-3:             # <<<<<<<<<<<<<<
+ *             s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
+ *             s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
+*/
+    __pyx_t_1 = (__pyx_v_a < 1e-3);
+
+    if (__pyx_t_1) {
+
+
+      /* "models/_forward.pyx":134
+ *         s.E = exp(-a)
+ *         if a < 1e-3:
+ *             s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)             # <<<<<<<<<<<<<<
+ *             s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
+ *         else:
+*/
+      __pyx_v_s->phi = (__pyx_v_dt * ((1.0 - (0.5 * __pyx_v_a)) + ((__pyx_v_a * __pyx_v_a) / 6.0)));
+
+      /* "models/_forward.pyx":135
+ *         if a < 1e-3:
+ *             s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
+ *             s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)             # <<<<<<<<<<<<<<
+ *         else:
+ *             s.phi = -expm1(-a) / lam
+*/
+      __pyx_v_s->psi = ((__pyx_v_dt * __pyx_v_dt) * ((0.5 - (__pyx_v_a / 6.0)) + ((__pyx_v_a * __pyx_v_a) / 24.0)));
+
+      /* "models/_forward.pyx":133
+ *         a = lam * dt
+ *         s.E = exp(-a)
+ *         if a < 1e-3:             # <<<<<<<<<<<<<<
+ *             s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
+ *             s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
+*/
+      goto __pyx_L6;
+    }
+
+    /* "models/_forward.pyx":137
+ *             s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
+ *         else:
+ *             s.phi = -expm1(-a) / lam             # <<<<<<<<<<<<<<
+ *             s.psi = (dt - s.phi) / lam
+ *         s.last_lam = lam
+*/
+    /*else*/ {
+      __pyx_v_s->phi = ((-expm1((-__pyx_v_a))) / __pyx_v_lam);
+
+      /* "models/_forward.pyx":138
+ *         else:
+ *             s.phi = -expm1(-a) / lam
+ *             s.psi = (dt - s.phi) / lam             # <<<<<<<<<<<<<<
+ *         s.last_lam = lam
+ *         s.last_dt = dt
+*/
+      __pyx_v_s->psi = ((__pyx_v_dt - __pyx_v_s->phi) / __pyx_v_lam);
+    }
+    __pyx_L6:;
+
+    /* "models/_forward.pyx":139
+ *             s.phi = -expm1(-a) / lam
+ *             s.psi = (dt - s.phi) / lam
+ *         s.last_lam = lam             # <<<<<<<<<<<<<<
+ *         s.last_dt = dt
+ * 
+*/
+    __pyx_v_s->last_lam = __pyx_v_lam;
+
+    /* "models/_forward.pyx":140
+ *             s.psi = (dt - s.phi) / lam
+ *         s.last_lam = lam
+ *         s.last_dt = dt             # <<<<<<<<<<<<<<
+ * 
+ * 
+*/
+    __pyx_v_s->last_dt = __pyx_v_dt;
+
+    /* "models/_forward.pyx":130
+ *     """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
+ *     cdef double a
+ *     if lam != s.last_lam or dt != s.last_dt:             # <<<<<<<<<<<<<<
+ *         a = lam * dt
+ *         s.E = exp(-a)
+*/
+  }
+
+  /* "models/_forward.pyx":127
+ * 
+ * 
+ * cdef inline void weigh(Lump* s, double lam, double dt) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
+ *     cdef double a
+*/
+
+  /* function exit code */
+
+}
+
+/* "models/_forward.pyx":143
+ * 
+ * 
+ * cdef inline double faded(Lump* s, double h) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """What is left of a probe's distance after h; kept while h stays."""
+ *     if h != s.last_h:
+*/
+
+static CYTHON_INLINE double __pyx_f_6models_8_forward_faded(struct __pyx_t_6models_8_forward_Lump *__pyx_v_s, double __pyx_v_h) {
+  double __pyx_r;
+  int __pyx_t_1;
+
+  /* "models/_forward.pyx":145
+ * cdef inline double faded(Lump* s, double h) noexcept nogil:
+ *     """What is left of a probe's distance after h; kept while h stays."""
+ *     if h != s.last_h:             # <<<<<<<<<<<<<<
+ *         s.fade = exp(-h / s.lag)
+ *         s.last_h = h
+*/
+  __pyx_t_1 = (__pyx_v_h != __pyx_v_s->last_h);
+
+  if (__pyx_t_1) {
+
+
+    /* "models/_forward.pyx":146
+ *     """What is left of a probe's distance after h; kept while h stays."""
+ *     if h != s.last_h:
+ *         s.fade = exp(-h / s.lag)             # <<<<<<<<<<<<<<
+ *         s.last_h = h
+ *     return s.fade
+*/
+    __pyx_v_s->fade = exp(((-__pyx_v_h) / __pyx_v_s->lag));
+
+    /* "models/_forward.pyx":147
+ *     if h != s.last_h:
+ *         s.fade = exp(-h / s.lag)
+ *         s.last_h = h             # <<<<<<<<<<<<<<
+ *     return s.fade
+ * 
+*/
+    __pyx_v_s->last_h = __pyx_v_h;
+
+    /* "models/_forward.pyx":145
+ * cdef inline double faded(Lump* s, double h) noexcept nogil:
+ *     """What is left of a probe's distance after h; kept while h stays."""
+ *     if h != s.last_h:             # <<<<<<<<<<<<<<
+ *         s.fade = exp(-h / s.lag)
+ *         s.last_h = h
+*/
+  }
+
+  /* "models/_forward.pyx":148
+ *         s.fade = exp(-h / s.lag)
+ *         s.last_h = h
+ *     return s.fade             # <<<<<<<<<<<<<<
+ * 
+ * 
+*/
+  {
+
+    __pyx_r = __pyx_v_s->fade;
+  }
+  goto __pyx_L0;
+
+  /* "models/_forward.pyx":143
+ * 
+ * 
+ * cdef inline double faded(Lump* s, double h) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """What is left of a probe's distance after h; kept while h stays."""
+ *     if h != s.last_h:
+*/
+
+  /* function exit code */
+  __pyx_L0:;
+  return __pyx_r;
+}
+
+/* "models/_forward.pyx":151
+ * 
+ * 
+ * cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """One interval of one row."""
+ *     cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
+*/
+
+static CYTHON_INLINE void __pyx_f_6models_8_forward_advance(struct __pyx_t_6models_8_forward_Lump *__pyx_v_s, double __pyx_v_dt, Py_ssize_t __pyx_v_k) {
+  double __pyx_v_H;
+  double __pyx_v_L;
+  double __pyx_v_lam;
+  double __pyx_v_h;
+  double __pyx_v_T0;
+  double __pyx_v_sink;
+  double __pyx_v_q;
+  double __pyx_v_ds;
+  double __pyx_v_dq;
+  double __pyx_v_s1;
+  double __pyx_v_q1;
+  double __pyx_v_u0;
+  double __pyx_v_u1;
+  double __pyx_v_k1;
+  double __pyx_v_k2;
+  double __pyx_v_k3;
+  double __pyx_v_k4;
+  double __pyx_v_z1;
+  double __pyx_v_z2;
+  double __pyx_v_z3;
+  double __pyx_v_z4;
+  double __pyx_v_steps;
+  double __pyx_v_moved;
+  Py_ssize_t __pyx_v_m;
+  CYTHON_UNUSED Py_ssize_t __pyx_v_i;
+  int __pyx_t_1;
+  int __pyx_t_2;
+  double __pyx_t_3;
+  Py_ssize_t __pyx_t_4;
+  Py_ssize_t __pyx_t_5;
+  Py_ssize_t __pyx_t_6;
+
+  /* "models/_forward.pyx":153
+ * cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
+ *     """One interval of one row."""
+ *     cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1             # <<<<<<<<<<<<<<
+ *     cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
+ *     cdef Py_ssize_t m = 1, i
+*/
+  __pyx_v_H = (__pyx_v_s->rise * (__pyx_v_s->heat[__pyx_v_k]));
+  __pyx_v_L = (__pyx_v_s->loss[__pyx_v_k]);
+  __pyx_v_lam = ((__pyx_v_s->rate * __pyx_v_L) + __pyx_v_s->links);
+
+  /* "models/_forward.pyx":155
+ *     cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
+ *     cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
+ *     cdef Py_ssize_t m = 1, i             # <<<<<<<<<<<<<<
+ *     if s.exponent == 0.0 and s.hidden == 0.0:
+ *         weigh(s, lam, dt)
+*/
+  __pyx_v_m = 1;
+
+  /* "models/_forward.pyx":156
+ *     cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
+ *     cdef Py_ssize_t m = 1, i
+ *     if s.exponent == 0.0 and s.hidden == 0.0:             # <<<<<<<<<<<<<<
+ *         weigh(s, lam, dt)
+ *         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+*/
+  __pyx_t_2 = (__pyx_v_s->exponent == 0.0);
+
+  if (__pyx_t_2) {
+
+  } else {
+
+    __pyx_t_1 = __pyx_t_2;
+
+    goto __pyx_L4_bool_binop_done;
+  }
+  __pyx_t_2 = (__pyx_v_s->hidden == 0.0);
+
+
+  __pyx_t_1 = __pyx_t_2;
+
+  __pyx_L4_bool_binop_done:;
+  if (__pyx_t_1) {
+
+
+    /* "models/_forward.pyx":157
+ *     cdef Py_ssize_t m = 1, i
+ *     if s.exponent == 0.0 and s.hidden == 0.0:
+ *         weigh(s, lam, dt)             # <<<<<<<<<<<<<<
+ *         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+ *         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+*/
+    __pyx_f_6models_8_forward_weigh(__pyx_v_s, __pyx_v_lam, __pyx_v_dt);
+
+    /* "models/_forward.pyx":158
+ *     if s.exponent == 0.0 and s.hidden == 0.0:
+ *         weigh(s, lam, dt)
+ *         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]             # <<<<<<<<<<<<<<
+ *         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+ *         T0 = s.T
+*/
+    __pyx_v_u0 = ((__pyx_v_s->rate * (__pyx_v_H + (__pyx_v_L * (__pyx_v_s->sink[(__pyx_v_k - 1)])))) + (__pyx_v_s->linked[(__pyx_v_k - 1)]));
+
+    /* "models/_forward.pyx":159
+ *         weigh(s, lam, dt)
+ *         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+ *         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]             # <<<<<<<<<<<<<<
+ *         T0 = s.T
+ *         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+*/
+    __pyx_v_u1 = ((__pyx_v_s->rate * (__pyx_v_H + (__pyx_v_L * (__pyx_v_s->sink[__pyx_v_k])))) + (__pyx_v_s->linked[__pyx_v_k]));
+
+    /* "models/_forward.pyx":160
+ *         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+ *         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+ *         T0 = s.T             # <<<<<<<<<<<<<<
+ *         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+ *         if s.lag > 0.0:
+*/
+    __pyx_t_3 = __pyx_v_s->T;
+
+    __pyx_v_T0 = __pyx_t_3;
+
+    /* "models/_forward.pyx":161
+ *         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+ *         T0 = s.T
+ *         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi             # <<<<<<<<<<<<<<
+ *         if s.lag > 0.0:
+ *             s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+*/
+    __pyx_v_s->T = (((__pyx_v_T0 * __pyx_v_s->E) + (__pyx_v_u0 * __pyx_v_s->phi)) + (((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt) * __pyx_v_s->psi));
+
+    /* "models/_forward.pyx":162
+ *         T0 = s.T
+ *         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+ *         if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *             s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+ *         else:
+*/
+    __pyx_t_1 = (__pyx_v_s->lag > 0.0);
+
+    if (__pyx_t_1) {
+
+
+      /* "models/_forward.pyx":163
+ *         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+ *         if s.lag > 0.0:
+ *             s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))             # <<<<<<<<<<<<<<
+ *         else:
+ *             s.y = s.T
+*/
+      __pyx_v_s->y = __pyx_f_6models_8_forward_late_probe(__pyx_v_s->y, __pyx_v_T0, __pyx_v_s->T, (__pyx_v_u0 - (__pyx_v_lam * __pyx_v_T0)), (__pyx_v_u1 - (__pyx_v_lam * __pyx_v_s->T)), __pyx_v_dt, __pyx_v_s->lag, __pyx_f_6models_8_forward_faded(__pyx_v_s, __pyx_v_dt));
+
+      /* "models/_forward.pyx":162
+ *         T0 = s.T
+ *         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+ *         if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *             s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+ *         else:
+*/
+      goto __pyx_L6;
+    }
+
+    /* "models/_forward.pyx":165
+ *             s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+ *         else:
+ *             s.y = s.T             # <<<<<<<<<<<<<<
+ *     else:
+ *         if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):
+*/
+    /*else*/ {
+      __pyx_t_3 = __pyx_v_s->T;
+
+      __pyx_v_s->y = __pyx_t_3;
+    }
+    __pyx_L6:;
+
+    /* "models/_forward.pyx":156
+ *     cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
+ *     cdef Py_ssize_t m = 1, i
+ *     if s.exponent == 0.0 and s.hidden == 0.0:             # <<<<<<<<<<<<<<
+ *         weigh(s, lam, dt)
+ *         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+*/
+    goto __pyx_L3;
+  }
+
+  /* "models/_forward.pyx":167
+ *             s.y = s.T
+ *     else:
+ *         if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):             # <<<<<<<<<<<<<<
+ *             s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+ *             s.last_lam = lam
+*/
+  /*else*/ {
+    __pyx_t_2 = (__pyx_v_s->exponent == 0.0);
+
+    if (__pyx_t_2) {
+
+    } else {
+
+      __pyx_t_1 = __pyx_t_2;
+
+      goto __pyx_L8_bool_binop_done;
+    }
+    __pyx_t_2 = (__pyx_v_lam != __pyx_v_s->last_lam);
+
+    if (!__pyx_t_2) {
+
+    } else {
+
+      __pyx_t_1 = __pyx_t_2;
+
+      goto __pyx_L8_bool_binop_done;
+    }
+    __pyx_t_2 = (__pyx_v_dt != __pyx_v_s->last_dt);
+
+
+    __pyx_t_1 = __pyx_t_2;
+
+    __pyx_L8_bool_binop_done:;
+    if (__pyx_t_1) {
+
+
+      /* "models/_forward.pyx":168
+ *     else:
+ *         if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):
+ *             s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)             # <<<<<<<<<<<<<<
+ *             s.last_lam = lam
+ *             s.last_dt = dt
+*/
+      __pyx_v_s->pair_ok = __pyx_f_6models_8_forward_two_lumps(__pyx_v_lam, __pyx_v_s->hidden, __pyx_v_s->hidden_rate, __pyx_v_dt, __pyx_v_s->w);
+
+      /* "models/_forward.pyx":169
+ *         if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):
+ *             s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+ *             s.last_lam = lam             # <<<<<<<<<<<<<<
+ *             s.last_dt = dt
+ *         if s.exponent == 0.0 and s.pair_ok:
+*/
+      __pyx_v_s->last_lam = __pyx_v_lam;
+
+      /* "models/_forward.pyx":170
+ *             s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+ *             s.last_lam = lam
+ *             s.last_dt = dt             # <<<<<<<<<<<<<<
+ *         if s.exponent == 0.0 and s.pair_ok:
+ *             T0 = s.T
+*/
+      __pyx_v_s->last_dt = __pyx_v_dt;
+
+      /* "models/_forward.pyx":167
+ *             s.y = s.T
+ *     else:
+ *         if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):             # <<<<<<<<<<<<<<
+ *             s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+ *             s.last_lam = lam
+*/
+    }
+
+    /* "models/_forward.pyx":171
+ *             s.last_lam = lam
+ *             s.last_dt = dt
+ *         if s.exponent == 0.0 and s.pair_ok:             # <<<<<<<<<<<<<<
+ *             T0 = s.T
+ *             k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+*/
+    __pyx_t_2 = (__pyx_v_s->exponent == 0.0);
+
+    if (__pyx_t_2) {
+
+    } else {
+
+      __pyx_t_1 = __pyx_t_2;
+
+      goto __pyx_L12_bool_binop_done;
+    }
+
+    __pyx_t_1 = __pyx_v_s->pair_ok;
+    __pyx_L12_bool_binop_done:;
+    if (__pyx_t_1) {
+
+
+      /* "models/_forward.pyx":172
+ *             s.last_dt = dt
+ *         if s.exponent == 0.0 and s.pair_ok:
+ *             T0 = s.T             # <<<<<<<<<<<<<<
+ *             k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+ *             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+*/
+      __pyx_t_3 = __pyx_v_s->T;
+
+      __pyx_v_T0 = __pyx_t_3;
+
+      /* "models/_forward.pyx":173
+ *         if s.exponent == 0.0 and s.pair_ok:
+ *             T0 = s.T
+ *             k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])             # <<<<<<<<<<<<<<
+ *             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+ *             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+*/
+      __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T0, __pyx_v_s->Z, __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, (__pyx_v_s->sink[(__pyx_v_k - 1)]), (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, (__pyx_v_s->linked[(__pyx_v_k - 1)]));
+
+      /* "models/_forward.pyx":174
+ *             T0 = s.T
+ *             k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+ *             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]             # <<<<<<<<<<<<<<
+ *             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+ *             ds = (u1 - u0) / dt
+*/
+      __pyx_v_u0 = ((__pyx_v_s->rate * (__pyx_v_H + (__pyx_v_L * (__pyx_v_s->sink[(__pyx_v_k - 1)])))) + (__pyx_v_s->linked[(__pyx_v_k - 1)]));
+
+      /* "models/_forward.pyx":175
+ *             k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+ *             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+ *             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]             # <<<<<<<<<<<<<<
+ *             ds = (u1 - u0) / dt
+ *             moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
+*/
+      __pyx_v_u1 = ((__pyx_v_s->rate * (__pyx_v_H + (__pyx_v_L * (__pyx_v_s->sink[__pyx_v_k])))) + (__pyx_v_s->linked[__pyx_v_k]));
+
+      /* "models/_forward.pyx":176
+ *             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+ *             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+ *             ds = (u1 - u0) / dt             # <<<<<<<<<<<<<<
+ *             moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
+ *             s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+*/
+      __pyx_v_ds = ((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt);
+
+      /* "models/_forward.pyx":177
+ *             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+ *             ds = (u1 - u0) / dt
+ *             moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds             # <<<<<<<<<<<<<<
+ *             s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+ *             s.T = moved
+*/
+      __pyx_v_moved = (((((__pyx_v_s->w[0]) * __pyx_v_T0) + ((__pyx_v_s->w[1]) * __pyx_v_s->Z)) + ((__pyx_v_s->w[4]) * __pyx_v_u0)) + ((__pyx_v_s->w[6]) * __pyx_v_ds));
+
+      /* "models/_forward.pyx":178
+ *             ds = (u1 - u0) / dt
+ *             moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
+ *             s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds             # <<<<<<<<<<<<<<
+ *             s.T = moved
+ *             if s.lag > 0.0:
+*/
+      __pyx_v_s->Z = (((((__pyx_v_s->w[2]) * __pyx_v_T0) + ((__pyx_v_s->w[3]) * __pyx_v_s->Z)) + ((__pyx_v_s->w[5]) * __pyx_v_u0)) + ((__pyx_v_s->w[7]) * __pyx_v_ds));
+
+      /* "models/_forward.pyx":179
+ *             moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
+ *             s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+ *             s.T = moved             # <<<<<<<<<<<<<<
+ *             if s.lag > 0.0:
+ *                 k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+*/
+      __pyx_v_s->T = __pyx_v_moved;
+
+      /* "models/_forward.pyx":180
+ *             s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+ *             s.T = moved
+ *             if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *                 k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+ *                 s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+*/
+      __pyx_t_1 = (__pyx_v_s->lag > 0.0);
+
+      if (__pyx_t_1) {
+
+
+        /* "models/_forward.pyx":181
+ *             s.T = moved
+ *             if s.lag > 0.0:
+ *                 k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])             # <<<<<<<<<<<<<<
+ *                 s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+ *             else:
+*/
+        __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_s->T, __pyx_v_s->Z, __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, (__pyx_v_s->sink[__pyx_v_k]), (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, (__pyx_v_s->linked[__pyx_v_k]));
+
+        /* "models/_forward.pyx":182
+ *             if s.lag > 0.0:
+ *                 k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+ *                 s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))             # <<<<<<<<<<<<<<
+ *             else:
+ *                 s.y = s.T
+*/
+        __pyx_v_s->y = __pyx_f_6models_8_forward_late_probe(__pyx_v_s->y, __pyx_v_T0, __pyx_v_s->T, __pyx_v_k1, __pyx_v_k4, __pyx_v_dt, __pyx_v_s->lag, __pyx_f_6models_8_forward_faded(__pyx_v_s, __pyx_v_dt));
+
+        /* "models/_forward.pyx":180
+ *             s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+ *             s.T = moved
+ *             if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *                 k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+ *                 s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+*/
+        goto __pyx_L14;
+      }
+
+      /* "models/_forward.pyx":184
+ *                 s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+ *             else:
+ *                 s.y = s.T             # <<<<<<<<<<<<<<
+ *         else:
+ *             steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3
+*/
+      /*else*/ {
+        __pyx_t_3 = __pyx_v_s->T;
+
+        __pyx_v_s->y = __pyx_t_3;
+      }
+      __pyx_L14:;
+
+      /* "models/_forward.pyx":171
+ *             s.last_lam = lam
+ *             s.last_dt = dt
+ *         if s.exponent == 0.0 and s.pair_ok:             # <<<<<<<<<<<<<<
+ *             T0 = s.T
+ *             k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+*/
+      goto __pyx_L11;
+    }
+
+    /* "models/_forward.pyx":186
+ *                 s.y = s.T
+ *         else:
+ *             steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3             # <<<<<<<<<<<<<<
+ *             while m < steps and m < MOST_SUBSTEPS:
+ *                 m = 2 * m
+*/
+    /*else*/ {
+      __pyx_v_steps = (((((((__pyx_v_s->rate * __pyx_v_L) * (1.0 + __pyx_v_s->exponent)) + __pyx_v_s->hidden) + __pyx_v_s->hidden_rate) + __pyx_v_s->links) * __pyx_v_dt) / 0.3);
+
+      /* "models/_forward.pyx":187
+ *         else:
+ *             steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3
+ *             while m < steps and m < MOST_SUBSTEPS:             # <<<<<<<<<<<<<<
+ *                 m = 2 * m
+ *             h = dt / m
+*/
+      while (1) {
+        __pyx_t_2 = (__pyx_v_m < __pyx_v_steps);
+
+        if (__pyx_t_2) {
+
+        } else {
+
+          __pyx_t_1 = __pyx_t_2;
+
+          goto __pyx_L17_bool_binop_done;
+        }
+        __pyx_t_2 = (__pyx_v_m < __pyx_e_6models_8_forward_MOST_SUBSTEPS);
+
+
+        __pyx_t_1 = __pyx_t_2;
+
+        __pyx_L17_bool_binop_done:;
+
+        if (!__pyx_t_1) break;
+
+        /* "models/_forward.pyx":188
+ *             steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3
+ *             while m < steps and m < MOST_SUBSTEPS:
+ *                 m = 2 * m             # <<<<<<<<<<<<<<
+ *             h = dt / m
+ *             ds = (s.sink[k] - s.sink[k - 1]) / m
+*/
+        __pyx_v_m = (2 * __pyx_v_m);
+      }
+
+      /* "models/_forward.pyx":189
+ *             while m < steps and m < MOST_SUBSTEPS:
+ *                 m = 2 * m
+ *             h = dt / m             # <<<<<<<<<<<<<<
+ *             ds = (s.sink[k] - s.sink[k - 1]) / m
+ *             dq = (s.linked[k] - s.linked[k - 1]) / m
+*/
+      __pyx_v_h = (__pyx_v_dt / ((double)__pyx_v_m));
+
+      /* "models/_forward.pyx":190
+ *                 m = 2 * m
+ *             h = dt / m
+ *             ds = (s.sink[k] - s.sink[k - 1]) / m             # <<<<<<<<<<<<<<
+ *             dq = (s.linked[k] - s.linked[k - 1]) / m
+ *             sink = s.sink[k - 1]
+*/
+      __pyx_v_ds = (((__pyx_v_s->sink[__pyx_v_k]) - (__pyx_v_s->sink[(__pyx_v_k - 1)])) / ((double)__pyx_v_m));
+
+      /* "models/_forward.pyx":191
+ *             h = dt / m
+ *             ds = (s.sink[k] - s.sink[k - 1]) / m
+ *             dq = (s.linked[k] - s.linked[k - 1]) / m             # <<<<<<<<<<<<<<
+ *             sink = s.sink[k - 1]
+ *             q = s.linked[k - 1]
+*/
+      __pyx_v_dq = (((__pyx_v_s->linked[__pyx_v_k]) - (__pyx_v_s->linked[(__pyx_v_k - 1)])) / ((double)__pyx_v_m));
+
+      /* "models/_forward.pyx":192
+ *             ds = (s.sink[k] - s.sink[k - 1]) / m
+ *             dq = (s.linked[k] - s.linked[k - 1]) / m
+ *             sink = s.sink[k - 1]             # <<<<<<<<<<<<<<
+ *             q = s.linked[k - 1]
+ *             for i in range(m):
+*/
+      __pyx_v_sink = (__pyx_v_s->sink[(__pyx_v_k - 1)]);
+
+      /* "models/_forward.pyx":193
+ *             dq = (s.linked[k] - s.linked[k - 1]) / m
+ *             sink = s.sink[k - 1]
+ *             q = s.linked[k - 1]             # <<<<<<<<<<<<<<
+ *             for i in range(m):
+ *                 s1 = sink + ds
+*/
+      __pyx_v_q = (__pyx_v_s->linked[(__pyx_v_k - 1)]);
+
+      /* "models/_forward.pyx":194
+ *             sink = s.sink[k - 1]
+ *             q = s.linked[k - 1]
+ *             for i in range(m):             # <<<<<<<<<<<<<<
+ *                 s1 = sink + ds
+ *                 q1 = q + dq
+*/
+
+      __pyx_t_4 = __pyx_v_m;
+      __pyx_t_5 = __pyx_t_4;
+
+      for (__pyx_t_6 = 0; __pyx_t_6 < __pyx_t_5; __pyx_t_6+=1) {
+        __pyx_v_i = __pyx_t_6;
+
+        /* "models/_forward.pyx":195
+ *             q = s.linked[k - 1]
+ *             for i in range(m):
+ *                 s1 = sink + ds             # <<<<<<<<<<<<<<
+ *                 q1 = q + dq
+ *                 T0 = s.T
+*/
+        __pyx_v_s1 = (__pyx_v_sink + __pyx_v_ds);
+
+        /* "models/_forward.pyx":196
+ *             for i in range(m):
+ *                 s1 = sink + ds
+ *                 q1 = q + dq             # <<<<<<<<<<<<<<
+ *                 T0 = s.T
+ *                 k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+*/
+        __pyx_v_q1 = (__pyx_v_q + __pyx_v_dq);
+
+        /* "models/_forward.pyx":197
+ *                 s1 = sink + ds
+ *                 q1 = q + dq
+ *                 T0 = s.T             # <<<<<<<<<<<<<<
+ *                 k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+ *                 z1 = s.hidden_rate * (T0 - s.Z)
+*/
+        __pyx_t_3 = __pyx_v_s->T;
+
+        __pyx_v_T0 = __pyx_t_3;
+
+        /* "models/_forward.pyx":198
+ *                 q1 = q + dq
+ *                 T0 = s.T
+ *                 k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)             # <<<<<<<<<<<<<<
+ *                 z1 = s.hidden_rate * (T0 - s.Z)
+ *                 k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+*/
+        __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T0, __pyx_v_s->Z, __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, __pyx_v_sink, (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, __pyx_v_q);
+
+        /* "models/_forward.pyx":199
+ *                 T0 = s.T
+ *                 k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+ *                 z1 = s.hidden_rate * (T0 - s.Z)             # <<<<<<<<<<<<<<
+ *                 k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+ *                               q + 0.5 * dq)
+*/
+        __pyx_v_z1 = (__pyx_v_s->hidden_rate * (__pyx_v_T0 - __pyx_v_s->Z));
+
+        /* "models/_forward.pyx":200
+ *                 k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+ *                 z1 = s.hidden_rate * (T0 - s.Z)
+ *                 k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,             # <<<<<<<<<<<<<<
+ *                               q + 0.5 * dq)
+ *                 z2 = s.hidden_rate * (T0 + 0.5 * h * k1 - s.Z - 0.5 * h * z1)
+*/
+        __pyx_v_k2 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T0 + ((0.5 * __pyx_v_h) * __pyx_v_k1)), (__pyx_v_s->Z + ((0.5 * __pyx_v_h) * __pyx_v_z1)), __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, (__pyx_v_sink + (0.5 * __pyx_v_ds)), (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, (__pyx_v_q + (0.5 * __pyx_v_dq)));
+
+        /* "models/_forward.pyx":202
+ *                 k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+ *                               q + 0.5 * dq)
+ *                 z2 = s.hidden_rate * (T0 + 0.5 * h * k1 - s.Z - 0.5 * h * z1)             # <<<<<<<<<<<<<<
+ *                 k3 = slope_of(T0 + 0.5 * h * k2, s.Z + 0.5 * h * z2, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+ *                               q + 0.5 * dq)
+*/
+        __pyx_v_z2 = (__pyx_v_s->hidden_rate * (((__pyx_v_T0 + ((0.5 * __pyx_v_h) * __pyx_v_k1)) - __pyx_v_s->Z) - ((0.5 * __pyx_v_h) * __pyx_v_z1)));
+
+        /* "models/_forward.pyx":203
+ *                               q + 0.5 * dq)
+ *                 z2 = s.hidden_rate * (T0 + 0.5 * h * k1 - s.Z - 0.5 * h * z1)
+ *                 k3 = slope_of(T0 + 0.5 * h * k2, s.Z + 0.5 * h * z2, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,             # <<<<<<<<<<<<<<
+ *                               q + 0.5 * dq)
+ *                 z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)
+*/
+        __pyx_v_k3 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T0 + ((0.5 * __pyx_v_h) * __pyx_v_k2)), (__pyx_v_s->Z + ((0.5 * __pyx_v_h) * __pyx_v_z2)), __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, (__pyx_v_sink + (0.5 * __pyx_v_ds)), (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, (__pyx_v_q + (0.5 * __pyx_v_dq)));
+
+        /* "models/_forward.pyx":205
+ *                 k3 = slope_of(T0 + 0.5 * h * k2, s.Z + 0.5 * h * z2, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+ *                               q + 0.5 * dq)
+ *                 z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)             # <<<<<<<<<<<<<<
+ *                 k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                 z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+*/
+        __pyx_v_z3 = (__pyx_v_s->hidden_rate * (((__pyx_v_T0 + ((0.5 * __pyx_v_h) * __pyx_v_k2)) - __pyx_v_s->Z) - ((0.5 * __pyx_v_h) * __pyx_v_z2)));
+
+        /* "models/_forward.pyx":206
+ *                               q + 0.5 * dq)
+ *                 z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)
+ *                 k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)             # <<<<<<<<<<<<<<
+ *                 z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+ *                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+*/
+        __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T0 + (__pyx_v_h * __pyx_v_k3)), (__pyx_v_s->Z + (__pyx_v_h * __pyx_v_z3)), __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, __pyx_v_s1, (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, __pyx_v_q1);
+
+        /* "models/_forward.pyx":207
+ *                 z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)
+ *                 k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                 z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)             # <<<<<<<<<<<<<<
+ *                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+ *                 s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+*/
+        __pyx_v_z4 = (__pyx_v_s->hidden_rate * (((__pyx_v_T0 + (__pyx_v_h * __pyx_v_k3)) - __pyx_v_s->Z) - (__pyx_v_h * __pyx_v_z3)));
+
+        /* "models/_forward.pyx":208
+ *                 k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                 z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+ *                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)             # <<<<<<<<<<<<<<
+ *                 s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+ *                 if s.lag > 0.0:
+*/
+        __pyx_v_s->T = (__pyx_v_T0 + ((__pyx_v_h / 6.0) * (((__pyx_v_k1 + (2.0 * __pyx_v_k2)) + (2.0 * __pyx_v_k3)) + __pyx_v_k4)));
+
+        /* "models/_forward.pyx":209
+ *                 z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+ *                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+ *                 s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)             # <<<<<<<<<<<<<<
+ *                 if s.lag > 0.0:
+ *                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+*/
+        __pyx_v_s->Z = (__pyx_v_s->Z + ((__pyx_v_h / 6.0) * (((__pyx_v_z1 + (2.0 * __pyx_v_z2)) + (2.0 * __pyx_v_z3)) + __pyx_v_z4)));
+
+        /* "models/_forward.pyx":210
+ *                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+ *                 s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+ *                 if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+*/
+        __pyx_t_1 = (__pyx_v_s->lag > 0.0);
+
+        if (__pyx_t_1) {
+
+
+          /* "models/_forward.pyx":211
+ *                 s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+ *                 if s.lag > 0.0:
+ *                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)             # <<<<<<<<<<<<<<
+ *                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+ *                 sink = s1
+*/
+          __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_s->T, __pyx_v_s->Z, __pyx_v_s->rate, __pyx_v_H, __pyx_v_L, __pyx_v_s1, (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, __pyx_v_q1);
+
+          /* "models/_forward.pyx":212
+ *                 if s.lag > 0.0:
+ *                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))             # <<<<<<<<<<<<<<
+ *                 sink = s1
+ *                 q = q1
+*/
+          __pyx_v_s->y = __pyx_f_6models_8_forward_late_probe(__pyx_v_s->y, __pyx_v_T0, __pyx_v_s->T, __pyx_v_k1, __pyx_v_k4, __pyx_v_h, __pyx_v_s->lag, __pyx_f_6models_8_forward_faded(__pyx_v_s, __pyx_v_h));
+
+          /* "models/_forward.pyx":210
+ *                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+ *                 s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+ *                 if s.lag > 0.0:             # <<<<<<<<<<<<<<
+ *                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+*/
+        }
+
+        /* "models/_forward.pyx":213
+ *                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+ *                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+ *                 sink = s1             # <<<<<<<<<<<<<<
+ *                 q = q1
+ *             if s.lag == 0.0:
+*/
+        __pyx_v_sink = __pyx_v_s1;
+
+        /* "models/_forward.pyx":214
+ *                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+ *                 sink = s1
+ *                 q = q1             # <<<<<<<<<<<<<<
+ *             if s.lag == 0.0:
+ *                 s.y = s.T
+*/
+        __pyx_v_q = __pyx_v_q1;
+      }
+
+
+      /* "models/_forward.pyx":215
+ *                 sink = s1
+ *                 q = q1
+ *             if s.lag == 0.0:             # <<<<<<<<<<<<<<
+ *                 s.y = s.T
+ *     s.out[k] = s.y
+*/
+      __pyx_t_1 = (__pyx_v_s->lag == 0.0);
+
+      if (__pyx_t_1) {
+
+
+        /* "models/_forward.pyx":216
+ *                 q = q1
+ *             if s.lag == 0.0:
+ *                 s.y = s.T             # <<<<<<<<<<<<<<
+ *     s.out[k] = s.y
+ *     if s.delay > 0.0:
+*/
+        __pyx_t_3 = __pyx_v_s->T;
+
+        __pyx_v_s->y = __pyx_t_3;
+
+        /* "models/_forward.pyx":215
+ *                 sink = s1
+ *                 q = q1
+ *             if s.lag == 0.0:             # <<<<<<<<<<<<<<
+ *                 s.y = s.T
+ *     s.out[k] = s.y
+*/
+      }
+    }
+    __pyx_L11:;
+  }
+  __pyx_L3:;
+
+  /* "models/_forward.pyx":217
+ *             if s.lag == 0.0:
+ *                 s.y = s.T
+ *     s.out[k] = s.y             # <<<<<<<<<<<<<<
+ *     if s.delay > 0.0:
+ *         s.slope[k] = end_slope(s, H, L, k)
+*/
+  __pyx_t_3 = __pyx_v_s->y;
+
+  (__pyx_v_s->out[__pyx_v_k]) = __pyx_t_3;
+
+
+  /* "models/_forward.pyx":218
+ *                 s.y = s.T
+ *     s.out[k] = s.y
+ *     if s.delay > 0.0:             # <<<<<<<<<<<<<<
+ *         s.slope[k] = end_slope(s, H, L, k)
+ * 
+*/
+  __pyx_t_1 = (__pyx_v_s->delay > 0.0);
+
+  if (__pyx_t_1) {
+
+
+    /* "models/_forward.pyx":219
+ *     s.out[k] = s.y
+ *     if s.delay > 0.0:
+ *         s.slope[k] = end_slope(s, H, L, k)             # <<<<<<<<<<<<<<
+ * 
+ * 
+*/
+    (__pyx_v_s->slope[__pyx_v_k]) = __pyx_f_6models_8_forward_end_slope(__pyx_v_s, __pyx_v_H, __pyx_v_L, __pyx_v_k);
+
+    /* "models/_forward.pyx":218
+ *                 s.y = s.T
+ *     s.out[k] = s.y
+ *     if s.delay > 0.0:             # <<<<<<<<<<<<<<
+ *         s.slope[k] = end_slope(s, H, L, k)
+ * 
+*/
+  }
+
+  /* "models/_forward.pyx":151
+ * 
+ * 
+ * cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """One interval of one row."""
+ *     cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
+*/
+
+  /* function exit code */
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+
+}
+
+/* "models/_forward.pyx":222
+ * 
+ * 
+ * cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """The row's output `delay` later: cubic between readings, its start before."""
+ *     cdef Py_ssize_t k, j = 0
+*/
+
+static void __pyx_f_6models_8_forward_retard(struct __pyx_t_6models_8_forward_Lump *__pyx_v_s, double const *__pyx_v_time, Py_ssize_t __pyx_v_n, double *__pyx_v_curve) {
+  Py_ssize_t __pyx_v_k;
+  Py_ssize_t __pyx_v_j;
+  double __pyx_v_at;
+  double __pyx_v_dt;
+  double __pyx_v_x;
+  Py_ssize_t __pyx_t_1;
+  Py_ssize_t __pyx_t_2;
+  Py_ssize_t __pyx_t_3;
+  double __pyx_t_4;
+  int __pyx_t_5;
+  int __pyx_t_6;
+
+  /* "models/_forward.pyx":224
+ * cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexcept nogil:
+ *     """The row's output `delay` later: cubic between readings, its start before."""
+ *     cdef Py_ssize_t k, j = 0             # <<<<<<<<<<<<<<
+ *     cdef double at, dt, x
+ *     for k in range(n):
+*/
+  __pyx_v_j = 0;
+
+  /* "models/_forward.pyx":226
+ *     cdef Py_ssize_t k, j = 0
+ *     cdef double at, dt, x
+ *     for k in range(n):             # <<<<<<<<<<<<<<
+ *         curve[k] = s.out[k]
+ *     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
+*/
+
+  __pyx_t_1 = __pyx_v_n;
+  __pyx_t_2 = __pyx_t_1;
+
+  for (__pyx_t_3 = 0; __pyx_t_3 < __pyx_t_2; __pyx_t_3+=1) {
+    __pyx_v_k = __pyx_t_3;
+
+    /* "models/_forward.pyx":227
+ *     cdef double at, dt, x
+ *     for k in range(n):
+ *         curve[k] = s.out[k]             # <<<<<<<<<<<<<<
+ *     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
+ *         s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+*/
+    (__pyx_v_curve[__pyx_v_k]) = (__pyx_v_s->out[__pyx_v_k]);
+  }
+
+
+  /* "models/_forward.pyx":228
+ *     for k in range(n):
+ *         curve[k] = s.out[k]
+ *     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(             # <<<<<<<<<<<<<<
+ *         s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+ *     for k in range(n):
+*/
+  __pyx_t_5 = (__pyx_v_s->lag > 0.0);
+
+  if (__pyx_t_5) {
+
+    __pyx_t_4 = 0.0;
+  } else {
+
+    /* "models/_forward.pyx":229
+ *         curve[k] = s.out[k]
+ *     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
+ *         s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])             # <<<<<<<<<<<<<<
+ *     for k in range(n):
+ *         at = time[k] - s.delay
+*/
+
+    __pyx_t_4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_s->start, __pyx_v_s->start, __pyx_v_s->rate, (__pyx_v_s->rise * (__pyx_v_s->heat[1])), (__pyx_v_s->loss[1]), (__pyx_v_s->sink[0]), (&__pyx_v_s->power), __pyx_v_s->hidden, __pyx_v_s->links, (__pyx_v_s->linked[0]));
+  }
+
+
+  /* "models/_forward.pyx":228
+ *     for k in range(n):
+ *         curve[k] = s.out[k]
+ *     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(             # <<<<<<<<<<<<<<
+ *         s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+ *     for k in range(n):
+*/
+  (__pyx_v_s->slope[0]) = __pyx_t_4;
+
+
+  /* "models/_forward.pyx":230
+ *     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
+ *         s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+ *     for k in range(n):             # <<<<<<<<<<<<<<
+ *         at = time[k] - s.delay
+ *         if at <= time[0]:
+*/
+
+  __pyx_t_1 = __pyx_v_n;
+  __pyx_t_2 = __pyx_t_1;
+
+  for (__pyx_t_3 = 0; __pyx_t_3 < __pyx_t_2; __pyx_t_3+=1) {
+    __pyx_v_k = __pyx_t_3;
+
+    /* "models/_forward.pyx":231
+ *         s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+ *     for k in range(n):
+ *         at = time[k] - s.delay             # <<<<<<<<<<<<<<
+ *         if at <= time[0]:
+ *             s.out[k] = s.start
+*/
+    __pyx_v_at = ((__pyx_v_time[__pyx_v_k]) - __pyx_v_s->delay);
+
+    /* "models/_forward.pyx":232
+ *     for k in range(n):
+ *         at = time[k] - s.delay
+ *         if at <= time[0]:             # <<<<<<<<<<<<<<
+ *             s.out[k] = s.start
+ *             continue
+*/
+    __pyx_t_5 = (__pyx_v_at <= (__pyx_v_time[0]));
+
+    if (__pyx_t_5) {
+
+
+      /* "models/_forward.pyx":233
+ *         at = time[k] - s.delay
+ *         if at <= time[0]:
+ *             s.out[k] = s.start             # <<<<<<<<<<<<<<
+ *             continue
+ *         while j < n - 2 and time[j + 1] < at:
+*/
+      __pyx_t_4 = __pyx_v_s->start;
+
+      (__pyx_v_s->out[__pyx_v_k]) = __pyx_t_4;
+
+
+      /* "models/_forward.pyx":234
+ *         if at <= time[0]:
+ *             s.out[k] = s.start
+ *             continue             # <<<<<<<<<<<<<<
+ *         while j < n - 2 and time[j + 1] < at:
+ *             j += 1
+*/
+      goto __pyx_L5_continue;
+
+      /* "models/_forward.pyx":232
+ *     for k in range(n):
+ *         at = time[k] - s.delay
+ *         if at <= time[0]:             # <<<<<<<<<<<<<<
+ *             s.out[k] = s.start
+ *             continue
+*/
+    }
+
+    /* "models/_forward.pyx":235
+ *             s.out[k] = s.start
+ *             continue
+ *         while j < n - 2 and time[j + 1] < at:             # <<<<<<<<<<<<<<
+ *             j += 1
+ *         dt = time[j + 1] - time[j]
+*/
+    while (1) {
+      __pyx_t_6 = (__pyx_v_j < (__pyx_v_n - 2));
+
+      if (__pyx_t_6) {
+
+      } else {
+
+        __pyx_t_5 = __pyx_t_6;
+
+        goto __pyx_L10_bool_binop_done;
+      }
+      __pyx_t_6 = ((__pyx_v_time[(__pyx_v_j + 1)]) < __pyx_v_at);
+
+
+      __pyx_t_5 = __pyx_t_6;
+
+      __pyx_L10_bool_binop_done:;
+
+      if (!__pyx_t_5) break;
+
+      /* "models/_forward.pyx":236
+ *             continue
+ *         while j < n - 2 and time[j + 1] < at:
+ *             j += 1             # <<<<<<<<<<<<<<
+ *         dt = time[j + 1] - time[j]
+ *         x = (at - time[j]) / dt
+*/
+      __pyx_v_j = (__pyx_v_j + 1);
+    }
+
+    /* "models/_forward.pyx":237
+ *         while j < n - 2 and time[j + 1] < at:
+ *             j += 1
+ *         dt = time[j + 1] - time[j]             # <<<<<<<<<<<<<<
+ *         x = (at - time[j]) / dt
+ *         s.out[k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + s.slope[j] * dt * x * (1.0 - x) * (1.0 - x)
+*/
+    __pyx_v_dt = ((__pyx_v_time[(__pyx_v_j + 1)]) - (__pyx_v_time[__pyx_v_j]));
+
+    /* "models/_forward.pyx":238
+ *             j += 1
+ *         dt = time[j + 1] - time[j]
+ *         x = (at - time[j]) / dt             # <<<<<<<<<<<<<<
+ *         s.out[k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + s.slope[j] * dt * x * (1.0 - x) * (1.0 - x)
+ *                     + curve[j + 1] * x * x * (3.0 - 2.0 * x) + s.slope[j + 1] * dt * x * x * (x - 1.0))
+*/
+    __pyx_v_x = ((__pyx_v_at - (__pyx_v_time[__pyx_v_j])) / __pyx_v_dt);
+
+    /* "models/_forward.pyx":239
+ *         dt = time[j + 1] - time[j]
+ *         x = (at - time[j]) / dt
+ *         s.out[k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + s.slope[j] * dt * x * (1.0 - x) * (1.0 - x)             # <<<<<<<<<<<<<<
+ *                     + curve[j + 1] * x * x * (3.0 - 2.0 * x) + s.slope[j + 1] * dt * x * x * (x - 1.0))
+ * 
+*/
+    (__pyx_v_s->out[__pyx_v_k]) = (((((((__pyx_v_curve[__pyx_v_j]) * (1.0 + (2.0 * __pyx_v_x))) * (1.0 - __pyx_v_x)) * (1.0 - __pyx_v_x)) + (((((__pyx_v_s->slope[__pyx_v_j]) * __pyx_v_dt) * __pyx_v_x) * (1.0 - __pyx_v_x)) * (1.0 - __pyx_v_x))) + ((((__pyx_v_curve[(__pyx_v_j + 1)]) * __pyx_v_x) * __pyx_v_x) * (3.0 - (2.0 * __pyx_v_x)))) + (((((__pyx_v_s->slope[(__pyx_v_j + 1)]) * __pyx_v_dt) * __pyx_v_x) * __pyx_v_x) * (__pyx_v_x - 1.0)));
+    __pyx_L5_continue:;
+  }
+
+
+  /* "models/_forward.pyx":222
+ * 
+ * 
+ * cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexcept nogil:             # <<<<<<<<<<<<<<
+ *     """The row's output `delay` later: cubic between readings, its start before."""
+ *     cdef Py_ssize_t k, j = 0
+*/
+
+  /* function exit code */
+
+
+
+
+
+}
+
+/* "models/_forward.pyx":243
  * 
  * 
  * def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,             # <<<<<<<<<<<<<<
@@ -18743,7 +20113,7 @@ PyObject *const *__pyx_args, Py_ssize_t __pyx_nargs, PyObject *__pyx_kwds
 PyObject *__pyx_args, PyObject *__pyx_kwds
 #endif
 ); /*proto*/
-PyDoc_STRVAR(__pyx_doc_6models_8_forward_forward, "See the numpy twin.");
+PyDoc_STRVAR(__pyx_doc_6models_8_forward_forward, "See the numpy twin. A few rows go abreast: each is one long chain of operations, and a processor has room for several.");
 static PyMethodDef __pyx_mdef_6models_8_forward_1forward = {"forward", (PyCFunction)(void(*)(void))(__Pyx_PyCFunction_FastCallWithKeywords)__pyx_pw_6models_8_forward_1forward, __Pyx_METH_FASTCALL|METH_KEYWORDS, __pyx_doc_6models_8_forward_forward};
 static PyObject *__pyx_pw_6models_8_forward_1forward(PyObject *__pyx_self, 
 #if CYTHON_VECTORCALL
@@ -18789,130 +20159,130 @@ PyObject *__pyx_args, PyObject *__pyx_kwds
   {
     PyObject ** const __pyx_pyargnames[] = {&__pyx_mstate_global->__pyx_n_u_time,&__pyx_mstate_global->__pyx_n_u_rate,&__pyx_mstate_global->__pyx_n_u_rise,&__pyx_mstate_global->__pyx_n_u_start,&__pyx_mstate_global->__pyx_n_u_heat,&__pyx_mstate_global->__pyx_n_u_loss,&__pyx_mstate_global->__pyx_n_u_sink,&__pyx_mstate_global->__pyx_n_u_exponent,&__pyx_mstate_global->__pyx_n_u_hidden,&__pyx_mstate_global->__pyx_n_u_hidden_rate,&__pyx_mstate_global->__pyx_n_u_links,&__pyx_mstate_global->__pyx_n_u_linked,&__pyx_mstate_global->__pyx_n_u_lag,&__pyx_mstate_global->__pyx_n_u_delay,&__pyx_mstate_global->__pyx_n_u_out,0};
     const Py_ssize_t __pyx_kwds_len = (__pyx_kwds) ? __Pyx_NumKwargs_FASTCALL(__pyx_kwds) : 0;
-    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 104, __pyx_L3_error)
+    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 243, __pyx_L3_error)
     if (__pyx_kwds_len > 0) {
       switch (__pyx_nargs) {
         case 15:
         values[14] = __Pyx_ArgRef_FASTCALL(__pyx_args, 14);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 14:
         values[13] = __Pyx_ArgRef_FASTCALL(__pyx_args, 13);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 13:
         values[12] = __Pyx_ArgRef_FASTCALL(__pyx_args, 12);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 12:
         values[11] = __Pyx_ArgRef_FASTCALL(__pyx_args, 11);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 11:
         values[10] = __Pyx_ArgRef_FASTCALL(__pyx_args, 10);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case 10:
         values[9] = __Pyx_ArgRef_FASTCALL(__pyx_args, 9);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  9:
         values[8] = __Pyx_ArgRef_FASTCALL(__pyx_args, 8);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  8:
         values[7] = __Pyx_ArgRef_FASTCALL(__pyx_args, 7);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  7:
         values[6] = __Pyx_ArgRef_FASTCALL(__pyx_args, 6);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  6:
         values[5] = __Pyx_ArgRef_FASTCALL(__pyx_args, 5);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  5:
         values[4] = __Pyx_ArgRef_FASTCALL(__pyx_args, 4);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  4:
         values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  3:
         values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  2:
         values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  1:
         values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 104, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 243, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  0: break;
         default: goto __pyx_L5_argtuple_error;
       }
       const Py_ssize_t kwd_pos_args = __pyx_nargs;
-      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "forward", 0) < (0)) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "forward", 0) < (0)) __PYX_ERR(0, 243, __pyx_L3_error)
       for (Py_ssize_t i = __pyx_nargs; i < 15; i++) {
-        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, i); __PYX_ERR(0, 104, __pyx_L3_error) }
+        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, i); __PYX_ERR(0, 243, __pyx_L3_error) }
       }
     } else if (unlikely(__pyx_nargs != 15)) {
       goto __pyx_L5_argtuple_error;
     } else {
       values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[4] = __Pyx_ArgRef_FASTCALL(__pyx_args, 4);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[4])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[5] = __Pyx_ArgRef_FASTCALL(__pyx_args, 5);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[5])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[6] = __Pyx_ArgRef_FASTCALL(__pyx_args, 6);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[6])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[7] = __Pyx_ArgRef_FASTCALL(__pyx_args, 7);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[7])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[8] = __Pyx_ArgRef_FASTCALL(__pyx_args, 8);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[8])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[9] = __Pyx_ArgRef_FASTCALL(__pyx_args, 9);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[9])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[10] = __Pyx_ArgRef_FASTCALL(__pyx_args, 10);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[10])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[11] = __Pyx_ArgRef_FASTCALL(__pyx_args, 11);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[11])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[12] = __Pyx_ArgRef_FASTCALL(__pyx_args, 12);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[12])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[13] = __Pyx_ArgRef_FASTCALL(__pyx_args, 13);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[13])) __PYX_ERR(0, 243, __pyx_L3_error)
       values[14] = __Pyx_ArgRef_FASTCALL(__pyx_args, 14);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 104, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[14])) __PYX_ERR(0, 243, __pyx_L3_error)
     }
-    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 104, __pyx_L3_error)
-    __pyx_v_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_rate.memview)) __PYX_ERR(0, 104, __pyx_L3_error)
-    __pyx_v_rise = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_rise.memview)) __PYX_ERR(0, 104, __pyx_L3_error)
-    __pyx_v_start = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[3], 0); if (unlikely(!__pyx_v_start.memview)) __PYX_ERR(0, 104, __pyx_L3_error)
-    __pyx_v_heat = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[4], 0); if (unlikely(!__pyx_v_heat.memview)) __PYX_ERR(0, 105, __pyx_L3_error)
-    __pyx_v_loss = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[5], 0); if (unlikely(!__pyx_v_loss.memview)) __PYX_ERR(0, 105, __pyx_L3_error)
-    __pyx_v_sink = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[6], 0); if (unlikely(!__pyx_v_sink.memview)) __PYX_ERR(0, 105, __pyx_L3_error)
-    __pyx_v_exponent = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[7], 0); if (unlikely(!__pyx_v_exponent.memview)) __PYX_ERR(0, 105, __pyx_L3_error)
-    __pyx_v_hidden = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[8], 0); if (unlikely(!__pyx_v_hidden.memview)) __PYX_ERR(0, 106, __pyx_L3_error)
-    __pyx_v_hidden_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[9], 0); if (unlikely(!__pyx_v_hidden_rate.memview)) __PYX_ERR(0, 106, __pyx_L3_error)
-    __pyx_v_links = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[10], 0); if (unlikely(!__pyx_v_links.memview)) __PYX_ERR(0, 106, __pyx_L3_error)
-    __pyx_v_linked = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[11], 0); if (unlikely(!__pyx_v_linked.memview)) __PYX_ERR(0, 106, __pyx_L3_error)
-    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[12], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 107, __pyx_L3_error)
-    __pyx_v_delay = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[13], 0); if (unlikely(!__pyx_v_delay.memview)) __PYX_ERR(0, 107, __pyx_L3_error)
-    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[14], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 107, __pyx_L3_error)
+    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 243, __pyx_L3_error)
+    __pyx_v_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_rate.memview)) __PYX_ERR(0, 243, __pyx_L3_error)
+    __pyx_v_rise = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_rise.memview)) __PYX_ERR(0, 243, __pyx_L3_error)
+    __pyx_v_start = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[3], 0); if (unlikely(!__pyx_v_start.memview)) __PYX_ERR(0, 243, __pyx_L3_error)
+    __pyx_v_heat = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[4], 0); if (unlikely(!__pyx_v_heat.memview)) __PYX_ERR(0, 244, __pyx_L3_error)
+    __pyx_v_loss = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[5], 0); if (unlikely(!__pyx_v_loss.memview)) __PYX_ERR(0, 244, __pyx_L3_error)
+    __pyx_v_sink = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[6], 0); if (unlikely(!__pyx_v_sink.memview)) __PYX_ERR(0, 244, __pyx_L3_error)
+    __pyx_v_exponent = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[7], 0); if (unlikely(!__pyx_v_exponent.memview)) __PYX_ERR(0, 244, __pyx_L3_error)
+    __pyx_v_hidden = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[8], 0); if (unlikely(!__pyx_v_hidden.memview)) __PYX_ERR(0, 245, __pyx_L3_error)
+    __pyx_v_hidden_rate = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[9], 0); if (unlikely(!__pyx_v_hidden_rate.memview)) __PYX_ERR(0, 245, __pyx_L3_error)
+    __pyx_v_links = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[10], 0); if (unlikely(!__pyx_v_links.memview)) __PYX_ERR(0, 245, __pyx_L3_error)
+    __pyx_v_linked = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double__const__(values[11], 0); if (unlikely(!__pyx_v_linked.memview)) __PYX_ERR(0, 245, __pyx_L3_error)
+    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[12], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 246, __pyx_L3_error)
+    __pyx_v_delay = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[13], 0); if (unlikely(!__pyx_v_delay.memview)) __PYX_ERR(0, 246, __pyx_L3_error)
+    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[14], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 246, __pyx_L3_error)
   }
   goto __pyx_L6_skip;
   __pyx_L5_argtuple_error:;
-  __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, __pyx_nargs); __PYX_ERR(0, 104, __pyx_L3_error)
+  __Pyx_RaiseArgtupleInvalid("forward", 1, 15, 15, __pyx_nargs); __PYX_ERR(0, 243, __pyx_L3_error)
   __pyx_L6_skip:;
   goto __pyx_L4_argument_unpacking_done;
   __pyx_L3_error:;
@@ -18966,198 +20336,91 @@ PyObject *__pyx_args, PyObject *__pyx_kwds
 static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__pyx_self, __Pyx_memviewslice __pyx_v_time, __Pyx_memviewslice __pyx_v_rate, __Pyx_memviewslice __pyx_v_rise, __Pyx_memviewslice __pyx_v_start, __Pyx_memviewslice __pyx_v_heat, __Pyx_memviewslice __pyx_v_loss, __Pyx_memviewslice __pyx_v_sink, __Pyx_memviewslice __pyx_v_exponent, __Pyx_memviewslice __pyx_v_hidden, __Pyx_memviewslice __pyx_v_hidden_rate, __Pyx_memviewslice __pyx_v_links, __Pyx_memviewslice __pyx_v_linked, __Pyx_memviewslice __pyx_v_lag, __Pyx_memviewslice __pyx_v_delay, __Pyx_memviewslice __pyx_v_out) {
   Py_ssize_t __pyx_v_rows;
   Py_ssize_t __pyx_v_n;
+  Py_ssize_t __pyx_v_first;
   Py_ssize_t __pyx_v_b;
   Py_ssize_t __pyx_v_k;
   Py_ssize_t __pyx_v_j;
-  Py_ssize_t __pyx_v_hb;
-  Py_ssize_t __pyx_v_lb;
-  Py_ssize_t __pyx_v_sb;
-  Py_ssize_t __pyx_v_kb;
-  Py_ssize_t __pyx_v_m;
-  CYTHON_UNUSED Py_ssize_t __pyx_v_i;
-  double __pyx_v_T;
-  double __pyx_v_Z;
-  double __pyx_v_y;
+  Py_ssize_t __pyx_v_count;
   double __pyx_v_dt;
-  double __pyx_v_h;
-  double __pyx_v_lam;
-  double __pyx_v_E;
-  double __pyx_v_phi;
-  double __pyx_v_psi;
-  double __pyx_v_u0;
-  double __pyx_v_u1;
-  double __pyx_v_last_lam;
-  double __pyx_v_last_dt;
-  double __pyx_v_fast;
-  double __pyx_v_steps;
-  double __pyx_v_last_h;
-  double __pyx_v_fade;
-  double __pyx_v_s;
-  double __pyx_v_ds;
-  double __pyx_v_q;
-  double __pyx_v_dq;
-  double __pyx_v_sm;
-  double __pyx_v_qm;
-  double __pyx_v_s1;
-  double __pyx_v_q1;
-  double __pyx_v_H;
-  double __pyx_v_L;
-  double __pyx_v_a;
-  double __pyx_v_at;
-  double __pyx_v_x;
-  double __pyx_v_k1;
-  double __pyx_v_k2;
-  double __pyx_v_k3;
-  double __pyx_v_k4;
-  double __pyx_v_z1;
-  double __pyx_v_z2;
-  double __pyx_v_z3;
-  double __pyx_v_z4;
-  double __pyx_v_T0;
-  double __pyx_v_w[8];
-  int __pyx_v_paired;
-  int __pyx_v_pair_ok;
-  struct __pyx_t_6models_8_forward_Power __pyx_v_power;
-  double *__pyx_v_curve;
-  double *__pyx_v_slope;
+  struct __pyx_t_6models_8_forward_Lump __pyx_v_lumps[__pyx_e_6models_8_forward_ABREAST];
+  struct __pyx_t_6models_8_forward_Lump *__pyx_v_s;
+  double *__pyx_v_slopes;
   PyObject *__pyx_r = NULL;
   __Pyx_RefNannyDeclarations
   int __pyx_t_1;
-  int __pyx_t_2;
+  Py_ssize_t __pyx_t_2;
   Py_ssize_t __pyx_t_3;
   Py_ssize_t __pyx_t_4;
   Py_ssize_t __pyx_t_5;
-  Py_ssize_t __pyx_t_6;
-  Py_ssize_t __pyx_t_7;
-  Py_ssize_t __pyx_t_8;
-  Py_ssize_t __pyx_t_9;
-  Py_ssize_t __pyx_t_10;
+  double __pyx_t_6;
+  double __pyx_t_7;
+  double __pyx_t_8;
+  double __pyx_t_9;
+  double __pyx_t_10;
   Py_ssize_t __pyx_t_11;
   Py_ssize_t __pyx_t_12;
   Py_ssize_t __pyx_t_13;
   Py_ssize_t __pyx_t_14;
-  Py_ssize_t __pyx_t_15;
-  double __pyx_t_16;
-  Py_ssize_t __pyx_t_17;
-  Py_ssize_t __pyx_t_18;
-  Py_ssize_t __pyx_t_19;
-  Py_ssize_t __pyx_t_20;
-  Py_ssize_t __pyx_t_21;
-  Py_ssize_t __pyx_t_22;
-  Py_ssize_t __pyx_t_23;
-  Py_ssize_t __pyx_t_24;
-  Py_ssize_t __pyx_t_25;
-  Py_ssize_t __pyx_t_26;
   int __pyx_lineno = 0;
   const char *__pyx_filename = NULL;
   int __pyx_clineno = 0;
   __Pyx_RefNannySetupContext("forward", 0);
 
-  /* "models/_forward.pyx":109
+  /* "models/_forward.pyx":248
  *             const double[::1] lag, const double[::1] delay, double[:, ::1] out):
- *     """See the numpy twin."""
- *     cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], b, k, j, hb, lb, sb, kb, m, i             # <<<<<<<<<<<<<<
- *     cdef double T, Z, y, dt, h, lam, E, phi, psi, u0, u1, last_lam, last_dt, fast, steps
- *     cdef double last_h, fade, s, ds, q, dq, sm, qm, s1, q1, H, L, a, at, x
+ *     """See the numpy twin. A few rows go abreast: each is one long chain of operations, and a processor has room for several."""
+ *     cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], first, b, k, j, count             # <<<<<<<<<<<<<<
+ *     cdef double dt
+ *     cdef Lump lumps[ABREAST]
 */
   __pyx_v_rows = (__pyx_v_rate.shape[0]);
   __pyx_v_n = (__pyx_v_time.shape[0]);
 
-  /* "models/_forward.pyx":114
- *     cdef double k1, k2, k3, k4, z1, z2, z3, z4, T0
- *     cdef double w[8]
- *     cdef bint paired, pair_ok = False             # <<<<<<<<<<<<<<
- *     cdef Power power
- *     cdef double* curve = <double*> malloc(n * sizeof(double))
+  /* "models/_forward.pyx":252
+ *     cdef Lump lumps[ABREAST]
+ *     cdef Lump* s
+ *     cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))             # <<<<<<<<<<<<<<
+ *     if slopes == NULL:
+ *         raise MemoryError
 */
-  __pyx_v_pair_ok = 0;
+  __pyx_v_slopes = ((double *)malloc((((__pyx_e_6models_8_forward_ABREAST + 1) * __pyx_v_n) * (sizeof(double)))));
 
-  /* "models/_forward.pyx":116
- *     cdef bint paired, pair_ok = False
- *     cdef Power power
- *     cdef double* curve = <double*> malloc(n * sizeof(double))             # <<<<<<<<<<<<<<
- *     cdef double* slope = <double*> malloc(n * sizeof(double))
- *     if curve == NULL or slope == NULL:
+  /* "models/_forward.pyx":253
+ *     cdef Lump* s
+ *     cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
+ *     if slopes == NULL:             # <<<<<<<<<<<<<<
+ *         raise MemoryError
+ *     with nogil:
 */
-  __pyx_v_curve = ((double *)malloc((__pyx_v_n * (sizeof(double)))));
+  __pyx_t_1 = (__pyx_v_slopes == NULL);
 
-  /* "models/_forward.pyx":117
- *     cdef Power power
- *     cdef double* curve = <double*> malloc(n * sizeof(double))
- *     cdef double* slope = <double*> malloc(n * sizeof(double))             # <<<<<<<<<<<<<<
- *     if curve == NULL or slope == NULL:
- *         free(curve)
-*/
-  __pyx_v_slope = ((double *)malloc((__pyx_v_n * (sizeof(double)))));
-
-  /* "models/_forward.pyx":118
- *     cdef double* curve = <double*> malloc(n * sizeof(double))
- *     cdef double* slope = <double*> malloc(n * sizeof(double))
- *     if curve == NULL or slope == NULL:             # <<<<<<<<<<<<<<
- *         free(curve)
- *         free(slope)
-*/
-  __pyx_t_2 = (__pyx_v_curve == NULL);
-
-  if (!__pyx_t_2) {
-
-  } else {
-
-    __pyx_t_1 = __pyx_t_2;
-
-    goto __pyx_L4_bool_binop_done;
-  }
-  __pyx_t_2 = (__pyx_v_slope == NULL);
-
-
-  __pyx_t_1 = __pyx_t_2;
-
-  __pyx_L4_bool_binop_done:;
   if (unlikely(__pyx_t_1)) {
 
 
-    /* "models/_forward.pyx":119
- *     cdef double* slope = <double*> malloc(n * sizeof(double))
- *     if curve == NULL or slope == NULL:
- *         free(curve)             # <<<<<<<<<<<<<<
- *         free(slope)
- *         raise MemoryError
-*/
-    free(__pyx_v_curve);
-
-    /* "models/_forward.pyx":120
- *     if curve == NULL or slope == NULL:
- *         free(curve)
- *         free(slope)             # <<<<<<<<<<<<<<
- *         raise MemoryError
- *     with nogil:
-*/
-    free(__pyx_v_slope);
-
-    /* "models/_forward.pyx":121
- *         free(curve)
- *         free(slope)
+    /* "models/_forward.pyx":254
+ *     cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
+ *     if slopes == NULL:
  *         raise MemoryError             # <<<<<<<<<<<<<<
  *     with nogil:
- *         for b in range(rows):
+ *         first = 0
 */
-    PyErr_NoMemory(); __PYX_ERR(0, 121, __pyx_L1_error)
+    PyErr_NoMemory(); __PYX_ERR(0, 254, __pyx_L1_error)
 
-    /* "models/_forward.pyx":118
- *     cdef double* curve = <double*> malloc(n * sizeof(double))
- *     cdef double* slope = <double*> malloc(n * sizeof(double))
- *     if curve == NULL or slope == NULL:             # <<<<<<<<<<<<<<
- *         free(curve)
- *         free(slope)
+    /* "models/_forward.pyx":253
+ *     cdef Lump* s
+ *     cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
+ *     if slopes == NULL:             # <<<<<<<<<<<<<<
+ *         raise MemoryError
+ *     with nogil:
 */
   }
 
-  /* "models/_forward.pyx":122
- *         free(slope)
+  /* "models/_forward.pyx":255
+ *     if slopes == NULL:
  *         raise MemoryError
  *     with nogil:             # <<<<<<<<<<<<<<
- *         for b in range(rows):
- *             hb = b if heat.shape[0] > 1 else 0
+ *         first = 0
+ *         while first < rows:
 */
   {
       PyThreadState * _save;
@@ -19165,1949 +20428,434 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
       __Pyx_FastGIL_Remember();
       /*try:*/ {
 
-        /* "models/_forward.pyx":123
+        /* "models/_forward.pyx":256
  *         raise MemoryError
  *     with nogil:
- *         for b in range(rows):             # <<<<<<<<<<<<<<
- *             hb = b if heat.shape[0] > 1 else 0
- *             lb = b if loss.shape[0] > 1 else 0
+ *         first = 0             # <<<<<<<<<<<<<<
+ *         while first < rows:
+ *             count = ABREAST if first + ABREAST <= rows else rows - first
 */
+        __pyx_v_first = 0;
 
-        __pyx_t_3 = __pyx_v_rows;
-        __pyx_t_4 = __pyx_t_3;
-
-        for (__pyx_t_5 = 0; __pyx_t_5 < __pyx_t_4; __pyx_t_5+=1) {
-          __pyx_v_b = __pyx_t_5;
-
-          /* "models/_forward.pyx":124
+        /* "models/_forward.pyx":257
  *     with nogil:
- *         for b in range(rows):
- *             hb = b if heat.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
- *             lb = b if loss.shape[0] > 1 else 0
- *             sb = b if sink.shape[0] > 1 else 0
+ *         first = 0
+ *         while first < rows:             # <<<<<<<<<<<<<<
+ *             count = ABREAST if first + ABREAST <= rows else rows - first
+ *             for j in range(count):
 */
-          __pyx_t_1 = ((__pyx_v_heat.shape[0]) > 1);
+        while (1) {
+          __pyx_t_1 = (__pyx_v_first < __pyx_v_rows);
+
+
+          if (!__pyx_t_1) break;
+
+          /* "models/_forward.pyx":258
+ *         first = 0
+ *         while first < rows:
+ *             count = ABREAST if first + ABREAST <= rows else rows - first             # <<<<<<<<<<<<<<
+ *             for j in range(count):
+ *                 b = first + j
+*/
+          __pyx_t_1 = ((__pyx_v_first + __pyx_e_6models_8_forward_ABREAST) <= __pyx_v_rows);
 
           if (__pyx_t_1) {
 
-            __pyx_t_6 = __pyx_v_b;
+            __pyx_t_2 = __pyx_e_6models_8_forward_ABREAST;
           } else {
 
-            __pyx_t_6 = 0;
+            __pyx_t_2 = (__pyx_v_rows - __pyx_v_first);
           }
 
-          __pyx_v_hb = __pyx_t_6;
+          __pyx_v_count = __pyx_t_2;
 
-          /* "models/_forward.pyx":125
- *         for b in range(rows):
- *             hb = b if heat.shape[0] > 1 else 0
- *             lb = b if loss.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
- *             sb = b if sink.shape[0] > 1 else 0
- *             kb = b if linked.shape[0] > 1 else 0
+          /* "models/_forward.pyx":259
+ *         while first < rows:
+ *             count = ABREAST if first + ABREAST <= rows else rows - first
+ *             for j in range(count):             # <<<<<<<<<<<<<<
+ *                 b = first + j
+ *                 s = &lumps[j]
 */
-          __pyx_t_1 = ((__pyx_v_loss.shape[0]) > 1);
 
-          if (__pyx_t_1) {
+          __pyx_t_2 = __pyx_v_count;
+          __pyx_t_3 = __pyx_t_2;
 
-            __pyx_t_6 = __pyx_v_b;
-          } else {
+          for (__pyx_t_4 = 0; __pyx_t_4 < __pyx_t_3; __pyx_t_4+=1) {
+            __pyx_v_j = __pyx_t_4;
 
-            __pyx_t_6 = 0;
-          }
-
-          __pyx_v_lb = __pyx_t_6;
-
-          /* "models/_forward.pyx":126
- *             hb = b if heat.shape[0] > 1 else 0
- *             lb = b if loss.shape[0] > 1 else 0
- *             sb = b if sink.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
- *             kb = b if linked.shape[0] > 1 else 0
- *             power_of(&power, exponent[b])
+            /* "models/_forward.pyx":260
+ *             count = ABREAST if first + ABREAST <= rows else rows - first
+ *             for j in range(count):
+ *                 b = first + j             # <<<<<<<<<<<<<<
+ *                 s = &lumps[j]
+ *                 s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
 */
-          __pyx_t_1 = ((__pyx_v_sink.shape[0]) > 1);
+            __pyx_v_b = (__pyx_v_first + __pyx_v_j);
 
-          if (__pyx_t_1) {
-
-            __pyx_t_6 = __pyx_v_b;
-          } else {
-
-            __pyx_t_6 = 0;
-          }
-
-          __pyx_v_sb = __pyx_t_6;
-
-          /* "models/_forward.pyx":127
- *             lb = b if loss.shape[0] > 1 else 0
- *             sb = b if sink.shape[0] > 1 else 0
- *             kb = b if linked.shape[0] > 1 else 0             # <<<<<<<<<<<<<<
- *             power_of(&power, exponent[b])
- *             T = start[b]
+            /* "models/_forward.pyx":261
+ *             for j in range(count):
+ *                 b = first + j
+ *                 s = &lumps[j]             # <<<<<<<<<<<<<<
+ *                 s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
+ *                 s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
 */
-          __pyx_t_1 = ((__pyx_v_linked.shape[0]) > 1);
+            __pyx_v_s = (&(__pyx_v_lumps[__pyx_v_j]));
 
-          if (__pyx_t_1) {
-
-            __pyx_t_6 = __pyx_v_b;
-          } else {
-
-            __pyx_t_6 = 0;
-          }
-
-          __pyx_v_kb = __pyx_t_6;
-
-          /* "models/_forward.pyx":128
- *             sb = b if sink.shape[0] > 1 else 0
- *             kb = b if linked.shape[0] > 1 else 0
- *             power_of(&power, exponent[b])             # <<<<<<<<<<<<<<
- *             T = start[b]
- *             Z = T
+            /* "models/_forward.pyx":262
+ *                 b = first + j
+ *                 s = &lumps[j]
+ *                 s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]             # <<<<<<<<<<<<<<
+ *                 s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
+ *                 s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
 */
-          __pyx_t_7 = __pyx_v_b;
-          __pyx_f_6models_8_forward_power_of((&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_7)) ))));
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_6 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_5)) )));
 
-          /* "models/_forward.pyx":129
- *             kb = b if linked.shape[0] > 1 else 0
- *             power_of(&power, exponent[b])
- *             T = start[b]             # <<<<<<<<<<<<<<
- *             Z = T
- *             y = T
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_7 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rise.data) + __pyx_t_5)) )));
+
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_8 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_5)) )));
+
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_9 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_5)) )));
+
+            __pyx_v_s->rate = __pyx_t_6;
+            __pyx_v_s->rise = __pyx_t_7;
+            __pyx_v_s->start = __pyx_t_8;
+            __pyx_v_s->exponent = __pyx_t_9;
+
+            /* "models/_forward.pyx":263
+ *                 s = &lumps[j]
+ *                 s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
+ *                 s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]             # <<<<<<<<<<<<<<
+ *                 s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
+ *                 s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
 */
-          __pyx_t_7 = __pyx_v_b;
-          __pyx_v_T = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_7)) )));
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_9 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_5)) )));
 
-          /* "models/_forward.pyx":130
- *             power_of(&power, exponent[b])
- *             T = start[b]
- *             Z = T             # <<<<<<<<<<<<<<
- *             y = T
- *             last_lam = -1.0
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_8 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_5)) )));
+
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_7 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_5)) )));
+
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_6 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_5)) )));
+
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_10 = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_5)) )));
+
+            __pyx_v_s->hidden = __pyx_t_9;
+            __pyx_v_s->hidden_rate = __pyx_t_8;
+            __pyx_v_s->links = __pyx_t_7;
+            __pyx_v_s->lag = __pyx_t_6;
+            __pyx_v_s->delay = __pyx_t_10;
+
+            /* "models/_forward.pyx":264
+ *                 s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
+ *                 s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
+ *                 s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]             # <<<<<<<<<<<<<<
+ *                 s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
+ *                 s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
 */
-          __pyx_v_Z = __pyx_v_T;
+            __pyx_t_1 = ((__pyx_v_heat.shape[0]) > 1);
 
-          /* "models/_forward.pyx":131
- *             T = start[b]
- *             Z = T
- *             y = T             # <<<<<<<<<<<<<<
- *             last_lam = -1.0
- *             last_dt = -1.0
+            if (__pyx_t_1) {
+
+              __pyx_t_11 = __pyx_v_b;
+            } else {
+
+              __pyx_t_11 = 0;
+            }
+
+            __pyx_t_5 = __pyx_t_11;
+            __pyx_t_12 = 0;
+            __pyx_v_s->heat = (&(*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_heat.data + __pyx_t_5 * __pyx_v_heat.strides[0]) )) + __pyx_t_12)) ))));
+
+
+            /* "models/_forward.pyx":265
+ *                 s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
+ *                 s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
+ *                 s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]             # <<<<<<<<<<<<<<
+ *                 s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
+ *                 s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]
 */
-          __pyx_v_y = __pyx_v_T;
+            __pyx_t_1 = ((__pyx_v_loss.shape[0]) > 1);
 
-          /* "models/_forward.pyx":132
- *             Z = T
- *             y = T
- *             last_lam = -1.0             # <<<<<<<<<<<<<<
- *             last_dt = -1.0
- *             last_h = -1.0
+            if (__pyx_t_1) {
+
+              __pyx_t_11 = __pyx_v_b;
+            } else {
+
+              __pyx_t_11 = 0;
+            }
+
+            __pyx_t_12 = __pyx_t_11;
+            __pyx_t_5 = 0;
+            __pyx_v_s->loss = (&(*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_loss.data + __pyx_t_12 * __pyx_v_loss.strides[0]) )) + __pyx_t_5)) ))));
+
+
+            /* "models/_forward.pyx":266
+ *                 s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
+ *                 s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
+ *                 s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]             # <<<<<<<<<<<<<<
+ *                 s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]
+ *                 s.out = &out[b, 0]
 */
-          __pyx_v_last_lam = -1.0;
+            __pyx_t_1 = ((__pyx_v_sink.shape[0]) > 1);
 
-          /* "models/_forward.pyx":133
- *             y = T
- *             last_lam = -1.0
- *             last_dt = -1.0             # <<<<<<<<<<<<<<
- *             last_h = -1.0
- *             fade = 0.0
+            if (__pyx_t_1) {
+
+              __pyx_t_11 = __pyx_v_b;
+            } else {
+
+              __pyx_t_11 = 0;
+            }
+
+            __pyx_t_5 = __pyx_t_11;
+            __pyx_t_12 = 0;
+            __pyx_v_s->sink = (&(*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_5 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) ))));
+
+
+            /* "models/_forward.pyx":267
+ *                 s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
+ *                 s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
+ *                 s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]             # <<<<<<<<<<<<<<
+ *                 s.out = &out[b, 0]
+ *                 s.slope = slopes + j * n
 */
-          __pyx_v_last_dt = -1.0;
+            __pyx_t_1 = ((__pyx_v_linked.shape[0]) > 1);
 
-          /* "models/_forward.pyx":134
- *             last_lam = -1.0
- *             last_dt = -1.0
- *             last_h = -1.0             # <<<<<<<<<<<<<<
- *             fade = 0.0
- *             E = 0.0
+            if (__pyx_t_1) {
+
+              __pyx_t_11 = __pyx_v_b;
+            } else {
+
+              __pyx_t_11 = 0;
+            }
+
+            __pyx_t_12 = __pyx_t_11;
+            __pyx_t_5 = 0;
+            __pyx_v_s->linked = (&(*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_5)) ))));
+
+
+            /* "models/_forward.pyx":268
+ *                 s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
+ *                 s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]
+ *                 s.out = &out[b, 0]             # <<<<<<<<<<<<<<
+ *                 s.slope = slopes + j * n
+ *                 power_of(&s.power, s.exponent)
 */
-          __pyx_v_last_h = -1.0;
+            __pyx_t_5 = __pyx_v_b;
+            __pyx_t_12 = 0;
+            __pyx_v_s->out = (&(*((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_5 * __pyx_v_out.strides[0]) )) + __pyx_t_12)) ))));
 
-          /* "models/_forward.pyx":135
- *             last_dt = -1.0
- *             last_h = -1.0
- *             fade = 0.0             # <<<<<<<<<<<<<<
- *             E = 0.0
- *             phi = 0.0
+            /* "models/_forward.pyx":269
+ *                 s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]
+ *                 s.out = &out[b, 0]
+ *                 s.slope = slopes + j * n             # <<<<<<<<<<<<<<
+ *                 power_of(&s.power, s.exponent)
+ *                 s.T = s.Z = s.y = s.out[0] = s.start
 */
-          __pyx_v_fade = 0.0;
+            __pyx_v_s->slope = (__pyx_v_slopes + (__pyx_v_j * __pyx_v_n));
 
-          /* "models/_forward.pyx":136
- *             last_h = -1.0
- *             fade = 0.0
- *             E = 0.0             # <<<<<<<<<<<<<<
- *             phi = 0.0
- *             psi = 0.0
+            /* "models/_forward.pyx":270
+ *                 s.out = &out[b, 0]
+ *                 s.slope = slopes + j * n
+ *                 power_of(&s.power, s.exponent)             # <<<<<<<<<<<<<<
+ *                 s.T = s.Z = s.y = s.out[0] = s.start
+ *                 s.last_lam = s.last_dt = s.last_h = -1.0
 */
-          __pyx_v_E = 0.0;
+            __pyx_f_6models_8_forward_power_of((&__pyx_v_s->power), __pyx_v_s->exponent);
 
-          /* "models/_forward.pyx":137
- *             fade = 0.0
- *             E = 0.0
- *             phi = 0.0             # <<<<<<<<<<<<<<
- *             psi = 0.0
- *             out[b, 0] = T
+            /* "models/_forward.pyx":271
+ *                 s.slope = slopes + j * n
+ *                 power_of(&s.power, s.exponent)
+ *                 s.T = s.Z = s.y = s.out[0] = s.start             # <<<<<<<<<<<<<<
+ *                 s.last_lam = s.last_dt = s.last_h = -1.0
+ *                 s.fade = s.E = s.phi = s.psi = 0.0
 */
-          __pyx_v_phi = 0.0;
+            __pyx_t_10 = __pyx_v_s->start;
 
-          /* "models/_forward.pyx":138
- *             E = 0.0
- *             phi = 0.0
- *             psi = 0.0             # <<<<<<<<<<<<<<
- *             out[b, 0] = T
+            __pyx_v_s->T = __pyx_t_10;
+            __pyx_v_s->Z = __pyx_t_10;
+            __pyx_v_s->y = __pyx_t_10;
+            (__pyx_v_s->out[0]) = __pyx_t_10;
+
+
+            /* "models/_forward.pyx":272
+ *                 power_of(&s.power, s.exponent)
+ *                 s.T = s.Z = s.y = s.out[0] = s.start
+ *                 s.last_lam = s.last_dt = s.last_h = -1.0             # <<<<<<<<<<<<<<
+ *                 s.fade = s.E = s.phi = s.psi = 0.0
+ *                 s.pair_ok = False
+*/
+            __pyx_v_s->last_lam = -1.0;
+            __pyx_v_s->last_dt = -1.0;
+            __pyx_v_s->last_h = -1.0;
+
+            /* "models/_forward.pyx":273
+ *                 s.T = s.Z = s.y = s.out[0] = s.start
+ *                 s.last_lam = s.last_dt = s.last_h = -1.0
+ *                 s.fade = s.E = s.phi = s.psi = 0.0             # <<<<<<<<<<<<<<
+ *                 s.pair_ok = False
  *             for k in range(1, n):
 */
-          __pyx_v_psi = 0.0;
+            __pyx_v_s->fade = 0.0;
+            __pyx_v_s->E = 0.0;
+            __pyx_v_s->phi = 0.0;
+            __pyx_v_s->psi = 0.0;
 
-          /* "models/_forward.pyx":139
- *             phi = 0.0
- *             psi = 0.0
- *             out[b, 0] = T             # <<<<<<<<<<<<<<
+            /* "models/_forward.pyx":274
+ *                 s.last_lam = s.last_dt = s.last_h = -1.0
+ *                 s.fade = s.E = s.phi = s.psi = 0.0
+ *                 s.pair_ok = False             # <<<<<<<<<<<<<<
  *             for k in range(1, n):
  *                 dt = time[k] - time[k - 1]
 */
-          __pyx_t_7 = __pyx_v_b;
-          __pyx_t_8 = 0;
-          *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_7 * __pyx_v_out.strides[0]) )) + __pyx_t_8)) )) = __pyx_v_T;
+            __pyx_v_s->pair_ok = 0;
+          }
 
-          /* "models/_forward.pyx":140
- *             psi = 0.0
- *             out[b, 0] = T
+
+          /* "models/_forward.pyx":275
+ *                 s.fade = s.E = s.phi = s.psi = 0.0
+ *                 s.pair_ok = False
  *             for k in range(1, n):             # <<<<<<<<<<<<<<
  *                 dt = time[k] - time[k - 1]
- *                 H = rise[b] * heat[hb, k]
+ *                 for j in range(count):
 */
 
-          __pyx_t_6 = __pyx_v_n;
-          __pyx_t_9 = __pyx_t_6;
+          __pyx_t_2 = __pyx_v_n;
+          __pyx_t_3 = __pyx_t_2;
 
-          for (__pyx_t_10 = 1; __pyx_t_10 < __pyx_t_9; __pyx_t_10+=1) {
-            __pyx_v_k = __pyx_t_10;
+          for (__pyx_t_4 = 1; __pyx_t_4 < __pyx_t_3; __pyx_t_4+=1) {
+            __pyx_v_k = __pyx_t_4;
 
-            /* "models/_forward.pyx":141
- *             out[b, 0] = T
+            /* "models/_forward.pyx":276
+ *                 s.pair_ok = False
  *             for k in range(1, n):
  *                 dt = time[k] - time[k - 1]             # <<<<<<<<<<<<<<
- *                 H = rise[b] * heat[hb, k]
- *                 L = loss[lb, k]
+ *                 for j in range(count):
+ *                     advance(&lumps[j], dt, k)
 */
-            __pyx_t_8 = __pyx_v_k;
-            __pyx_t_7 = (__pyx_v_k - 1);
-            __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_8)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_7)) ))));
+            __pyx_t_12 = __pyx_v_k;
+            __pyx_t_5 = (__pyx_v_k - 1);
+            __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_12)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_5)) ))));
 
-            /* "models/_forward.pyx":142
+            /* "models/_forward.pyx":277
  *             for k in range(1, n):
  *                 dt = time[k] - time[k - 1]
- *                 H = rise[b] * heat[hb, k]             # <<<<<<<<<<<<<<
- *                 L = loss[lb, k]
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
+ *                 for j in range(count):             # <<<<<<<<<<<<<<
+ *                     advance(&lumps[j], dt, k)
+ *             for j in range(count):
 */
-            __pyx_t_7 = __pyx_v_b;
-            __pyx_t_8 = __pyx_v_hb;
-            __pyx_t_11 = __pyx_v_k;
-            __pyx_v_H = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rise.data) + __pyx_t_7)) ))) * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_heat.data + __pyx_t_8 * __pyx_v_heat.strides[0]) )) + __pyx_t_11)) ))));
 
-            /* "models/_forward.pyx":143
+            __pyx_t_11 = __pyx_v_count;
+            __pyx_t_13 = __pyx_t_11;
+
+            for (__pyx_t_14 = 0; __pyx_t_14 < __pyx_t_13; __pyx_t_14+=1) {
+              __pyx_v_j = __pyx_t_14;
+
+              /* "models/_forward.pyx":278
  *                 dt = time[k] - time[k - 1]
- *                 H = rise[b] * heat[hb, k]
- *                 L = loss[lb, k]             # <<<<<<<<<<<<<<
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
- *                     lam = rate[b] * L + links[b]
+ *                 for j in range(count):
+ *                     advance(&lumps[j], dt, k)             # <<<<<<<<<<<<<<
+ *             for j in range(count):
+ *                 if lumps[j].delay > 0.0:
 */
-            __pyx_t_11 = __pyx_v_lb;
-            __pyx_t_8 = __pyx_v_k;
-            __pyx_v_L = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_loss.data + __pyx_t_11 * __pyx_v_loss.strides[0]) )) + __pyx_t_8)) )));
-
-            /* "models/_forward.pyx":144
- *                 H = rise[b] * heat[hb, k]
- *                 L = loss[lb, k]
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:             # <<<<<<<<<<<<<<
- *                     lam = rate[b] * L + links[b]
- *                     if lam != last_lam or dt != last_dt:
-*/
-            __pyx_t_8 = __pyx_v_b;
-            __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_8)) ))) == 0.0);
-
-            if (__pyx_t_2) {
-
-            } else {
-
-              __pyx_t_1 = __pyx_t_2;
-
-              goto __pyx_L14_bool_binop_done;
-            }
-            __pyx_t_8 = __pyx_v_b;
-            __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_8)) ))) == 0.0);
-
-            if (__pyx_t_2) {
-
-            } else {
-
-              __pyx_t_1 = __pyx_t_2;
-
-              goto __pyx_L14_bool_binop_done;
-            }
-            __pyx_t_8 = __pyx_v_b;
-            __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) ))) == 0.0);
-
-
-            __pyx_t_1 = __pyx_t_2;
-
-            __pyx_L14_bool_binop_done:;
-            if (__pyx_t_1) {
-
-
-              /* "models/_forward.pyx":145
- *                 L = loss[lb, k]
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
- *                     lam = rate[b] * L + links[b]             # <<<<<<<<<<<<<<
- *                     if lam != last_lam or dt != last_dt:
- *                         a = lam * dt
-*/
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_t_11 = __pyx_v_b;
-              __pyx_v_lam = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_8)) ))) * __pyx_v_L) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_11)) ))));
-
-              /* "models/_forward.pyx":146
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
- *                     lam = rate[b] * L + links[b]
- *                     if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
- *                         a = lam * dt
- *                         E = exp(-a)
-*/
-              __pyx_t_2 = (__pyx_v_lam != __pyx_v_last_lam);
-
-              if (!__pyx_t_2) {
-
-              } else {
-
-                __pyx_t_1 = __pyx_t_2;
-
-                goto __pyx_L18_bool_binop_done;
-              }
-              __pyx_t_2 = (__pyx_v_dt != __pyx_v_last_dt);
-
-
-              __pyx_t_1 = __pyx_t_2;
-
-              __pyx_L18_bool_binop_done:;
-              if (__pyx_t_1) {
-
-
-                /* "models/_forward.pyx":147
- *                     lam = rate[b] * L + links[b]
- *                     if lam != last_lam or dt != last_dt:
- *                         a = lam * dt             # <<<<<<<<<<<<<<
- *                         E = exp(-a)
- *                         if a < 1e-3:
-*/
-                __pyx_v_a = (__pyx_v_lam * __pyx_v_dt);
-
-                /* "models/_forward.pyx":148
- *                     if lam != last_lam or dt != last_dt:
- *                         a = lam * dt
- *                         E = exp(-a)             # <<<<<<<<<<<<<<
- *                         if a < 1e-3:
- *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
-*/
-                __pyx_v_E = exp((-__pyx_v_a));
-
-                /* "models/_forward.pyx":149
- *                         a = lam * dt
- *                         E = exp(-a)
- *                         if a < 1e-3:             # <<<<<<<<<<<<<<
- *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
- *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
-*/
-                __pyx_t_1 = (__pyx_v_a < 1e-3);
-
-                if (__pyx_t_1) {
-
-
-                  /* "models/_forward.pyx":150
- *                         E = exp(-a)
- *                         if a < 1e-3:
- *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)             # <<<<<<<<<<<<<<
- *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
- *                         else:
-*/
-                  __pyx_v_phi = (__pyx_v_dt * ((1.0 - (0.5 * __pyx_v_a)) + ((__pyx_v_a * __pyx_v_a) / 6.0)));
-
-                  /* "models/_forward.pyx":151
- *                         if a < 1e-3:
- *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
- *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)             # <<<<<<<<<<<<<<
- *                         else:
- *                             phi = -expm1(-a) / lam
-*/
-                  __pyx_v_psi = ((__pyx_v_dt * __pyx_v_dt) * ((0.5 - (__pyx_v_a / 6.0)) + ((__pyx_v_a * __pyx_v_a) / 24.0)));
-
-                  /* "models/_forward.pyx":149
- *                         a = lam * dt
- *                         E = exp(-a)
- *                         if a < 1e-3:             # <<<<<<<<<<<<<<
- *                             phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
- *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
-*/
-                  goto __pyx_L20;
-                }
-
-                /* "models/_forward.pyx":153
- *                             psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
- *                         else:
- *                             phi = -expm1(-a) / lam             # <<<<<<<<<<<<<<
- *                             psi = (dt - phi) / lam
- *                         last_lam = lam
-*/
-                /*else*/ {
-                  __pyx_v_phi = ((-expm1((-__pyx_v_a))) / __pyx_v_lam);
-
-                  /* "models/_forward.pyx":154
- *                         else:
- *                             phi = -expm1(-a) / lam
- *                             psi = (dt - phi) / lam             # <<<<<<<<<<<<<<
- *                         last_lam = lam
- *                         last_dt = dt
-*/
-                  __pyx_v_psi = ((__pyx_v_dt - __pyx_v_phi) / __pyx_v_lam);
-                }
-                __pyx_L20:;
-
-                /* "models/_forward.pyx":155
- *                             phi = -expm1(-a) / lam
- *                             psi = (dt - phi) / lam
- *                         last_lam = lam             # <<<<<<<<<<<<<<
- *                         last_dt = dt
- *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
-*/
-                __pyx_v_last_lam = __pyx_v_lam;
-
-                /* "models/_forward.pyx":156
- *                             psi = (dt - phi) / lam
- *                         last_lam = lam
- *                         last_dt = dt             # <<<<<<<<<<<<<<
- *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
- *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
-*/
-                __pyx_v_last_dt = __pyx_v_dt;
-
-                /* "models/_forward.pyx":146
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
- *                     lam = rate[b] * L + links[b]
- *                     if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
- *                         a = lam * dt
- *                         E = exp(-a)
-*/
-              }
-
-              /* "models/_forward.pyx":157
- *                         last_lam = lam
- *                         last_dt = dt
- *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]             # <<<<<<<<<<<<<<
- *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
- *                     T = T * E + u0 * phi + (u1 - u0) / dt * psi
-*/
-              __pyx_t_11 = __pyx_v_b;
-              __pyx_t_8 = __pyx_v_sb;
-              __pyx_t_7 = (__pyx_v_k - 1);
-              __pyx_t_12 = __pyx_v_kb;
-              __pyx_t_13 = (__pyx_v_k - 1);
-              __pyx_v_u0 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_8 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_13)) ))));
-
-              /* "models/_forward.pyx":158
- *                         last_dt = dt
- *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
- *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]             # <<<<<<<<<<<<<<
- *                     T = T * E + u0 * phi + (u1 - u0) / dt * psi
- *                     y = T
-*/
-              __pyx_t_13 = __pyx_v_b;
-              __pyx_t_12 = __pyx_v_sb;
-              __pyx_t_7 = __pyx_v_k;
-              __pyx_t_8 = __pyx_v_kb;
-              __pyx_t_11 = __pyx_v_k;
-              __pyx_v_u1 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_12 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_8 * __pyx_v_linked.strides[0]) )) + __pyx_t_11)) ))));
-
-              /* "models/_forward.pyx":159
- *                     u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
- *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
- *                     T = T * E + u0 * phi + (u1 - u0) / dt * psi             # <<<<<<<<<<<<<<
- *                     y = T
- *                 else:
-*/
-              __pyx_v_T = (((__pyx_v_T * __pyx_v_E) + (__pyx_v_u0 * __pyx_v_phi)) + (((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt) * __pyx_v_psi));
-
-              /* "models/_forward.pyx":160
- *                     u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
- *                     T = T * E + u0 * phi + (u1 - u0) / dt * psi
- *                     y = T             # <<<<<<<<<<<<<<
- *                 else:
- *                     m = 1
-*/
-              __pyx_v_y = __pyx_v_T;
-
-              /* "models/_forward.pyx":144
- *                 H = rise[b] * heat[hb, k]
- *                 L = loss[lb, k]
- *                 if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:             # <<<<<<<<<<<<<<
- *                     lam = rate[b] * L + links[b]
- *                     if lam != last_lam or dt != last_dt:
-*/
-              goto __pyx_L13;
+              __pyx_f_6models_8_forward_advance((&(__pyx_v_lumps[__pyx_v_j])), __pyx_v_dt, __pyx_v_k);
             }
 
-            /* "models/_forward.pyx":162
- *                     y = T
- *                 else:
- *                     m = 1             # <<<<<<<<<<<<<<
- *                     lam = rate[b] * L + links[b]
- *                     paired = False
-*/
-            /*else*/ {
-              __pyx_v_m = 1;
-
-              /* "models/_forward.pyx":163
- *                 else:
- *                     m = 1
- *                     lam = rate[b] * L + links[b]             # <<<<<<<<<<<<<<
- *                     paired = False
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
-*/
-              __pyx_t_11 = __pyx_v_b;
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_v_lam = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))) * __pyx_v_L) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_8)) ))));
-
-              /* "models/_forward.pyx":164
- *                     m = 1
- *                     lam = rate[b] * L + links[b]
- *                     paired = False             # <<<<<<<<<<<<<<
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
- *                         if lam != last_lam or dt != last_dt:
-*/
-              __pyx_v_paired = 0;
-
-              /* "models/_forward.pyx":165
- *                     lam = rate[b] * L + links[b]
- *                     paired = False
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                         if lam != last_lam or dt != last_dt:
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
-*/
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_8)) ))) == 0.0);
-
-              if (__pyx_t_2) {
-
-              } else {
-
-                __pyx_t_1 = __pyx_t_2;
-
-                goto __pyx_L22_bool_binop_done;
-              }
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_8)) ))) != 0.0);
-
-
-              __pyx_t_1 = __pyx_t_2;
-
-              __pyx_L22_bool_binop_done:;
-              if (__pyx_t_1) {
-
-
-                /* "models/_forward.pyx":166
- *                     paired = False
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
- *                         if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
- *                             last_lam = lam
-*/
-                __pyx_t_2 = (__pyx_v_lam != __pyx_v_last_lam);
-
-                if (!__pyx_t_2) {
-
-                } else {
-
-                  __pyx_t_1 = __pyx_t_2;
-
-                  goto __pyx_L25_bool_binop_done;
-                }
-                __pyx_t_2 = (__pyx_v_dt != __pyx_v_last_dt);
-
-
-                __pyx_t_1 = __pyx_t_2;
-
-                __pyx_L25_bool_binop_done:;
-                if (__pyx_t_1) {
-
-
-                  /* "models/_forward.pyx":167
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
- *                         if lam != last_lam or dt != last_dt:
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)             # <<<<<<<<<<<<<<
- *                             last_lam = lam
- *                             last_dt = dt
-*/
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_t_11 = __pyx_v_b;
-                  __pyx_v_pair_ok = __pyx_f_6models_8_forward_two_lumps(__pyx_v_lam, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_8)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_11)) ))), __pyx_v_dt, __pyx_v_w);
-
-                  /* "models/_forward.pyx":168
- *                         if lam != last_lam or dt != last_dt:
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
- *                             last_lam = lam             # <<<<<<<<<<<<<<
- *                             last_dt = dt
- *                         paired = pair_ok
-*/
-                  __pyx_v_last_lam = __pyx_v_lam;
-
-                  /* "models/_forward.pyx":169
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
- *                             last_lam = lam
- *                             last_dt = dt             # <<<<<<<<<<<<<<
- *                         paired = pair_ok
- *                     if paired:
-*/
-                  __pyx_v_last_dt = __pyx_v_dt;
-
-                  /* "models/_forward.pyx":166
- *                     paired = False
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:
- *                         if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
- *                             last_lam = lam
-*/
-                }
-
-                /* "models/_forward.pyx":170
- *                             last_lam = lam
- *                             last_dt = dt
- *                         paired = pair_ok             # <<<<<<<<<<<<<<
- *                     if paired:
- *                         T0 = T
-*/
-                __pyx_v_paired = __pyx_v_pair_ok;
-
-                /* "models/_forward.pyx":165
- *                     lam = rate[b] * L + links[b]
- *                     paired = False
- *                     if exponent[b] == 0.0 and hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                         if lam != last_lam or dt != last_dt:
- *                             pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
-*/
-              }
-
-              /* "models/_forward.pyx":171
- *                             last_dt = dt
- *                         paired = pair_ok
- *                     if paired:             # <<<<<<<<<<<<<<
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])
-*/
-              if (__pyx_v_paired) {
-
-                /* "models/_forward.pyx":172
- *                         paired = pair_ok
- *                     if paired:
- *                         T0 = T             # <<<<<<<<<<<<<<
- *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])
- *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
-*/
-                __pyx_v_T0 = __pyx_v_T;
-
-                /* "models/_forward.pyx":173
- *                     if paired:
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])             # <<<<<<<<<<<<<<
- *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
- *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
-*/
-                __pyx_t_11 = __pyx_v_b;
-                __pyx_t_8 = __pyx_v_sb;
-                __pyx_t_7 = (__pyx_v_k - 1);
-                __pyx_t_12 = __pyx_v_b;
-                __pyx_t_13 = __pyx_v_b;
-                __pyx_t_14 = __pyx_v_kb;
-                __pyx_t_15 = (__pyx_v_k - 1);
-                __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_11)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_8 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) ))), (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_15)) ))));
-
-                /* "models/_forward.pyx":174
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])
- *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]             # <<<<<<<<<<<<<<
- *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
- *                         ds = (u1 - u0) / dt
-*/
-                __pyx_t_15 = __pyx_v_b;
-                __pyx_t_14 = __pyx_v_sb;
-                __pyx_t_13 = (__pyx_v_k - 1);
-                __pyx_t_12 = __pyx_v_kb;
-                __pyx_t_7 = (__pyx_v_k - 1);
-                __pyx_v_u0 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_14 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) ))));
-
-                /* "models/_forward.pyx":175
- *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])
- *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
- *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]             # <<<<<<<<<<<<<<
- *                         ds = (u1 - u0) / dt
- *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
-*/
-                __pyx_t_7 = __pyx_v_b;
-                __pyx_t_12 = __pyx_v_sb;
-                __pyx_t_13 = __pyx_v_k;
-                __pyx_t_14 = __pyx_v_kb;
-                __pyx_t_15 = __pyx_v_k;
-                __pyx_v_u1 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))) * (__pyx_v_H + (__pyx_v_L * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_12 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) )))))) + (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_15)) ))));
-
-                /* "models/_forward.pyx":176
- *                         u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
- *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
- *                         ds = (u1 - u0) / dt             # <<<<<<<<<<<<<<
- *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
- *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
-*/
-                __pyx_v_ds = ((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt);
-
-                /* "models/_forward.pyx":177
- *                         u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
- *                         ds = (u1 - u0) / dt
- *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds             # <<<<<<<<<<<<<<
- *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
- *                         T = s
-*/
-                __pyx_v_s = (((((__pyx_v_w[0]) * __pyx_v_T) + ((__pyx_v_w[1]) * __pyx_v_Z)) + ((__pyx_v_w[4]) * __pyx_v_u0)) + ((__pyx_v_w[6]) * __pyx_v_ds));
-
-                /* "models/_forward.pyx":178
- *                         ds = (u1 - u0) / dt
- *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
- *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds             # <<<<<<<<<<<<<<
- *                         T = s
- *                         if lag[b] > 0.0:
-*/
-                __pyx_v_Z = (((((__pyx_v_w[2]) * __pyx_v_T) + ((__pyx_v_w[3]) * __pyx_v_Z)) + ((__pyx_v_w[5]) * __pyx_v_u0)) + ((__pyx_v_w[7]) * __pyx_v_ds));
-
-                /* "models/_forward.pyx":179
- *                         s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
- *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
- *                         T = s             # <<<<<<<<<<<<<<
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-*/
-                __pyx_v_T = __pyx_v_s;
-
-                /* "models/_forward.pyx":180
- *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
- *                         T = s
- *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                             if dt != last_h:
-*/
-                __pyx_t_15 = __pyx_v_b;
-                __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_15)) ))) > 0.0);
-
-                if (__pyx_t_1) {
-
-
-                  /* "models/_forward.pyx":181
- *                         T = s
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])             # <<<<<<<<<<<<<<
- *                             if dt != last_h:
- *                                 fade = exp(-dt / lag[b])
-*/
-                  __pyx_t_15 = __pyx_v_b;
-                  __pyx_t_14 = __pyx_v_sb;
-                  __pyx_t_13 = __pyx_v_k;
-                  __pyx_t_12 = __pyx_v_b;
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_8 = __pyx_v_kb;
-                  __pyx_t_11 = __pyx_v_k;
-                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_14 * __pyx_v_sink.strides[0]) )) + __pyx_t_13)) ))), (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_8 * __pyx_v_linked.strides[0]) )) + __pyx_t_11)) ))));
-
-                  /* "models/_forward.pyx":182
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                             if dt != last_h:             # <<<<<<<<<<<<<<
- *                                 fade = exp(-dt / lag[b])
- *                                 last_h = dt
-*/
-                  __pyx_t_1 = (__pyx_v_dt != __pyx_v_last_h);
-
-                  if (__pyx_t_1) {
-
-
-                    /* "models/_forward.pyx":183
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                             if dt != last_h:
- *                                 fade = exp(-dt / lag[b])             # <<<<<<<<<<<<<<
- *                                 last_h = dt
- *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b], fade)
-*/
-                    __pyx_t_11 = __pyx_v_b;
-                    __pyx_v_fade = exp(((-__pyx_v_dt) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_11)) ))))));
-
-                    /* "models/_forward.pyx":184
- *                             if dt != last_h:
- *                                 fade = exp(-dt / lag[b])
- *                                 last_h = dt             # <<<<<<<<<<<<<<
- *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b], fade)
- *                         else:
-*/
-                    __pyx_v_last_h = __pyx_v_dt;
-
-                    /* "models/_forward.pyx":182
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                             if dt != last_h:             # <<<<<<<<<<<<<<
- *                                 fade = exp(-dt / lag[b])
- *                                 last_h = dt
-*/
-                  }
-
-                  /* "models/_forward.pyx":185
- *                                 fade = exp(-dt / lag[b])
- *                                 last_h = dt
- *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b], fade)             # <<<<<<<<<<<<<<
- *                         else:
- *                             y = T
-*/
-                  __pyx_t_11 = __pyx_v_b;
-                  __pyx_v_y = __pyx_f_6models_8_forward_late_probe(__pyx_v_y, __pyx_v_T0, __pyx_v_T, __pyx_v_k1, __pyx_v_k4, __pyx_v_dt, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_11)) ))), __pyx_v_fade);
-
-                  /* "models/_forward.pyx":180
- *                         Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
- *                         T = s
- *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
- *                             k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                             if dt != last_h:
-*/
-                  goto __pyx_L28;
-                }
-
-                /* "models/_forward.pyx":187
- *                             y = late_probe(y, T0, T, k1, k4, dt, lag[b], fade)
- *                         else:
- *                             y = T             # <<<<<<<<<<<<<<
- *                         out[b, k] = y
- *                         if delay[b] > 0.0:
-*/
-                /*else*/ {
-                  __pyx_v_y = __pyx_v_T;
-                }
-                __pyx_L28:;
-
-                /* "models/_forward.pyx":188
- *                         else:
- *                             y = T
- *                         out[b, k] = y             # <<<<<<<<<<<<<<
- *                         if delay[b] > 0.0:
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
-*/
-                __pyx_t_11 = __pyx_v_b;
-                __pyx_t_8 = __pyx_v_k;
-                *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_11 * __pyx_v_out.strides[0]) )) + __pyx_t_8)) )) = __pyx_v_y;
-
-                /* "models/_forward.pyx":189
- *                             y = T
- *                         out[b, k] = y
- *                         if delay[b] > 0.0:             # <<<<<<<<<<<<<<
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-*/
-                __pyx_t_8 = __pyx_v_b;
-                __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_8)) ))) > 0.0);
-
-                if (__pyx_t_1) {
-
-
-                  /* "models/_forward.pyx":190
- *                         out[b, k] = y
- *                         if delay[b] > 0.0:
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                         continue
-*/
-                  __pyx_t_8 = __pyx_v_b;
-                  __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) ))) > 0.0);
-
-                  if (__pyx_t_1) {
-                    __pyx_t_8 = __pyx_v_b;
-
-                    __pyx_t_16 = ((__pyx_v_T - __pyx_v_y) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_8)) )))));
-                  } else {
-
-                    /* "models/_forward.pyx":191
- *                         if delay[b] > 0.0:
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])             # <<<<<<<<<<<<<<
- *                         continue
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
-*/
-                    __pyx_t_8 = __pyx_v_b;
-                    __pyx_t_11 = __pyx_v_sb;
-                    __pyx_t_7 = __pyx_v_k;
-                    __pyx_t_12 = __pyx_v_b;
-                    __pyx_t_13 = __pyx_v_b;
-                    __pyx_t_14 = __pyx_v_kb;
-                    __pyx_t_15 = __pyx_v_k;
-
-                    /* "models/_forward.pyx":190
- *                         out[b, k] = y
- *                         if delay[b] > 0.0:
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                         continue
-*/
-
-                    __pyx_t_16 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_8)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_11 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) ))), (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_15)) ))));
-                  }
-
-                  (__pyx_v_slope[__pyx_v_k]) = __pyx_t_16;
-
-
-                  /* "models/_forward.pyx":189
- *                             y = T
- *                         out[b, k] = y
- *                         if delay[b] > 0.0:             # <<<<<<<<<<<<<<
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-*/
-                }
-
-                /* "models/_forward.pyx":192
- *                             slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                         continue             # <<<<<<<<<<<<<<
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
-*/
-                goto __pyx_L11_continue;
-
-                /* "models/_forward.pyx":171
- *                             last_dt = dt
- *                         paired = pair_ok
- *                     if paired:             # <<<<<<<<<<<<<<
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])
-*/
-              }
-
-              /* "models/_forward.pyx":193
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                         continue
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
- *                         steps = fast * dt / 0.3
-*/
-              __pyx_t_15 = __pyx_v_b;
-              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_15)) ))) != 0.0);
-
-              if (!__pyx_t_2) {
-
-              } else {
-
-                __pyx_t_1 = __pyx_t_2;
-
-                goto __pyx_L32_bool_binop_done;
-              }
-              __pyx_t_15 = __pyx_v_b;
-              __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_15)) ))) != 0.0);
-
-
-              __pyx_t_1 = __pyx_t_2;
-
-              __pyx_L32_bool_binop_done:;
-              if (__pyx_t_1) {
-
-
-                /* "models/_forward.pyx":194
- *                         continue
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]             # <<<<<<<<<<<<<<
- *                         steps = fast * dt / 0.3
- *                         while m < steps and m < MOST_SUBSTEPS:
-*/
-                __pyx_t_15 = __pyx_v_b;
-                __pyx_t_14 = __pyx_v_b;
-                __pyx_t_13 = __pyx_v_b;
-                __pyx_t_12 = __pyx_v_b;
-                __pyx_t_7 = __pyx_v_b;
-                __pyx_v_fast = ((((((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))) * __pyx_v_L) * (1.0 + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_14)) ))))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_13)) )))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_12)) )))) + (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))));
-
-                /* "models/_forward.pyx":195
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
- *                         steps = fast * dt / 0.3             # <<<<<<<<<<<<<<
- *                         while m < steps and m < MOST_SUBSTEPS:
- *                             m = 2 * m
-*/
-                __pyx_v_steps = ((__pyx_v_fast * __pyx_v_dt) / 0.3);
-
-                /* "models/_forward.pyx":196
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
- *                         steps = fast * dt / 0.3
- *                         while m < steps and m < MOST_SUBSTEPS:             # <<<<<<<<<<<<<<
- *                             m = 2 * m
- *                     h = dt / m
-*/
-                while (1) {
-                  __pyx_t_2 = (__pyx_v_m < __pyx_v_steps);
-
-                  if (__pyx_t_2) {
-
-                  } else {
-
-                    __pyx_t_1 = __pyx_t_2;
-
-                    goto __pyx_L36_bool_binop_done;
-                  }
-                  __pyx_t_2 = (__pyx_v_m < __pyx_e_6models_8_forward_MOST_SUBSTEPS);
-
-
-                  __pyx_t_1 = __pyx_t_2;
-
-                  __pyx_L36_bool_binop_done:;
-
-                  if (!__pyx_t_1) break;
-
-                  /* "models/_forward.pyx":197
- *                         steps = fast * dt / 0.3
- *                         while m < steps and m < MOST_SUBSTEPS:
- *                             m = 2 * m             # <<<<<<<<<<<<<<
- *                     h = dt / m
- *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m
-*/
-                  __pyx_v_m = (2 * __pyx_v_m);
-                }
-
-                /* "models/_forward.pyx":193
- *                                 T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *                         continue
- *                     if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                         fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
- *                         steps = fast * dt / 0.3
-*/
-              }
-
-              /* "models/_forward.pyx":198
- *                         while m < steps and m < MOST_SUBSTEPS:
- *                             m = 2 * m
- *                     h = dt / m             # <<<<<<<<<<<<<<
- *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m
- *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
-*/
-              __pyx_v_h = (__pyx_v_dt / ((double)__pyx_v_m));
-
-              /* "models/_forward.pyx":199
- *                             m = 2 * m
- *                     h = dt / m
- *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m             # <<<<<<<<<<<<<<
- *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
- *                     s = sink[sb, k - 1]
-*/
-              __pyx_t_7 = __pyx_v_sb;
-              __pyx_t_12 = __pyx_v_k;
-              __pyx_t_13 = __pyx_v_sb;
-              __pyx_t_14 = (__pyx_v_k - 1);
-              __pyx_v_ds = (((*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_7 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) ))) - (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_13 * __pyx_v_sink.strides[0]) )) + __pyx_t_14)) )))) / ((double)__pyx_v_m));
-
-              /* "models/_forward.pyx":200
- *                     h = dt / m
- *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m
- *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m             # <<<<<<<<<<<<<<
- *                     s = sink[sb, k - 1]
- *                     q = linked[kb, k - 1]
-*/
-              __pyx_t_14 = __pyx_v_kb;
-              __pyx_t_13 = __pyx_v_k;
-              __pyx_t_12 = __pyx_v_kb;
-              __pyx_t_7 = (__pyx_v_k - 1);
-              __pyx_v_dq = (((*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_14 * __pyx_v_linked.strides[0]) )) + __pyx_t_13)) ))) - (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) )))) / ((double)__pyx_v_m));
-
-              /* "models/_forward.pyx":201
- *                     ds = (sink[sb, k] - sink[sb, k - 1]) / m
- *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
- *                     s = sink[sb, k - 1]             # <<<<<<<<<<<<<<
- *                     q = linked[kb, k - 1]
- *                     for i in range(m):
-*/
-              __pyx_t_7 = __pyx_v_sb;
-              __pyx_t_12 = (__pyx_v_k - 1);
-              __pyx_v_s = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_7 * __pyx_v_sink.strides[0]) )) + __pyx_t_12)) )));
-
-              /* "models/_forward.pyx":202
- *                     dq = (linked[kb, k] - linked[kb, k - 1]) / m
- *                     s = sink[sb, k - 1]
- *                     q = linked[kb, k - 1]             # <<<<<<<<<<<<<<
- *                     for i in range(m):
- *                         sm = s + 0.5 * ds
-*/
-              __pyx_t_12 = __pyx_v_kb;
-              __pyx_t_7 = (__pyx_v_k - 1);
-              __pyx_v_q = (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_12 * __pyx_v_linked.strides[0]) )) + __pyx_t_7)) )));
-
-              /* "models/_forward.pyx":203
- *                     s = sink[sb, k - 1]
- *                     q = linked[kb, k - 1]
- *                     for i in range(m):             # <<<<<<<<<<<<<<
- *                         sm = s + 0.5 * ds
- *                         qm = q + 0.5 * dq
-*/
-
-              __pyx_t_17 = __pyx_v_m;
-              __pyx_t_18 = __pyx_t_17;
-
-              for (__pyx_t_19 = 0; __pyx_t_19 < __pyx_t_18; __pyx_t_19+=1) {
-                __pyx_v_i = __pyx_t_19;
-
-                /* "models/_forward.pyx":204
- *                     q = linked[kb, k - 1]
- *                     for i in range(m):
- *                         sm = s + 0.5 * ds             # <<<<<<<<<<<<<<
- *                         qm = q + 0.5 * dq
- *                         s1 = s + ds
-*/
-                __pyx_v_sm = (__pyx_v_s + (0.5 * __pyx_v_ds));
-
-                /* "models/_forward.pyx":205
- *                     for i in range(m):
- *                         sm = s + 0.5 * ds
- *                         qm = q + 0.5 * dq             # <<<<<<<<<<<<<<
- *                         s1 = s + ds
- *                         q1 = q + dq
-*/
-                __pyx_v_qm = (__pyx_v_q + (0.5 * __pyx_v_dq));
-
-                /* "models/_forward.pyx":206
- *                         sm = s + 0.5 * ds
- *                         qm = q + 0.5 * dq
- *                         s1 = s + ds             # <<<<<<<<<<<<<<
- *                         q1 = q + dq
- *                         T0 = T
-*/
-                __pyx_v_s1 = (__pyx_v_s + __pyx_v_ds);
-
-                /* "models/_forward.pyx":207
- *                         qm = q + 0.5 * dq
- *                         s1 = s + ds
- *                         q1 = q + dq             # <<<<<<<<<<<<<<
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)
-*/
-                __pyx_v_q1 = (__pyx_v_q + __pyx_v_dq);
-
-                /* "models/_forward.pyx":208
- *                         s1 = s + ds
- *                         q1 = q + dq
- *                         T0 = T             # <<<<<<<<<<<<<<
- *                         k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)
- *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
-*/
-                __pyx_v_T0 = __pyx_v_T;
-
-                /* "models/_forward.pyx":209
- *                         q1 = q + dq
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)             # <<<<<<<<<<<<<<
- *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                             z1 = hidden_rate[b] * (T - Z)
-*/
-                __pyx_t_7 = __pyx_v_b;
-                __pyx_t_12 = __pyx_v_b;
-                __pyx_t_13 = __pyx_v_b;
-                __pyx_v_k1 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s, (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), __pyx_v_q);
-
-                /* "models/_forward.pyx":210
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)
- *                         if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                             z1 = hidden_rate[b] * (T - Z)
- *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
-*/
-                __pyx_t_13 = __pyx_v_b;
-                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_exponent.data) + __pyx_t_13)) ))) != 0.0);
-
-                if (!__pyx_t_2) {
-
-                } else {
-
-                  __pyx_t_1 = __pyx_t_2;
-
-                  goto __pyx_L41_bool_binop_done;
-                }
-                __pyx_t_13 = __pyx_v_b;
-                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_13)) ))) != 0.0);
-
-
-                __pyx_t_1 = __pyx_t_2;
-
-                __pyx_L41_bool_binop_done:;
-                if (__pyx_t_1) {
-
-
-                  /* "models/_forward.pyx":211
- *                         k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)
- *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                             z1 = hidden_rate[b] * (T - Z)             # <<<<<<<<<<<<<<
- *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
- *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
-*/
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_z1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_13)) ))) * (__pyx_v_T - __pyx_v_Z));
-
-                  /* "models/_forward.pyx":212
- *                         if exponent[b] != 0.0 or hidden[b] != 0.0:
- *                             z1 = hidden_rate[b] * (T - Z)
- *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)             # <<<<<<<<<<<<<<
- *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
- *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
-*/
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_v_k2 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k1)), (__pyx_v_Z + ((0.5 * __pyx_v_h) * __pyx_v_z1)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_sm, (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))), __pyx_v_qm);
-
-                  /* "models/_forward.pyx":213
- *                             z1 = hidden_rate[b] * (T - Z)
- *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
- *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)             # <<<<<<<<<<<<<<
- *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
- *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
-*/
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_v_z2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_7)) ))) * (((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k1)) - __pyx_v_Z) - ((0.5 * __pyx_v_h) * __pyx_v_z1)));
-
-                  /* "models/_forward.pyx":214
- *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
- *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
- *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, &power, hidden[b], links[b], qm)             # <<<<<<<<<<<<<<
- *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
- *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
-*/
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_k3 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k2)), (__pyx_v_Z + ((0.5 * __pyx_v_h) * __pyx_v_z2)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_sm, (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), __pyx_v_qm);
-
-                  /* "models/_forward.pyx":215
- *                             z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
- *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
- *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)             # <<<<<<<<<<<<<<
- *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
-*/
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_z3 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_13)) ))) * (((__pyx_v_T + ((0.5 * __pyx_v_h) * __pyx_v_k2)) - __pyx_v_Z) - ((0.5 * __pyx_v_h) * __pyx_v_z2)));
-
-                  /* "models/_forward.pyx":216
- *                             k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
- *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
- *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, &power, hidden[b], links[b], q1)             # <<<<<<<<<<<<<<
- *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
- *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-*/
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of((__pyx_v_T + (__pyx_v_h * __pyx_v_k3)), (__pyx_v_Z + (__pyx_v_h * __pyx_v_z3)), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_13)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s1, (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_7)) ))), __pyx_v_q1);
-
-                  /* "models/_forward.pyx":217
- *                             z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
- *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)             # <<<<<<<<<<<<<<
- *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
- *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
-*/
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_v_z4 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden_rate.data) + __pyx_t_7)) ))) * (((__pyx_v_T + (__pyx_v_h * __pyx_v_k3)) - __pyx_v_Z) - (__pyx_v_h * __pyx_v_z3)));
-
-                  /* "models/_forward.pyx":218
- *                             k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
- *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)             # <<<<<<<<<<<<<<
- *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
- *                         else:
-*/
-                  __pyx_v_T = (__pyx_v_T + ((__pyx_v_h / 6.0) * (((__pyx_v_k1 + (2.0 * __pyx_v_k2)) + (2.0 * __pyx_v_k3)) + __pyx_v_k4)));
-
-                  /* "models/_forward.pyx":219
- *                             z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
- *                             T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
- *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)             # <<<<<<<<<<<<<<
- *                         else:
- *                             if lam != last_lam or dt != last_dt:
-*/
-                  __pyx_v_Z = (__pyx_v_Z + ((__pyx_v_h / 6.0) * (((__pyx_v_z1 + (2.0 * __pyx_v_z2)) + (2.0 * __pyx_v_z3)) + __pyx_v_z4)));
-
-                  /* "models/_forward.pyx":210
- *                         T0 = T
- *                         k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)
- *                         if exponent[b] != 0.0 or hidden[b] != 0.0:             # <<<<<<<<<<<<<<
- *                             z1 = hidden_rate[b] * (T - Z)
- *                             k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
-*/
-                  goto __pyx_L40;
-                }
-
-                /* "models/_forward.pyx":221
- *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
- *                         else:
- *                             if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
- *                                 a = lam * dt
- *                                 E = exp(-a)
-*/
-                /*else*/ {
-                  __pyx_t_2 = (__pyx_v_lam != __pyx_v_last_lam);
-
-                  if (!__pyx_t_2) {
-
-                  } else {
-
-                    __pyx_t_1 = __pyx_t_2;
-
-                    goto __pyx_L44_bool_binop_done;
-                  }
-                  __pyx_t_2 = (__pyx_v_dt != __pyx_v_last_dt);
-
-
-                  __pyx_t_1 = __pyx_t_2;
-
-                  __pyx_L44_bool_binop_done:;
-                  if (__pyx_t_1) {
-
-
-                    /* "models/_forward.pyx":222
- *                         else:
- *                             if lam != last_lam or dt != last_dt:
- *                                 a = lam * dt             # <<<<<<<<<<<<<<
- *                                 E = exp(-a)
- *                                 phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
-*/
-                    __pyx_v_a = (__pyx_v_lam * __pyx_v_dt);
-
-                    /* "models/_forward.pyx":223
- *                             if lam != last_lam or dt != last_dt:
- *                                 a = lam * dt
- *                                 E = exp(-a)             # <<<<<<<<<<<<<<
- *                                 phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
- *                                 psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
-*/
-                    __pyx_v_E = exp((-__pyx_v_a));
-
-                    /* "models/_forward.pyx":224
- *                                 a = lam * dt
- *                                 E = exp(-a)
- *                                 phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)             # <<<<<<<<<<<<<<
- *                                 psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
- *                                 last_lam = lam
-*/
-                    __pyx_t_1 = (__pyx_v_a > 1e-3);
-
-                    if (__pyx_t_1) {
-
-                      __pyx_t_16 = ((-expm1((-__pyx_v_a))) / __pyx_v_lam);
-                    } else {
-
-                      __pyx_t_16 = (__pyx_v_dt * ((1.0 - (0.5 * __pyx_v_a)) + ((__pyx_v_a * __pyx_v_a) / 6.0)));
-                    }
-
-                    __pyx_v_phi = __pyx_t_16;
-
-                    /* "models/_forward.pyx":225
- *                                 E = exp(-a)
- *                                 phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
- *                                 psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)             # <<<<<<<<<<<<<<
- *                                 last_lam = lam
- *                                 last_dt = dt
-*/
-                    __pyx_t_1 = (__pyx_v_a > 1e-3);
-
-                    if (__pyx_t_1) {
-
-                      __pyx_t_16 = ((__pyx_v_dt - __pyx_v_phi) / __pyx_v_lam);
-                    } else {
-
-                      __pyx_t_16 = ((__pyx_v_dt * __pyx_v_dt) * ((0.5 - (__pyx_v_a / 6.0)) + ((__pyx_v_a * __pyx_v_a) / 24.0)));
-                    }
-
-                    __pyx_v_psi = __pyx_t_16;
-
-                    /* "models/_forward.pyx":226
- *                                 phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
- *                                 psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
- *                                 last_lam = lam             # <<<<<<<<<<<<<<
- *                                 last_dt = dt
- *                             u0 = rate[b] * (H + L * s) + q
-*/
-                    __pyx_v_last_lam = __pyx_v_lam;
-
-                    /* "models/_forward.pyx":227
- *                                 psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
- *                                 last_lam = lam
- *                                 last_dt = dt             # <<<<<<<<<<<<<<
- *                             u0 = rate[b] * (H + L * s) + q
- *                             u1 = rate[b] * (H + L * s1) + q1
-*/
-                    __pyx_v_last_dt = __pyx_v_dt;
-
-                    /* "models/_forward.pyx":221
- *                             Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
- *                         else:
- *                             if lam != last_lam or dt != last_dt:             # <<<<<<<<<<<<<<
- *                                 a = lam * dt
- *                                 E = exp(-a)
-*/
-                  }
-
-                  /* "models/_forward.pyx":228
- *                                 last_lam = lam
- *                                 last_dt = dt
- *                             u0 = rate[b] * (H + L * s) + q             # <<<<<<<<<<<<<<
- *                             u1 = rate[b] * (H + L * s1) + q1
- *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
-*/
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_v_u0 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))) * (__pyx_v_H + (__pyx_v_L * __pyx_v_s))) + __pyx_v_q);
-
-                  /* "models/_forward.pyx":229
- *                                 last_dt = dt
- *                             u0 = rate[b] * (H + L * s) + q
- *                             u1 = rate[b] * (H + L * s1) + q1             # <<<<<<<<<<<<<<
- *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
- *                         if lag[b] > 0.0:
-*/
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_v_u1 = (((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))) * (__pyx_v_H + (__pyx_v_L * __pyx_v_s1))) + __pyx_v_q1);
-
-                  /* "models/_forward.pyx":230
- *                             u0 = rate[b] * (H + L * s) + q
- *                             u1 = rate[b] * (H + L * s1) + q1
- *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi             # <<<<<<<<<<<<<<
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
-*/
-                  __pyx_v_T = (((__pyx_v_T * __pyx_v_E) + (__pyx_v_u0 * __pyx_v_phi)) + (((__pyx_v_u1 - __pyx_v_u0) / __pyx_v_dt) * __pyx_v_psi));
-                }
-                __pyx_L40:;
-
-                /* "models/_forward.pyx":231
- *                             u1 = rate[b] * (H + L * s1) + q1
- *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
- *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             if h != last_h:
-*/
-                __pyx_t_7 = __pyx_v_b;
-                __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_7)) ))) > 0.0);
-
-                if (__pyx_t_1) {
-
-
-                  /* "models/_forward.pyx":232
- *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)             # <<<<<<<<<<<<<<
- *                             if h != last_h:
- *                                 fade = exp(-h / lag[b])
-*/
-                  __pyx_t_7 = __pyx_v_b;
-                  __pyx_t_12 = __pyx_v_b;
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_k4 = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_7)) ))), __pyx_v_H, __pyx_v_L, __pyx_v_s1, (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_12)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_13)) ))), __pyx_v_q1);
-
-                  /* "models/_forward.pyx":233
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             if h != last_h:             # <<<<<<<<<<<<<<
- *                                 fade = exp(-h / lag[b])
- *                                 last_h = h
-*/
-                  __pyx_t_1 = (__pyx_v_h != __pyx_v_last_h);
-
-                  if (__pyx_t_1) {
-
-
-                    /* "models/_forward.pyx":234
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             if h != last_h:
- *                                 fade = exp(-h / lag[b])             # <<<<<<<<<<<<<<
- *                                 last_h = h
- *                             y = late_probe(y, T0, T, k1, k4, h, lag[b], fade)
-*/
-                    __pyx_t_13 = __pyx_v_b;
-                    __pyx_v_fade = exp(((-__pyx_v_h) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_13)) ))))));
-
-                    /* "models/_forward.pyx":235
- *                             if h != last_h:
- *                                 fade = exp(-h / lag[b])
- *                                 last_h = h             # <<<<<<<<<<<<<<
- *                             y = late_probe(y, T0, T, k1, k4, h, lag[b], fade)
- *                         s = s1
-*/
-                    __pyx_v_last_h = __pyx_v_h;
-
-                    /* "models/_forward.pyx":233
- *                         if lag[b] > 0.0:
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             if h != last_h:             # <<<<<<<<<<<<<<
- *                                 fade = exp(-h / lag[b])
- *                                 last_h = h
-*/
-                  }
-
-                  /* "models/_forward.pyx":236
- *                                 fade = exp(-h / lag[b])
- *                                 last_h = h
- *                             y = late_probe(y, T0, T, k1, k4, h, lag[b], fade)             # <<<<<<<<<<<<<<
- *                         s = s1
- *                         q = q1
-*/
-                  __pyx_t_13 = __pyx_v_b;
-                  __pyx_v_y = __pyx_f_6models_8_forward_late_probe(__pyx_v_y, __pyx_v_T0, __pyx_v_T, __pyx_v_k1, __pyx_v_k4, __pyx_v_h, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_13)) ))), __pyx_v_fade);
-
-                  /* "models/_forward.pyx":231
- *                             u1 = rate[b] * (H + L * s1) + q1
- *                             T = T * E + u0 * phi + (u1 - u0) / dt * psi
- *                         if lag[b] > 0.0:             # <<<<<<<<<<<<<<
- *                             k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
- *                             if h != last_h:
-*/
-                }
-
-                /* "models/_forward.pyx":237
- *                                 last_h = h
- *                             y = late_probe(y, T0, T, k1, k4, h, lag[b], fade)
- *                         s = s1             # <<<<<<<<<<<<<<
- *                         q = q1
- *                     if lag[b] == 0.0:
-*/
-                __pyx_v_s = __pyx_v_s1;
-
-                /* "models/_forward.pyx":238
- *                             y = late_probe(y, T0, T, k1, k4, h, lag[b], fade)
- *                         s = s1
- *                         q = q1             # <<<<<<<<<<<<<<
- *                     if lag[b] == 0.0:
- *                         y = T
-*/
-                __pyx_v_q = __pyx_v_q1;
-              }
-
-
-              /* "models/_forward.pyx":239
- *                         s = s1
- *                         q = q1
- *                     if lag[b] == 0.0:             # <<<<<<<<<<<<<<
- *                         y = T
- *                 out[b, k] = y
-*/
-              __pyx_t_13 = __pyx_v_b;
-              __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_13)) ))) == 0.0);
-
-              if (__pyx_t_1) {
-
-
-                /* "models/_forward.pyx":240
- *                         q = q1
- *                     if lag[b] == 0.0:
- *                         y = T             # <<<<<<<<<<<<<<
- *                 out[b, k] = y
- *                 if delay[b] > 0.0:
-*/
-                __pyx_v_y = __pyx_v_T;
-
-                /* "models/_forward.pyx":239
- *                         s = s1
- *                         q = q1
- *                     if lag[b] == 0.0:             # <<<<<<<<<<<<<<
- *                         y = T
- *                 out[b, k] = y
-*/
-              }
-            }
-            __pyx_L13:;
-
-            /* "models/_forward.pyx":241
- *                     if lag[b] == 0.0:
- *                         y = T
- *                 out[b, k] = y             # <<<<<<<<<<<<<<
- *                 if delay[b] > 0.0:
- *                     # Slope at both ends of the interval, for the delayed reading between them.
-*/
-            __pyx_t_13 = __pyx_v_b;
-            __pyx_t_12 = __pyx_v_k;
-            *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_13 * __pyx_v_out.strides[0]) )) + __pyx_t_12)) )) = __pyx_v_y;
-
-            /* "models/_forward.pyx":242
- *                         y = T
- *                 out[b, k] = y
- *                 if delay[b] > 0.0:             # <<<<<<<<<<<<<<
- *                     # Slope at both ends of the interval, for the delayed reading between them.
- *                     if lag[b] > 0.0:
-*/
-            __pyx_t_12 = __pyx_v_b;
-            __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_12)) ))) > 0.0);
-
-            if (__pyx_t_1) {
-
-
-              /* "models/_forward.pyx":244
- *                 if delay[b] > 0.0:
- *                     # Slope at both ends of the interval, for the delayed reading between them.
- *                     if lag[b] > 0.0:             # <<<<<<<<<<<<<<
- *                         slope[k] = (T - y) / lag[b]
- *                     else:
-*/
-              __pyx_t_12 = __pyx_v_b;
-              __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_12)) ))) > 0.0);
-
-              if (__pyx_t_1) {
-
-
-                /* "models/_forward.pyx":245
- *                     # Slope at both ends of the interval, for the delayed reading between them.
- *                     if lag[b] > 0.0:
- *                         slope[k] = (T - y) / lag[b]             # <<<<<<<<<<<<<<
- *                     else:
- *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-*/
-                __pyx_t_12 = __pyx_v_b;
-                (__pyx_v_slope[__pyx_v_k]) = ((__pyx_v_T - __pyx_v_y) / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_12)) )))));
-
-                /* "models/_forward.pyx":244
- *                 if delay[b] > 0.0:
- *                     # Slope at both ends of the interval, for the delayed reading between them.
- *                     if lag[b] > 0.0:             # <<<<<<<<<<<<<<
- *                         slope[k] = (T - y) / lag[b]
- *                     else:
-*/
-                goto __pyx_L50;
-              }
-
-              /* "models/_forward.pyx":247
- *                         slope[k] = (T - y) / lag[b]
- *                     else:
- *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])             # <<<<<<<<<<<<<<
- *             if delay[b] > 0.0:
- *                 for k in range(n):
-*/
-              /*else*/ {
-                __pyx_t_12 = __pyx_v_b;
-                __pyx_t_13 = __pyx_v_sb;
-                __pyx_t_7 = __pyx_v_k;
-                __pyx_t_14 = __pyx_v_b;
-                __pyx_t_15 = __pyx_v_b;
-                __pyx_t_11 = __pyx_v_kb;
-                __pyx_t_8 = __pyx_v_k;
-                (__pyx_v_slope[__pyx_v_k]) = __pyx_f_6models_8_forward_slope_of(__pyx_v_T, __pyx_v_Z, (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_12)) ))), __pyx_v_H, __pyx_v_L, (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_13 * __pyx_v_sink.strides[0]) )) + __pyx_t_7)) ))), (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_14)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_15)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_11 * __pyx_v_linked.strides[0]) )) + __pyx_t_8)) ))));
-              }
-              __pyx_L50:;
-
-              /* "models/_forward.pyx":242
- *                         y = T
- *                 out[b, k] = y
- *                 if delay[b] > 0.0:             # <<<<<<<<<<<<<<
- *                     # Slope at both ends of the interval, for the delayed reading between them.
- *                     if lag[b] > 0.0:
-*/
-            }
-            __pyx_L11_continue:;
           }
 
 
-          /* "models/_forward.pyx":248
- *                     else:
- *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *             if delay[b] > 0.0:             # <<<<<<<<<<<<<<
- *                 for k in range(n):
- *                     curve[k] = out[b, k]
-*/
-          __pyx_t_8 = __pyx_v_b;
-          __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_8)) ))) > 0.0);
-
-          if (__pyx_t_1) {
-
-
-            /* "models/_forward.pyx":249
- *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *             if delay[b] > 0.0:
- *                 for k in range(n):             # <<<<<<<<<<<<<<
- *                     curve[k] = out[b, k]
- *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
+          /* "models/_forward.pyx":279
+ *                 for j in range(count):
+ *                     advance(&lumps[j], dt, k)
+ *             for j in range(count):             # <<<<<<<<<<<<<<
+ *                 if lumps[j].delay > 0.0:
+ *                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
 */
 
-            __pyx_t_6 = __pyx_v_n;
-            __pyx_t_9 = __pyx_t_6;
+          __pyx_t_2 = __pyx_v_count;
+          __pyx_t_3 = __pyx_t_2;
 
-            for (__pyx_t_10 = 0; __pyx_t_10 < __pyx_t_9; __pyx_t_10+=1) {
-              __pyx_v_k = __pyx_t_10;
+          for (__pyx_t_4 = 0; __pyx_t_4 < __pyx_t_3; __pyx_t_4+=1) {
+            __pyx_v_j = __pyx_t_4;
 
-              /* "models/_forward.pyx":250
- *             if delay[b] > 0.0:
- *                 for k in range(n):
- *                     curve[k] = out[b, k]             # <<<<<<<<<<<<<<
- *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
- *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],
+            /* "models/_forward.pyx":280
+ *                     advance(&lumps[j], dt, k)
+ *             for j in range(count):
+ *                 if lumps[j].delay > 0.0:             # <<<<<<<<<<<<<<
+ *                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
+ *             first += ABREAST
 */
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_t_11 = __pyx_v_k;
-              (__pyx_v_curve[__pyx_v_k]) = (*((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_8 * __pyx_v_out.strides[0]) )) + __pyx_t_11)) )));
-            }
-
-
-            /* "models/_forward.pyx":251
- *                 for k in range(n):
- *                     curve[k] = out[b, k]
- *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
- *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],
- *                     linked[kb, 0])
-*/
-            __pyx_t_11 = __pyx_v_b;
-            __pyx_t_1 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_11)) ))) > 0.0);
+            __pyx_t_1 = ((__pyx_v_lumps[__pyx_v_j]).delay > 0.0);
 
             if (__pyx_t_1) {
 
-              __pyx_t_16 = 0.0;
-            } else {
 
-              /* "models/_forward.pyx":252
- *                     curve[k] = out[b, k]
- *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
- *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],             # <<<<<<<<<<<<<<
- *                     linked[kb, 0])
- *                 j = 0
+              /* "models/_forward.pyx":281
+ *             for j in range(count):
+ *                 if lumps[j].delay > 0.0:
+ *                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)             # <<<<<<<<<<<<<<
+ *             first += ABREAST
+ *     free(slopes)
 */
-              __pyx_t_11 = __pyx_v_b;
-              __pyx_t_8 = __pyx_v_b;
-              __pyx_t_15 = __pyx_v_b;
-              __pyx_t_14 = __pyx_v_b;
-              __pyx_t_7 = __pyx_v_hb;
-              __pyx_t_13 = 1;
-              __pyx_t_12 = __pyx_v_lb;
-              __pyx_t_20 = 1;
-              __pyx_t_21 = __pyx_v_sb;
-              __pyx_t_22 = 0;
-              __pyx_t_23 = __pyx_v_b;
-              __pyx_t_24 = __pyx_v_b;
+              __pyx_t_5 = 0;
+              __pyx_f_6models_8_forward_retard((&(__pyx_v_lumps[__pyx_v_j])), (&(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_5)) )))), __pyx_v_n, (__pyx_v_slopes + (__pyx_e_6models_8_forward_ABREAST * __pyx_v_n)));
 
-              /* "models/_forward.pyx":253
- *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
- *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],
- *                     linked[kb, 0])             # <<<<<<<<<<<<<<
- *                 j = 0
- *                 for k in range(n):
+              /* "models/_forward.pyx":280
+ *                     advance(&lumps[j], dt, k)
+ *             for j in range(count):
+ *                 if lumps[j].delay > 0.0:             # <<<<<<<<<<<<<<
+ *                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
+ *             first += ABREAST
 */
-              __pyx_t_25 = __pyx_v_kb;
-              __pyx_t_26 = 0;
-
-              /* "models/_forward.pyx":251
- *                 for k in range(n):
- *                     curve[k] = out[b, k]
- *                 slope[0] = 0.0 if lag[b] > 0.0 else slope_of(             # <<<<<<<<<<<<<<
- *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],
- *                     linked[kb, 0])
-*/
-
-              __pyx_t_16 = __pyx_f_6models_8_forward_slope_of((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_11)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_8)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rate.data) + __pyx_t_15)) ))), ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_rise.data) + __pyx_t_14)) ))) * (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_heat.data + __pyx_t_7 * __pyx_v_heat.strides[0]) )) + __pyx_t_13)) )))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_loss.data + __pyx_t_12 * __pyx_v_loss.strides[0]) )) + __pyx_t_20)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_sink.data + __pyx_t_21 * __pyx_v_sink.strides[0]) )) + __pyx_t_22)) ))), (&__pyx_v_power), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_hidden.data) + __pyx_t_23)) ))), (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_links.data) + __pyx_t_24)) ))), (*((double const  *) ( /* dim=1 */ ((char *) (((double const  *) ( /* dim=0 */ (__pyx_v_linked.data + __pyx_t_25 * __pyx_v_linked.strides[0]) )) + __pyx_t_26)) ))));
             }
-
-            (__pyx_v_slope[0]) = __pyx_t_16;
-
-
-            /* "models/_forward.pyx":254
- *                     start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],
- *                     linked[kb, 0])
- *                 j = 0             # <<<<<<<<<<<<<<
- *                 for k in range(n):
- *                     at = time[k] - delay[b]
-*/
-            __pyx_v_j = 0;
-
-            /* "models/_forward.pyx":255
- *                     linked[kb, 0])
- *                 j = 0
- *                 for k in range(n):             # <<<<<<<<<<<<<<
- *                     at = time[k] - delay[b]
- *                     if at <= time[0]:
-*/
-
-            __pyx_t_6 = __pyx_v_n;
-            __pyx_t_9 = __pyx_t_6;
-
-            for (__pyx_t_10 = 0; __pyx_t_10 < __pyx_t_9; __pyx_t_10+=1) {
-              __pyx_v_k = __pyx_t_10;
-
-              /* "models/_forward.pyx":256
- *                 j = 0
- *                 for k in range(n):
- *                     at = time[k] - delay[b]             # <<<<<<<<<<<<<<
- *                     if at <= time[0]:
- *                         out[b, k] = start[b]
-*/
-              __pyx_t_26 = __pyx_v_k;
-              __pyx_t_25 = __pyx_v_b;
-              __pyx_v_at = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_26)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_delay.data) + __pyx_t_25)) ))));
-
-              /* "models/_forward.pyx":257
- *                 for k in range(n):
- *                     at = time[k] - delay[b]
- *                     if at <= time[0]:             # <<<<<<<<<<<<<<
- *                         out[b, k] = start[b]
- *                         continue
-*/
-              __pyx_t_25 = 0;
-              __pyx_t_1 = (__pyx_v_at <= (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_25)) ))));
-
-              if (__pyx_t_1) {
-
-
-                /* "models/_forward.pyx":258
- *                     at = time[k] - delay[b]
- *                     if at <= time[0]:
- *                         out[b, k] = start[b]             # <<<<<<<<<<<<<<
- *                         continue
- *                     while j < n - 2 and time[j + 1] < at:
-*/
-                __pyx_t_25 = __pyx_v_b;
-                __pyx_t_26 = __pyx_v_b;
-                __pyx_t_24 = __pyx_v_k;
-                *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_26 * __pyx_v_out.strides[0]) )) + __pyx_t_24)) )) = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_start.data) + __pyx_t_25)) )));
-
-                /* "models/_forward.pyx":259
- *                     if at <= time[0]:
- *                         out[b, k] = start[b]
- *                         continue             # <<<<<<<<<<<<<<
- *                     while j < n - 2 and time[j + 1] < at:
- *                         j += 1
-*/
-                goto __pyx_L54_continue;
-
-                /* "models/_forward.pyx":257
- *                 for k in range(n):
- *                     at = time[k] - delay[b]
- *                     if at <= time[0]:             # <<<<<<<<<<<<<<
- *                         out[b, k] = start[b]
- *                         continue
-*/
-              }
-
-              /* "models/_forward.pyx":260
- *                         out[b, k] = start[b]
- *                         continue
- *                     while j < n - 2 and time[j + 1] < at:             # <<<<<<<<<<<<<<
- *                         j += 1
- *                     dt = time[j + 1] - time[j]
-*/
-              while (1) {
-                __pyx_t_2 = (__pyx_v_j < (__pyx_v_n - 2));
-
-                if (__pyx_t_2) {
-
-                } else {
-
-                  __pyx_t_1 = __pyx_t_2;
-
-                  goto __pyx_L59_bool_binop_done;
-                }
-                __pyx_t_25 = (__pyx_v_j + 1);
-                __pyx_t_2 = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_25)) ))) < __pyx_v_at);
-
-
-                __pyx_t_1 = __pyx_t_2;
-
-                __pyx_L59_bool_binop_done:;
-
-                if (!__pyx_t_1) break;
-
-                /* "models/_forward.pyx":261
- *                         continue
- *                     while j < n - 2 and time[j + 1] < at:
- *                         j += 1             # <<<<<<<<<<<<<<
- *                     dt = time[j + 1] - time[j]
- *                     x = (at - time[j]) / dt
-*/
-                __pyx_v_j = (__pyx_v_j + 1);
-              }
-
-              /* "models/_forward.pyx":262
- *                     while j < n - 2 and time[j + 1] < at:
- *                         j += 1
- *                     dt = time[j + 1] - time[j]             # <<<<<<<<<<<<<<
- *                     x = (at - time[j]) / dt
- *                     out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)
-*/
-              __pyx_t_25 = (__pyx_v_j + 1);
-              __pyx_t_24 = __pyx_v_j;
-              __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_25)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_24)) ))));
-
-              /* "models/_forward.pyx":263
- *                         j += 1
- *                     dt = time[j + 1] - time[j]
- *                     x = (at - time[j]) / dt             # <<<<<<<<<<<<<<
- *                     out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)
- *                                  + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
-*/
-              __pyx_t_24 = __pyx_v_j;
-              __pyx_v_x = ((__pyx_v_at - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_24)) )))) / __pyx_v_dt);
-
-              /* "models/_forward.pyx":264
- *                     dt = time[j + 1] - time[j]
- *                     x = (at - time[j]) / dt
- *                     out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)             # <<<<<<<<<<<<<<
- *                                  + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
- *     free(curve)
-*/
-              __pyx_t_24 = __pyx_v_b;
-              __pyx_t_25 = __pyx_v_k;
-              *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_24 * __pyx_v_out.strides[0]) )) + __pyx_t_25)) )) = (((((((__pyx_v_curve[__pyx_v_j]) * (1.0 + (2.0 * __pyx_v_x))) * (1.0 - __pyx_v_x)) * (1.0 - __pyx_v_x)) + (((((__pyx_v_slope[__pyx_v_j]) * __pyx_v_dt) * __pyx_v_x) * (1.0 - __pyx_v_x)) * (1.0 - __pyx_v_x))) + ((((__pyx_v_curve[(__pyx_v_j + 1)]) * __pyx_v_x) * __pyx_v_x) * (3.0 - (2.0 * __pyx_v_x)))) + (((((__pyx_v_slope[(__pyx_v_j + 1)]) * __pyx_v_dt) * __pyx_v_x) * __pyx_v_x) * (__pyx_v_x - 1.0)));
-              __pyx_L54_continue:;
-            }
-
-
-            /* "models/_forward.pyx":248
- *                     else:
- *                         slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
- *             if delay[b] > 0.0:             # <<<<<<<<<<<<<<
- *                 for k in range(n):
- *                     curve[k] = out[b, k]
-*/
           }
+
+
+          /* "models/_forward.pyx":282
+ *                 if lumps[j].delay > 0.0:
+ *                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
+ *             first += ABREAST             # <<<<<<<<<<<<<<
+ *     free(slopes)
+ * 
+*/
+          __pyx_v_first = (__pyx_v_first + __pyx_e_6models_8_forward_ABREAST);
         }
-
       }
 
-      /* "models/_forward.pyx":122
- *         free(slope)
+      /* "models/_forward.pyx":255
+ *     if slopes == NULL:
  *         raise MemoryError
  *     with nogil:             # <<<<<<<<<<<<<<
- *         for b in range(rows):
- *             hb = b if heat.shape[0] > 1 else 0
+ *         first = 0
+ *         while first < rows:
 */
       /*finally:*/ {
         /*normal exit:*/{
           __Pyx_FastGIL_Forget();
           PyEval_RestoreThread(_save);
-          goto __pyx_L8;
+          goto __pyx_L6;
         }
-        __pyx_L8:;
+        __pyx_L6:;
       }
   }
 
-  /* "models/_forward.pyx":266
- *                     out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)
- *                                  + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
- *     free(curve)             # <<<<<<<<<<<<<<
- *     free(slope)
- * 
-*/
-  free(__pyx_v_curve);
-
-  /* "models/_forward.pyx":267
- *                                  + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
- *     free(curve)
- *     free(slope)             # <<<<<<<<<<<<<<
+  /* "models/_forward.pyx":283
+ *                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
+ *             first += ABREAST
+ *     free(slopes)             # <<<<<<<<<<<<<<
  * 
  * 
 */
-  free(__pyx_v_slope);
+  free(__pyx_v_slopes);
 
-  /* "models/_forward.pyx":104
+  /* "models/_forward.pyx":243
  * 
  * 
  * def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,             # <<<<<<<<<<<<<<
@@ -21133,57 +20881,12 @@ static PyObject *__pyx_pf_6models_8_forward_forward(CYTHON_UNUSED PyObject *__py
 
 
 
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
   __Pyx_XGIVEREF(__pyx_r);
   __Pyx_RefNannyFinishContext();
   return __pyx_r;
 }
 
-/* "models/_forward.pyx":270
+/* "models/_forward.pyx":286
  * 
  * 
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):             # <<<<<<<<<<<<<<
@@ -21234,53 +20937,53 @@ PyObject *__pyx_args, PyObject *__pyx_kwds
   {
     PyObject ** const __pyx_pyargnames[] = {&__pyx_mstate_global->__pyx_n_u_time,&__pyx_mstate_global->__pyx_n_u_values,&__pyx_mstate_global->__pyx_n_u_lag,&__pyx_mstate_global->__pyx_n_u_out,0};
     const Py_ssize_t __pyx_kwds_len = (__pyx_kwds) ? __Pyx_NumKwargs_FASTCALL(__pyx_kwds) : 0;
-    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 270, __pyx_L3_error)
+    if (unlikely(__pyx_kwds_len < 0)) __PYX_ERR(0, 286, __pyx_L3_error)
     if (__pyx_kwds_len > 0) {
       switch (__pyx_nargs) {
         case  4:
         values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 270, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 286, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  3:
         values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 270, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 286, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  2:
         values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 270, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 286, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  1:
         values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 270, __pyx_L3_error)
+        if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 286, __pyx_L3_error)
         CYTHON_FALLTHROUGH;
         case  0: break;
         default: goto __pyx_L5_argtuple_error;
       }
       const Py_ssize_t kwd_pos_args = __pyx_nargs;
-      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "followed", 0) < (0)) __PYX_ERR(0, 270, __pyx_L3_error)
+      if (__Pyx_ParseKeywords(__pyx_kwds, __pyx_kwvalues, __pyx_pyargnames, 0, values, kwd_pos_args, __pyx_kwds_len, "followed", 0) < (0)) __PYX_ERR(0, 286, __pyx_L3_error)
       for (Py_ssize_t i = __pyx_nargs; i < 4; i++) {
-        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, i); __PYX_ERR(0, 270, __pyx_L3_error) }
+        if (unlikely(!values[i])) { __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, i); __PYX_ERR(0, 286, __pyx_L3_error) }
       }
     } else if (unlikely(__pyx_nargs != 4)) {
       goto __pyx_L5_argtuple_error;
     } else {
       values[0] = __Pyx_ArgRef_FASTCALL(__pyx_args, 0);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 270, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[0])) __PYX_ERR(0, 286, __pyx_L3_error)
       values[1] = __Pyx_ArgRef_FASTCALL(__pyx_args, 1);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 270, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[1])) __PYX_ERR(0, 286, __pyx_L3_error)
       values[2] = __Pyx_ArgRef_FASTCALL(__pyx_args, 2);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 270, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[2])) __PYX_ERR(0, 286, __pyx_L3_error)
       values[3] = __Pyx_ArgRef_FASTCALL(__pyx_args, 3);
-      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 270, __pyx_L3_error)
+      if (!CYTHON_ASSUME_SAFE_MACROS && unlikely(!values[3])) __PYX_ERR(0, 286, __pyx_L3_error)
     }
-    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 270, __pyx_L3_error)
-    __pyx_v_values = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_values.memview)) __PYX_ERR(0, 270, __pyx_L3_error)
-    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 270, __pyx_L3_error)
-    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[3], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 270, __pyx_L3_error)
+    __pyx_v_time = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[0], 0); if (unlikely(!__pyx_v_time.memview)) __PYX_ERR(0, 286, __pyx_L3_error)
+    __pyx_v_values = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[1], 0); if (unlikely(!__pyx_v_values.memview)) __PYX_ERR(0, 286, __pyx_L3_error)
+    __pyx_v_lag = __Pyx_PyObject_to_MemoryviewSlice_dc_double__const__(values[2], 0); if (unlikely(!__pyx_v_lag.memview)) __PYX_ERR(0, 286, __pyx_L3_error)
+    __pyx_v_out = __Pyx_PyObject_to_MemoryviewSlice_d_dc_double(values[3], PyBUF_WRITABLE); if (unlikely(!__pyx_v_out.memview)) __PYX_ERR(0, 286, __pyx_L3_error)
   }
   goto __pyx_L6_skip;
   __pyx_L5_argtuple_error:;
-  __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, __pyx_nargs); __PYX_ERR(0, 270, __pyx_L3_error)
+  __Pyx_RaiseArgtupleInvalid("followed", 1, 4, 4, __pyx_nargs); __PYX_ERR(0, 286, __pyx_L3_error)
   __pyx_L6_skip:;
   goto __pyx_L4_argument_unpacking_done;
   __pyx_L3_error:;
@@ -21334,7 +21037,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
   double __pyx_t_11;
   __Pyx_RefNannySetupContext("followed", 0);
 
-  /* "models/_forward.pyx":272
+  /* "models/_forward.pyx":288
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):
  *     """See the numpy twin."""
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k             # <<<<<<<<<<<<<<
@@ -21344,7 +21047,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
   __pyx_v_rows = (__pyx_v_lag.shape[0]);
   __pyx_v_n = (__pyx_v_time.shape[0]);
 
-  /* "models/_forward.pyx":274
+  /* "models/_forward.pyx":290
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
  *     cdef double a, E, phi, dt, y
  *     with nogil:             # <<<<<<<<<<<<<<
@@ -21357,7 +21060,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
       __Pyx_FastGIL_Remember();
       /*try:*/ {
 
-        /* "models/_forward.pyx":275
+        /* "models/_forward.pyx":291
  *     cdef double a, E, phi, dt, y
  *     with nogil:
  *         for b in range(rows):             # <<<<<<<<<<<<<<
@@ -21371,7 +21074,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
         for (__pyx_t_3 = 0; __pyx_t_3 < __pyx_t_2; __pyx_t_3+=1) {
           __pyx_v_b = __pyx_t_3;
 
-          /* "models/_forward.pyx":276
+          /* "models/_forward.pyx":292
  *     with nogil:
  *         for b in range(rows):
  *             y = values[0]             # <<<<<<<<<<<<<<
@@ -21381,7 +21084,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
           __pyx_t_4 = 0;
           __pyx_v_y = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_4)) )));
 
-          /* "models/_forward.pyx":277
+          /* "models/_forward.pyx":293
  *         for b in range(rows):
  *             y = values[0]
  *             out[b, 0] = y             # <<<<<<<<<<<<<<
@@ -21392,7 +21095,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
           __pyx_t_5 = 0;
           *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_4 * __pyx_v_out.strides[0]) )) + __pyx_t_5)) )) = __pyx_v_y;
 
-          /* "models/_forward.pyx":278
+          /* "models/_forward.pyx":294
  *             y = values[0]
  *             out[b, 0] = y
  *             for k in range(1, n):             # <<<<<<<<<<<<<<
@@ -21406,7 +21109,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
           for (__pyx_t_8 = 1; __pyx_t_8 < __pyx_t_7; __pyx_t_8+=1) {
             __pyx_v_k = __pyx_t_8;
 
-            /* "models/_forward.pyx":279
+            /* "models/_forward.pyx":295
  *             out[b, 0] = y
  *             for k in range(1, n):
  *                 if lag[b] <= 0.0:             # <<<<<<<<<<<<<<
@@ -21419,7 +21122,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             if (__pyx_t_9) {
 
 
-              /* "models/_forward.pyx":280
+              /* "models/_forward.pyx":296
  *             for k in range(1, n):
  *                 if lag[b] <= 0.0:
  *                     out[b, k] = values[k]             # <<<<<<<<<<<<<<
@@ -21431,7 +21134,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
               __pyx_t_10 = __pyx_v_k;
               *((double *) ( /* dim=1 */ ((char *) (((double *) ( /* dim=0 */ (__pyx_v_out.data + __pyx_t_4 * __pyx_v_out.strides[0]) )) + __pyx_t_10)) )) = (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_5)) )));
 
-              /* "models/_forward.pyx":281
+              /* "models/_forward.pyx":297
  *                 if lag[b] <= 0.0:
  *                     out[b, k] = values[k]
  *                     continue             # <<<<<<<<<<<<<<
@@ -21440,7 +21143,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 */
               goto __pyx_L8_continue;
 
-              /* "models/_forward.pyx":279
+              /* "models/_forward.pyx":295
  *             out[b, 0] = y
  *             for k in range(1, n):
  *                 if lag[b] <= 0.0:             # <<<<<<<<<<<<<<
@@ -21449,7 +21152,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 */
             }
 
-            /* "models/_forward.pyx":282
+            /* "models/_forward.pyx":298
  *                     out[b, k] = values[k]
  *                     continue
  *                 dt = time[k] - time[k - 1]             # <<<<<<<<<<<<<<
@@ -21460,7 +21163,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             __pyx_t_10 = (__pyx_v_k - 1);
             __pyx_v_dt = ((*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_5)) ))) - (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_time.data) + __pyx_t_10)) ))));
 
-            /* "models/_forward.pyx":283
+            /* "models/_forward.pyx":299
  *                     continue
  *                 dt = time[k] - time[k - 1]
  *                 a = dt / lag[b]             # <<<<<<<<<<<<<<
@@ -21470,7 +21173,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             __pyx_t_10 = __pyx_v_b;
             __pyx_v_a = (__pyx_v_dt / ((double)(*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_lag.data) + __pyx_t_10)) )))));
 
-            /* "models/_forward.pyx":284
+            /* "models/_forward.pyx":300
  *                 dt = time[k] - time[k - 1]
  *                 a = dt / lag[b]
  *                 E = exp(-a)             # <<<<<<<<<<<<<<
@@ -21479,7 +21182,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 */
             __pyx_v_E = exp((-__pyx_v_a));
 
-            /* "models/_forward.pyx":285
+            /* "models/_forward.pyx":301
  *                 a = dt / lag[b]
  *                 E = exp(-a)
  *                 phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a             # <<<<<<<<<<<<<<
@@ -21498,7 +21201,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 
             __pyx_v_phi = __pyx_t_11;
 
-            /* "models/_forward.pyx":286
+            /* "models/_forward.pyx":302
  *                 E = exp(-a)
  *                 phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a
  *                 y = E * y + (phi - E) * values[k - 1] + (1.0 - phi) * values[k]             # <<<<<<<<<<<<<<
@@ -21508,7 +21211,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
             __pyx_t_5 = __pyx_v_k;
             __pyx_v_y = (((__pyx_v_E * __pyx_v_y) + ((__pyx_v_phi - __pyx_v_E) * (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_10)) ))))) + ((1.0 - __pyx_v_phi) * (*((double const  *) ( /* dim=0 */ ((char *) (((double const  *) __pyx_v_values.data) + __pyx_t_5)) )))));
 
-            /* "models/_forward.pyx":287
+            /* "models/_forward.pyx":303
  *                 phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a
  *                 y = E * y + (phi - E) * values[k - 1] + (1.0 - phi) * values[k]
  *                 out[b, k] = y             # <<<<<<<<<<<<<<
@@ -21523,7 +21226,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
 
       }
 
-      /* "models/_forward.pyx":274
+      /* "models/_forward.pyx":290
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
  *     cdef double a, E, phi, dt, y
  *     with nogil:             # <<<<<<<<<<<<<<
@@ -21540,7 +21243,7 @@ static PyObject *__pyx_pf_6models_8_forward_2followed(CYTHON_UNUSED PyObject *__
       }
   }
 
-  /* "models/_forward.pyx":270
+  /* "models/_forward.pyx":286
  * 
  * 
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):             # <<<<<<<<<<<<<<
@@ -23711,7 +23414,7 @@ __Pyx_RefNannySetupContext("PyInit__forward", 0);
   if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_pyx_unpickle_Enum, __pyx_t_4) < (0)) __PYX_ERR(1, 4, __pyx_L1_error)
   __Pyx_DECREF(__pyx_t_4); __pyx_t_4 = 0;
 
-  /* "models/_forward.pyx":11
+  /* "models/_forward.pyx":12
  * 
  * #: |x / anchor - 1| up to which a power is continued from its anchor by the binomial series, whose seventh term is then below 1e-12.
  * cdef double NEAR = 0.02             # <<<<<<<<<<<<<<
@@ -23720,34 +23423,34 @@ __Pyx_RefNannySetupContext("PyInit__forward", 0);
 */
   __pyx_v_6models_8_forward_NEAR = 0.02;
 
-  /* "models/_forward.pyx":104
+  /* "models/_forward.pyx":243
  * 
  * 
  * def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,             # <<<<<<<<<<<<<<
  *             const double[:, ::1] heat, const double[:, ::1] loss, const double[:, ::1] sink, const double[::1] exponent,
  *             const double[::1] hidden, const double[::1] hidden_rate, const double[::1] links, const double[:, ::1] linked,
 */
-  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_1forward, 0, __pyx_mstate_global->__pyx_n_u_forward, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[0])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 104, __pyx_L1_error)
+  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_1forward, 0, __pyx_mstate_global->__pyx_n_u_forward, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[0])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 243, __pyx_L1_error)
   __Pyx_GOTREF(__pyx_t_4);
   #if CYTHON_COMPILING_IN_CPYTHON && PY_VERSION_HEX >= 0x030E0000
   PyUnstable_Object_EnableDeferredRefcount(__pyx_t_4);
   #endif
-  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_forward, __pyx_t_4) < (0)) __PYX_ERR(0, 104, __pyx_L1_error)
+  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_forward, __pyx_t_4) < (0)) __PYX_ERR(0, 243, __pyx_L1_error)
   __Pyx_DECREF(__pyx_t_4); __pyx_t_4 = 0;
 
-  /* "models/_forward.pyx":270
+  /* "models/_forward.pyx":286
  * 
  * 
  * def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):             # <<<<<<<<<<<<<<
  *     """See the numpy twin."""
  *     cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
 */
-  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_3followed, 0, __pyx_mstate_global->__pyx_n_u_followed, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[1])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 270, __pyx_L1_error)
+  __pyx_t_4 = __Pyx_CyFunction_New(&__pyx_mdef_6models_8_forward_3followed, 0, __pyx_mstate_global->__pyx_n_u_followed, NULL, __pyx_mstate_global->__pyx_n_u_models__forward, __pyx_mstate_global->__pyx_d, ((PyObject *)__pyx_mstate_global->__pyx_codeobj_tab[1])); if (unlikely(!__pyx_t_4)) __PYX_ERR(0, 286, __pyx_L1_error)
   __Pyx_GOTREF(__pyx_t_4);
   #if CYTHON_COMPILING_IN_CPYTHON && PY_VERSION_HEX >= 0x030E0000
   PyUnstable_Object_EnableDeferredRefcount(__pyx_t_4);
   #endif
-  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_followed, __pyx_t_4) < (0)) __PYX_ERR(0, 270, __pyx_L1_error)
+  if (PyDict_SetItem(__pyx_mstate_global->__pyx_d, __pyx_mstate_global->__pyx_n_u_followed, __pyx_t_4) < (0)) __PYX_ERR(0, 286, __pyx_L1_error)
   __Pyx_DECREF(__pyx_t_4); __pyx_t_4 = 0;
 
   /* "models/_forward.pyx":1
@@ -23924,47 +23627,38 @@ static int __Pyx_InitConstants(__pyx_mstatetype *__pyx_mstate) {
   int __pyx_clineno = 0;
   CYTHON_UNUSED_VAR(__pyx_mstate);
   {
-    const struct { const unsigned int length: 8; } str_length_index[] = {{6},{8},{1},{2},{15},{23},{25},{32},{20},{22},{1},{1},{37},{45},{22},{179},{8},{15},{7},{6},{2},{9},{19},{50},{30},{37},{5},{1},{8},{1},{1},{8},{1},{2},{15},{1},{20},{12},{9},{17},{8},{8},{12},{10},{8},{10},{8},{7},{14},{11},{10},{19},{14},{12},{10},{17},{13},{12},{12},{19},{8},{13},{1},{3},{15},{18},{2},{1},{4},{1},{18},{5},{5},{5},{2},{2},{2},{15},{6},{9},{5},{8},{4},{4},{5},{8},{6},{7},{7},{1},{2},{4},{6},{11},{1},{2},{5},{5},{8},{1},{1},{2},{2},{2},{2},{2},{3},{3},{7},{6},{8},{2},{6},{5},{4},{1},{7},{4},{15},{1},{4},{4},{3},{3},{4},{7},{6},{3},{3},{5},{3},{1},{2},{2},{4},{8},{4},{4},{1},{2},{2},{10},{5},{4},{4},{5},{2},{5},{4},{5},{4},{6},{4},{2},{2},{6},{6},{6},{1},{1},{1},{2},{2},{2},{2}};
-    const struct { const unsigned int length: 12; } bytes_length_index[] = {{1},{231},{3094}};
+    const struct { const unsigned int length: 8; } str_length_index[] = {{6},{8},{1},{2},{15},{23},{25},{32},{20},{22},{1},{1},{37},{45},{22},{179},{8},{15},{7},{6},{2},{9},{19},{50},{30},{37},{5},{1},{8},{8},{15},{20},{12},{9},{17},{8},{8},{12},{10},{8},{10},{8},{7},{14},{11},{10},{19},{14},{12},{10},{17},{13},{12},{12},{19},{8},{13},{1},{3},{15},{18},{1},{4},{1},{18},{5},{5},{2},{15},{6},{9},{5},{8},{5},{5},{8},{6},{7},{7},{4},{6},{11},{2},{5},{5},{8},{1},{1},{3},{6},{5},{4},{5},{7},{4},{15},{1},{4},{4},{3},{3},{4},{3},{3},{4},{8},{4},{4},{1},{10},{5},{4},{4},{6},{5},{4},{4},{6},{4},{6},{6},{6},{1},{1}};
+    const struct { const unsigned int length: 10; } bytes_length_index[] = {{1},{231},{595}};
     #ifndef CYTHON_COMPRESS_STRINGS
       #define CYTHON_COMPRESS_STRINGS 90
     #endif
-    #if (CYTHON_COMPRESS_STRINGS) == 2 /* compression: bz2 (2504 bytes) */
-static const char cstring[] = "BZh91AY&SY\356x\274c\000\0019\377\377\377\374\377\377\377\277\377\365\277\347\377\377\377\377\377\377\300@@@@@@@@@@@@\000@\000`\t\2772;dR\257w\000\000\000\017p\000\002=x\032$\220\000\000\017<\2514\030\200\000\320\321\240\000\000\000\0004\320h\000\000\032\002Q\002a\023&@\311\250&\320\233P$\332G\246\240\320\r\251\352\000\000\000\003@\000\031\007\265 \320\212y\032\004\223@\000\000\000\000\000\r\000h\000\000\000\000\000\0004\000%2IE\000h\000g\242\237\232M4\247\260\323)\047\2503P\003 \000\0004\006\236(i\352i\243ji\350 A\223\000&\000\002`\000\000\000\023\004\300\004\300\000\023\023\000\000\023\023\020\t%2m\022\217J=@2\000h\000\000\000\000\000\000\000\000\0324\001\2435\r4\013\016\302A\214^\017\270\277\002\374\245\221\221X\304J\253\311\225MVK\307&\251T\312\010\035\047\025h\223\212c\247N:\035\016\235\177\003\372M\322pq\301\325\302aT\342\221s\207:\365\242\014(\315\236\341\003qc\320A\341\2221\000TM*\024\n\202\210\027F\342\247\266\020j\275\214TR\013k\233\021\342<\036#\204u\236$\312`\351:N\047C\253\002\343!\230\021J\001DQ\023JiL\256LeD\343\350\243\\\310\0252T\020X\311\005II\014\225\323\010\250T*D\031D+$0\201\230X1\020\354\205\251\031\242\214<?\254\007\274\341\363\227\204\"\363\361\360A\203\214Da\300\003\250c\2425\255z\025\025\370>\230\321sK\325\321\"@\201\026eR\243&\265\024uM`:\006\215hlSfhb\327*!\274N\010s\035\007A\032\353c\013\010h\r\022tbH+\005D\016\212)\223D\347\277\340X\225\211X\026\024\2409)\022%`\342y\014\016P\204\311\313\027\026\354\324\330&\306_\003\362\353\253g\327\\\324\2538\177G~\236z\377\277\372{\273s7%\350n\r\301\226I\225M B\271I\034\203\222B@$$\243\031H\t H%$%#\355})\322i4\234\346\204\250\220 \212\243\250=\320\033\306\247U\036\372\3517\007H\212:\0362#\0021\002\210\226\337\332\211\016\321vxJ5B\241\331\245\024@J\"QD\200\222O\211\337\271`L&\223\022bM8\300\204\022\001\004\205\022\236\307?\344\361\\VR\221\321e2\320Y\370\341\320\260\366?\026\313\237\215\354\367\004p\250\227\245\240^\211z]bj\3249*\325\020\212\225\nU8P\014\032\322\254\t\251\001\232\020\363\276X\207\232""\371a\334\270[hZ\202\320\266\304\262\317\332\235\\t\001YZ\025\326%b\025\245u\224+[\226\201B\216K\021\302rxZ\333IH\247\270\230_\2325\357\205\372\273\\\342\237\340\360\003CY_\306G\312H\034\204\016\210P(\377x\230\030\372T\2409)x \360\357r\344 \2328\200z\374ZV\211+\"\010\341x\232@I\272\241sT\002\203L\023b\037@\031\201\017\035)\231\250H,\323\010\302\305\233\025X\302\373\322\260g\264\223\247\275\262c\226\265\211_\370\355\033(\340\323\314j\201\350\366\315\206\357[\331u\241#\266\350\242/\227\037\212\364\344Hl\327t\301\312\230Q\261\317m\344\301V\000\355[]\"P\237\244\207`\035\201\341\360\370\303\307\340\364&\345\201(\254\230\255\252\246I\375\253:\256\333\247\240\346;\211\334\311\207\307O\207\0015\347\263v\313P\322\"j@\324\206\001\260M\211\325\264\320s\364n\3011f\267n\n\233\200\3573]\212\305~\261#\271\027\374\022}\231\271\022b\212\251g,\014@\305\014S\023\034q\346\325\205\201z\026\252\253\035\317\303\227\245\325\033\325\025\216\302,rTBY\020T\232\344\347\304`\252\271TT\276\257\233\243\035\017\010\350\350L\214\203$LLS\024\241\273j\337\323\215\312\247\036\243\227=qr\300guU\252\322*\325\\\232\271Q\321d\035\355\252\0252Mc\246\230\331\307\2421B\306U\037+\023\270:\014z\214\365\336\016\027\320^\321nv\233p\204\037c\334{\345\360\303ce{*i\256sf\205\205pN\360\245\035\324\021\\\247\303\016\336\034\017\r\\\261:\217_V\205M\270o\021\330G\304\332`\275\353\256;\275gU\264E\222\312L\260\206\335\254a_bB\364\267J/:\363me\3273\222\335*\324\256\225up\217\241\334\2564\014\013\374\244Ut\326_\240\336\332m\332\335\270=\311k\315:\333Z\261\305\003K\2379\"/\222n\240\371\337\321\266\311E\217a\236\342\255\332\214AK\330\275\361\326q\376\336\317\265\347}\376&M\027\255\216\032s\233\356\253+\255v1\016;\245\251\2610\346g\"\243\353$\334\337\177\236\010\305jo\026#ez\263\007V\2569\371 \234\3271\362aM\243a+|\024j?\323a\025\325\242\220\322\375\255s\230\243\230\315\003I\337\267\007\277\306\262D\223\025\r3d\336\307\250;K\223\242\251\245(a\026M\206\306w\315\206I%M\024\243\364\242\344\240\341\315\337\262JG\247\3462\004\335M""(P\316\225\020b\026$wX\236%\306:\311\234\321\243m\r\367M\205\262\304\254\305Y\216Qs\347}\225j\320\374G87\342\036MO\016[zg\"Sg\310<\t\3058\207\213\325;\341\276\335QH,bT\254\032\301\321s\033QK3F\032\227f\314\223:\200\206\tS\245$\"\254b\216\"\246\rF\27778K\255C@Z\205\300iC\311\311\216\025\213n\216\353\023\232\245k\325UGe\275\370<\201\257g\02584\255\364\336o3j\271\224b\241\217\032\236\344\252\047\"\275t>T\362\242\301J\347\014\30303\003433OO\232&\255\313\325Z\211\322\244/\301Q\361\364\233\025\005o+\371\0329DY1\"\214\250V\2636E\254\326\013\326\2161\267\234|\254[$$\341\276\341\250qZ\247${zR\251\315\21522\023,P\305\014s8)\215\276g^Z\032U\267\360\033\260\206\343\016\316\367[tu\2342j\030\366dde\216\256[\215\335\315\313\317\327~\203\357YY\032M\006%\303\027la\306\256\256]\022T7\261\212\234e\254\252\034\307\236\321\272:l\017[y\n\270\t\306\302\241\227s\372\236\243b@\252\243\303\005\004\t\377\267Fa\241\033\364F\313\211\2748\206\360\016\202r\227\001U\203\3012\2047\000\3367\340\335\027\333\341 \344\0109\337\227r\223b7\331\251\371\374\313\261H\224\266:\006XCCI1\035\367W\331\021\370\036\n\364\025B\211\372\216\003R\3048\027\034g8\332?n\004\236\250\234\304\234\310|\376\211}rQ\274\t\267\274\250n<45\272\016TO\362!\353\302\3661\343\024t\204\372rr\220\2201\246K\331\366\250c6N\023*fD\262t\335T\241E\024*tK\047\232}\031\317\2628Q\375HN\225U\023AP\246k:\201\315\266\273\244$\265\032d\351\242\330\323\346\253]\305\030\220\345\212(H\372\323\001m\273\272\r\202\333\212\205\010]wI\240\345\310\355\213\255\355q\371QV\325\035).\205$\242T\344\232Y\373k\221qp\212L\0161\320R\352\340\354\356\031\271\265E\024.\220jv\264b\265Yc\321\020\320(\230\024q\246&\224\311\234\2635\223\034\371*\252JU\353\267SyL\311\031\315\032\t\221\242R\355\346b<\274\247*3\242\306\272\243\035\251\214\271\031N\"\335\035kj\230b\0246\220\212$M\226\026\365\356\271q\235P\214\273\236`\"\315\020\355\007(\22452L\310\213\014\273\220\354\233\032`\341&\356\235\031\314\342\200Y\354\230q\2739\271\231\214\331\306\242\226\274\231L\300\363B@\201!g\331""\3312,\371dJh\220\3249\306l$#\306\032\020\233\327\304o\263]\n\n\366\361\0031,P1\244\303\261\267\255\210p\243Zds<TqC\033\301\254%\030\261z\206\034\t\025\266\222\rg\206\274\030p\210\222T\305\372\353c\255\214B\206\332+\255#\226\"\332\360Wl9\221\313bo\206\372\300<\"\207\030o\327\013\000\202\374\277\024\325\204\220\257\270\274j\232\251B\023\325\030\224>9\310\2741\032\233w\213\320\2055~jlT@a\030O\330\r\267\001\204+%a\207Wa\304#2T\010\t^\2234U[E\006\004P\306\203J\021[@h\2146\200\251\374v\354\304j\3643\016!\322=q\200u\243fH`\3376\345e!8\345\212>Uxj%\0003\222&\201z\214H\006+\300\251h\204o.\335\344\261\320c\20621\303\326\030\301\202\214\004fV`\\\364j\005\3048b\370\025\230\353\003\240t\305!\020\204\"x-\010A\202\035\352\304\020\311D8b\216\024\313*\303Z\003\362k\002\n\356!\220\201\203^R\t\t\024\"\331\"Iq\030!F\2551Y\254\200\305;iJ\004\301\004BD\264\376\251m[\2250\303\0258\0244\310`\240\224\241\006\033\342 \311\032\366\003Z\023\315[\nY\365\010\276\t\"\256\0054\017\013\370\030o\032\254\032p\034\250\241\030\256ye\275\004V\321Z\013\374]\311\024\341BC\271\342\361\214";
-    PyObject *data = __Pyx_DecompressString(cstring, 2504, 2);
+    #if (CYTHON_COMPRESS_STRINGS) == 1 /* compression: zlib (1337 bytes) */
+static const char cstring[] = "x\332\245T\317s\323F\024\306@ 0L\033;\tP\302a\223B\3352\3406$\374\030\206\241\343$N\3110\2458\t\235\026:h\326\332\225\275X\336\225\265+\307\356\211c\216:\356QG\035u\324\321G\037}\324\221?\201?\241o\3458\t\235\266\227f&\322\323\276\367\276\367\336\367\2765\302\n\375\320G\242\361\236\332\352Y\345\tz\3723\355\010\177\360+\243\007H8\350\251-\270b\315@\004\022aN\020a\276\t\374\3731\343S\207T>#\224\234\nF\302\377O\377\347g\307\221\317~\334\304\234\013\205\260\224\254\311\221\022\310\247\230\334\023\334\035\240N\336d\017\232\334\341=\3542\202:\202\320\273\210\366=\310\005\250\262]6u\313\216\360\225\217y\371.j\002\3244X\266\260G\241\024\302}&\321K\241(R-`bs\240Z\202#8#\324e\r\352cE\241\232\351\017P}\023\304\321\253\332\253{\353\217\327\363n}jx\223H\006\r\333\205F\2514\2445\002\346*@W\003\217\312\n\332q\320@\004\210S\350\013\246\360 \356t\202jQ\216$U\306@\345|f\254\230\340\026\2443\336,\037\321\304z\324docW\322\n&\304\2028j\013\3275>\301e\0057l\302$n\270\224r\363l\332LN,b\310q\345\367\026\260q\200}R\361\006}.`F\007\007\256B\226\345S\022\330\324\262\020\t\362\"\\\360{0s\217a\027\2746\343LYV\220c\0317v]a\0035\010\373>\036 \202\025\256\374\203w\302\262\241i\262`Y\251\356m\356\354\324j\256\313<\311\344\036\355\006\224\333\324h\255r\";\313z5\350\303\377\026pn\275\244}\265K\035\313:\342\005\232\204\206\014s\047F\223*\246h\307\034\020\223\003\177N\300m\363\006\227\234f\261\216\007b0V\0073\236\277\005\t\334\334\307qg\3626\345-\013\370\261\354\026\265\3332\350L\276\216P\214i\266:\261\002\3561\273\r\0105>\215\353)C\203\301\350\006\330\235\302N\371=\266\354\\h\247\016h\337|\200\n\216[\221\247Z?\266O\362\024\225f\026&-[\370\"\000\271Q\014\n\230\222o5\002\307\001\375\312\001\267\231\250\034\307\310F\003Kj\333.\330\026\260\000\227\303\246\rl\267m\021p\005*\301\003\242H>\"@O~\026`G\240\037\n3\346\027\202\372\276\360\341\242\tN\271r\230/\225\343\342\246t@\212\342\200\022\320X\007\253\243{w$\270\026\305\252\305\010\241|\362\264\014\016#p\327i\337\254NN\036\177\322\367m\200\202\336\332\224""\230\247t\205\224n\320\361$\\xs\333\215\220\047b\256L\305\314\ra\360\243\321\201faF\017f\361Z\314\023\236\251\341\323&\223\360\362\341*\370\342@\302\205SG\262\317\325)M\021\250\013\205\340\0038\366\201h\352I%\340\337\017l\245X\207\302\232\0014\360@\347\024~?\002*\373\203_>\024>\236_\322k\332\211\252\321o\361~r5\351\246\205\217\227.g\263W\016k\341b\210\303nve.\27401\276<\354\206\347\302\007\272`\316f\302\327z\031Rq67\037\256A\200\324_\353z\266p-\354\352s\372At!\302Q7[X\314\346\026\303}]\004\347\256V\321j\264\0215\342B6\267\020n\206\276\236\327U\310\311?\272\272\240\213\331\334U@R\372\276\336\213\316F\267#?.\305O\222\375\264\224\256\247\376\260h\"7\302\206>\013h\373Q)Z\003\254\0131\216\375\244\224\254%v\272\220\356\246\301pc\350\214\252\243\272\351k\025\200\003]\375P\370t\371\314\314M\275\256{Q=j\305$\371&-\244\305O\263gf\226\364\235h;^\211\237\047\033\000PJ\357\003D7;\177\361\303\301\241\035\026\263\331K\231ac.,d\263_\034:P\035gW\026\302\027\000\264\033\365c\231\334Ik\303\322p\365\204\221U\323\344\266^\321UcT\247g\305\360\032\014x-*D\327\343b|7!\3512\314\244\206\253\303\255\321\314\250>\"\343\3357\3437o\307o\3770\261_A\3223\210\3736YN\036\246\305\364\273\341\303Qqtk\324\036\377\016Q\357\306\357\354\261M\306\2445n\265\307mw\354zc/\030\007\275q\357\300d_\007\272oi\254\203h+\247G&+\311O\351Z\212\377\237\363\206^\325\333\321r\364\000\\NRM\366\322\263iy8?\254N\2473\333\334\213\n\223\001\312\260\237\373@R7\233\273nV\013\023=\206\365\347\301FX\260\026\375\032\320\326\243n<\023\327\343\274\304M]\327m\230\373NR\235\266s[w\243\213\020s1\356\232\243%\340\365s\365\375\213\274jz\021\006\001\005.A\333\323R*\376|S\363F\315\272\244\037E+\320\331\302\rs\252kQ1\272\005\352\205\340x+9\227<JW\322\347\240*\330\374bX\317\316\317\036\026\016\213\177\001\234\006^\333";
+    PyObject *data = __Pyx_DecompressString(cstring, 1337, 1);
     #define __Pyx_DecompressString_LZSS_UNUSED
     if (unlikely(!data)) __PYX_ERR(0, 1, __pyx_L1_error)
     const char* const bytes = __Pyx_PyBytes_AsString(data);
     #if !CYTHON_ASSUME_SAFE_MACROS
     if (likely(bytes)); else { Py_DECREF(data); __PYX_ERR(0, 1, __pyx_L1_error) }
     #endif
-    #elif (CYTHON_COMPRESS_STRINGS) == 1 /* compression: zlib (2579 bytes) */
-static const char cstring[] = "x\332\315W\313r\343\306\025\rEi\374\210\2532\0249\266l+1(\312R9\261\025S\324\214\047.\227S\324\303\361T%\216\370\030yl\217M7\200&\211!\t\220h@\022\345\330\361r\226\\b\211%\226Xb\211%\227\275\304R\237\220O\310\351\006I\315\250F)\047\253\250\212@\243\037\267\357=\367\234\333-\2058\312\207\347\212\245>\241\232\363\351\316\307\312\047\177\243\003\313\036\237\030\364L\261\332\312\047\232e:F\307\265\\\246\020SWt\303\026\023\257w\033\346|\2009\266\241S\375\231\311\212e\377\307\361\347\373\0263?\375\363\0011M\313Q\010cF\307T\034K\261)\321?\260\314\376X\031H\047O\341\344\003\363\224\364\r]\031X:}_\241\347C\254\205\251mm[\354\273\335\266l\307&\346\366\373J\007\246\346\223Y\227\014)\266R\310\271\301\224/,\207*N\027H\034\214\235\256e*\350\323i\337P\251M\034\212\335\204\177\260j\213I\246r|t\374\301\336\375=\351\255M\005nLa\256\252\365\341(e\0024\3255\372\016\254;\343!e;\312\203\2662\266\\\305\244\360\013Q\0141\357\331\005N\227\232\n\243\216h(\3332f\342\030\226\331\302r\303\354l\317`2N\251X\375\031\3513\272Ct\275\205yT\263\372}1f\231l\207\250\232n0\242\366)5\305\263\243\031,m\351\002\234>\373c\013h\234\021[\337\031\216\317M\0131\266\211\333w\224V\313\246\272\253\321VK\321]\271\211i\231\037 \346S\203\3641\252\031\246\341\264Z\256\264%\206I\277oi\200F!\266M\306\212N\034\262\363\202\321\024e\001S\232`\266Sm\034<xpt\324\357\033Cf\260\317\377\332\240#\227\232\032m6?\024\204\333\271\342\336\327\255\326\361\370\034\277C \337\372\202\236;u\332n\265f\350\300U\270%\360\273jt\250c8t :t\261\006\177m\327\324\304\033Cl\276\312\030\014A\t\321\032\020\303\224oKw\373r\314$\203\364M\317\304\013(\265\264.\325z\314\035\244_3+\242)r\233\266\\shh=X82\347\363N\035\001\206\2601rI\177nv\216\362\242\245I\272=\323A\317\305\007\270\260p\205=\343\372\242}\265\316\241L\304b\260\226f\331\226\013\322Q\002\036\314S\320R\335v\033,fcS3\254\235\305\034F\034U%\214jZ\037_-\340\000\221hT%ZO\263\\\323\321\\\373\224\2022d\254\217t\246;\272\214\026\273\244u\002)\003\241(\302\225\n\241\266m\331P\236eR\323i\023A+\346\264""\373\244\303\332\240\247uFu\360n@\234\231\026g$\354v\325.%N\327\320uj\246\317\226\260f\030:j\000=\027\311d\351\343\202>\351\365\312\275\335^\245\267\327Sa\270O\006\310\271\323\322\035\371\352\312\247\350T\021O\217\352\342\311\372\026c\003\024\nQ%\204\000R\021\354\314E`\n\210Ql\006\210\t\250\014\021\373\220\030v\313\222/\252\017\273\306\320\032\016\341\276\r\262\216F\345\321@\270g\323\216\301\360\262!.\333:c\214\225\231\212\314\314\304$9\317\304\366\360\032.\340c\200\244\331\310\034\035\312\037s,4lWs\034c@\335\017\3352\010\204\315\335!tDQ\237\\\312\316\316\307\027\345\213\335\213\312\305\336\337\177\316\\.\277\355U\274\266_\365\037\005\315\360\365p\024e._y5y\371\265\247G\223;\0232\031%\257\335\236\334J\033\277y:\232d\047w\275\214\350[\231<\364\212XJ\222\333\371I\005\023\230W\362jI\341\215\311\310\313zw\375[>\361GI\341Nr\373\316\244\351\3450X\367\034\277\354\357\373j\220In\027&\007\023\333\313{U\254\221\037#/\343\345\222\333\257\303\222\343\355z\r\177\311\177\327\267\203\325\340\343\260\031\255F{\221\035\347\304\314\375\211\352-\301Z\323_\365+\260u+ \201\035\256\206\225P\213\nQ=r\343\375\270=\255Nk\302\2572\014\273^\365\347\314\277^\375\325\312\272\267\347\235\3725\277\033\350\341V\224\211r\242\263\350\003\2027\275\267\374{A.\330\010\366\003\222\\\377|\351\347\323\247\r\304\333\360ny\232\237\023\330T\237\326\026\257W\222kx\345\320\320\275-?\343\347\021m\047\250\3757]m\3573\277(\003{)\200\255\302\244:\251M:\336#\370MR\330k\023\331\310\314\036o\210-_\027}w&\260\201\230g\003\253\223\342\354qS\336nH\314!2\221\367\366=\035\216\354!\207\263\256\202\047!\275\357\225\275\003\217\371\233\276\036l\205\2310\037\036\204\016\322\303\342b\\\211\265i.)\274\345mz\004S6\244\315\225\240\006\024\301\013\007\273\032>\013JA#\314$k\353\336!r\\\024\215\003o\004\034r\311\332\333\310|\335\033%\353\033~\311o\004\313H\200\036n\204\373\241\032-E\033\321~\244\306\231t\260.\r5\221\370\335\260\016\007v\221z;^\215w\343\332%&\024\375\273A\006),\005u\300\270^\222\210\256\310\217\265\222_N\3260%)\274)""\202BN\363\322\321%$\374\020\021\025`\320\226\\:\215k\261>\335\230\356O\311\315\223\005;\357\305\271x3\306\2445ps\003\330\251~\326\337\365\233A>8\000;\205E\006\377\253bB\346R<n@\351\267\251\204\316\001H\026>\353\301f\320\016\253a#\312Fe\001\317\036\026\274\027T\002\r\270W\223\365-\337\010F\341Jx\022\225\243\303\370\327\323\362\364\220\0377y\363a\262\276\215\314a\234$kE +d\231\254\t\353x\0102ip-\365_\330\336\213F\3612\204\243N\227!\235/y\363k\376\3657\374\233\026o\351\\\247\234\032\334\260\2705\344C\207;\247\374\364\234\237\217\205\241\246\237\223yZ\222RQ\303e\270*\340\330\215\232H\305\275in\2729U\371q\235\327\0337O\277\002\032\\\370\035\000^\005\353\354 \047\210Q\225\210\257\002\312\272?BB\363r\335RX\014\313\240\235\035\345A\t\002\337\263\"\357\377\333\002\201je\226\010 Z\364\327$m\0323\357\362\321A\344\304\345\370\360\027 \343&\353\357\300N\311\257%\3126\370Y\014\3122\375HU\210\256\367\020\323\272\342\277\212\376\nh]\222\2617\343|\\\215\233\323\334%\2062\302\031!/\327\227~\335\235U\007\"\374\312\241\036\216$vs\233\047Q\005\301\260x#~0}\304\037\236$JIr\246\030\354\005L\332\317E\233\221\016a~4\335\342\3075^{\310\037.\374\207\363m\336~\302\237\364\222\2657\237\047])8\221x\261\010)yGV\207\003Y\213+R\216\237G\325E\202K\323\372\364\007i\362;\376\335\367\374\373\324j\047YS\374\025)\322\215\240*\322\252B\353[R\320*\304\217X\227$\336\220B\026\232\257\315\345\340H\241.\007\325\231\264\005\233\312bP\024\312\202\344\316\326s\022\035\t\023\313\310{Sf\275&>oIC\222\002\342s\305{\210zP\026\014\254{6\254\210\376\027}\344\236k\334 \025\001\371\231<a\232\274v\302O\276\344_\"\370\307\"]\367%N\014\232\325\344I*\047\213\324\275\215x\032aV\226\252\321\234c\033\317\024\267eY\332R\005.A4:\024\303\0330\215l}\313\277%\234\250\\}\226jc>\276\340\027?\361\237\376y\335\376\274\024\346\027\306R\005\246U\341\377bk!\310\315EI\327E\345\214\235ie\252I\202\002S\354\253q\r\002\353\362\356\200\017Ln\332\334f\327\267\263\301\215\n|_\202\000\304\206\013Z\355K\n\035@\003\033\341!v)\301+\007\202o\300\247""\342/\232t\271\376\216\244\242!u\324\2102\211\262\351\037\202|E\3218\220\245%\227((\257\276\013\217jH\370j\370\221\014\347\3114\213Pt\031\365#\376\010(>\346\217Sm\000H\304$\345!\227\nq\034=\267pw\332\340\307)\374_\361\257\300\2534\003\000\003\272\352\360\016\362\320\343\275~\242\374!(\047\312\357\341\0160)\3148\232\002\273!\353\\\356E\003\"\314\347\342\317\006\273\320Y^\256\020b\022\245\344\227\026\304\277L\357\361\032\222\213t\t\376\363\307\010\220\210\002h\243dU\257\n\240\330<\213jR\275\241\0006P\213Ey\315\314\252\261x\240\0301yI\021\327-\331su\227\023\315\273\263\033\n\271\\\314TE\361\204hq\225\235G\206[F\230\273\224\235\324\277/k1\003\357\010xZ\211\264\270 \317\234\315)\231\236\361\023\370\237B-\262\303;\000y\304G \035\016\2733q\201rq\017k\340l/\212\333\320\221w\007\370\214\304\225 \347\275\013\240\304\205M\336\247j\023\352}$\016\000\340\276\032\374IT\312t\326&\\(\203Aie+\2045\334VWg\307nz\2644%\371\221u0\006t\001W\220uTg\210\016\256\270\334\205\350~\340?\374C\024\303\"\356\001\362^V\275\346Nav\374\311\313O\ncI\036\273\305\253\223\345\010\351,\312\222\377\326\354\252\"\350\220\272V\227\047\313~H\322\0028\263(f\210\033\227\003\014e<W\267C;\335F\\\371\357\371w$\247\323[\331\236<l\017f\222\312N\367\2466\257A\022\013\272\340\004\002\334\251\036 s \216\n\203HQa\316\370\031\"\375\221\377\370SR,\311XVe:\227f%++\377\033(\304\365\230\341rv$i\230\232NEsMm\251hD\035I\226_~\232y\232\233\275\376\r\317\330\355\001";
-    PyObject *data = __Pyx_DecompressString(cstring, 2579, 1);
-    #define __Pyx_DecompressString_LZSS_UNUSED
-    if (unlikely(!data)) __PYX_ERR(0, 1, __pyx_L1_error)
-    const char* const bytes = __Pyx_PyBytes_AsString(data);
-    #if !CYTHON_ASSUME_SAFE_MACROS
-    if (likely(bytes)); else { Py_DECREF(data); __PYX_ERR(0, 1, __pyx_L1_error) }
-    #endif
-    #elif (CYTHON_COMPRESS_STRINGS) > 0 && (CYTHON_COMPRESS_STRINGS) <= 90 /* compression: lzss (3482 bytes) */
-static const char cstring[] = "\377 at 0x o\377bject>.:\377 <Memory\377View of \377<contigu\377ous and gdir%\001\007\rin\021\005\177strided\"\010o or \004\031><(\t\376A\006>?Canno\377t assign\377 to read\177-only m\240\002\375v\242\000Invali\377d mode, \347exp\305\000|\000\047c\047\376t\001\047fortra\237n\047, gH\000%\005s\357hape\222\000 ax\377is Note \373th\207 Cytho\373n \021\000delib\237eratek\000\320\001c\367ter!\001n PE\337P-484\212\"re\376\264!s subcl\366\246\000es\261!buil\373ti\260\000ypes.\377 If you \223ne\224 \303\000p\316\000%\tt\177hen set\200\000\367e \047\357\002atio\377n_typing\355\047\355$iv\242\000o F\377alse.add}_\231 ecoll\266@\376+\000s.abcdi\177sableen\002\001\257gcis\004\003d\231!l\367s/_\213 ward\377.pyxno d\377efault _\377_reduce_\357_ du`\002non\275-\305@vial\033\000c\177init__uQ\002\276\204Aalloc\230  \377array da\207ta.\013\020\340#\262a\217cs\377.ASCIIEE\377llipsisH\377LSequenc\257eTT0\355a.\362gZ\337__Pyx\001\000Di\377ct_NextR\317ef__\227$\250\000__\366\354\"__\001\005geti\227tem\r\001d0\001\027\000fgunc\035\001\030\000st\310@\316)\001imp\220`3\001ma{in\003\002odulM\0027nam\002\003ewT\001\243 \377_checksu\200T\000\n\001?\004\025\001\232@\256 \037\001u\337npick?\000En\346 \005vt\203A\230\001qua\021lO\005\336%\347&c\352b\277\001\372$\023ex\314\001\211`_\203\005\225`\262\006\334\003\006.\007tes\227@_i\177s_corou\362`\363ea\205`\231E_buf\377ferasync\367io.\033\006satb\377baseccli\367ne_\205 trac\377ebackcou\377ntcurved\377elaydqds\207dtd\351\002c\000\242\207\003\260@o\355d\343`um\235\205\002err\377orexpone\357ntfa\323astf\277lagsfo\247`w\377edformat\374\205\206\004\376dhhbhea\177thidden\000\003\375_\354\205\001iidind\353ex\311As\000\002ize\377jkk1k2k3\357k4kbV\000lam[la\367\000dt\002\002h\010\002\272\021\001b\315\000ked\002\001s\377lossmmem\250\242\207\001\232\207\001\377\204\003.\375\204\005n\352An\277dimobj\267 p\376\371\000pair_ok\376\003\001edphipo\377ppowerps\277iqq1qm\213\207\001r\337egist\360\000is\377erowsss1\237sbset\306\205\004\325\207\002s\317inks\263\000""\200\000pe[sm\371`rt1\000p\000\001\357ssto\006\000ruc\377ttimeu0u\3711\276`\366 updat\377evaluesw\377xyz1z2z3\377z4O\200\001\340\004\033\377\2303\230f\240A\240X\377\250T\260\026\260q\270\001\377\340\t\n\330\010\014\210E\377\220\025\220a\220q\330\014\367\020\220\006\003\003\017\210q\220\337\003\2205\230\001\020\001\005\220\367U\230!8\000a\330\020\023\373\2203\047\000s\230#\230Q\377\330\024\027\220q\230\003\230\3775\240\006\240a\240q\330\377\024\025\330\020\025\220T\230\375\021\032\000R\230t\2401\240\377B\240b\250\001\330\020\024\377\220C\220r\230\023\230A\3741\000\010\002q\230\001\230\021\330\373\020\026q\000t\2302\230S\377\240\002\240%\240r\250\022\377\250:\260T\270\022\2704\367\270r\300\034\000\024\220B\220\367b\230\002h\000T\240\022\240\3753I\000\006\250a\250r\260\377\022\2603\260c\270\024\270\377R\270u\300B\300f\310\327A\310Q\224\0011c\000u\230\377A\200\001\360\n\000\005\034\377\2304\230v\240Q\240h\377\250d\260&\270\001\270\021\366\021\001!\240\200 \031\230\032\240\3776\250\021\250\"\250B\250\367a\330\004\000\014\007\200v\210\377S\220\005\220S\230\006\230wc\240\021\230!A\210Q\000\004\257\330\010\t\330\241,\021\266 d\277\230&\240\001\240\023\353\000g\317\250Q\330\014\000\020\017\024f\230\267F\240!\324\002\007\250\371 \024\377\220A\220Q\220g\230X\032\265\000a\361#Q\220\004\002\200B\207@\366\355 \330\014\263 \330\014\025\220\316g\000\023\2201\256A\240@\022\220G!\330\014\000\002\240U\202TD\207@_\023\230B\230d\206\0004\301@\364\251@\017\001\024\246A\023\2208\230\3771\230C\230s\240$\240\377d\250&\260\001\260\023\260\367C\260t\234@s\300!\300\3773\300c\310\021\330\024\032\257\230$\230a \000\"\350B\005\323\250Q\322 \225`t\346`i\240\377s\250#\250S\260\001\330\257\030\034\230D\341@!\005\001C{\230q\253 \021\330\030\033\367@\377R\230q\330\034\"\240#\357\240S\250\004\215@d\260\"\377\260B\260b\270\002\270\"\277\270B\270b\300\001\027\003R\272D\002T\366@2\260R~\0002\376\370@r\300\022\3002\300Q}\340;\000!\2405\250\001\317@\267#\250R\304 \034#\246b\005\376\010\002\030#\2401\330""\030\"?\240!\330\024\031\230\322\000\321@\256\244Ab\250\002\375@D\317\000\024\372N\000r\307bv\300Q\300d?\310\"\310B\310a\023\027\232\204\001\2776\300\021\300$\300\"\000\030\357\230\002\230\"\271 b\240\003\377\2402\240T\250\023\250C\327\250r\260N\001s\275\000A\330\237\024\030\230\001\340\001\001\2174\035\272\275\205\003x\216 \003\2403\340 $\377\250f\260A\260S\270\003\335\270\262\000\033\2304\367 )\250\3673\250c\365 A\330\034&\377\240i\250q\260\005\260V\377\2701\270D\300\013\3101\377\310D\320PT\320TU\357\330\034\047\240\304 &\240a\337\330\030!\240\021\222\206\002\330\030\210Z\001\002\000\311ac\230\000\347\003X\0014\377\270q\300\004\300B\300b\377\310\004\310A\310W\320T\377Z\320Z[\320[_\320\377_d\320de\320ei\377\320io\320op\320p\377t\320tv\320vx\320;xyJ\001T\240\021\243B\266!\237B\250b\260\004\250\000\251\206\0012\373\270T\210@6\310\021\310$\377\310b\320PR\320RS\360\025\027\261\206\001\343#\211`\036\230c\240\277\022\2404\240r\250\213`\034|\232\207\001\014\0022\240R\240q\316@\373\023\250c\001\002\260!\2601\256\364`r\270\023\220`a\271\000\003\234\364A\317aA\230Q\002,\361a3\\\250\204\004\317 !\240\030\262bS\306\004\377\023\270C\270t\3001\300\375D\367\200 u\330\034\037\230s\377\240#\240Q\330 \047\240_s\250!\2501\372B\023\277@z\020\000)\321\000\034 \240\n\025\000\3773\250d\260#\260T\270\375\024\246 \023\300A\300T\310\313\021\340\030\000\001\376\204\001\333\205\001u\240uA\211\205\0015\275\207\004a\330\034\302@\303\240%\201 \241\204\001\317aP\001V\270\3773\270a\270s\300\"\300\377I\310X\320UV\330 \272\344\204\001du\0004\250s[\002\021\377\270$\270d\300!\3007\377\310&\320PQ\320QU\363\320U\321F\324@f\320fj?\320jk\330\030\031\264\212\001\353g\367#\250V\334\"s\270!\330\313\030\037\262\212\002C\207\212\002\264\001\"\260\367H\270A\330F#\310R\310\375{\250b^\320^`\320`~P\003g\330\030 \240\005\262@\357s\250\"\250\310\000\036\230b\357\240\002\240&\314\206\002b\260\001\275\330\204 \002\240\"\240\213\205\002\003\323\2302\264\213\001\257\207\003t\317\212\002\004\250\223A\250\325\206\003\367""\212\0011\316\207\001\313\211\001\024O\240S\250\002\360\207\002\231\206\007q\317\205\001\257\004\230A\230\214\213\0012\367 \024\377\030\230\006\230a\230t\240|\257b\355\205\001\005\230U\240!\360\206\001\177\035\230R\230r\240\024\310a(\210\205\001\000\n\026\001\021\016\005\021\220\205\030\357!\375w\335\213\002T\320QV\320V\177W\320W[\320[\\\270\210\001\3778\2401\240C\240s\250\227$\250c\305\215\002\003\234A\267A\033^\315\000S\260\003\260\247\210\001q\310A\311\030\346\213\004\325\210\005\004\326\210\002\374\205\003\002\310\377$\310d\320RS\320S\376X\000Z\320Z]\320]a\337\320ab\320b\371\205\ty\320\377yz\320z~\320~\177VP\rt\270\205\211\003\023\312\206\002\002\371\205\006\344\220\207\003\331\204\003\"\315\211\010\010pb\260\002\353\260$\312\212\006d\266\211\001\300t\310\3073\310c\234\204\002\321 \360\000c\320\377cd\320dh\320hm\377\320mn\320nr\320r\375s\272-r\270\022\2703\270\037b\300\002\300\"\266\210\002\316f\337\217\001\377\004\250C\250s\260\"\260\377D\270\002\270#\270R\270\377t\3002\300S\310\002\310\331!\364e\010\032\340\034\362\204\0013\240\375i\303\205\002S\270\001\330 $\277\240D\250\002\250!\005\001C\376\207\210\002\021\330 &\240a\240\377u\250A\250Q\250c\260w\022\2607\235\214\002j\310\003\310\000\376\276@T\320TX\320XZ\237\320Z\\\320\\\226\205\003\301@d?\320df\320fg5\003\231\205\001}E,\n2\310S\320P\364C?Y\320Y[\320[\367C\212 \377e\320eg\320gi\320\377ik\320kl\330 +\337\2501\330 *\214\000\034!\237\240\024\240Q\240\313\212\001\225\211\003\"\306\224\211\002\021\330\006\020\210!\363\n\003\250G2\250T\275\216\002\352\214\003\307\207\001A\352\210$\377G\3106\320QR\320R\367V\320V\374\204\001\320\\`\320\373`a\375\210\001r\240\023\240A<\367\210\007\224\213\001\003\2601\260\020\000\354\210\022\047S\300\003\332\211\002\215\217\002A\277\212\002\301\223\001ys\330\223\002\353\221\001\030\034\230A\301\222\010\372\353\223\0015\233\220\004a\340\024\027\220n$\003b\240\001\333\214\002\230f\335\223\002~\326\001S\260\001\260\021\340\361\214\001\257\230e\2408\207\212\002s\365`a\377\260t\2703\270c""\300\024\376\330\216\002$\310a\310w\320V\330\241@\342\205\003\232A\320g\342 q\320\375q\362`v\320vw\330\014\377\017\210u\220A\220S\230\367\002\230!\266\224\001E\230\025\230\367a\230q\274\217\001\021\230%\230\365s\254\222\002a\345\224\001Q\220e\23097\375\212\001\216@\022\2509\246\211\001 \003\345$\200\0001\277`\324\210\003\024\260Q#\260c\320\224\002\363\215\001\325\213\003T\231\212\002\363@\377Z\320Z^\320^b\320\377bc\320cj\320jp\373\320p\210\000u\320uz\320\337z{\320{|\333\221\001!\230\2274\230q\300\225\001A\200\014\311\220\003\022\254\367\220\003\301##\230\242\216\001!\320\213\007E/\250\021\250!\356\212\002\032\244\220\004\207\212\001\373D\250\361\211\001R\250r\260\023\217\260B\260a\246\217\003\232\221\004\270\212\001#\377\240R\240t\2501\250A\360\262\221\001\224\223\007\244\216\001\354\226\0046\240\025\240\255a\215\222\0064\260\232\216\001C\361\205\004\003\377\3104\310r\320QT\320\375T\246f_\320_a\320a\376\212\205\003h\320hk\320ko\373\320o\362 t\320tw\320\375w\347\000}\320}~\330!\375#\304\222\002\022\2502\250S\260\365\002\204\223\004\003\211\227\002\024\300R\300\037s\310\"\310E\202\204\002U\003\257\205\003\370\337\205\014\257\205\003\304\207\001\330\004\010\210\001\003\210\021\000\004";
-    PyObject *data = __Pyx_DecompressString_LZSS(cstring, 3482, 4767);
+    #elif (CYTHON_COMPRESS_STRINGS) > 0 && (CYTHON_COMPRESS_STRINGS) <= 90 /* compression: lzss (1729 bytes) */
+static const char cstring[] = "\377 at 0x o\377bject>.:\377 <Memory\377View of \377<contigu\377ous and gdir%\001\007\rin\021\005\177strided\"\010o or \004\031><(\t\376A\006>?Canno\377t assign\377 to read\177-only m\240\002\375v\242\000Invali\377d mode, \347exp\305\000|\000\047c\047\376t\001\047fortra\237n\047, gH\000%\005s\357hape\222\000 ax\377is Note \373th\207 Cytho\373n \021\000delib\237eratek\000\320\001c\367ter!\001n PE\337P-484\212\"re\376\264!s subcl\366\246\000es\261!buil\373ti\260\000ypes.\377 If you \223ne\224 \303\000p\316\000%\tt\177hen set\200\000\367e \047\357\002atio\377n_typing\355\047\355$iv\242\000o F\377alse.add}_\231 ecoll\266@\376+\000s.abcdi\177sableen\002\001\257gcis\004\003d\231!l\367s/_\213 ward\377.pyxno d\377efault _\377_reduce_\357_ du`\002non\275-\305@vial\033\000c\177init__uQ\002\276\204Aalloc\230  \377array da\207ta.\013\020\340#\262a\217cs\377.ASCIIEE\377llipsisS\177equence\350a}.\355g__Pyx\001\000\377Dict_Nex?tRef__\221$\242\000\333__\346\"__\001\005ge_titem\r\001d0\001\236\027\000func\035\001\030\000s9t\302@)\001imp\212`3\001\357main\003\002odu\335lM\002nam\002\003ew\374T\001\235 _check\003suT\000\n\001?\004\025\001\224@\250 ~\037\001unpick?\000\233En \005vt\375!\230\001qGualO\005\330%\341&c\344bL\277\001\364$ex\314\001\203`_\203\005p\217`\262\006\003\006.\007tes\221@\377_is_coro\315u\354`ea\377@\223E_b\377ufferasy\337ncio.\033\006sb\377baseccli\367ne_\203 trac\377ebackcou\377ntdelayd\303td\336\002X\000\221\207\003\241@od\366\322`um\214\205\002erro\377rexponen\377tfirstfl\337agsfo\223`we\177dformat\361\205\004\376\352dheathid\327den\000\003_\325\205\001id_index\267As\000\002\237izejkH\000\231\000k\373ed\002\001sloss\377lumpsmem\250\352\206\001\342\206\001\307\204\003.\305\204\005n\270An\277dimobj\205 p~\311\000phipop\271\206\001\277regist\257\000i\377serowsss\363et\360\204\004\377\206\002sink\271su\000f\000pes\250`r\275t,\000psto\001\000r\177ucttime\344@\376\236 updatev\377aluesxyO\377\200\001\340\004\033\2303\230\377f\240A\240X\250T\260\377\026\260q\270\001""\340\t\n\377\330\010\014\210E\220\025\220\377a\220q\330\014\020\220\006\376\003\003\017\210q\220\003\2205\373\230\001\020\001\005\220U\230!~8\000a\330\020\023\2203\047\000\377s\230#\230Q\330\024\027\377\220q\230\003\2305\240\006\377\240a\240q\330\024\025\330\277\020\025\220T\230\021\032\000R\377\230t\2401\240B\240b\377\250\001\330\020\024\220C\220\237r\230\023\230A1\000\010\002q\177\230\001\230\021\330\020\026q\000\377t\2302\230S\240\002\240\377%\240r\250\022\250:\260\377T\270\022\2704\270r\300\376\034\000\024\220B\220b\230\002\276h\000T\240\022\2403I\000\006\377\250a\250r\260\022\2603\377\260c\270\024\270R\270u\377\300B\300f\310A\310Q\372\224\0011c\000u\230A\200\001\377\360\n\000\005\034\2304\230\377v\240Q\240h\250d\260\377&\270\001\270\021\360\010\000\377\005\033\230*\240F\250\"\357\250H\260B>\000\022\2702\376@\000q\330\004\007\200w\210\177c\220\021\330\010\t\330\212!\377\020\220\001\330\010\016\210f~{\000a\330\014\024\220KF\000\377R\240x\250s\260*\270_E\300\022\3001\210\0471\330\001_F\230\"\230A\341\001A\241\"\356\021\000\021\220\027\336\000\027\240\001\377\240\030\250\021\250,\260d\373\270!\321\000t\3001\300D\377\310\005\310Q\310d\320R\377Z\320Z[\320[\\\330\257\020\021\220\031\330 >%\000(\377\260!\2606\270\021\270)\377\3006\310\021\310$\310k\373\320Y#\000^\320^c\320\377cd\320dh\320hk\377\320kl\320lp\320p\177u\320uv\320vw:\001\375\030\354 $\230a\230u\240\373D\250\233!s\260\"\260G\317\2703\270a\000\032\031\036\032\230\1771\230F\240!\2405R\000\377f\260A\260S\270\002\270\217\047\300\023\300\346\000\330\003\312AS\353\240\001\273\003\047\235@2\240R&\201`\020\030\327A\252`8\374@(\002\354\325a\224@\230UK\0004\240q\337\250\005\250Q\250\230\002\034\230wQ\230k\235 *\260A\301\005\337%\230q\240\007!\000\007\250uq\226!\033\325 \014\020\220\363hN\310tE\230\025\200 \377`\033\264\000\255Ad\004t\250\234K\023\312\204\001\230\377\022\2307\240\"\240A\330\357\024\032\230!\341\000E\240\021\337\240$\240a\240*\000\250D\377\260\003\2607\270\"\270H\374\323`\367@\025\220Q\330\004\010\017""\210\001\210\021";
+    PyObject *data = __Pyx_DecompressString_LZSS(cstring, 1729, 2163);
     #define __Pyx_DecompressString_UNUSED
     if (unlikely(!data)) __PYX_ERR(0, 1, __pyx_L1_error)
     const char* const bytes = __Pyx_PyBytes_AsString(data);
     #if !CYTHON_ASSUME_SAFE_MACROS
     if (likely(bytes)); else { Py_DECREF(data); __PYX_ERR(0, 1, __pyx_L1_error) }
     #endif
-    #else /* compression: none (4767 bytes) */
-static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and direct><contiguous and indirect><strided and direct or indirect><strided and direct><strided and indirect>>?Cannot assign to read-only memoryviewInvalid mode, expected \047c\047 or \047fortran\047, got Invalid shape in axis Note that Cython is deliberately stricter than PEP-484 and rejects subclasses of builtin types. If you need to pass subclasses then set the \047annotation_typing\047 directive to False.add_notecollections.abcdisableenablegcisenabledmodels/_forward.pyxno default __reduce__ due to non-trivial __cinit__unable to allocate array data.unable to allocate shape and strides.ASCIIEEllipsisHLSequenceTT0View.MemoryViewZ__Pyx_PyDict_NextRef__annotate____class____class_getitem____dict____func____getstate____import____main____module____name____new____pyx_checksum__pyx_state__pyx_type__pyx_unpickle_Enum__pyx_vtable____qualname____reduce____reduce_cython____reduce_ex____set_name____setstate____setstate_cython____test___is_coroutineaabcallocate_bufferasyncio.coroutinesatbbaseccline_in_tracebackcountcurvedelaydqdsdtdtype_is_objectencodeenumerateerrorexponentfadefastflagsfollowedformatfortranforwardhhbheathiddenhidden_rateiidindexitemsitemsizejkk1k2k3k4kblaglamlast_dtlast_hlast_lamlblinkedlinkslossmmemviewmodemodels._forwardnnamendimobjoutpackpair_okpairedphipoppowerpsiqq1qmrateregisterriserowsss1sbsetdefaultshapesinksizeslopesmstartstepstepsstopstructtimeu0u1unpackupdatevalueswxyz1z2z3z4O\200\001\340\004\033\2303\230f\240A\240X\250T\260\026\260q\270\001\340\t\n\330\010\014\210E\220\025\220a\220q\330\014\020\220\006\220a\220q\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\023\2203\220a\220s\230#\230Q\330\024\027\220q\230\003\2305\240\006\240a\240q\330\024\025\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220C\220r\230\023\230A\230Q\330\020\024\220C\220q\230\001\230\021\330\020\026\220a\220t\2302\230S\240\002\240%\240r\250\022\250:\260T\270\022\2704""\270r\300\021\330\020\024\220B\220b\230\002\230#\230T\240\022\2403\240b\250\006\250a\250r\260\022\2603\260c\270\024\270R\270u\300B\300f\310A\310Q\330\020\023\2201\220C\220u\230A\200\001\360\n\000\005\034\2304\230v\240Q\240h\250d\260&\270\001\270\021\360\n\000\005!\240\001\340\004\031\230\032\2406\250\021\250\"\250B\250a\330\004\031\230\032\2406\250\021\250\"\250B\250a\330\004\007\200v\210S\220\005\220S\230\006\230c\240\021\330\010\014\210A\210Q\330\010\014\210A\210Q\330\010\t\330\t\n\330\010\014\210E\220\025\220a\220q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220d\230&\240\001\240\023\240B\240g\250Q\330\014\021\220\025\220f\230F\240!\2403\240b\250\007\250q\330\014\024\220A\220Q\220g\230X\240Q\240a\330\014\020\220\005\220Q\220a\330\014\020\220\001\330\014\020\220\001\330\014\027\220q\330\014\026\220a\330\014\025\220Q\330\014\023\2201\330\014\020\220\001\330\014\022\220!\330\014\022\220!\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220D\230\001\230\023\230B\230d\240!\2404\240q\330\020\024\220D\230\001\230\024\230Q\330\020\023\2208\2301\230C\230s\240$\240d\250&\260\001\260\023\260C\260t\2704\270s\300!\3003\300c\310\021\330\024\032\230$\230a\230s\240\"\240B\240b\250\005\250Q\250a\330\024\027\220t\2303\230i\240s\250#\250S\260\001\330\030\034\230D\240\002\240!\330\030\034\230C\230q\240\001\240\021\330\030\033\2302\230R\230q\330\034\"\240#\240S\250\004\250B\250d\260\"\260B\260b\270\002\270\"\270B\270b\300\001\330\034\"\240#\240R\240s\250#\250T\260\022\2602\260R\260t\2702\270R\270r\300\022\3002\300Q\340\034\"\240!\2405\250\001\250\021\250#\250R\250q\330\034#\2403\240b\250\005\250R\250q\330\030#\2401\330\030\"\240!\330\024\031\230\024\230Q\230c\240\023\240B\240b\250\002\250\"\250D\260\001\260\024\260R\260r\270\024\270R\270v\300Q\300d\310\"\310B\310a\330\024\031\230\024""\230Q\230c\240\023\240B\240b\250\002\250\"\250D\260\001\260\024\260T\270\022\2706\300\021\300$\300a\330\024\030\230\002\230\"\230B\230b\240\003\2402\240T\250\023\250C\250r\260\024\260R\260s\270\"\270A\330\024\030\230\001\340\024\030\230\001\330\024\032\230$\230a\230s\240\"\240B\240b\250\005\250Q\250a\330\024\035\230Q\330\024\027\220x\230q\240\003\2403\240d\250$\250f\260A\260S\270\003\2701\330\030\033\2304\230s\240)\2503\250c\260\023\260A\330\034&\240i\250q\260\005\260V\2701\270D\300\013\3101\310D\320PT\320TU\330\034\047\240q\330\034&\240a\330\030!\240\021\330\024\027\220q\330\030\035\230Q\330\030\035\230X\240Q\240c\250\023\250D\260\001\260\024\260S\270\003\2704\270q\300\004\300B\300b\310\004\310A\310W\320TZ\320Z[\320[_\320_d\320de\320ei\320io\320op\320pt\320tv\320vx\320xy\330\030\035\230T\240\021\240#\240S\250\002\250\"\250B\250b\260\004\260A\260T\270\022\2702\270T\300\022\3006\310\021\310$\310b\320PR\320RS\330\030\035\230T\240\021\240#\240S\250\002\250\"\250B\250b\260\004\260A\260T\270\024\270R\270v\300Q\300d\310!\330\030\036\230c\240\022\2404\240r\250\021\330\030\034\230A\230Q\230c\240\022\2402\240R\240q\250\001\250\023\250B\250b\260\002\260!\2601\260C\260r\270\023\270B\270a\270q\300\003\3002\300Q\330\030\034\230A\230Q\230c\240\022\2402\240R\240q\250\001\250\023\250B\250b\260\002\260!\2601\260C\260r\270\023\270B\270a\270q\300\003\3002\300Q\330\030\034\230A\330\030\033\2303\230a\230s\240\"\240A\330\034!\240\030\250\021\250#\250S\260\004\260A\260T\270\023\270C\270t\3001\300D\310\004\310A\310W\320TZ\320Z[\320[_\320_d\320de\320ei\320io\320op\320pt\320tu\330\034\037\230s\240#\240Q\330 \047\240s\250!\2501\250C\250r\260\023\260A\260Q\330 )\250\021\330\034 \240\n\250!\2503\250d\260#\260T\270\024\270T\300\023\300A\300T\310\021\340\034 \240\001\330\030\033\2301\230C\230u\240A\330\030\033\2305\240\001\240\023\240B\240a\330\034!\240\021\240%\240q\250\002\250\"\250C\250r\260\023\260A\260V\2703\270a\270s\300\"\300I\310X\320UV\330 #\2403\240d\250!\2504\250s\260#\260T\270\021""\270$\270d\300!\3007\310&\320PQ\320QU\320UZ\320Z[\320[_\320_e\320ef\320fj\320jk\330\030\031\330\024\027\220x\230q\240\003\2403\240d\250#\250V\2601\260C\260s\270!\330\030\037\230t\2401\240C\240r\250\022\2503\250d\260\"\260H\270A\270T\300\022\3006\310\021\310#\310R\310{\320Z[\320[^\320^`\320`e\320ef\320fg\330\030 \240\005\240R\240s\250\"\250A\330\030\036\230b\240\002\240&\250\004\250B\250b\260\001\330\034 \240\002\240\"\240A\330\024\030\230\003\2302\230Q\330\024\032\230$\230a\230t\2403\240b\250\004\250A\250T\260\022\2602\260T\270\022\2701\330\024\032\230&\240\001\240\024\240S\250\002\250&\260\001\260\024\260R\260r\270\024\270R\270q\330\024\030\230\004\230A\230T\240\022\2402\240Q\330\024\030\230\006\230a\230t\2402\240R\240q\330\024\030\230\005\230U\240!\2401\330\030\035\230R\230r\240\024\240R\240q\330\030\035\230R\230r\240\024\240R\240q\330\030\035\230R\230r\240\021\330\030\035\230R\230r\240\021\330\030\035\230Q\330\030\035\230X\240Q\240c\250\023\250D\260\001\260\024\260S\270\003\2703\270a\270w\300f\310A\310T\320QV\320VW\320W[\320[\\\330\030\033\2308\2401\240C\240s\250$\250c\260\026\260q\270\003\2703\270a\330\034!\240\033\250A\250S\260\003\2602\260R\260q\330\034!\240\030\250\021\250\"\250B\250d\260\"\260B\260b\270\004\270B\270b\300\004\300B\300b\310\002\310$\310d\320RS\320SW\320WZ\320Z]\320]a\320ab\320bi\320io\320op\320pt\320ty\320yz\320z~\320~\177\330\034!\240\033\250A\250S\260\003\2602\260R\260t\2702\270R\270r\300\023\300B\300b\310\002\310$\310b\320PR\320RT\320TU\330\034!\240\030\250\021\250\"\250B\250d\260\"\260B\260b\270\004\270B\270b\300\004\300B\300b\310\002\310$\310d\320RS\320SW\320WZ\320Z]\320]a\320ab\320bi\320io\320op\320pt\320ty\320yz\320z~\320~\177\330\034!\240\033\250A\250S\260\003\2602\260R\260t\2702\270R\270r\300\023\300B\300b\310\002\310$\310b\320PR\320RT\320TU\330\034!\240\030\250\021\250\"\250B\250b\260\002\260$\260b\270\002\270\"\270B\270d\300$\300a\300t\3103\310c\320QU\320UV\320V]\320]c\320cd\320dh\320hm\320mn\320nr\320rs\330\034!\240\033\250A\250S""\260\003\2602\260R\260r\270\022\2703\270b\300\002\300\"\300B\300b\310\001\330\034 \240\002\240\"\240B\240b\250\004\250C\250s\260\"\260D\270\002\270#\270R\270t\3002\300S\310\002\310!\330\034 \240\002\240\"\240B\240b\250\004\250C\250s\260\"\260D\270\002\270#\270R\270t\3002\300S\310\002\310!\340\034\037\230t\2403\240i\250s\260#\260S\270\001\330 $\240D\250\002\250!\330 $\240C\240q\250\001\250\021\330 &\240a\240u\250A\250Q\250c\260\022\2607\270\"\270B\270j\310\003\3103\310d\320RT\320TX\320XZ\320Z\\\320\\^\320^`\320`b\320bd\320df\320fg\330 &\240a\240s\250\"\250E\260\022\2607\270\"\270B\270j\310\003\3102\310S\320PS\320SW\320WY\320Y[\320[]\320]a\320ac\320ce\320eg\320gi\320ik\320kl\330 +\2501\330 *\250!\330\034!\240\024\240Q\240c\250\023\250B\250b\260\002\260\"\260C\260r\270\021\330\034!\240\024\240Q\240c\250\023\250B\250b\260\002\260\"\260D\270\002\270!\330\034 \240\002\240\"\240B\240b\250\003\2502\250T\260\023\260C\260r\270\024\270R\270s\300\"\300A\330\030\033\2303\230a\230s\240\"\240A\330\034!\240\030\250\021\250#\250S\260\004\260A\260T\270\023\270C\270t\3001\300G\3106\320QR\320RV\320V[\320[\\\320\\`\320`a\330\034\037\230r\240\023\240A\330 \047\240s\250!\2501\250B\250b\260\003\2601\260A\330 )\250\021\330\034 \240\n\250!\2503\250d\260#\260T\270\024\270S\300\003\3001\300D\310\001\330\030\034\230A\330\030\034\230A\330\024\027\220s\230!\2303\230c\240\021\330\030\034\230A\330\020\023\2201\220C\220u\230A\330\020\023\2205\230\001\230\023\230B\230a\340\024\027\220s\230!\2303\230b\240\001\330\030\035\230Q\230f\240B\240b\250\003\2502\250S\260\001\260\021\340\030\035\230Q\230e\2408\2501\250C\250s\260$\260a\260t\2703\270c\300\024\300Q\300d\310$\310a\310w\320V\\\320\\]\320]a\320af\320fg\320gk\320kq\320qr\320rv\320vw\330\014\017\210u\220A\220S\230\002\230!\330\020\024\220E\230\025\230a\230q\330\024\031\230\021\230%\230s\240!\2403\240a\330\020\025\220Q\220e\2307\240#\240Q\240c\250\022\2509\260H\270A\330\024\031\230\021\230$\230e\2401\240D\250\004\250A\250T\260\024\260Q\260c\270\022\2704""\270q\300\004\300D\310\004\310A\310T\320QU\320UY\320YZ\320Z^\320^b\320bc\320cj\320jp\320pq\320qu\320uz\320z{\320{|\330\024\032\230!\2304\230q\330\020\024\220A\330\020\024\220E\230\025\230a\230q\330\024\031\230\024\230Q\230c\240\022\2405\250\001\250\021\330\024\027\220s\230#\230T\240\021\240!\330\030\033\2301\230C\230u\240E\250\021\250!\330\030\031\330\024\032\230\"\230B\230b\240\002\240\"\240D\250\004\250A\250R\250r\260\023\260B\260a\330\030\035\230Q\330\024\031\230\024\230Q\230b\240\002\240#\240R\240t\2501\250A\330\024\031\230\023\230B\230d\240!\2404\240r\250\021\330\024\027\220q\230\003\2306\240\025\240a\240s\250#\250T\260\022\2604\260r\270\023\270C\270t\3002\300S\310\003\3104\310r\320QT\320TV\320V[\320[\\\320\\_\320_a\320ad\320df\320fh\320hk\320ko\320oq\320qt\320tw\320w{\320{}\320}~\330!#\2405\250\001\250\022\2502\250S\260\002\260\"\260B\260b\270\003\2704\270r\300\024\300R\300s\310\"\310E\320QR\320RT\320TV\320VY\320Y[\320[^\320^`\320`b\320bd\320df\320fi\320ik\320km\320mn\330\004\010\210\001\210\021\330\004\010\210\001\210\021";
+    #else /* compression: none (2163 bytes) */
+static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and direct><contiguous and indirect><strided and direct or indirect><strided and direct><strided and indirect>>?Cannot assign to read-only memoryviewInvalid mode, expected \047c\047 or \047fortran\047, got Invalid shape in axis Note that Cython is deliberately stricter than PEP-484 and rejects subclasses of builtin types. If you need to pass subclasses then set the \047annotation_typing\047 directive to False.add_notecollections.abcdisableenablegcisenabledmodels/_forward.pyxno default __reduce__ due to non-trivial __cinit__unable to allocate array data.unable to allocate shape and strides.ASCIIEEllipsisSequenceView.MemoryView__Pyx_PyDict_NextRef__annotate____class____class_getitem____dict____func____getstate____import____main____module____name____new____pyx_checksum__pyx_state__pyx_type__pyx_unpickle_Enum__pyx_vtable____qualname____reduce____reduce_cython____reduce_ex____set_name____setstate____setstate_cython____test___is_coroutineaabcallocate_bufferasyncio.coroutinesbbaseccline_in_tracebackcountdelaydtdtype_is_objectencodeenumerateerrorexponentfirstflagsfollowedformatfortranforwardheathiddenhidden_rateidindexitemsitemsizejklaglinkedlinkslosslumpsmemviewmodemodels._forwardnnamendimobjoutpackphipoprateregisterriserowsssetdefaultshapesinksizeslopesstartstepstopstructtimeunpackupdatevaluesxyO\200\001\340\004\033\2303\230f\240A\240X\250T\260\026\260q\270\001\340\t\n\330\010\014\210E\220\025\220a\220q\330\014\020\220\006\220a\220q\330\014\017\210q\220\003\2205\230\001\330\014\020\220\005\220U\230!\2303\230a\330\020\023\2203\220a\220s\230#\230Q\330\024\027\220q\230\003\2305\240\006\240a\240q\330\024\025\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220C\220r\230\023\230A\230Q\330\020\024\220C\220q\230\001\230\021\330\020\026\220a\220t\2302\230S\240\002\240%\240r\250\022\250:\260T\270\022\2704\270r\300\021\330\020\024\220B\220b\230\002\230#\230T\240\022\2403\240b\250\006\250a\250r\260\022\2603\260c""\270\024\270R\270u\300B\300f\310A\310Q\330\020\023\2201\220C\220u\230A\200\001\360\n\000\005\034\2304\230v\240Q\240h\250d\260&\270\001\270\021\360\010\000\005\033\230*\240F\250\"\250H\260B\260c\270\022\2702\270R\270q\330\004\007\200w\210c\220\021\330\010\t\330\t\n\330\010\020\220\001\330\010\016\210f\220B\220a\330\014\024\220K\230v\240R\240x\250s\260*\270E\300\022\3001\330\014\020\220\005\220U\230!\2301\330\020\024\220F\230\"\230A\330\020\024\220A\220U\230!\2301\330\020\021\220\027\230\001\230\027\240\001\240\030\250\021\250,\260d\270!\2704\270t\3001\300D\310\005\310Q\310d\320RZ\320Z[\320[\\\330\020\021\220\031\230!\230>\250\021\250(\260!\2606\270\021\270)\3006\310\021\310$\310k\320YZ\320Z^\320^c\320cd\320dh\320hk\320kl\320lp\320pu\320uv\320vw\330\020\021\220\030\230\021\230$\230a\230u\240D\250\006\250a\250s\260\"\260G\2703\270a\330\020\021\220\030\230\021\230$\230a\230u\240D\250\006\250a\250s\260\"\260G\2703\270a\330\020\021\220\030\230\021\230$\230a\230u\240D\250\006\250a\250s\260\"\260G\2703\270a\330\020\021\220\032\2301\230F\240!\2405\250\006\250f\260A\260S\270\002\270\047\300\023\300A\330\020\021\220\027\230\001\230\023\230A\230S\240\001\330\020\021\220\031\230\047\240\022\2402\240R\240q\330\020\030\230\001\230\021\230!\2308\2401\240A\330\020\021\220\025\220a\220u\230A\230U\240!\2404\240q\250\005\250Q\250a\330\020\021\220\034\230Q\230k\250\021\250*\260A\330\020\021\220\030\230\021\230%\230q\240\007\240q\250\007\250q\330\020\021\220\033\230A\330\014\020\220\005\220U\230!\2303\230a\330\020\025\220T\230\021\230#\230R\230t\2401\240B\240b\250\001\330\020\024\220E\230\025\230a\230q\330\024\033\2301\230A\230U\240!\2404\240t\2501\330\014\020\220\005\220U\230!\2301\330\020\023\2205\230\001\230\022\2307\240\"\240A\330\024\032\230!\2301\230E\240\021\240$\240a\240t\2501\250D\260\003\2607\270\"\270H\300B\300a\330\014\025\220Q\330\004\010\210\001\210\021";
     PyObject *data = NULL;
     #define __Pyx_DecompressString_UNUSED
     #define __Pyx_DecompressString_LZSS_UNUSED
     #endif
     PyObject **stringtab = __pyx_mstate->__pyx_string_tab;
     Py_ssize_t pos = 0;
-    for (int i = 0; i < 165; i++) {
+    for (int i = 0; i < 124; i++) {
       Py_ssize_t bytes_length = str_length_index[i].length;
       PyObject *string = PyUnicode_DecodeUTF8(bytes + pos, bytes_length, NULL);
       if (likely(string) && i >= 26) PyUnicode_InternInPlace(&string);
@@ -23975,8 +23669,8 @@ static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and dir
       stringtab[i] = string;
       pos += bytes_length;
     }
-    for (int i = 165; i < 168; i++) {
-      Py_ssize_t bytes_length = bytes_length_index[i-165].length;
+    for (int i = 124; i < 127; i++) {
+      Py_ssize_t bytes_length = bytes_length_index[i-124].length;
       PyObject *string = PyBytes_FromStringAndSize(bytes + pos, bytes_length);
       stringtab[i] = string;
       pos += bytes_length;
@@ -23986,14 +23680,14 @@ static const char bytes[] = " at 0x object>.: <MemoryView of <contiguous and dir
       }
     }
     Py_XDECREF(data);
-    for (Py_ssize_t i = 0; i < 168; i++) {
+    for (Py_ssize_t i = 0; i < 127; i++) {
       if (unlikely(PyObject_Hash(stringtab[i]) == -1)) {
         __PYX_ERR(0, 1, __pyx_L1_error)
       }
     }
     #if CYTHON_IMMORTAL_CONSTANTS
     {
-      PyObject **table = stringtab + 165;
+      PyObject **table = stringtab + 124;
       for (Py_ssize_t i=0; i<3; ++i) {
         #if PY_VERSION_HEX >= 0x030F0000
         PyUnstable_SetImmortal(table[i]);
@@ -24059,7 +23753,7 @@ typedef struct {
     unsigned int argcount : 4;
     unsigned int num_posonly_args : 1;
     unsigned int num_kwonly_args : 1;
-    unsigned int nlocals : 7;
+    unsigned int nlocals : 5;
     unsigned int flags : 10;
     unsigned int first_line : 9;
 } __Pyx_PyCode_New_function_description;
@@ -24081,12 +23775,12 @@ static int __Pyx_CreateCodeObjects(__pyx_mstatetype *__pyx_mstate) {
   PyObject* tuple_dedup_map = PyDict_New();
   if (unlikely(!tuple_dedup_map)) return -1;
   {
-    const __Pyx_PyCode_New_function_description descr = {15, 0, 0, 71, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 104};
-    PyObject* const varnames[] = {__pyx_mstate->__pyx_n_u_time, __pyx_mstate->__pyx_n_u_rate, __pyx_mstate->__pyx_n_u_rise, __pyx_mstate->__pyx_n_u_start, __pyx_mstate->__pyx_n_u_heat, __pyx_mstate->__pyx_n_u_loss, __pyx_mstate->__pyx_n_u_sink, __pyx_mstate->__pyx_n_u_exponent, __pyx_mstate->__pyx_n_u_hidden, __pyx_mstate->__pyx_n_u_hidden_rate, __pyx_mstate->__pyx_n_u_links, __pyx_mstate->__pyx_n_u_linked, __pyx_mstate->__pyx_n_u_lag, __pyx_mstate->__pyx_n_u_delay, __pyx_mstate->__pyx_n_u_out, __pyx_mstate->__pyx_n_u_rows, __pyx_mstate->__pyx_n_u_n, __pyx_mstate->__pyx_n_u_b, __pyx_mstate->__pyx_n_u_k, __pyx_mstate->__pyx_n_u_j, __pyx_mstate->__pyx_n_u_hb, __pyx_mstate->__pyx_n_u_lb, __pyx_mstate->__pyx_n_u_sb, __pyx_mstate->__pyx_n_u_kb, __pyx_mstate->__pyx_n_u_m, __pyx_mstate->__pyx_n_u_i, __pyx_mstate->__pyx_n_u_T, __pyx_mstate->__pyx_n_u_Z, __pyx_mstate->__pyx_n_u_y, __pyx_mstate->__pyx_n_u_dt, __pyx_mstate->__pyx_n_u_h, __pyx_mstate->__pyx_n_u_lam, __pyx_mstate->__pyx_n_u_E, __pyx_mstate->__pyx_n_u_phi, __pyx_mstate->__pyx_n_u_psi, __pyx_mstate->__pyx_n_u_u0, __pyx_mstate->__pyx_n_u_u1, __pyx_mstate->__pyx_n_u_last_lam, __pyx_mstate->__pyx_n_u_last_dt, __pyx_mstate->__pyx_n_u_fast, __pyx_mstate->__pyx_n_u_steps, __pyx_mstate->__pyx_n_u_last_h, __pyx_mstate->__pyx_n_u_fade, __pyx_mstate->__pyx_n_u_s, __pyx_mstate->__pyx_n_u_ds, __pyx_mstate->__pyx_n_u_q, __pyx_mstate->__pyx_n_u_dq, __pyx_mstate->__pyx_n_u_sm, __pyx_mstate->__pyx_n_u_qm, __pyx_mstate->__pyx_n_u_s1, __pyx_mstate->__pyx_n_u_q1, __pyx_mstate->__pyx_n_u_H, __pyx_mstate->__pyx_n_u_L, __pyx_mstate->__pyx_n_u_a, __pyx_mstate->__pyx_n_u_at, __pyx_mstate->__pyx_n_u_x, __pyx_mstate->__pyx_n_u_k1, __pyx_mstate->__pyx_n_u_k2, __pyx_mstate->__pyx_n_u_k3, __pyx_mstate->__pyx_n_u_k4, __pyx_mstate->__pyx_n_u_z1, __pyx_mstate->__pyx_n_u_z2, __pyx_mstate->__pyx_n_u_z3, __pyx_mstate->__pyx_n_u_z4, __pyx_mstate->__pyx_n_u_T0, __pyx_mstate->__pyx_n_u_w, __pyx_mstate->__pyx_n_u_paired, __pyx_mstate->__pyx_n_u_pair_ok, __pyx_mstate->__pyx_n_u_power, __pyx_mstate->__pyx_n_u_curve, __pyx_mstate->__pyx_n_u_slope};
-    __pyx_mstate_global->__pyx_codeobj_tab[0] = __Pyx_PyCode_New(descr, varnames, __pyx_mstate->__pyx_kp_u_models__forward_pyx, __pyx_mstate->__pyx_n_u_forward, __pyx_mstate->__pyx_kp_b_iso88591_4vQhd_6_Ba_6_Ba_vS_S_c_AQ_AQ_E, tuple_dedup_map); if (unlikely(!__pyx_mstate_global->__pyx_codeobj_tab[0])) goto bad;
+    const __Pyx_PyCode_New_function_description descr = {15, 0, 0, 26, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 243};
+    PyObject* const varnames[] = {__pyx_mstate->__pyx_n_u_time, __pyx_mstate->__pyx_n_u_rate, __pyx_mstate->__pyx_n_u_rise, __pyx_mstate->__pyx_n_u_start, __pyx_mstate->__pyx_n_u_heat, __pyx_mstate->__pyx_n_u_loss, __pyx_mstate->__pyx_n_u_sink, __pyx_mstate->__pyx_n_u_exponent, __pyx_mstate->__pyx_n_u_hidden, __pyx_mstate->__pyx_n_u_hidden_rate, __pyx_mstate->__pyx_n_u_links, __pyx_mstate->__pyx_n_u_linked, __pyx_mstate->__pyx_n_u_lag, __pyx_mstate->__pyx_n_u_delay, __pyx_mstate->__pyx_n_u_out, __pyx_mstate->__pyx_n_u_rows, __pyx_mstate->__pyx_n_u_n, __pyx_mstate->__pyx_n_u_first, __pyx_mstate->__pyx_n_u_b, __pyx_mstate->__pyx_n_u_k, __pyx_mstate->__pyx_n_u_j, __pyx_mstate->__pyx_n_u_count, __pyx_mstate->__pyx_n_u_dt, __pyx_mstate->__pyx_n_u_lumps, __pyx_mstate->__pyx_n_u_s, __pyx_mstate->__pyx_n_u_slopes};
+    __pyx_mstate_global->__pyx_codeobj_tab[0] = __Pyx_PyCode_New(descr, varnames, __pyx_mstate->__pyx_kp_u_models__forward_pyx, __pyx_mstate->__pyx_n_u_forward, __pyx_mstate->__pyx_kp_b_iso88591_4vQhd_F_HBc_2Rq_wc_fBa_KvRxs_E, tuple_dedup_map); if (unlikely(!__pyx_mstate_global->__pyx_codeobj_tab[0])) goto bad;
   }
   {
-    const __Pyx_PyCode_New_function_description descr = {4, 0, 0, 13, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 270};
+    const __Pyx_PyCode_New_function_description descr = {4, 0, 0, 13, (unsigned int)(CO_OPTIMIZED|CO_NEWLOCALS), 286};
     PyObject* const varnames[] = {__pyx_mstate->__pyx_n_u_time, __pyx_mstate->__pyx_n_u_values, __pyx_mstate->__pyx_n_u_lag, __pyx_mstate->__pyx_n_u_out, __pyx_mstate->__pyx_n_u_rows, __pyx_mstate->__pyx_n_u_n, __pyx_mstate->__pyx_n_u_b, __pyx_mstate->__pyx_n_u_k, __pyx_mstate->__pyx_n_u_a, __pyx_mstate->__pyx_n_u_E, __pyx_mstate->__pyx_n_u_phi, __pyx_mstate->__pyx_n_u_dt, __pyx_mstate->__pyx_n_u_y};
     __pyx_mstate_global->__pyx_codeobj_tab[1] = __Pyx_PyCode_New(descr, varnames, __pyx_mstate->__pyx_kp_u_models__forward_pyx, __pyx_mstate->__pyx_n_u_followed, __pyx_mstate->__pyx_kp_b_iso88591_3fAXT_q_E_aq_aq_q_5_U_3a_3as_Q, tuple_dedup_map); if (unlikely(!__pyx_mstate_global->__pyx_codeobj_tab[1])) goto bad;
   }

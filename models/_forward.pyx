@@ -5,6 +5,7 @@ from libc.stdlib cimport free, malloc
 
 cdef enum:
     MOST_SUBSTEPS = 256
+    ABREAST = 4
 
 
 #: |x / anchor - 1| up to which a power is continued from its anchor by the binomial series, whose seventh term is then below 1e-12.
@@ -101,170 +102,185 @@ cdef inline double late_probe(double y, double T0, double T1, double s0, double 
     return last + (y - first) * fade
 
 
+cdef struct Lump:
+    # One row: its constants, where its drive and its output lie, its state, and what is kept from step to step.
+    double rate, rise, start, exponent, hidden, hidden_rate, links, lag, delay
+    const double* heat
+    const double* loss
+    const double* sink
+    const double* linked
+    double* out
+    double* slope
+    double T, Z, y, last_lam, last_dt, last_h, fade, E, phi, psi
+    bint pair_ok
+    Power power
+    double w[8]
+
+
+cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:
+    """Slope of the reading at the end of interval k."""
+    if s.lag > 0.0:
+        return (s.T - s.y) / s.lag
+    return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+
+
+cdef inline void weigh(Lump* s, double lam, double dt) noexcept nogil:
+    """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
+    cdef double a
+    if lam != s.last_lam or dt != s.last_dt:
+        a = lam * dt
+        s.E = exp(-a)
+        if a < 1e-3:
+            s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
+            s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
+        else:
+            s.phi = -expm1(-a) / lam
+            s.psi = (dt - s.phi) / lam
+        s.last_lam = lam
+        s.last_dt = dt
+
+
+cdef inline double faded(Lump* s, double h) noexcept nogil:
+    """What is left of a probe's distance after h; kept while h stays."""
+    if h != s.last_h:
+        s.fade = exp(-h / s.lag)
+        s.last_h = h
+    return s.fade
+
+
+cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
+    """One interval of one row."""
+    cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
+    cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
+    cdef Py_ssize_t m = 1, i
+    if s.exponent == 0.0 and s.hidden == 0.0:
+        weigh(s, lam, dt)
+        u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+        u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+        T0 = s.T
+        s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+        if s.lag > 0.0:
+            s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+        else:
+            s.y = s.T
+    else:
+        if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):
+            s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+            s.last_lam = lam
+            s.last_dt = dt
+        if s.exponent == 0.0 and s.pair_ok:
+            T0 = s.T
+            k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+            u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+            u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+            ds = (u1 - u0) / dt
+            moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
+            s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+            s.T = moved
+            if s.lag > 0.0:
+                k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+                s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+            else:
+                s.y = s.T
+        else:
+            steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3
+            while m < steps and m < MOST_SUBSTEPS:
+                m = 2 * m
+            h = dt / m
+            ds = (s.sink[k] - s.sink[k - 1]) / m
+            dq = (s.linked[k] - s.linked[k - 1]) / m
+            sink = s.sink[k - 1]
+            q = s.linked[k - 1]
+            for i in range(m):
+                s1 = sink + ds
+                q1 = q + dq
+                T0 = s.T
+                k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+                z1 = s.hidden_rate * (T0 - s.Z)
+                k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+                              q + 0.5 * dq)
+                z2 = s.hidden_rate * (T0 + 0.5 * h * k1 - s.Z - 0.5 * h * z1)
+                k3 = slope_of(T0 + 0.5 * h * k2, s.Z + 0.5 * h * z2, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+                              q + 0.5 * dq)
+                z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)
+                k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+                z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+                s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+                if s.lag > 0.0:
+                    k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+                    s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+                sink = s1
+                q = q1
+            if s.lag == 0.0:
+                s.y = s.T
+    s.out[k] = s.y
+    if s.delay > 0.0:
+        s.slope[k] = end_slope(s, H, L, k)
+
+
+cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexcept nogil:
+    """The row's output `delay` later: cubic between readings, its start before."""
+    cdef Py_ssize_t k, j = 0
+    cdef double at, dt, x
+    for k in range(n):
+        curve[k] = s.out[k]
+    s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
+        s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+    for k in range(n):
+        at = time[k] - s.delay
+        if at <= time[0]:
+            s.out[k] = s.start
+            continue
+        while j < n - 2 and time[j + 1] < at:
+            j += 1
+        dt = time[j + 1] - time[j]
+        x = (at - time[j]) / dt
+        s.out[k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + s.slope[j] * dt * x * (1.0 - x) * (1.0 - x)
+                    + curve[j + 1] * x * x * (3.0 - 2.0 * x) + s.slope[j + 1] * dt * x * x * (x - 1.0))
+
+
 def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,
             const double[:, ::1] heat, const double[:, ::1] loss, const double[:, ::1] sink, const double[::1] exponent,
             const double[::1] hidden, const double[::1] hidden_rate, const double[::1] links, const double[:, ::1] linked,
             const double[::1] lag, const double[::1] delay, double[:, ::1] out):
-    """See the numpy twin."""
-    cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], b, k, j, hb, lb, sb, kb, m, i
-    cdef double T, Z, y, dt, h, lam, E, phi, psi, u0, u1, last_lam, last_dt, fast, steps
-    cdef double last_h, fade, s, ds, q, dq, sm, qm, s1, q1, H, L, a, at, x
-    cdef double k1, k2, k3, k4, z1, z2, z3, z4, T0
-    cdef double w[8]
-    cdef bint paired, pair_ok = False
-    cdef Power power
-    cdef double* curve = <double*> malloc(n * sizeof(double))
-    cdef double* slope = <double*> malloc(n * sizeof(double))
-    if curve == NULL or slope == NULL:
-        free(curve)
-        free(slope)
+    """See the numpy twin. A few rows go abreast: each is one long chain of operations, and a processor has room for several."""
+    cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], first, b, k, j, count
+    cdef double dt
+    cdef Lump lumps[ABREAST]
+    cdef Lump* s
+    cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
+    if slopes == NULL:
         raise MemoryError
     with nogil:
-        for b in range(rows):
-            hb = b if heat.shape[0] > 1 else 0
-            lb = b if loss.shape[0] > 1 else 0
-            sb = b if sink.shape[0] > 1 else 0
-            kb = b if linked.shape[0] > 1 else 0
-            power_of(&power, exponent[b])
-            T = start[b]
-            Z = T
-            y = T
-            last_lam = -1.0
-            last_dt = -1.0
-            last_h = -1.0
-            fade = 0.0
-            E = 0.0
-            phi = 0.0
-            psi = 0.0
-            out[b, 0] = T
+        first = 0
+        while first < rows:
+            count = ABREAST if first + ABREAST <= rows else rows - first
+            for j in range(count):
+                b = first + j
+                s = &lumps[j]
+                s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
+                s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
+                s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
+                s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
+                s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
+                s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]
+                s.out = &out[b, 0]
+                s.slope = slopes + j * n
+                power_of(&s.power, s.exponent)
+                s.T = s.Z = s.y = s.out[0] = s.start
+                s.last_lam = s.last_dt = s.last_h = -1.0
+                s.fade = s.E = s.phi = s.psi = 0.0
+                s.pair_ok = False
             for k in range(1, n):
                 dt = time[k] - time[k - 1]
-                H = rise[b] * heat[hb, k]
-                L = loss[lb, k]
-                if exponent[b] == 0.0 and hidden[b] == 0.0 and lag[b] == 0.0:
-                    lam = rate[b] * L + links[b]
-                    if lam != last_lam or dt != last_dt:
-                        a = lam * dt
-                        E = exp(-a)
-                        if a < 1e-3:
-                            phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
-                            psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
-                        else:
-                            phi = -expm1(-a) / lam
-                            psi = (dt - phi) / lam
-                        last_lam = lam
-                        last_dt = dt
-                    u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
-                    u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
-                    T = T * E + u0 * phi + (u1 - u0) / dt * psi
-                    y = T
-                else:
-                    m = 1
-                    lam = rate[b] * L + links[b]
-                    paired = False
-                    if exponent[b] == 0.0 and hidden[b] != 0.0:
-                        if lam != last_lam or dt != last_dt:
-                            pair_ok = two_lumps(lam, hidden[b], hidden_rate[b], dt, w)
-                            last_lam = lam
-                            last_dt = dt
-                        paired = pair_ok
-                    if paired:
-                        T0 = T
-                        k1 = slope_of(T, Z, rate[b], H, L, sink[sb, k - 1], &power, hidden[b], links[b], linked[kb, k - 1])
-                        u0 = rate[b] * (H + L * sink[sb, k - 1]) + linked[kb, k - 1]
-                        u1 = rate[b] * (H + L * sink[sb, k]) + linked[kb, k]
-                        ds = (u1 - u0) / dt
-                        s = w[0] * T + w[1] * Z + w[4] * u0 + w[6] * ds
-                        Z = w[2] * T + w[3] * Z + w[5] * u0 + w[7] * ds
-                        T = s
-                        if lag[b] > 0.0:
-                            k4 = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-                            if dt != last_h:
-                                fade = exp(-dt / lag[b])
-                                last_h = dt
-                            y = late_probe(y, T0, T, k1, k4, dt, lag[b], fade)
-                        else:
-                            y = T
-                        out[b, k] = y
-                        if delay[b] > 0.0:
-                            slope[k] = (T - y) / lag[b] if lag[b] > 0.0 else slope_of(
-                                T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-                        continue
-                    if exponent[b] != 0.0 or hidden[b] != 0.0:
-                        fast = rate[b] * L * (1.0 + exponent[b]) + hidden[b] + hidden_rate[b] + links[b]
-                        steps = fast * dt / 0.3
-                        while m < steps and m < MOST_SUBSTEPS:
-                            m = 2 * m
-                    h = dt / m
-                    ds = (sink[sb, k] - sink[sb, k - 1]) / m
-                    dq = (linked[kb, k] - linked[kb, k - 1]) / m
-                    s = sink[sb, k - 1]
-                    q = linked[kb, k - 1]
-                    for i in range(m):
-                        sm = s + 0.5 * ds
-                        qm = q + 0.5 * dq
-                        s1 = s + ds
-                        q1 = q + dq
-                        T0 = T
-                        k1 = slope_of(T, Z, rate[b], H, L, s, &power, hidden[b], links[b], q)
-                        if exponent[b] != 0.0 or hidden[b] != 0.0:
-                            z1 = hidden_rate[b] * (T - Z)
-                            k2 = slope_of(T + 0.5 * h * k1, Z + 0.5 * h * z1, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
-                            z2 = hidden_rate[b] * (T + 0.5 * h * k1 - Z - 0.5 * h * z1)
-                            k3 = slope_of(T + 0.5 * h * k2, Z + 0.5 * h * z2, rate[b], H, L, sm, &power, hidden[b], links[b], qm)
-                            z3 = hidden_rate[b] * (T + 0.5 * h * k2 - Z - 0.5 * h * z2)
-                            k4 = slope_of(T + h * k3, Z + h * z3, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
-                            z4 = hidden_rate[b] * (T + h * k3 - Z - h * z3)
-                            T = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                            Z = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
-                        else:
-                            if lam != last_lam or dt != last_dt:
-                                a = lam * dt
-                                E = exp(-a)
-                                phi = -expm1(-a) / lam if a > 1e-3 else dt * (1.0 - 0.5 * a + a * a / 6.0)
-                                psi = (dt - phi) / lam if a > 1e-3 else dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
-                                last_lam = lam
-                                last_dt = dt
-                            u0 = rate[b] * (H + L * s) + q
-                            u1 = rate[b] * (H + L * s1) + q1
-                            T = T * E + u0 * phi + (u1 - u0) / dt * psi
-                        if lag[b] > 0.0:
-                            k4 = slope_of(T, Z, rate[b], H, L, s1, &power, hidden[b], links[b], q1)
-                            if h != last_h:
-                                fade = exp(-h / lag[b])
-                                last_h = h
-                            y = late_probe(y, T0, T, k1, k4, h, lag[b], fade)
-                        s = s1
-                        q = q1
-                    if lag[b] == 0.0:
-                        y = T
-                out[b, k] = y
-                if delay[b] > 0.0:
-                    # Slope at both ends of the interval, for the delayed reading between them.
-                    if lag[b] > 0.0:
-                        slope[k] = (T - y) / lag[b]
-                    else:
-                        slope[k] = slope_of(T, Z, rate[b], H, L, sink[sb, k], &power, hidden[b], links[b], linked[kb, k])
-            if delay[b] > 0.0:
-                for k in range(n):
-                    curve[k] = out[b, k]
-                slope[0] = 0.0 if lag[b] > 0.0 else slope_of(
-                    start[b], start[b], rate[b], rise[b] * heat[hb, 1], loss[lb, 1], sink[sb, 0], &power, hidden[b], links[b],
-                    linked[kb, 0])
-                j = 0
-                for k in range(n):
-                    at = time[k] - delay[b]
-                    if at <= time[0]:
-                        out[b, k] = start[b]
-                        continue
-                    while j < n - 2 and time[j + 1] < at:
-                        j += 1
-                    dt = time[j + 1] - time[j]
-                    x = (at - time[j]) / dt
-                    out[b, k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + slope[j] * dt * x * (1.0 - x) * (1.0 - x)
-                                 + curve[j + 1] * x * x * (3.0 - 2.0 * x) + slope[j + 1] * dt * x * x * (x - 1.0))
-    free(curve)
-    free(slope)
+                for j in range(count):
+                    advance(&lumps[j], dt, k)
+            for j in range(count):
+                if lumps[j].delay > 0.0:
+                    retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
+            first += ABREAST
+    free(slopes)
 
 
 def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):

@@ -269,7 +269,7 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path):
     )
     assert process.stderr is not None
     process.stderr.readline()
-    time.sleep(1.5)
+    time.sleep(0.8)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
