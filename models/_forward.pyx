@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Compiled twin of :mod:`models._forward_numpy`: same names, same arguments, same numbers."""
-from libc.math cimport exp, expm1, fabs, pow, sqrt
+from libc.math cimport NAN, exp, expm1, fabs, pow, sqrt
 from libc.stdlib cimport free, malloc
 
 cdef enum:
@@ -111,6 +111,7 @@ cdef struct Lump:
     const double* linked
     double* out
     double* slope
+    double end, end_heat, end_loss
     double T, Z, y, last_lam, last_dt, last_h, fade, E, phi, psi
     bint pair_ok
     Power power
@@ -195,7 +196,11 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
                 s1 = sink + ds
                 q1 = q + dq
                 T0 = s.T
-                k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+                # A probe needed the slope at the end of the last piece: under the same drive it is that at the start of this one.
+                if s.lag > 0.0 and H == s.end_heat and L == s.end_loss:
+                    k1 = s.end
+                else:
+                    k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
                 z1 = s.hidden_rate * (T0 - s.Z)
                 k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
                               q + 0.5 * dq)
@@ -210,6 +215,7 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
                 if s.lag > 0.0:
                     k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+                    s.end, s.end_heat, s.end_loss = k4, H, L
                 sink = s1
                 q = q1
             if s.lag == 0.0:
@@ -270,7 +276,8 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
                 power_of(&s.power, s.exponent)
                 s.T = s.Z = s.y = s.out[0] = s.start
                 s.last_lam = s.last_dt = s.last_h = -1.0
-                s.fade = s.E = s.phi = s.psi = 0.0
+                s.end_heat = s.end_loss = NAN
+                s.end = s.fade = s.E = s.phi = s.psi = 0.0
                 s.pair_ok = False
             for k in range(1, n):
                 dt = time[k] - time[k - 1]
