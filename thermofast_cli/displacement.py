@@ -39,8 +39,8 @@ class Panel:
 METHODS: dict[str, Fitter] = {"least squares": fit_least_squares, "network": fit_network}
 
 
-def displacement_run(run: Run, columns: tuple[str, ...]) -> Told:
-    """Both models on each displacement column of a run; readings of which any number is missing are left out."""
+def displacement_run(run: Run, columns: tuple[str, ...], start_min: float = 0.0) -> Told:
+    """Both models on each displacement column of a run from `start_min` on; rows in which any number is missing are left out."""
     channels = list(run.channels)
     temperatures = np.array([run.channels[c] for c in channels]).T
     told = Told([], [])
@@ -51,7 +51,7 @@ def displacement_run(run: Run, columns: tuple[str, ...]) -> Told:
         values = run.displacements[column] if column in run.displacements else run.channels[column]
         sensors = [i for i, c in enumerate(channels) if c != column and _moves(temperatures[:, i])]
         own = temperatures[:, sensors]
-        good = np.isfinite(values) & np.isfinite(own).all(axis=1)
+        good = np.isfinite(values) & np.isfinite(own).all(axis=1) & (run.time_s / 60.0 >= start_min - 1e-9)
         _add(told, run, column, run.time_s[good] / 60.0, own[good], values[good], [channels[i] for i in sensors])
     return told
 

@@ -21,11 +21,18 @@ SHARED_FROM = 1500
 
 
 def loop_tasks(
-    runs: tuple[str, ...], given: dict[str, Any], quiet: bool, targets: list[str | None], check_table: bool = True, **options: Any
+    runs: tuple[str, ...],
+    given: dict[str, Any],
+    quiet: bool,
+    targets: list[str | None],
+    check_table: bool = True,
+    from_rise: bool = False,
+    **options: Any,
 ) -> tuple[list[LoopTask], list[tuple[str, str]]]:
     """(tasks, unreadable runs); effects, model and targets are checked before any work is done.
 
-    An idle beginning is itself a finding (`transport_delay`): without --start the record counts from its first reading.
+    An idle beginning is itself a finding (`transport_delay`): without --start the record counts from its first reading, unless
+    ``from_rise``.
 
     Raises
     ------
@@ -51,7 +58,7 @@ def loop_tasks(
     sources = choose_sources(runs)
     check_targets(targets, sources)
     told = given["start"] != "auto"
-    readings = read_all(sources, given if told else {**given, "start": "0"}, quiet)
+    readings = read_all(sources, given if told or from_rise else {**given, "start": "0"}, quiet)
     until = options.get("until_min")
     tasks = []
     for run, start in readings.runs:

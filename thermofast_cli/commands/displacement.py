@@ -47,13 +47,13 @@ def command(
     check_targets([output, save_plot], sources)
     readings = read_all(sources, {k: reading[k] for k in READING}, quiet, 1)
     told = []
-    for run, _ in readings.runs:
+    for run, start in readings.runs:
         known = {**run.displacements, **run.channels}
         chosen = names(displacements) or tuple(run.displacements)
         missing = [c for c in chosen if c not in known]
         if missing:
             raise UsageError(f"{run.name}: --displacements {missing[0]!r} is no column of this record", allowed=", ".join(known))
-        told.append(displacement_run(run, chosen))
+        told.append(displacement_run(run, chosen, start if reading["start"] != "auto" else 0.0))
     records = [r for t in told for r in t.records]
     records += [DisplacementRecord(name, "", status="unreadable", message=why) for name, why in readings.unreadable]
     drawn = [

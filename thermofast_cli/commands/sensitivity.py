@@ -60,6 +60,7 @@ def command(
     standard errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in
     all' that with what it does together with others. --limit is about the steady state's distance from its mean.
     """
+    from ..errors import UsageError
     from ..loop_session import loop_tasks, run_loop
     from ..methods import choose
     from ..output.screen import number, text
@@ -68,13 +69,15 @@ def command(
     from ..session import deliver, exit_code
 
     method = choose(filter_name, preset, settings)
+    if model and (filter_name != "afukf" or preset or settings):
+        raise UsageError("--model puts a joint fit in the filter's place", do="leave --filter, --preset and --set out")
     if save_plot:
         from ..output.plots import check_picture
 
         check_picture(save_plot)
     given = {k: reading[k] for k in READING}
     sizes = Sizes(offset, start_level, room, jitter, until_spread, limit)
-    tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], until_min=until, model=model)
+    tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], from_rise=model is None, until_min=until, model=model)
     work = [SensitivityTask(task, method, sizes) for task in tasks]
     found, interrupted = run_loop(sensitivity_task, work, jobs, sensitivity_lost, quiet)
     records = [r for rs in found for r in rs]
