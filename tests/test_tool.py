@@ -265,7 +265,12 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path):
     path = tmp_path / "big.parquet"
     frame.to_parquet(path)
     process = subprocess.Popen(
-        [*TOOL, "identify", str(path), "--jobs", "1", "--format", "jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT
+        [*TOOL, "identify", str(path), "--jobs", "1", "--format", "jsonl"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=ROOT,
+        # A suite that was started in the background would hand its deaf ear on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert process.stderr is not None
     process.stderr.readline()
