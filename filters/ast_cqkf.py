@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from .base import setting
+from .base import Closing, setting
 from .cubature import CubaturePoints
 from .fading import FadingRule
 from .loop import GaussianFilter
@@ -27,6 +27,8 @@ class AstCqkf(GaussianFilter):
     fading_most: float = setting(1.5, "largest fading factor of one reading", 1.0, 1e3)
     stray: float = setting(5.0, "standard deviations at which a reading says no more about noise and model", 2.0, 100.0)
 
+    closing_step: bool = True
+
     @property
     def moments(self) -> Moments:
         return CubaturePoints(int(self.order))
@@ -42,3 +44,7 @@ class AstCqkf(GaussianFilter):
             self.fading_most,
             self.stray,
         )
+
+    @property
+    def closing(self) -> Closing:
+        return "when consistent" if self.closing_step else "never"

@@ -16,14 +16,25 @@ def difference_noise(reading: Array) -> float:
     return 1.4826 * _median(np.abs(step - _median(step))) / math.sqrt(2.0)
 
 
-def third_difference_noise(reading: Array) -> float:
+def _divided(reading: Array, time: Array) -> Array:
+    """Third divided differences (n - 3,) in the size of those of evenly spaced readings."""
+    t = np.stack([time[i : len(time) - 3 + i] for i in range(4)])
+    gaps = t[:, None] - t[None, :] + np.eye(4)[:, :, None]
+    weights = 1.0 / gaps.prod(axis=1)
+    y = np.stack([reading[i : len(reading) - 3 + i] for i in range(4)])
+    return np.asarray(math.sqrt(20.0) * (weights * y).sum(axis=0) / np.sqrt((weights**2).sum(axis=0)))
+
+
+def third_difference_noise(reading: Array, time: Array | None = None) -> float:
     """Standard deviation of white noise [K] from third differences (n,): what a smooth curve leaves of them is nothing.
+
+    time (n,) where the readings are not evenly spaced: divided differences, each scaled to the noise it carries.
 
     The larger of a robust and a trimmed estimate: in readings rounded to few steps the first is often nought.
     """
     if len(reading) < 8:
         return difference_noise(reading)
-    third = np.diff(reading, 3)
+    third = np.diff(reading, 3) if time is None else _divided(reading, time)
     robust = 1.4826 * _median(np.abs(third - _median(third))) / math.sqrt(20.0)
     near = (
         third[np.abs(third) <= 5.0 * math.sqrt(20.0) * robust] if robust > 0.0 else third[np.abs(third) <= np.ptp(reading) / 20.0]

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Filters whose error ahead is within this share of the chosen one's are told beside it.
 AS_GOOD = 0.10
+#: A default whose error is this many times another's is left, however few the sensors.
+FAR = 2.0
 #: Chance of leaving the default where nothing is better.
 ALARM = 0.05
 FEWEST_SENSORS = 3
@@ -75,7 +77,7 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
         else:
             estimates.append(None)
     good = [(e, s, n) for e, s, n in zip(estimates, sensors, cut, strict=True) if e is not None]
-    inside = [_error(e, s, 0, n) for e, s, n in good]
+    inside = [e.misfit for e, _, _ in good if math.isfinite(e.misfit)]
     ahead = [_error(e, s, n, len(s.time)) for e, s, n in good]
     widths = [_width(e) for e, _, _ in good]
     known = [w for w in widths if w is not None]
@@ -84,7 +86,7 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
         blank,
         broken=broken,
         undetermined=len(widths) - len(known),
-        rmse_fit_c=_pooled(inside),
+        rmse_fit_c=finite(math.sqrt(float(np.mean(np.square(inside))))) if inside else None,
         rmse_ahead_c=_pooled(ahead),
         width_c=float(np.median(known)) if known else None,
         steps_per_s=float(f"{sum(cut) / max(spent, 1e-9):.3g}"),
@@ -129,7 +131,8 @@ def choose_among(trials: list[Trial]) -> list[BenchRecord]:
         return [replace(t.record, message="; ".join(m for m in (t.record.message, advice) if m)) for t in trials]
     if DEFAULT in sound:
         base = sound[DEFAULT]
-        better = [t for t in sound.values() if clearly_better(t.ahead, base.ahead, ALARM / max(1, len(sound) - 1))]
+        level = ALARM / max(1, len(sound) - 1)
+        better = [t for t in sound.values() if clearly_better(t.ahead, base.ahead, level) or FAR * _size(t) < _size(base)]
         best = min(better, key=_size) if better else base
         why = f"use it here: error ahead {_size(best):.3g} K"
         why += (
@@ -140,7 +143,7 @@ def choose_among(trials: list[Trial]) -> list[BenchRecord]:
     else:
         best = min(sound.values(), key=_size)
         why = f"use it here: error ahead {_size(best):.3g} K, the least of those that came through; {DEFAULT} broke"
-    others = [t.record.filter for t in sound.values() if t is not best and _size(t) <= (1.0 + AS_GOOD) * _size(best)]
+    others = [t.record.filter for t in sound.values() if t is not best and abs(_size(t) / _size(best) - 1.0) <= AS_GOOD]
     if others:
         why += f"; within {100 * AS_GOOD:.0f} %: {', '.join(others)}"
     if best.record.filter == DEFAULT:

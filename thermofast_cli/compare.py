@@ -15,7 +15,7 @@ from models.joint import Fit
 from models.judge import PATTERN, noise_floor
 
 from .colour import colour_of
-from .errors import ThermofastError, UsageError
+from .errors import ThermofastError
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .records import CompareRecord, finite
 from .stretches import failing_stretches
@@ -83,6 +83,8 @@ def _compare(task: LoopTask) -> Comparison:
     residual = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
     effects = ids_of(fit.model.parts)
     low, high = curve_bounds(fit, dict(task.input_ranges))
+    if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
+        notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
         colour = colour_of(fit, i, float(floor[i]))
@@ -102,7 +104,7 @@ def _compare(task: LoopTask) -> Comparison:
         if stretches and floor[i] >= PATTERN and unused.any():
             messages.insert(0, HOLDS)
         # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
-        sound = floor[i] >= PATTERN or (colour.short and colour.whitened_p >= PATTERN)
+        sound = (floor[i] >= PATTERN and not colour.cycles) or (colour.short and colour.whitened_p >= PATTERN)
         status = "ok" if sound and not stretches else "model_doubtful"
         records.append(
             CompareRecord(
@@ -162,18 +164,10 @@ def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
 
 
 def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
-    """Least and largest curve (S, N), (S, N) [degC] while each logged input named lies within +- its range, all else held.
-
-    Raises
-    ------
-    UsageError: a name that is no logged input.
-    """
+    """Least and largest curve (S, N), (S, N) [degC] while each logged input named lies within +- its range, all else held."""
     run = fit.run
     low, high = fit.curve, fit.curve
     for name, reach in ranges.items():
-        if name not in run.ambient and name not in run.inputs:
-            have = ", ".join([*run.ambient, *run.inputs]) or "this run logs none"
-            raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=have)
         for share in (-1.0, -0.5, 0.5, 1.0):
             moved = replace(
                 run,
@@ -196,7 +190,8 @@ def _area(whole: Observations, fit: Fit, low: Array, high: Array, i: int) -> flo
     deviation = fit.curve_deviation(i)[good]
     deviation = np.minimum(np.nan_to_num(deviation, nan=0.0, posinf=1e6), 1e6)
     bounds = low[i][good], high[i][good]
-    return record_area_metric(whole.reading[i][good], fit.curve[i][good], deviation, *bounds, noise=float(whole.noise[i]))
+    noise = float(whole.noise[i]) / math.sqrt(float(np.median(whole.weight[i][good])))
+    return record_area_metric(whole.reading[i][good], fit.curve[i][good], deviation, *bounds, noise=noise)
 
 
 def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list[dict[str, Any]]:

@@ -30,6 +30,8 @@ from .loop import (
 from .plugins import EffectError, Guarded, chosen_effects
 from .records import DiagnoseRecord, finite
 
+#: Error ahead, in deviations of the noise, beyond which the first minutes did not show all.
+BEYOND = 5.0
 #: Gain at which an effect would have been named, for telling how small a one would have been seen.
 SEEN_GAIN = 70.0
 
@@ -106,6 +108,9 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     if room:
         also.append("ambient")
         advice, status = f"{room}; {advice}", "not_determined"
+    beyond = _fails_beyond(found, seen, task.until_min)
+    if beyond:
+        advice, status = f"{beyond}; {advice}", "not_determined"
     records = []
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
@@ -141,6 +146,16 @@ def unlogged_room(found: Discovery, seen: Observations) -> str:
     if not alike:
         return ""
     return f"the surroundings are not logged, and a room that moves would look like {' and '.join(alike)}: log the ambient"
+
+
+def _fails_beyond(found: Discovery, seen: Observations, until: float | None) -> str:
+    """What to say where nothing is missing in the first minutes and yet the later readings leave the model; else nothing."""
+    if until is None or found.verdict != "none":
+        return ""
+    worst = float(np.nanmax(found.ahead_base / seen.noise, initial=0.0))
+    if not worst > BEYOND:
+        return ""
+    return f"the readings after {until:g} min leave the model by {worst:.2g} times the noise: they tell more, say a longer --until"
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:

@@ -52,7 +52,8 @@ def displacement_run(run: Run, columns: tuple[str, ...], start_min: float = 0.0)
         sensors = [i for i, c in enumerate(channels) if c != column and _moves(temperatures[:, i])]
         own = temperatures[:, sensors]
         good = np.isfinite(values) & np.isfinite(own).all(axis=1) & (run.time_s / 60.0 >= start_min - 1e-9)
-        _add(told, run, column, run.time_s[good] / 60.0, own[good], values[good], [channels[i] for i in sensors])
+        names, lost = [channels[i] for i in sensors], int((~good).sum())
+        _add(told, run, column, run.time_s[good] / 60.0, own[good], values[good], names, lost)
     return told
 
 
@@ -61,7 +62,7 @@ def _moves(values: Array) -> bool:
     return len(seen) > 0 and float(np.ptp(seen)) > 0.0
 
 
-def _add(told: Told, run: Run, column: str, time: Array, temperatures: Array, values: Array, names: list[str]) -> None:
+def _add(told: Told, run: Run, column: str, time: Array, temperatures: Array, values: Array, names: list[str], lost: int) -> None:
     blank: dict[str, Any] = {"samples": len(values), "sensors": names}
     if not names or not len(values):
         why = "no temperature goes with it" if not names else "no reading in this column"
@@ -71,10 +72,13 @@ def _add(told: Told, run: Run, column: str, time: Array, temperatures: Array, va
         told.records.append(DisplacementRecord(run.name, column, status="constant", message="every reading is the same", **blank))
         return
     found = compare(temperatures, values)
+    gaps = f"; {lost} rows with a gap in some column are left out, see --exclude" if lost else ""
     scores: dict[str, Score | None] = {"least squares": found.least_squares, "network": found.network}
     for method, score in scores.items():
         if score is None:
-            told.records.append(DisplacementRecord(run.name, column, method, status="too_short", message=found.reason, **blank))
+            told.records.append(
+                DisplacementRecord(run.name, column, method, status="too_short", message=found.reason + gaps, **blank)
+            )
             continue
         fitted = METHODS[method](temperatures, values).predict(temperatures).mean - values
         trusted = found.choice == method

@@ -33,6 +33,8 @@ Model = Lump | PrintedLump
 KEPT_SHARE = 0.5
 #: Residuals of a right model look this patterned once in a thousand records.
 DOUBT = 1e-3
+#: Residuals this patterned are no reason for doubt yet, but their neighbours may be alike: intervals make room for that.
+WIDEN = 0.05
 FEWEST_READINGS = 6
 
 
@@ -102,7 +104,7 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
         root = np.sqrt(weights[used])
         scaled = residual * root
         p = pattern_p_value(scaled, tangent * root[:, None])
-        if p < DOUBT:
+        if p < WIDEN:
             widening = variance_inflation(scaled)
     widening = max(widening, _rounding(fit, resolution))
     if widening > 1.0 and fit.dof > 0 and fit.rss > 0.0:
@@ -173,7 +175,7 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
         weights = start.weights
     quantile = float(t_quantile(dof)) if math.isfinite(dof) else 1.96
     covariance = covariance * noise_variance
-    steady, _ = model.intervals(state, covariance, quantile)
+    steady, rates = model.intervals(state, covariance, quantile)
     curve, spread = model.curve_state(state), model.curve_covariance(state, covariance)
     temperature, slope, rate = (float(v) for v in curve)
     settles = rate > 0.0
@@ -189,7 +191,16 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
     residual[used] = reading[: k + 1][used] - Lump().free_run(curve, time[: k + 1][used] - time[k])
     misfit = math.sqrt(float(remembered @ residual**2) / max(float(remembered.sum()), 1e-9))
     elapsed = float(time[k] - time[0])
-    t95, t95_interval = settling(curve, spread, elapsed, initial, quantile)
+    if faded or not settles:
+        t95, t95_interval = settling(curve, spread, elapsed, initial, quantile)
+    else:  # one curve from the start on: where it began is as sure as the state is, and only the rate counts
+        t95, t95_interval = (
+            LOG_TWENTY / rate,
+            Interval(
+                LOG_TWENTY / rates.high if rates.high is not None else None,
+                LOG_TWENTY / rates.low if rates.low is not None else None,
+            ),
+        )
     if settles:
         steady = steady.around(temperature + slope / rate)
     return Estimate(

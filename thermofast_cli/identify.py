@@ -254,7 +254,7 @@ def doubts(estimate: Estimate, track: Track, sensor: Sensor) -> list[str]:
         when = sensor.time[int(np.argmax(track.fading > 1.0))]
         return [
             f"the base model fails from about {when:.4g} min on and the filter forgets what was before; "
-            "the interval holds only if nothing else changes"
+            "the interval is that of its last readings and may be too narrow"
         ]
     if (estimate.pattern_p < DOUBT or estimate.too_large) and estimate.misfit > least:
         return [

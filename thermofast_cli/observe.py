@@ -115,7 +115,7 @@ def _gridded(
     rates: list[float],
 ) -> tuple[Observations, str]:
     """Long records averaged over neighbours, gaps and coarse sampling filled with points without readings."""
-    noise = np.array([third_difference_noise(r[w > 0.0]) for r, w in zip(reading, weight, strict=True)])
+    noise = np.array([third_difference_noise(r[w > 0.0], time[w > 0.0]) for r, w in zip(reading, weight, strict=True)])
     finest = FINE / float(np.median(rates))
     together = max(1, math.floor(min(len(time) / ENOUGH, finest / float(np.median(np.diff(time))))))
     note = ""
@@ -137,7 +137,7 @@ def _gridded(
     ambient_noise = 0.0
     if ambient:
         first = next(iter(ambient.values()))
-        ambient_noise = third_difference_noise(first)
+        ambient_noise = third_difference_noise(first, time)
     seen = Observations(
         name,
         channels,

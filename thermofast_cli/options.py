@@ -52,7 +52,12 @@ table_options = _together(
         type=click.Choice(["table", "csv", "json", "jsonl", "md"]),
         help="Table on a terminal, else CSV, by default.",
     ),
-    click.option("-o", "--output", metavar="FILE", help="Write to FILE instead: .csv .json .jsonl .parquet .md."),
+    click.option(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="Write to FILE: .csv .json .jsonl .parquet .md; with --format the screen shows it too.",
+    ),
     click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error but errors."),
 )
 

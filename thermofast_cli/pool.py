@@ -73,12 +73,14 @@ class Shared:
 
     def __init__(self, jobs: int) -> None:
         self._pool: ProcessPoolExecutor | None = new_pool(jobs)
+        self._last: list[Future[Any]] = []
         for _ in range(jobs):
             self._pool.submit(_nothing)
 
     def __call__(self, work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
         items = list(items)
         futures = [_submit(self._pool, work, item) for item in items] if self._pool is not None else []
+        self._last = futures
         for i, item in enumerate(items):
             try:
                 yield futures[i].result() if futures else work(item)
@@ -87,9 +89,9 @@ class Shared:
                 yield work(item)
 
     def close(self) -> None:
-        """End the processes without waiting for them."""
+        """End the processes; waits for none that is still at work, as after an interrupt."""
         if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool.shutdown(wait=all(f.done() for f in self._last), cancel_futures=True)
 
 
 def map_tasks(

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Degree of the polynomials.
 DEGREE = 2
+#: A polynomial that misses this share of the variance tells no shares.
+NOTHING_TOLD = 0.5
 #: Draws of the polynomial for a probability.
 COUNTED = 50_000
 #: Share of the runs that may end undetermined.
@@ -155,10 +157,7 @@ def _plain_factors(
     stamps = back @ np.diag((slope[inside] * sizes.jitter / 60.0) ** 2) @ back.T
     noise_root, stamp_root = covariance_root(centre.covariance), covariance_root(stamps)
     # The room warms in a straight line while the readings are taken, and the lump follows by its own rate.
-    share = np.minimum(time / until, 1.0)
-    lagged = share - (1.0 - np.exp(-rate * np.minimum(time, until))) / (rate * until) * np.exp(
-        -rate * np.maximum(time - until, 0.0)
-    )
+    lagged = _lagged_ramp(time, until, rate)
     factors = [
         Factor("probe noise", centre.noise, "K", 3),
         Factor("time stamps", sizes.jitter, "s", 3),
@@ -175,6 +174,12 @@ def _plain_factors(
         return sensor.reading + added, until + minutes * sizes.until
 
     return factors, change
+
+
+def _lagged_ramp(time: Array, until: float, rate: Any) -> Array:
+    """What a room that warms by 1 K in a straight line until then adds to a lump of this rate, and to one after the other."""
+    within, after = np.minimum(time, until), np.maximum(time - until, 0.0)
+    return np.asarray(within / until - (1.0 - np.exp(-rate * within)) / (rate * until) * np.exp(-rate * after))
 
 
 def _tangent(centre: Estimate, time: Array) -> Array:
@@ -215,15 +220,20 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     slope = np.gradient(centre.curve, whole.time, axis=1)
     noise_of = _level_roots(centre, np.broadcast_to(centre.noise[:, None], centre.curve.shape))
     stamps_of = _level_roots(centre, np.abs(slope) * sizes.jitter / 60.0)
-    fading = np.exp(-centre.values[-1, "rate"][:, None] * whole.time)
+    rates = centre.values[-1, "rate"][:, None]
+    fading = np.exp(-rates * whole.time)
+    # A model that follows the logged surroundings errs by their probe; one that does not, by how the room warms unseen.
+    follows = any(p.choice.constants.get("column") in whole.ambient for p in centre.model.parts)
+    warming = np.zeros_like(fading) if follows else _lagged_ramp(whole.time, until, rates)
 
     def outcome(point: Array) -> Array:
         noise, stamps, (offset, start, room, minutes), moved = point[:2], point[2:4], point[4:8], point[8:]
         added = noise_of @ noise + stamps_of @ stamps + offset * sizes.offset + start * sizes.start * fading
+        added = added + room * sizes.room * warming
         changed = replace(
             whole,
             reading=whole.reading + added,
-            ambient={n: c + room * sizes.room for n, c in whole.ambient.items()},
+            ambient={n: c + room * sizes.room * follows for n, c in whole.ambient.items()},
         )
         seen = changed.until(until + minutes * sizes.until)
         fit = carry(_moved(file, constants, moved), seen, loop.run.name, loop.model or "").fit
@@ -293,11 +303,18 @@ def _records(
     for q, quantity in enumerate(QUANTITIES):
         named = replace(blank, quantity=quantity, lost=lost)
         if lost > MOST_LOST * len(points):
-            why = f"{lost} of {len(points)} changed records leave the steady state undetermined: measure longer"
+            why = f"{lost} of {len(points)} changed records do not determine the steady state: measure longer or take smaller sizes"
             records.append(replace(named, status="not_determined", message=why))
             continue
         chaos = fit_chaos(points[good], outputs[good, q], DEGREE)
-        exceeds = _exceedance(chaos, limit) if limit is not None and quantity == "steady_state_c" else {}
+        # A probability lives in the tails, where a polynomial that misses some of the variance is worth nothing.
+        exceeds: dict[str, Any] = {}
+        if limit is not None and quantity == "steady_state_c" and not chaos.doubt:
+            exceeds = _exceedance(chaos, limit)
+        if chaos.unexplained > NOTHING_TOLD:
+            why = f"{quantity}: no shares: {chaos.doubt}; try a shorter --until or smaller uncertainties"
+            records.append(replace(named, surrogate_error=chaos.unexplained, status="not_determined", message=why))
+            continue
         spread = replace(
             named,
             mean=chaos.mean,
@@ -312,8 +329,7 @@ def _records(
             mine = range(first, first + factor.inputs)
             first += factor.inputs
             alone, in_all = chaos.alone(mine), chaos.in_all(mine)
-            told = replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, first_order=alone, total=in_all)
-            records.append(told)
+            records.append(replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, first_order=alone, total=in_all))
     return records
 
 

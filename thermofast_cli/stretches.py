@@ -60,7 +60,7 @@ def failing_stretches(
             stretches[-1] = [stretches[-1][0], end, (stretches[-1][2] * count + size * (b - a)) / (count + b - a), count + b - a]
         else:
             stretches.append([begin, end, size, b - a])
-    return [(round(s[0], 4), round(s[1], 4), s[2]) for s in stretches if s[3] >= 3]
+    return [(round(s[0], 4), round(s[1], 4), float(s[2])) for s in stretches if s[3] >= 3]
 
 
 def _trimmed(r: Array, w: Array, room: Array, noise: float, a: int, b: int) -> tuple[int, int]:

@@ -71,6 +71,12 @@ def command(
         input_ranges=ranges(input_ranges),
         want_curves=bool(save_plot),
     )
+    for task in tasks:
+        for name, _ in task.input_ranges:
+            known = [*task.run.ambient, *task.run.inputs]
+            if name not in known:
+                allowed = ", ".join(known) or "this run logs none"
+                raise UsageError(f"{task.run.name}: --input-range {name!r} is no logged input", allowed=allowed)
     found, interrupted = run_loop(compare_task, tasks, jobs, compare_lost, quiet)
     records = [r for c in found for r in c.records]
     records += [CompareRecord(name, "", status="unreadable", message=why) for name, why in unreadable]

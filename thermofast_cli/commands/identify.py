@@ -115,7 +115,6 @@ def command(
         ("95 % interval", interval("t95_lo_min", "t95_hi_min", 1)),
         ("to go min", number("time_to_go_min", 0)),
         ("noise K", number("noise_c", 3)),
-        ("rmse K", number("rmse_fit_c", 3)),
         ("ahead K", number("rmse_ahead_c", 3)),
         ("status", text("status")),
     ]

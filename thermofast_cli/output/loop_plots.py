@@ -69,6 +69,7 @@ def _panel(column: list[Any], p: Panel, inputs: dict[str, Any]) -> None:
         column[2].set_ylim(-0.15, 2.1)
         column[2].legend(fontsize=6, frameon=False, loc="upper left", ncols=2)
     column[-1].set_xlabel("time, min", fontsize=8)
+    column[-1].tick_params(labelbottom=True)
     for axis in column:
         axis.tick_params(labelsize=7)
 

@@ -66,15 +66,16 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
             title_style="bold",
             pad_edge=False,
         )
-        for heading, _ in drawn:
+        mine = [row for row in rows if row["run"] == run]
+        for heading, form in drawn:
+            longest = max((len(form(row)) for row in mine), default=4)
             table.add_column(
                 heading,
                 justify="left" if heading in (*WORDS, "status") else "right",
-                overflow="fold",
+                overflow="fold" if heading in WORDS else "ellipsis",
                 no_wrap=heading not in WORDS,
-                min_width=4 if heading in WORDS else None,
+                min_width=min(14, max(longest, len(heading))) if heading in WORDS else None,
             )
-        mine = [row for row in rows if row["run"] == run]
         for row in mine:
             style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
             table.add_row(*[Text(form(row), style=style) for _, form in drawn])

@@ -38,7 +38,8 @@ def plot_shares(path: str, records: Sequence[SensitivityRecord]) -> None:
             axis.tick_params(labelsize=8)
     for axis in axes[-1]:
         axis.set_xlabel("share of the variance", fontsize=8)
-    axes[0][1].legend(fontsize=8, frameon=False, loc="lower right")
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     more = f"  (first {len(shown)} of {len(sensors)} sensors)" if len(sensors) > len(shown) else ""
     figure.suptitle(f"{Path(shown[0][0]).name}{more}", fontsize=11)
     save_figure(path, figure)

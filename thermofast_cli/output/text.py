@@ -34,6 +34,8 @@ def cell(value: Any) -> str:
         return repr(value) if math.isfinite(value) else ""
     if value is None:
         return ""
+    if isinstance(value, float):
+        return cell(float(value))
     if kind is str:
         return harmless(value)
     if kind is bool:

@@ -59,6 +59,7 @@ COUNTERS = frozenset(["no", "nr", "index", "idx", "sample", "scan", "record", "c
 #: Words of a thermal displacement; the unit alone says it too, as in ``Z (um)``.
 DISPLACEMENTS = frozenset(
     [
+        "mm",
         "um",
         "µm",
         "μm",
@@ -159,6 +160,13 @@ def _temperature_unit(name: str, unit: str) -> str | None:
     ):
         return "F"
     return None
+
+
+def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
+    """Displacements in um and a note where they were in mm, told by the name or the unit line."""
+    if "mm" in {*words(name), *words(unit_cell)}:
+        return values * 1000.0, f"{name}: mm, turned into um"
+    return values, None
 
 
 def without_impossible(values: Array) -> tuple[Array, int]:

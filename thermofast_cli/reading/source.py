@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, UsageError, listed
-from .columns import check_names, classify, to_celsius, without_impossible
+from .columns import check_names, classify, to_celsius, to_micrometres, without_impossible
 from .run import Array, Options, Run
 from .table import Table, read_parquet
 from .text import read_text
@@ -108,6 +108,10 @@ def run_from_table(table: Table, options: Options) -> Run:
         notes.append(f"surroundings: {listed(roles.ambient)}")
     if roles.inputs:
         notes.append(f"inputs: {listed(roles.inputs)}")
+    displacements: dict[str, Array] = {}
+    for n in roles.displacements:
+        displacements[n], unit_note = to_micrometres(n, table.units.get(n, ""), numbers[n])
+        notes += [unit_note] if unit_note else []
     if roles.displacements:
         notes.append(f"displacements: {listed(roles.displacements)}")
     return Run(
@@ -118,7 +122,7 @@ def run_from_table(table: Table, options: Options) -> Run:
         {n: numbers[n] for n in roles.inputs},
         tuple(notes),
         channel_notes,
-        {n: numbers[n] for n in roles.displacements},
+        displacements,
     )
 
 
