@@ -182,8 +182,13 @@ def _pairs(
     order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else PAIRS]
     order += [k for k in promised if len(k) > 2 and k not in order]
     tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
-    found = sorted([c for c in tried if c is not None], key=lambda c: -total_gain(base, c))
+    grown = sorted(
+        [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None], key=lambda g: -total_gain(base, g[0])
+    )
+    found = [c for c, _ in grown]
     again = [i for i, pair in enumerate(found[:REFINED]) if not good or not _sound(pair)]
+    # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
+    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= REFINED][:1]
     for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
         found[i] = pair
     found.sort(key=lambda c: -total_gain(base, c))

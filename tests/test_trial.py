@@ -114,3 +114,150 @@ def test_the_sensor_stays_readable_in_a_wide_table(tool):
     shown = tool("identify", "sample_runs/cool_down.csv", "--until", 60, "--format", "table", "-q").out
     for i in range(1, 11):
         assert f" T{i} " in shown or f"\n T{i} " in shown
+
+
+def test_the_joint_threshold_is_that_of_the_pooled_deviate():
+    from filters.fading import Evidence
+    from filters.joint import joint_wake, pooled_deviation
+
+    def evidence(z, matters=True):
+        return Evidence(0.0, z, 4.0, 1.0, False, matters)
+
+    strong, faint = [evidence(2.4)] * 10, [evidence(1.9)] * 10
+    assert pooled_deviation([2.4] * 10) > 4.0 > pooled_deviation([1.9] * 10)
+    assert joint_wake(strong) == pytest.approx(pooled_deviation([2.4] * 10) / 4.0)
+    assert joint_wake(faint) == 0.0
+    assert joint_wake([evidence(9.0)]) == 0.0  # one alone is judged by its own rule
+    assert joint_wake([evidence(2.4, matters=False)] * 8 + strong[:2]) == 0.0
+
+
+def test_the_default_is_left_for_what_is_more_than_twice_as_good():
+    def trial(name, error):
+        return Trial(BenchRecord("r", "", filter=name, sensors=1, rmse_ahead_c=error), np.array([error]))
+
+    told = {r.filter: r for r in choose_among([trial("afukf", 0.25), trial("ukf", 0.1)])}
+    assert told["ukf"].chosen
+
+
+def test_the_period_of_a_slow_line_is_told():
+    time = np.arange(400.0)
+    noise = 0.2 * np.random.default_rng(1).standard_normal(400)
+    assert spectral_line(np.sin(2 * np.pi * time / 40.0) + noise)[1] == pytest.approx(40.0, rel=0.02)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_three_readings_in_a_row_beyond_the_adaptive_limits_are_a_sudden_fault_and_two_are_not(side):
+    from thermofast_cli.stretches import _sudden
+
+    rng = np.random.default_rng(2)
+    residual = 0.3 * np.sin(np.arange(200.0) / 60.0) + 0.02 * rng.standard_normal(200)
+    for length, found in ((2, 0), (3, 3), (6, 6)):
+        faulty = residual.copy()
+        faulty[100 : 100 + length] += side * 0.5
+        assert int(_sudden(faulty, 0.02)[95:110].sum()) == found
+
+
+def test_the_lagged_ramp_is_the_lumps_own():
+    from scipy.integrate import solve_ivp
+
+    from thermofast_cli.sensitivity import _lagged_ramp
+
+    time = np.linspace(0.0, 200.0, 41)
+    solved = solve_ivp(
+        lambda t, y: 0.03 * (min(t / 80.0, 1.0) - y), (0.0, 200.0), [0.0], t_eval=time, rtol=1e-9, atol=1e-11, max_step=1.0
+    )
+    assert np.abs(_lagged_ramp(time, 80.0, 0.03) - solved.y[0]).max() < 1e-6
+
+
+def test_a_range_of_the_room_moves_the_curve_by_as_much_on_both_sides():
+    from machines import draw
+
+    from models.candidates import try_add
+    from models.effects.ambient import Ambient
+    from models.joint import fit_model
+    from thermofast_cli.compare import curve_bounds
+    from thermofast_cli.observe import observe
+    from thermofast_cli.reading import Run
+
+    columns = draw(("ambient",), np.random.default_rng(3), "clear").columns
+    sensors = {k: v for k, v in columns.items() if k[0] == "T"}
+    run = observe(Run("drawn", columns["time_min"] * 60.0, sensors, {"ambient": columns["ambient"]})).seen
+    fit = try_add(fit_model(run), Ambient()).fit
+    low, high = curve_bounds(fit, {"ambient": 0.5})
+    gain = float(np.ravel(fit.values[0, "gain"])[0])
+    rise = 1.0 - np.exp(-fit.values[-1, "rate"] * run.span)
+    assert gain > 0.2
+    assert (high - fit.curve)[:, -1] == pytest.approx(0.5 * rise, rel=0.05)
+    assert (fit.curve - low)[:, -1] == pytest.approx(0.5 * rise, rel=0.05)
+
+
+def test_the_last_quarter_is_foretold_from_the_first_three():
+    from models.displacement import fit_least_squares
+    from models.displacement_score import later_coverage
+
+    rng = np.random.default_rng(4)
+    above = 5.0 + 4.0 * np.sin(np.arange(400.0) / 20.0)
+    temperatures = 20.0 + np.stack([above, 0.5 * above], axis=1) + 0.02 * rng.standard_normal((400, 2))
+    straight = 2.0 * above + 0.3 * rng.standard_normal(400)
+    assert later_coverage(temperatures, straight, fit_least_squares) > 0.88
+    late = straight + 0.05 * np.maximum(np.arange(400.0) - 300.0, 0.0)
+    assert later_coverage(temperatures, late, fit_least_squares) < 0.5
+
+
+def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
+    from models import variance_inflation
+    from thermofast_cli.estimate import DOUBT, WIDEN, likelihood_estimate
+
+    time, widened = np.arange(120.0), []
+    for seed in range(60):
+        rng = np.random.default_rng([5, seed])
+        noise = rng.standard_normal(120)
+        for k in range(1, 120):
+            noise[k] += 0.3 * noise[k - 1]
+        reading = 26.0 - 8.0 * np.exp(-0.02 * time) + 0.02 * noise
+        found = likelihood_estimate(time, reading, np.ones(120), 0, 0.0, 1e9)
+        width = found.steady_state_interval.high - found.steady_state_interval.low
+        if DOUBT < found.pattern_p < WIDEN:
+            widened.append(width / (2 * 1.98 * found.limit))
+        elif found.pattern_p > WIDEN:
+            assert width / (2 * 1.98 * found.limit) == pytest.approx(1.0, abs=0.12)
+    assert len(widened) > 8
+    assert np.median(widened) > 1.15
+    assert variance_inflation(np.ones(20)) > 1.0
+
+
+def test_a_plain_filters_settling_time_is_that_of_its_rate():
+    from filters import Ukf
+    from models import Lump
+    from thermofast_cli.estimate import estimate_at
+
+    time = np.arange(121.0)
+    reading = 26.7 - 8.8 * np.exp(-0.01536 * time) + 0.02 * np.random.default_rng(6).standard_normal(121)
+    track = Ukf().track(Lump(), time, reading, 0.0)
+    found = estimate_at(Lump(), Ukf(), track, time, reading, 120, 0.0)
+    reach = 1.98 * np.sqrt(found.covariance[2, 2])
+    assert found.t95 == pytest.approx(np.log(20.0) / found.rate)
+    assert found.t95_interval.low == pytest.approx(np.log(20.0) / (found.rate + reach), rel=1e-3)
+    assert found.t95_interval.high == pytest.approx(np.log(20.0) / (found.rate - reach), rel=1e-3)
+
+
+def test_what_is_left_with_a_model_counts_from_the_last_reading(tool, tmp_path):
+    model = tmp_path / "machine.toml"
+    assert tool("improve", HIDDEN, "--add", "second_mode", "-o", model, "-q").code == 0
+    for r in records(
+        tool("identify", "sample_runs/hidden_second_run.csv", "--model", model, "--until", 60, "--format", "json", "-q")
+    ):
+        assert r["time_to_go_min"] == pytest.approx(r["t95_min"] - 60.0, abs=1.0)
+
+
+def test_diagnose_until_gives_the_named_models_own_error_after_it(tool):
+    for r in records(tool("diagnose", HIDDEN, "--until", 300, "--format", "json", "-q")):
+        assert r["verdict"] == "second_mode"
+        assert r["rmse_ahead_c"] < 0.4 * r["rmse_base_ahead_c"]
+
+
+def test_a_moving_room_beside_a_hidden_mass_is_found_where_it_acts_as_logged(tool, tmp_path):
+    run = tmp_path / "run.csv"
+    assert tool("simulate", "--effects", "ambient,second_mode", "--seed", 7, "-o", run).code == 0
+    for r in records(tool("diagnose", run, "--format", "json", "-q")):
+        assert set(r["verdict"].split("+")) == {"ambient", "second_mode"}

@@ -102,7 +102,7 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     ranking = [ranked(c, found) for c in found.singles]
     if found.named is not None:
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
-    evidence, advice, status = words(found, seen, task.until_min)
+    evidence, advice, status = words(found, seen)
     also = list(dict.fromkeys("+".join(sorted(c.ids)) if len(c.ids) > 1 else c.ids[0] for c in found.also))
     room = unlogged_room(found, seen)
     if room:
@@ -199,11 +199,11 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
     }
 
 
-def words(found: Discovery, seen: Observations, until: float | None) -> tuple[str, str, str]:
+def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     """(evidence, advice, status) of a verdict."""
     short = _short_record(found, seen)
     if found.named is not None:
-        return _named_words(found, seen, until)
+        return _named_words(found, seen)
     if found.verdict == "none":
         sizes = "; ".join(visible_sizes(found))
         name = "model" if found.base.model.parts else "base model"
@@ -227,7 +227,7 @@ def words(found: Discovery, seen: Observations, until: float | None) -> tuple[st
     return evidence, advice, "not_determined" if short else "model_doubtful"
 
 
-def _named_words(found: Discovery, seen: Observations, until: float | None) -> tuple[str, str, str]:
+def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     named = found.named
     assert named is not None
     assert found.ahead is not None

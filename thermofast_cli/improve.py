@@ -90,7 +90,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
         found = told.discovery
         notes += told.broken
         if found.named is None:
-            evidence, advice, _ = words(found, prepared.seen, task.until_min)
+            evidence, advice, _ = words(found, prepared.seen)
             stopped = f"{found.verdict}: {evidence}. {advice}"
         else:
             steps, remark = _staircase(prepared, task.until_min, base, found.named)
