@@ -11,7 +11,7 @@ import numpy as np
 
 from thermofast_cli.bench import bench_run
 from thermofast_cli.methods import known_filters
-from thermofast_cli.reading import Options, read_run
+from thermofast_cli.reading import Options, read_runs
 from thermofast_cli.records import BenchRecord
 from thermofast_cli.sensor import run_start
 
@@ -31,7 +31,7 @@ RUNS = (
 
 def judged(path: Path, until: float) -> list[BenchRecord]:
     """Records of every filter on one run."""
-    run = read_run(str(path), Options())
+    run = read_runs(str(path), Options())[0]
     return bench_run(run, run_start(run.time_s / 60.0, list(run.channels.values())), until, known_filters())
 
 

@@ -15,7 +15,7 @@ from models.heldout import held_out_errors
 from models.joint import Fit, fit_model
 from thermofast_cli.loop import pooled
 from thermofast_cli.observe import observe
-from thermofast_cli.reading import Options, read_run
+from thermofast_cli.reading import Options, read_runs
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 #: (record, sensors or all, column that drives the heat, effects that the physics is said to be)
@@ -45,7 +45,7 @@ def with_effects(base: Fit, ids: tuple[str, ...]) -> Fit | None:
 
 def judged(name: str, channels: tuple[str, ...], drive: str | None, known: tuple[str, ...]) -> dict[str, object]:
     """What the loop finds in one record."""
-    run = read_run(str(DATA / name), Options(channels=channels))
+    run = read_runs(str(DATA / name), Options(channels=channels))[0]
     seen = observe(run, 0.0, drive).seen
     assert seen is not None
     base = fit_model(seen)

@@ -9,7 +9,7 @@ from pathlib import Path
 from filters import Afukf
 from models import Lump
 from thermofast_cli.identify import Method, identify_sensor
-from thermofast_cli.reading import Options, read_run
+from thermofast_cli.reading import Options, read_runs
 from thermofast_cli.sensor import run_start
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -41,7 +41,7 @@ def main() -> None:
     print("| --- | ---: | --- | --- | ---: | ---: | ---: | ---: |")
     method = Method(Lump(), Afukf())
     for name, sensor in RECORDS.items():
-        run = read_run(str(FOLDER / name), Options(interval_s=1.0) if name.endswith(".lvm") else Options())
+        run = read_runs(str(FOLDER / name), Options(interval_s=1.0) if name.endswith(".lvm") else Options())[0]
         minutes = run.time_s / 60.0
         start = run_start(minutes, list(run.channels.values()))
         for until in (0.4 * minutes[-1], None):

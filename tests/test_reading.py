@@ -9,12 +9,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thermofast_cli.errors import InputError, UsageError
-from thermofast_cli.reading import Options, read_run
+from thermofast_cli.reading import Options, read_runs
+from thermofast_cli.reading.stamps import parse_stamps
 from thermofast_cli.reading.text import read_text
-from thermofast_cli.reading.times import stamps_to_seconds, unit_of, words
+from thermofast_cli.reading.times import unit_of
+from thermofast_cli.reading.vocabulary import words
 
 TIMES = [0.0, 1.0, 2.0, 3.0]
 T1 = [18.25, 18.5, 18.75, 19.0]
+
+
+def read_run(path, options=None):
+    (run,) = read_runs(path, options)
+    return run
+
+
+def stamps_to_seconds(cells, place, first_line, time_format=None):
+    return parse_stamps(cells, place, first_line, "", time_format).seconds
 
 
 def written(tmp_path, text, encoding="utf-8", name="run.csv"):
@@ -109,8 +120,8 @@ def test_the_user_has_the_last_word(tmp_path):
     with pytest.raises(UsageError, match="no column"):
         read_run(path, Options(time="clock"))
     headless = written(tmp_path, "0;1,5\n1;2,5\n2;3,5\n", name="h.csv")
-    assert read_run(headless, Options(header_line=0)).channels["column 2"].tolist() == [1.5, 2.5, 3.5]
-    assert read_run(headless).channels["column 2"].tolist() == [1.5, 2.5, 3.5]
+    assert read_run(headless, Options(header_line=0, time_unit="min")).channels["column 2"].tolist() == [1.5, 2.5, 3.5]
+    assert read_run(headless, Options(time_unit="s")).channels["column 2"].tolist() == [1.5, 2.5, 3.5]
     named = written(tmp_path, "x\ntime_s|T\n0|1\n1|2\n", name="n.csv")
     assert read_run(named, Options(header_line=2, delimiter="|")).channels["T"].tolist() == [1, 2]
 

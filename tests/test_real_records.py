@@ -25,11 +25,11 @@ HONEST = {"ok", "not_determined", "model_doubtful"}
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_each_record_is_read_as_it_is(name, shared, tool):
-    from thermofast_cli.reading import Options, read_run
+    from thermofast_cli.reading import Options, read_runs
 
     sensors, surroundings, inputs, rows, minutes = RECORDS[name]
     options = Options(interval_s=1.0) if name.endswith(".lvm") else Options()
-    run = read_run(str(shared / name), options)
+    run = read_runs(str(shared / name), options)[0]
     assert (len(run.channels), len(run.ambient), len(run.inputs), len(run.time_s)) == (sensors, surroundings, inputs, rows)
     assert run.time_s[-1] / 60 == pytest.approx(minutes, abs=0.1)
     for until in (None, round(0.4 * minutes, 2)):

@@ -11,7 +11,7 @@ from filters import Afukf, Filter, Track
 from filters.joint import track_together
 from models import Lump, spike_weights
 
-from .estimate import FEWEST_READINGS, Estimate, estimate_at
+from .estimate import FEWEST_READINGS, Estimate, FilterError, estimate_at, track_of
 from .reading import Run
 from .records import BenchRecord, finite
 from .sensor import Sensor, prepare
@@ -65,8 +65,8 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
         tracks = []
         for record in records:
             try:
-                tracks.append(method.track(model, *record))
-            except ValueError as error:  # a filter that cannot run on this record says why
+                tracks.append(track_of(method, model, *record))
+            except FilterError as error:
                 tracks.append(None)
                 why = str(error)
     spent = clock.perf_counter() - began

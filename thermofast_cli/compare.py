@@ -16,6 +16,7 @@ from models.judge import PATTERN, noise_floor
 
 from .colour import colour_of
 from .errors import ThermofastError
+from .logged_steps import steps_near
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .records import CompareRecord, finite
 from .stretches import failing_stretches
@@ -25,10 +26,8 @@ Array = NDArray[np.float64]
 #: A correlation is told where chance gives it once in so many looks.
 CORRELATED = 1e-3
 MOST_TOLD = 12
-HOLDS = (
-    "the model holds where it was fitted and fails ahead: the first minutes did not show what it lacks, or something "
-    "changed later that nothing logs, which no fit could know"
-)
+HOLDS = "the model holds where it was fitted and fails ahead: "
+UNSEEN = "the first minutes did not show what it lacks, or something changed later that nothing logs, which no fit could know"
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,8 @@ def _compare(task: LoopTask) -> Comparison:
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
         messages = [few, colour.words, _in_words(along), *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= PATTERN and unused.any():
-            messages.insert(0, HOLDS)
+            steps = steps_near(whole, min(a for a, _, _ in stretches))
+            messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
         # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
         sound = (floor[i] >= PATTERN and not colour.cycles) or (colour.short and colour.whitened_p >= PATTERN)
         status = "ok" if sound and not stretches else "model_doubtful"

@@ -2,6 +2,7 @@
 
 import math
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from models.judge import PATTERN
 from models.observations import Observations
 
 from .errors import ThermofastError
+from .logged_steps import steps_near
 from .loop import (
     LoopTask,
     Ready,
@@ -103,14 +105,14 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     if found.named is not None:
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
     evidence, advice, status = words(found, seen)
-    also = list(dict.fromkeys("+".join(sorted(c.ids)) if len(c.ids) > 1 else c.ids[0] for c in found.also))
+    also = list(dict.fromkeys("+".join(sorted(c.ids)) for c in rivals(found)))
     room = unlogged_room(found, seen)
     if room:
         also.append("ambient")
         advice, status = f"{room}; {advice}", "not_determined"
     beyond = _fails_beyond(found, seen, task.until_min)
-    if beyond:
-        advice, status = f"{beyond}; {advice}", "not_determined"
+    if beyond:  # "nothing to add" would contradict it
+        advice, status = beyond, "not_determined"
     records = []
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
@@ -138,6 +140,27 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     return in_order(records, task.run)
 
 
+def rivals(found: Discovery) -> list[Candidate]:
+    """The models that fit as well and are others: the same effects in another order, or on another column, are not."""
+    mine = {frozenset(found.named.ids)} if found.named is not None else set()
+    other: list[Candidate] = []
+    for candidate in found.also:
+        if frozenset(candidate.ids) not in mine:
+            mine.add(frozenset(candidate.ids))
+            other.append(candidate)
+    return other
+
+
+def other_ways(found: Discovery) -> str:
+    """Where the effects named act as well in another way (on another column or neighbour); empty where they do not."""
+    if found.named is None:
+        return ""
+    same = [c for c in found.also if set(c.ids) == set(found.named.ids)]
+    own = {p.choice.label for p in found.named.parts}
+    ways = dict.fromkeys(p.choice.label for c in same for p in c.parts if p.choice.label and p.choice.label not in own)
+    return f"acts as well as: {', '.join(ways)}" if ways else ""
+
+
 def unlogged_room(found: Discovery, seen: Observations) -> str:
     """What to say where nobody logged the surroundings and a moving room would look like what was named; else nothing."""
     if found.named is None or seen.ambient:
@@ -155,7 +178,10 @@ def _fails_beyond(found: Discovery, seen: Observations, until: float | None) -> 
     worst = float(np.nanmax(found.ahead_base / seen.noise, initial=0.0))
     if not worst > BEYOND:
         return ""
-    return f"the readings after {until:g} min leave the model by {worst:.2g} times the noise: they tell more, say a longer --until"
+    return (
+        f"nothing is missing in the first {until:g} min, and the readings after them leave the model by {worst:.2g} times the "
+        "noise: they tell more, say a longer --until"
+    )
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:
@@ -211,16 +237,20 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         return evidence, short or "nothing to add", "not_determined" if short else "ok"
     above = [c for c, p in zip(seen.channels, found.base_floor, strict=True) if p < PATTERN]
     where = _where(found, seen)
-    near = ", ".join("+".join(c.ids) for c in found.also[:3])
+    near = ", ".join("+".join(c.ids) for c in rivals(found)[:3])
     evidence = (
         f"the base model fails in {_listed(above)} {where}, and no effect of the catalogue, alone or with a second one, brings "
         f"every sensor down to its noise with parameters that the record determines; nearest: {near or 'none'}"
     )
-    hints = list(dict.fromkeys(p.effect.separate for c in found.also[:2] for p in c.parts if p.effect.separate))
+    begins = _worst(found, seen)
+    steps = steps_near(seen, begins[0]) if begins else []
     advice = short or "; ".join(
         [
-            "log what changed at that time (speed, power, coolant, room)",
-            *hints[:2],
+            *(
+                [f"{s}, where the model fails: look at it first" for s in steps]
+                or ["log what changed at that time" + _unlogged(seen)]
+            ),
+            *hints_of(found.also[:2], seen)[:2],
             "or write the effect yourself: docs/add-an-effect.md",
         ]
     )
@@ -261,9 +291,10 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         f"from {before:.2g} to {after:.2g} K; "
         f"noise {noise:.2g} K"
     )
-    hints = list(dict.fromkeys(p.effect.separate for c in (named, *found.also[:2]) for p in c.parts if p.effect.separate))
-    if found.also:
-        advice = f"as good: {', '.join('+'.join(c.ids) for c in found.also)}. To tell them apart: {'; '.join(hints)}"
+    also, ways = rivals(found), other_ways(found)
+    if also:
+        hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
+        advice = f"as good: {', '.join('+'.join(c.ids) for c in also)}. To tell them apart: {hints}"
     else:
         source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
         own = "".join(
@@ -274,7 +305,24 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     if any(p.id == "transport_delay" for p in named.parts):
         advice += "; if the machine was started later than the record, say --start MIN"
     # What fits as well may be the cause as well: a name is sure only where it stands alone.
-    return evidence, advice, "not_determined" if found.also else "ok"
+    return evidence, "; ".join(a for a in (advice, ways) if a), "not_determined" if also else "ok"
+
+
+def hints_of(candidates: Sequence[Candidate], seen: Observations) -> list[str]:
+    """What would tell the effects of the candidates apart, without what the run has already: a logged room, a logged column."""
+    hints = dict.fromkeys(
+        part.strip() for c in candidates for p in c.parts for part in p.effect.separate.split(";") if p.effect.separate
+    )
+    logged = {"ambient": bool(seen.ambient), "speed": bool(seen.inputs), "power": bool(seen.inputs), "duty": bool(seen.inputs)}
+    logged |= {"coolant": any("cool" in n or "fan" in n for n in seen.inputs)}
+    return [h for h in hints if not (h.startswith("log ") and any(word in h and there for word, there in logged.items()))]
+
+
+def _unlogged(seen: Observations) -> str:
+    """The usual columns that a run does not log, to name them."""
+    usual = [] if seen.inputs else ["speed", "power", "coolant"]
+    usual += [] if seen.ambient else ["room"]
+    return f" ({', '.join(usual)})" if usual else ""
 
 
 def _seen_as(named: Candidate) -> str:
@@ -296,16 +344,21 @@ def _listed(names: list[str]) -> str:
 
 
 def _where(found: Discovery, seen: Observations) -> str:
+    worst = _worst(found, seen)
+    return f"(most from {worst[0]:.4g} to {worst[1]:.4g} min, by {worst[2]:.2g} K)" if worst else ""
+
+
+def _worst(found: Discovery, seen: Observations) -> tuple[float, float, float] | None:
+    """The stretch in which the base model fails most, over all sensors: from, to [min], by [K]."""
     from .stretches import failing_stretches
 
-    base = found.base
-    worst = None
+    worst: tuple[float, float, float] | None = None
     for i in range(seen.sensors):
-        residual = np.where(seen.used[i], base.residual[i], np.nan)
+        residual = np.where(seen.used[i], found.base.residual[i], np.nan)
         for a, b, size in failing_stretches(seen.time, residual, seen.weight[i], float(seen.noise[i])):
             if worst is None or abs(size) > abs(worst[2]):
                 worst = a, b, size
-    return f"(most from {worst[0]:.4g} to {worst[1]:.4g} min, by {worst[2]:.2g} K)" if worst else ""
+    return worst
 
 
 def _short_record(found: Discovery, seen: Observations) -> str:

@@ -1,6 +1,7 @@
 """Joins a filter and the model: the estimate that a track supports at a reading. Pure functions on arrays, one sensor at a time."""
 
 import math
+import traceback
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from models import (
     PrintedLump,
     difference_noise,
     growth,
+    growth_slope,
     likelihood,
     likelihood_sweep,
     pattern_p_value,
@@ -24,6 +26,8 @@ from models import (
     variance_inflation,
     widened_intervals,
 )
+
+from .contradiction import contradiction
 
 Array = NDArray[np.float64]
 Model = Lump | PrintedLump
@@ -74,6 +78,23 @@ class Estimate:
         low, high = np.quantile(curves, [0.025, 0.975], axis=0)
         return low, high
 
+    def contradicted_by(self, times: Array, residual: Array) -> float | None:
+        """Largest of the residuals (n,) [K] at times (n,) [min] where they leave the band of the prediction, or None.
+
+        First by the covariance alone, which costs little; what that finds is looked at again with the curved band of draws.
+        """
+        dt = times - self.time
+        rate = self.state[2]
+        tangent = np.stack([np.ones_like(dt), growth(rate, dt), self.state[1] * growth_slope(rate, dt)])
+        spread = np.sqrt(np.maximum(np.einsum("in,ij,jn->n", tangent, self.covariance, tangent), 0.0))
+        if contradiction(residual, 1.96 * spread, self.noise) is None:
+            return None
+        few = np.linspace(float(times.min()), float(times.max()), 60)
+        curve, (low, high) = self.free_run(few), self.band(few)
+        above, below = np.interp(times, few, high - curve), np.interp(times, few, curve - low)
+        half = np.maximum(np.where(residual > 0.0, above, below), 1.96 * spread)
+        return contradiction(residual, half, self.noise)
+
     def free_run(self, times: Array) -> Array:
         """Model temperatures (n,) [degC] at times (n,) [min], run from the state forwards and backwards."""
         return Lump().free_run(self.state, times - self.time)
@@ -82,6 +103,31 @@ class Estimate:
     def bounded(self) -> bool:
         sides = (self.steady_state_interval, self.t95_interval)
         return self.steady_state is not None and all(i.low is not None and i.high is not None for i in sides)
+
+
+class FilterError(Exception):
+    """A filter that cannot run on a record, or a stranger's that raises; the message names it and says why."""
+
+
+def track_of(method: Filter, model: Model, time: Array, reading: Array, resolution: float) -> Track:
+    """What a filter makes of one record; the one place where a filter, built in or not, is called.
+
+    Raises
+    ------
+    FilterError: the filter raises, or what it returns is no track of the record.
+    """
+    try:
+        track = method.track(model, time, reading, resolution)
+    except ValueError as error:
+        raise FilterError(f"{method.name}: {error}") from None
+    except Exception as error:  # whatever a plug-in does is one sensor's trouble
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{last.filename}, line {last.lineno}"
+        raise FilterError(f"{method.name} raised {type(error).__name__}: {error} ({place})") from None
+    n = len(time)
+    if not isinstance(track, Track) or len(track.state) != n or len(track.weight) != n or track.state.shape[1:] != (3,):
+        raise FilterError(f"{method.name}: its track is not one row of three states for each of {n} readings")
+    return track
 
 
 def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float, stray: float) -> Estimate:

@@ -13,7 +13,8 @@ from filters.joint import track_together
 from models import spike_weights
 from models.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
-from .estimate import DOUBT, FEWEST_READINGS, Estimate, Model, estimate_at
+from .contradiction import words
+from .estimate import DOUBT, FEWEST_READINGS, Estimate, FilterError, Model, estimate_at, track_of
 from .measured import measured_equilibrium
 from .records import IdentifyRecord, finite
 from .sensor import Sensor, prepare
@@ -81,11 +82,9 @@ def identify_sensor(
         return refused
     count = sensor.until(until_min)
     try:
-        track = method.filter.track(method.model, sensor.time[:count], sensor.reading[:count], sensor.resolution)
-    except ValueError as error:  # a filter that cannot run on these readings says why
-        return Identified(
-            replace(blank, samples=count, status="diverged", message=_joined([f"{method.filter.name}: {error}", note]))
-        )
+        track = track_of(method.filter, method.model, sensor.time[:count], sensor.reading[:count], sensor.resolution)
+    except FilterError as error:
+        return Identified(replace(blank, samples=count, status="diverged", message=_joined([error, note])))
     return _identified(replace(blank, until_min=_until(until_min, time_min)), sensor, track, method, note, until_min, want_trace)
 
 
@@ -177,12 +176,18 @@ def _record(
     steady, t95 = estimate.steady_state_interval, estimate.t95_interval
     initial = estimate.initial
     measured = measured_equilibrium(time, reading)
-    ahead = None
+    ahead, against = None, None
     if count < len(time) and estimate.rate is not None:
         kept = spike_weights(reading, sensor.resolution)[count:] > 0.0
-        error = estimate.free_run(time[count:])[kept] - reading[count:][kept]
+        later = time[count:][kept]
+        error = reading[count:][kept] - estimate.free_run(later)
         ahead = math.sqrt(float(np.mean(error**2))) if len(error) else None
+        if len(error):
+            against = estimate.contradicted_by(later, error)
     status, messages = _verdict(estimate, track, sensor)
+    if against is not None:
+        status = "model_doubtful" if status == "ok" else status
+        messages.insert(0, words(against, float(time[count - 1])))
     to_go = remaining(estimate, max(estimate.time - (blank.start_min or 0.0), 0.0), paces)
     return replace(
         blank,

@@ -11,7 +11,7 @@ from models.discover import FALSE_ALARM
 from models.effects.base import Effect
 from models.joint import Fit, Part, fit_model
 
-from .errors import ThermofastError, UsageError
+from .errors import ThermofastError, UsageError, nearest
 from .learnt import carry
 from .modelfile import read_model
 from .observe import Note, Observed, observe
@@ -63,6 +63,16 @@ class Ready:
         return [n.text if n.channel is None else f"{n.channel}: {n.text}" for n in mine]
 
 
+def check_drive(run: Run, drive: str | None) -> None:
+    """Raises UsageError where --drive names no logged input of the run."""
+    if drive is not None and drive not in run.inputs:
+        raise UsageError(
+            f"{run.name}: --drive {drive!r} is no logged input",
+            allowed=", ".join(run.inputs) or "this run logs none",
+            do=nearest(drive, run.inputs) or "name a column with --inputs to make it one",
+        )
+
+
 def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
     """What the reader found of a run, and its observations, None where no sensor is usable.
 
@@ -70,12 +80,7 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
     ------
     UsageError: --drive names no logged input, or the record is too short before --until.
     """
-    if task.drive is not None and task.drive not in task.run.inputs:
-        raise UsageError(
-            f"{task.run.name}: --drive {task.drive!r} is no logged input",
-            allowed=", ".join(task.run.inputs) or "this run logs none",
-            do="name a column with --inputs to make it one",
-        )
+    check_drive(task.run, task.drive)
     observed = observe(task.run, task.start_min, task.drive)
     if observed.seen is None:
         return observed, None

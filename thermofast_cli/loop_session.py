@@ -8,7 +8,7 @@ from typing import Any
 from models.discover import Spread
 
 from .errors import UsageError
-from .loop import LoopTask
+from .loop import LoopTask, check_drive
 from .output.files import TABLE_SUFFIXES, check_target, check_targets
 from .output.screen import progress, say
 from .pool import Shared, cores, map_tasks
@@ -45,6 +45,7 @@ def loop_tasks(
     if targets and targets[0] and check_table:
         check_target(targets[0], TABLE_SUFFIXES)
     chosen_effects(options.get("names", ()), options.get("extra", ()))
+    drive = options.get("drive")  # the user's own; a model's is another run's business
     if options.get("model"):
         learnt = read_model(options["model"])
         check_effects(learnt, options["model"])
@@ -64,6 +65,8 @@ def loop_tasks(
     for run, start in readings.runs:
         if until is not None and until > run.time_s[-1] / 60.0 * 1.001:
             raise UsageError(f"{run.name}: --until {until:g} is longer than the record", found=f"{run.time_s[-1] / 60.0:.4g} min")
+        if drive is not None:
+            check_drive(run, drive)
         tasks.append(LoopTask(run, start, **options))
     return tasks, readings.unreadable
 

@@ -26,6 +26,8 @@ def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float | No
     tail = n - max(int(n * DRIFT_SHARE), 6)
     steady = float(reading[n - max(int(n * LAST_SHARE), 3) :].mean())
     rise = steady - sorted(reading[:3].tolist())[1]
+    if rise == 0.0:  # it ends where it began: nothing to settle
+        return None
     at, values = time[tail:] - time[tail:].mean(), reading[tail:] - reading[tail:].mean()
     slope = float(at @ values) / float(at @ at)
     drift = abs(slope) * float(time[-1] - time[tail])

@@ -1,14 +1,14 @@
 """Filter names, presets and settings from the command line to a ready filter; plug-ins under the same check."""
 
 from dataclasses import fields, replace
-from importlib.metadata import entry_points
 from typing import Any
 
 from filters import BUILT_IN, PRINTED, Filter
 from models import Lump, PrintedLump
 from models.first_passage import Pace
 
-from .errors import UsageError, listed
+from .entrypoints import Broken, installed
+from .errors import UsageError, listed, nearest
 from .identify import Method
 
 GROUP = "thermofast.filters"
@@ -17,13 +17,22 @@ GROUP = "thermofast.filters"
 def known_filters() -> dict[str, type[Filter]]:
     """Built-in filters by name, then those of installed plug-ins."""
     known: dict[str, type[Filter]] = {f.name: f for f in BUILT_IN}
-    for point in entry_points(group=GROUP):
-        plugin = point.load()
-        problem = check_filter(plugin)
-        if problem:
-            raise UsageError(f"filter plug-in {point.name!r} ({point.value}): {problem}", do="mend or uninstall the plug-in")
+    for plugin in installed(GROUP, _checked)[0]:
         known.setdefault(plugin.name, plugin)
     return known
+
+
+def broken_filters() -> list[Broken]:
+    """Installed plug-ins that cannot be used."""
+    return installed(GROUP, _checked)[1]
+
+
+def _checked(candidate: Any, origin: str) -> type[Filter]:
+    problem = check_filter(candidate)
+    if problem:
+        raise UsageError(f"{origin}: {problem}")
+    found: type[Filter] = candidate
+    return found
 
 
 def check_filter(candidate: Any) -> str | None:
@@ -38,7 +47,7 @@ def check_filter(candidate: Any) -> str | None:
         return "it has no track(model, time, reading, resolution)"
     try:
         candidate()
-    except TypeError as error:
+    except Exception as error:  # whatever a stranger's class does when it is made
         return f"it must have a default for every setting ({error})"
     return None
 
@@ -52,7 +61,7 @@ def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
     """
     known = known_filters()
     if name not in known:
-        raise UsageError(f"unknown filter {name!r}", allowed=", ".join(known), do="see thermofast filters")
+        raise UsageError(f"unknown filter {name!r}", allowed=", ".join(known), do=nearest(name, known) or "see thermofast filters")
     if preset == "paper":
         printed = {f.name: f for f in PRINTED}
         if name not in printed:

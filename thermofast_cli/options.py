@@ -65,7 +65,7 @@ output_options = _together(table_options, jobs_option)
 
 reading_options = _together(
     click.option("--time", metavar="COLUMN", help="The time column."),
-    click.option("--time-unit", type=click.Choice(["ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
+    click.option("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
     click.option("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
     click.option(
         "--interval",
@@ -89,6 +89,13 @@ reading_options = _together(
     click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
     click.option("--encoding", metavar="NAME", help="Text encoding."),
     click.option("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
+    click.option(
+        "--long",
+        metavar="SENSOR,VALUE",
+        help="One row per sensor and time: the columns that name the sensor (A+B for two) and read it.",
+    ),
+    click.option("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
+    click.option("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
 loop_options = _together(
@@ -135,6 +142,9 @@ READING = [
     "decimal",
     "encoding",
     "header_line",
+    "long",
+    "units",
+    "strict",
 ]
 
 

@@ -9,7 +9,6 @@ import threading
 import traceback
 from collections.abc import Sequence
 from contextlib import contextmanager
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,8 @@ from models import Observations
 from models.drive import Drive
 from models.effects import BUILT_IN, Effect, Parameter, Values
 
-from .errors import ThermofastError, UsageError, listed
+from .entrypoints import Broken, installed
+from .errors import ThermofastError, UsageError, listed, nearest
 
 GROUP = "thermofast.effects"
 #: Seconds after which an effect's ``apply`` is taken to loop for ever.
@@ -73,8 +73,7 @@ def _again(file: str, name: str) -> Effect:
 def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:
     """Built-in effects by id, then those of installed plug-ins, then the user's own from `extra` (file.py[:Class])."""
     known: dict[str, Effect] = {kind.id: kind() for kind in BUILT_IN}
-    for point in entry_points(group=GROUP):
-        effect = _checked(point.load(), f"plug-in {point.name!r} ({point.value})")
+    for effect in installed(GROUP, _checked)[0]:
         known.setdefault(effect.id, effect)
     for spec in extra:
         effect = load_effect(spec)
@@ -82,6 +81,11 @@ def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:
             raise UsageError(f"{spec}: its id {effect.id!r} is taken", allowed="an id of its own", do="rename it")
         known[effect.id] = effect
     return known
+
+
+def broken_effects() -> list[Broken]:
+    """Installed plug-ins that cannot be used."""
+    return installed(GROUP, _checked)[1]
 
 
 def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
@@ -103,7 +107,7 @@ def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
             raise UsageError(
                 f"unknown effect {name!r}",
                 allowed=", ".join(known) + "; or a file, as in my_effect.py:MyEffect",
-                do="see thermofast effects",
+                do=nearest(name, known) or "see thermofast effects",
             )
         if wanted in [e.id for e in found]:
             raise UsageError(f"the effect {wanted!r} twice", do="name it once: an effect occurs once in a model")

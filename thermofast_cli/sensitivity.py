@@ -18,7 +18,7 @@ from models.joint import Fit
 from models.reliability import first_order, monte_carlo
 
 from .errors import ThermofastError
-from .estimate import Estimate, estimate_at
+from .estimate import Estimate, FilterError, estimate_at, track_of
 from .identify import Method, refusal
 from .learnt import carry
 from .loop import LoopTask, failure_records, in_order, ready, refused_records
@@ -136,8 +136,8 @@ def _estimate(method: Method, time: Array, reading: Array, until: float, resolut
     if count < 6:
         return None
     try:
-        track = method.filter.track(method.model, time[:count], reading[:count], resolution)
-    except ValueError:  # the filter cannot run on these readings
+        track = track_of(method.filter, method.model, time[:count], reading[:count], resolution)
+    except FilterError:
         return None
     if track.diverged_at is not None:
         return None

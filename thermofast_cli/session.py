@@ -18,7 +18,7 @@ from .options import names
 from .output.files import write_table
 from .output.screen import progress, say, show_records
 from .pool import map_tasks, warm_pool, worth
-from .reading import Options, Run, read_run
+from .reading import Options, Run, read_runs, told
 from .records import FAILURES, Record
 from .sensor import run_start
 
@@ -54,7 +54,24 @@ def read_options(given: dict[str, Any]) -> Options:
         decimal=given["decimal"],
         encoding=given["encoding"],
         header_line=given["header_line"],
+        long=_long(given["long"]),
+        units=names(given["units"]),
+        strict=bool(given["strict"]),
     )
+
+
+def _long(text: str | None) -> tuple[str, ...]:
+    """``SENSOR,VALUE`` as two names; a comma within one is written in quotes."""
+    if not text:
+        return ()
+    import csv
+
+    parts = tuple(p.strip() for p in next(csv.reader([text])))
+    if len(parts) != 2 or not all(parts):
+        raise UsageError(
+            "--long: not two columns", found=repr(text), allowed="SENSOR,VALUE, or A+B,VALUE where two columns name the sensor"
+        )
+    return parts
 
 
 def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: int | None = None) -> Readings:
@@ -78,20 +95,21 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
     last: ThermofastError | None = None
     for source in sources:
         try:
-            run = read_run(source, options)
+            found = read_runs(source, options)
         except ThermofastError as error:
             unreadable.append((source, str(error)))
             last = error
             continue
-        minutes = run.time_s / 60.0
-        begins = start if start is not None else run_start(minutes, list(run.channels.values()))
-        if begins >= minutes[-1]:
-            raise UsageError(f"{run.name}: --start {begins:g} is after the end of the record", found=f"{minutes[-1]:.4g} min")
-        if not quiet:
-            say(f"{run.name}: {'; '.join(run.notes)}")
-            if start is None and begins > 0.0:
-                say(f"{run.name}: the rise begins at {begins:.4g} min (--start to say otherwise)")
-        runs.append((run, begins))
+        for run in found:
+            minutes = run.time_s / 60.0
+            begins = start if start is not None else run_start(minutes, list(run.channels.values()))
+            if begins >= minutes[-1]:
+                raise UsageError(f"{run.name}: --start {begins:g} is after the end of the record", found=f"{minutes[-1]:.4g} min")
+            if not quiet:
+                say(f"{run.name}: {'; '.join([*run.notes, *map(str, run.guesses)])}")
+                if start is None and begins > 0.0:
+                    say(f"{run.name}: the rise begins at {begins:.4g} min (--start to say otherwise)")
+            runs.append((run, begins))
     if not runs and last is not None:
         if warm is not None:
             warm.shutdown(cancel_futures=True)
@@ -167,16 +185,27 @@ def deliver(
     form: str | None,
     quiet: bool,
     drawn: Sequence[Any],
+    runs: Sequence[Run],
     beneath: tuple[str, ...] = ("message",),
 ) -> None:
-    """Records to the file named, or to standard output; `beneath` are the texts under a drawn table."""
-    rows = [record.as_dict() for record in records]
+    """Records to the file named, or to standard output; `beneath` are the texts under a drawn table.
+
+    What was guessed of a run stands in the message of each of its records, and with the reader's notes in JSON's ``input``.
+    """
+    guessed = {run.name: told(run.guesses) for run in runs if run.guesses}
+    rows = [_with_guesses(record.as_dict(), guessed) for record in records]
+    input_ = [{"run": r.name, "notes": list(r.notes), "guesses": [g.as_dict() for g in r.guesses]} for r in runs]
     if output:
-        write_table(output, command, kind.columns(), rows)
+        write_table(output, command, kind.columns(), rows, input_)
         if not quiet:
             say(f"{len(rows)} records in {output}")
     if form or not output:
-        show_records(command, kind.columns(), rows, form, drawn, beneath)
+        show_records(command, kind.columns(), rows, form, drawn, beneath, input_)
+
+
+def _with_guesses(row: dict[str, Any], guessed: dict[str, str]) -> dict[str, Any]:
+    words = guessed.get(row["run"])
+    return row if not words else {**row, "message": "; ".join(m for m in (row["message"], words) if m)}
 
 
 def exit_code(records: Sequence[Any], interrupted: bool) -> int:

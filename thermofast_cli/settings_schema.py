@@ -9,7 +9,7 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     """How records are read: the same words as the options."""
 
     time: str | None = None
-    time_unit: Literal["ms", "s", "min", "h", "d"] | None = None
+    time_unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] | None = None
     time_format: str | None = None
     interval: float | None = None
     start: float | Literal["auto"] | None = None
@@ -22,6 +22,9 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     decimal: Literal[".", ","] | None = None
     encoding: str | None = None
     header_line: int | None = None
+    long: str | None = None
+    units: tuple[str, ...] = ()
+    strict: bool | None = None
 
 
 class Identify(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):

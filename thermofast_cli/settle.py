@@ -10,6 +10,7 @@ from models import Observations
 from models.joint import Fit, Model
 from models.judge import PATTERN, noise_floor
 
+from .contradiction import contradiction, words
 from .errors import ThermofastError
 from .identify import Curves, Identified
 from .learnt import carry
@@ -72,6 +73,11 @@ def _identify(task: LoopTask) -> list[Identified]:
         if floor[i] < PATTERN:
             status = "model_doubtful"
             notes.insert(0, "the readings leave the learnt model in a pattern: the interval does not cover what it lacks")
+        if unused.any():
+            against = contradiction(error, 1.96 * fit.curve_deviation(i)[unused], float(fit.noise[i]))
+            if against is not None:
+                status = "model_doubtful"
+                notes.insert(0, words(against, float(seen.time[np.flatnonzero(seen.used[i])[-1]])))
         if settled["steady_state_lo_c"] is None or settled["t95_min"] is None:
             status = "not_determined"
         record = IdentifyRecord(

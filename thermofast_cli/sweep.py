@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from models import growth, spike_weights
 
-from .estimate import FEWEST_READINGS, Progress, estimate_at, estimates_at
+from .estimate import FEWEST_READINGS, FilterError, Progress, estimate_at, estimates_at, track_of
 from .identify import Method, doubts, refusal
 from .records import SweepRecord
 from .sensor import prepare
@@ -55,9 +55,9 @@ def sweep_sensor(
     count = sensor.until(max(windows[-1], times[-1]))
     time, reading = sensor.time[:count], sensor.reading[:count]
     try:
-        track = method.filter.track(method.model, time, reading, sensor.resolution)
-    except ValueError as error:  # a filter that cannot run on these readings says why
-        failed = tuple(replace(b, status="diverged", message=f"{method.filter.name}: {error}") for b in blank)
+        track = track_of(method.filter, method.model, time, reading, sensor.resolution)
+    except FilterError as error:
+        failed = tuple(replace(b, status="diverged", message=str(error)) for b in blank)
         return Swept(failed, grid, nothing, nothing[0])
     rmse, width = nothing.copy(), np.full(len(times), np.nan)
     ends = [min(sensor.until(w), count) for w in windows]
@@ -127,15 +127,24 @@ def sweep_records(
     outside = counted & (rmse > limit[:, None])
     after = np.where(outside.any(axis=1), outside.shape[1] - outside[:, ::-1].argmax(axis=1), 0)
     earliest = np.maximum(after, counted.argmax(axis=1))
-    spread = float(times[earliest.max()] - times[earliest.min()])
+    serves = [bool(row[k:].any()) for row, k in zip(counted, earliest, strict=True)]
     narrow = _from_there_on(width < tolerance_c)
     shown = []
     if narrow is None:
         finite = width[np.isfinite(width)]
         reached = f" (narrowest {finite.min():.2g} K)" if len(finite) and finite.min() > tolerance_c else ""
         shown.append(f"the steady state is not known to {tolerance_c:g} K at any of these times{reached}")
+    shortest, agreed = None, None
+    if all(serves):
+        shortest = float(times[earliest.max()])
+        agreed = shortest - float(times[earliest.min()]) <= AGREED_MIN + 1e-9
+    else:
+        none = ", ".join(f"{w:g}" for w, good in zip(windows, serves, strict=True) if not good)
+        shown.insert(
+            0,
+            f"no time tried serves for the window of {none} min: at the last the error is above its least; say longer --times",
+        )
     message = "; ".join([*shown, *told])
-    shortest, agreed = float(times[earliest.max()]), spread <= AGREED_MIN + 1e-9
     tolerance_time = None if narrow is None else float(times[narrow])
     first = blank[0]
     return tuple(
@@ -146,7 +155,7 @@ def sweep_records(
             window_min=window,
             best_time_min=float(times[best[j]]),
             rmse_c=float(rmse[j, best[j]]),
-            earliest_time_min=float(times[earliest[j]]),
+            earliest_time_min=float(times[earliest[j]]) if serves[j] else None,
             shortest_time_min=shortest,
             tolerance_time_min=tolerance_time,
             agreed=agreed,

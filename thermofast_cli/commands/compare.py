@@ -92,7 +92,7 @@ def command(
         ("by K", number("worst_error_c", 2)),
         ("status", text("status")),
     ]
-    deliver("compare", records, CompareRecord, output, form, quiet, drawn)
+    deliver("compare", records, CompareRecord, output, form, quiet, drawn, [t.run for t in tasks])
     if save_plot:
         from ..output.loop_plots import plot_comparison
 

@@ -66,5 +66,5 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    deliver("diagnose", records, DiagnoseRecord, output, form, quiet, drawn, beneath=("message", "advice"))
+    deliver("diagnose", records, DiagnoseRecord, output, form, quiet, drawn, [t.run for t in tasks], beneath=("message", "advice"))
     return exit_code(records, interrupted)

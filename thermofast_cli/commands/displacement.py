@@ -66,7 +66,7 @@ def command(
         ("trust", text("trusted")),
         ("status", text("status")),
     ]
-    deliver("displacement", records, DisplacementRecord, output, form, quiet, drawn)
+    deliver("displacement", records, DisplacementRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
     if save_plot:
         from ..output.displacement_plots import plot_displacement
 

@@ -8,9 +8,9 @@ import click
 @click.option("--effect", "extra", multiple=True, metavar="FILE.py[:CLASS]", help="An effect of your own, checked and shown too.")
 def command(name: str | None, extra: tuple[str, ...]) -> int:
     """List the effects, or show one: equation, parameters, what its absence looks like, and what it is mistaken for."""
-    from ..errors import UsageError
+    from ..errors import UsageError, nearest
     from ..output.screen import show_text
-    from ..plugins import known_effects, load_effect
+    from ..plugins import broken_effects, known_effects, load_effect
 
     if name is not None and name.partition(":")[0].endswith(".py"):
         extra = (*extra, name)
@@ -19,9 +19,10 @@ def command(name: str | None, extra: tuple[str, ...]) -> int:
     if name is None:
         width = max(map(len, known))
         show_text("".join(f"{i:<{width}}  {e.summary}\n" for i, e in known.items()))
+        show_text("".join(f"{b.name:<{width}}  cannot be used: {b.why}\n" for b in broken_effects()))
         return 0
     if name not in known:
-        raise UsageError(f"unknown effect {name!r}", allowed=", ".join(known), do="see thermofast effects")
+        raise UsageError(f"unknown effect {name!r}", allowed=", ".join(known), do=nearest(name, known) or "see thermofast effects")
     effect = known[name]
     scope = {"run": "all sensors share it", "sensor": "each sensor has its own, or none", "one": "it concerns one sensor"}
     lines = [f"{effect.id}: {effect.summary}", f"  equation      {effect.equation}", f"  tell-tale     {effect.tell_tale}"]

@@ -34,12 +34,13 @@ class Catalogue(click.Group):
 def command(ctx: click.Context) -> int:
     """List the filters; show the settings of the one called NAME; or run all of them on a record of yours: bench."""
     if ctx.invoked_subcommand is None:
-        from ..methods import known_filters
+        from ..methods import broken_filters, known_filters
         from ..output.screen import show_text
 
         known = known_filters()
         width = max(map(len, known))
         show_text("".join(f"{n:<{width}}  {f.summary}\n" for n, f in known.items()))
+        show_text("".join(f"{b.name:<{width}}  cannot be used: {b.why}\n" for b in broken_filters()))
     return 0
 
 
@@ -47,13 +48,15 @@ def show(name: str) -> int:
     """One filter with its settings."""
     from dataclasses import fields
 
-    from ..errors import UsageError
+    from ..errors import UsageError, nearest
     from ..methods import known_filters
     from ..output.screen import show_text
 
     known = known_filters()
     if name not in known:
-        raise UsageError(f"unknown filter {name!r}", allowed=", ".join(known) + "; or bench RUN to try them all")
+        raise UsageError(
+            f"unknown filter {name!r}", allowed=", ".join(known) + "; or bench RUN to try them all", do=nearest(name, known)
+        )
     chosen = known[name]()
     show_text(f"{name}: {chosen.summary}\nreference: {chosen.reference}\n")
     show_text(f"closing likelihood step: {chosen.closing}\n")
@@ -121,5 +124,5 @@ def bench(
         ("readings/s", number("steps_per_s", 0)),
         ("use", text("chosen")),
     ]
-    deliver("filters bench", records, BenchRecord, output, form, quiet, drawn)
+    deliver("filters bench", records, BenchRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
     return exit_code([r for r in records if r.status in ("unreadable", "no_data")], False)

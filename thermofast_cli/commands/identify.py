@@ -118,7 +118,7 @@ def command(
         ("ahead K", number("rmse_ahead_c", 3)),
         ("status", text("status")),
     ]
-    deliver("identify", records, IdentifyRecord, output, form, quiet, drawn)
+    deliver("identify", records, IdentifyRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
     if trace:
         traced = [
             {"run": r.record.run, "channel": r.record.channel, **{c: float(v[i]) for c, v in r.trace.items()}}

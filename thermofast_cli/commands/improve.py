@@ -74,9 +74,9 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    deliver(
-        "improve", records, ImproveRecord, None if learns else output, form, quiet, drawn, beneath=("stopped_because", "message")
-    )
+    table = None if learns else output
+    runs_read = [t.run for t in tasks]
+    deliver("improve", records, ImproveRecord, table, form, quiet, drawn, runs_read, beneath=("stopped_because", "message"))
     if learns and found and found[0].model is not None:
         write_model(output or "", found[0].model)
         if not quiet:

@@ -94,7 +94,7 @@ def command(
         ("p(error > limit)", number("exceed_p_mc", 4)),
         ("status", text("status")),
     ]
-    deliver("sensitivity", records, SensitivityRecord, output, form, quiet, drawn)
+    deliver("sensitivity", records, SensitivityRecord, output, form, quiet, drawn, [t.run for t in tasks])
     if save_plot:
         from ..output.share_plots import plot_shares
 

@@ -116,7 +116,7 @@ def command(
         ("agreed", text("agreed")),
         ("status", text("status")),
     ]
-    deliver("sweep", records, SweepRecord, output, form, quiet, drawn)
+    deliver("sweep", records, SweepRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
     if save_plot:
         from ..output.plots import plot_sweep
 

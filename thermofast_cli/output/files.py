@@ -74,15 +74,15 @@ def write_whole(path: str, write: Callable[[str], None]) -> None:
             os.unlink(temporary)
 
 
-def write_table(path: str, command: str, columns: Sequence[str], rows: Sequence[Row]) -> None:
-    """A table in the format of the suffix."""
+def write_table(path: str, command: str, columns: Sequence[str], rows: Sequence[Row], input_: Sequence[Row] = ()) -> None:
+    """A table in the format of the suffix; input_ says in JSON how the runs were read."""
     suffix = Path(path).suffix.lower()
     if suffix == ".parquet":
         write_whole(path, lambda p: _parquet(p, columns, rows))
         return
     text = {
         ".csv": lambda: to_csv(columns, rows),
-        ".json": lambda: to_json(command, rows),
+        ".json": lambda: to_json(command, rows, input_),
         ".jsonl": lambda: to_jsonl(rows),
         ".md": lambda: to_markdown(columns, rows),
     }[suffix]()

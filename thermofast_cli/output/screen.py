@@ -8,7 +8,9 @@ from typing import Any
 from .text import Row, short, to_csv, to_json, to_jsonl, to_markdown
 
 #: Headings of columns of words: to the left, and folded where they are long.
-WORDS = ("sensor", "effects", "verdict", "also possible")
+WORDS = ("sensor", "effects", "verdict", "also possible", "displacement", "by", "filter", "uncertain", "of", "", "use", "agreed")
+#: The column that leads each part of a table too wide for the terminal.
+LEADING = ("sensor", "displacement", "filter")
 FORMATS = ("table", "csv", "json", "jsonl", "md")
 
 
@@ -34,6 +36,7 @@ def show_records(
     wanted: str | None,
     drawn: Sequence[Any],
     beneath: tuple[str, ...] = ("message",),
+    input_: Sequence[Row] = (),
 ) -> None:
     """Records to standard output; `drawn` are (heading, function of a row) of the terminal's table."""
     kind = chosen_format(wanted)
@@ -42,7 +45,7 @@ def show_records(
     elif kind == "csv":
         show_text(to_csv(columns, rows))
     elif kind == "json":
-        show_text(to_json(command, rows))
+        show_text(to_json(command, rows, input_))
     elif kind == "jsonl":
         show_text(to_jsonl(rows))
     else:
@@ -50,36 +53,33 @@ def show_records(
 
 
 def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[str, ...] = ("message",)) -> None:
-    """A table for the eye: one per run, messages beneath."""
-    from rich import box
+    """A table for the eye: one per run, messages beneath; as wide as the terminal, or as it needs where there is none."""
     from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
-    console = Console(width=None if sys.stdout.isatty() else 110, highlight=False)
+    from .table import Column, blocks, lines_of
+
+    terminal = sys.stdout.isatty()
+    console = Console(width=None if terminal else 10_000, highlight=False, soft_wrap=not terminal)
+    width = console.width if terminal else None
     for run in dict.fromkeys(row["run"] for row in rows):
-        table = Table(
-            box=box.SIMPLE_HEAD,
-            padding=(0, 1, 0, 0),
-            title=Text(f"{title}  {run}"),
-            title_justify="left",
-            title_style="bold",
-            pad_edge=False,
-        )
         mine = [row for row in rows if row["run"] == run]
-        for heading, form in drawn:
-            longest = max((len(form(row)) for row in mine), default=4)
-            table.add_column(
-                heading,
-                justify="left" if heading in (*WORDS, "status") else "right",
-                overflow="fold" if heading in WORDS else "ellipsis",
-                no_wrap=heading not in WORDS,
-                min_width=min(14, max(longest, len(heading))) if heading in WORDS else None,
-            )
-        for row in mine:
-            style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
-            table.add_row(*[Text(form(row), style=style) for _, form in drawn])
-        console.print(table)
+        console.print(Text(f"{title}  {run}", style="bold"))
+        columns = [
+            Column(heading, tuple(form(row) for row in mine), heading in WORDS or heading == "status") for heading, form in drawn
+        ]
+        keys = next((i + 1 for i, c in enumerate(columns) if c.heading in LEADING), 1)
+        for block in blocks(columns, width, keys):
+            heading, lines = lines_of(block)
+            across = max(len(line) for line in [*heading, *(x for row in lines for x in row)])
+            for line in heading:
+                console.print(Text(line, style="bold"), no_wrap=True, overflow="ignore", crop=False)
+            console.print("─" * across, no_wrap=True, overflow="ignore", crop=False)
+            for row, texts in zip(mine, lines, strict=True):
+                style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
+                for line in texts:
+                    console.print(Text(line, style=style), no_wrap=True, overflow="ignore", crop=False)
+            console.print()
         for column in beneath:
             for message in dict.fromkeys(row[column] for row in mine if row[column]):
                 who = [row["channel"] for row in mine if row[column] == message]

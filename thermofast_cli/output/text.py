@@ -56,8 +56,9 @@ def to_csv(columns: Sequence[str], rows: Sequence[Row], header: bool = True) -> 
     return out.getvalue()
 
 
-def to_json(command: str, rows: Sequence[Row]) -> str:
-    document = {"schema": f"thermofast.{command}/1", "records": [_jsonable(row) for row in rows]}
+def to_json(command: str, rows: Sequence[Row], input_: Sequence[Row] = ()) -> str:
+    """An object with the schema, how each run was read (``input``), and the records."""
+    document = {"schema": f"thermofast.{command}/1", "input": list(input_), "records": [_jsonable(row) for row in rows]}
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 

@@ -1,6 +1,6 @@
-"""Turns a logger's file into a :class:`Run`. Only ``source.py`` opens files; the rest are rules on text and arrays."""
+"""Turns a logger's file into runs. Only ``source.py`` opens files; the rest are rules on text and arrays."""
 
-from .run import Options, Run
-from .source import read_run
+from .run import Guess, Options, Run, told
+from .source import read_runs
 
-__all__ = ["Options", "Run", "read_run"]
+__all__ = ["Guess", "Options", "Run", "read_runs", "told"]

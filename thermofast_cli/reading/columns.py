@@ -1,4 +1,4 @@
-"""Which column is what: surroundings, logged inputs, sensors; and their unit."""
+"""Which column is what: sensors, surroundings, logged inputs, counters; by unit first, by the words of the name then."""
 
 import re
 from collections.abc import Iterable
@@ -7,86 +7,52 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..errors import UsageError, listed
-from .run import Array, Options
-from .times import words
+from ..errors import UsageError, listed, nearest
+from .run import Array, Guess, Options
+from .units import Unit, parse_unit, unit_in_name
+from .vocabulary import (
+    AMBIENT,
+    AMBIENT_STEMS,
+    COUNTERS,
+    DISPLACEMENTS,
+    INPUTS,
+    NAMELESS,
+    OTHER,
+    REFERENCE,
+    TEMPERATURE,
+    WANTED,
+    WARM_INPUTS,
+    words,
+)
 
-AMBIENT = frozenset(
-    [
-        "ambient",
-        "room",
-        "air",
-        "surroundings",
-        "surrounding",
-        "environment",
-        "env",
-        "umgebung",
-        "raum",
-        "raumluft",
-        "luft",
-        "hall",
-        "环境",
-        "室温",
-    ]
-)
-INPUTS = frozenset(
-    [
-        "speed",
-        "rpm",
-        "load",
-        "power",
-        "duty",
-        "heater",
-        "voltage",
-        "current",
-        "coolant",
-        "fan",
-        "flow",
-        "torque",
-        "humidity",
-        "pressure",
-        "pump",
-        "door",
-        "valve",
-        "drehzahl",
-        "last",
-        "leistung",
-        "spannung",
-        "strom",
-    ]
-)
-COUNTERS = frozenset(["no", "nr", "index", "idx", "sample", "scan", "record", "count", "row", "number", "id"])
-#: Words of a thermal displacement; the unit alone says it too, as in ``Z (um)``.
-DISPLACEMENTS = frozenset(
-    [
-        "mm",
-        "um",
-        "µm",
-        "μm",
-        "micron",
-        "microns",
-        "disp",
-        "displacement",
-        "displacements",
-        "verlagerung",
-        "verschiebung",
-        "热位移",
-        "位移",
-    ]
-)
-ABSOLUTE_ZERO_C = -273.15
+#: Units of one letter in brackets that may also be the name of a place (phase A, side N).
+_PLACES = frozenset(["A", "N", "W", "J", "m", "g", "h", "d"])
+#: Channels of a data acquisition board that nobody named: they are volts until a unit says otherwise.
+_BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
 HOTTEST_C = 5000.0
+COLDEST_C = -273.15
 
 
 @dataclass(frozen=True)
 class Roles:
-    """Column names by what they are."""
+    """Column names by what they are; `notes` and `guesses` say what was left out and why."""
 
     ambient: tuple[str, ...]
     inputs: tuple[str, ...]
     sensors: tuple[str, ...]
-    counters: tuple[str, ...]
     displacements: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    guesses: tuple[Guess, ...] = ()
+
+
+@dataclass(frozen=True)
+class Sign:
+    """What a column's name and unit line say of it. kind: sensor, ambient, input, displacement, other, named, nameless."""
+
+    kind: str
+    unit: Unit | None
+    #: Whether it is said to be a temperature: by its unit, or by a word.
+    temperature: bool
 
 
 def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: str) -> None:
@@ -97,69 +63,178 @@ def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: s
             raise UsageError(
                 f"{run}: {option} {name!r} is no column of this record",
                 allowed=listed(known),
-                do="use a name as it stands in the header",
+                do=nearest(name, known) or "use a name as it stands in the header",
             )
 
 
-def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str) -> Roles:
-    """Roles of the numeric columns, by the user's word first and by their names else."""
+def sign_of(name: str, unit_cell: str) -> Sign:
+    """What name and unit line say of a column; digits at the end of a name say nothing."""
+    return _sign(name.rstrip("0123456789"), unit_cell)
+
+
+@lru_cache(maxsize=4096)
+def _sign(name: str, unit_cell: str) -> Sign:
+    said = set(words(name)) | ({name} if not name.isascii() else set())
+    unit = parse_unit(unit_cell) or unit_in_name(name)
+    spoken = _speaks_of_temperature(name, said)
+    if unit is not None and unit.symbol in _PLACES and spoken:
+        unit = None
+    degrees = unit is not None and unit.temperature
+    temperature = degrees or (spoken and unit is None)
+    if said & WANTED or (said & REFERENCE and not said & AMBIENT):
+        kind = "input"
+    elif (said | set(words(unit_cell))) & DISPLACEMENTS:
+        kind = "displacement"
+    elif (said & AMBIENT or _names_the_room(said)) and (degrees or (unit is None and (spoken or not said & INPUTS))):
+        kind = "ambient"
+    elif temperature:
+        kind = "sensor"
+    elif unit is not None or _BOARD.fullmatch(name.strip()) or said & INPUTS:
+        kind = "input"
+    elif said & OTHER:
+        kind = "other"
+    else:
+        kind = "named" if _means_something(said, name) else "nameless"
+    return Sign(kind, unit, temperature)
+
+
+def _speaks_of_temperature(name: str, said: set[str]) -> bool:
+    bare = name.strip(" _")
+    return bool(
+        said & TEMPERATURE
+        or any("temp" in w for w in said)
+        or any("温度" in w for w in said)
+        or (
+            re.fullmatch(r"[Tt]|[Tt][ _].*|T[A-Z][a-z]*|T[a-z]{1,3}", bare) is not None
+            and not said & (INPUTS | OTHER) - WARM_INPUTS
+        )
+    )
+
+
+def _names_the_room(said: set[str]) -> bool:
+    return any(w.startswith(AMBIENT_STEMS) and "temp" in w for w in said)
+
+
+def _means_something(said: set[str], name: str) -> bool:
+    """Whether a name has a word that could be a place on a machine, not a code such as R1 or vbl3."""
+    if not name.isascii():
+        return True
+    meant = [w for w in said - NAMELESS if len(w) >= 3 and re.search("[aeiouy]", w)]
+    return bool(meant)
+
+
+def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str, header: bool) -> Roles:
+    """Roles of the numeric columns, by the user's word first, then by unit and name.
+
+    names are all columns that hold numbers, values those numbers (N,). Without a `header` what is a sensor is guessed.
+
+    Raises
+    ------
+    UsageError: an option names no column.
+    """
     check_names(options.channels, names, "--channels", run)
     check_names(options.inputs, names, "--inputs", run)
     if options.ambient:
         check_names([options.ambient], names, "--ambient", run)
-    ambient, inputs, sensors, counters, displacements = [], [], [], [], []
-    for name in names:
-        told = set(words(name)) | ({name} if not name.isascii() else set())
-        if name in options.exclude:
+    told = {option.partition("=")[0] for option in options.units if "=" in option}
+    signs = {n: sign_of(n, units.get(n, "")) for n in names}
+    said_somewhere = any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
+    roles: dict[str, list[str]] = {
+        k: [] for k in ("ambient", "input", "sensor", "displacement", "counter", "empty", "other", "silent")
+    }
+    for n in names:
+        if n in options.exclude:
             continue
-        if name == options.ambient:
-            ambient.append(name)
-        elif name in options.inputs:
-            inputs.append(name)
-        elif name not in options.channels and (told | set(words(units.get(name, "")))) & DISPLACEMENTS:
-            displacements.append(name)
-        elif options.channels:
-            if name in options.channels:
-                sensors.append(name)
-            elif told & AMBIENT and not options.ambient:
-                ambient.append(name)
-            elif told & INPUTS:
-                inputs.append(name)
-        elif told & AMBIENT and not options.ambient:
-            ambient.append(name)
-        elif told & INPUTS:
-            inputs.append(name)
-        elif (told & COUNTERS or name == "column 1") and _counts(values[name]):
-            counters.append(name)
-        else:
-            sensors.append(name)
-    return Roles(tuple(ambient), tuple(inputs), tuple(sensors), tuple(counters), tuple(displacements))
+        roles[_role(n, signs[n], values[n], options, said_somewhere, n in told)].append(n)
+    return _with_words(roles, signs, values, options, header)
 
 
-def _counts(values: Array) -> bool:
-    return len(values) > 1 and bool(np.all(np.diff(values) == 1.0))
+def _bare(name: str, sign: Sign) -> bool:
+    """Whether only a T and a number say that it is a temperature."""
+    return sign.unit is None and re.fullmatch(r"[Tt]_?\d*( \(\d+\))?", name) is not None
 
 
-def to_celsius(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
-    """Temperatures in degC and a note where they were in another unit, told by the name (``T_kelvin``, ``T [K]``) or unit line."""
-    unit = _temperature_unit(name.rstrip("0123456789"), unit_cell.strip("[]() ").lower())
-    # (K) may be the type of a thermocouple: nothing in a test lab is colder than 170 K.
-    if unit == "K" and np.isfinite(values).any() and float(np.nanmedian(values)) > 170.0:
-        return values + ABSOLUTE_ZERO_C, f"{name}: kelvin, turned into degC"
-    if unit == "F":
-        return (values - 32.0) / 1.8, f"{name}: degF, turned into degC"
-    return values, None
+def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere: bool, unit_told: bool) -> str:
+    if name == options.ambient:
+        return "ambient"
+    if name in options.inputs:
+        return "input"
+    if name in options.channels:
+        return "sensor"
+    if sign.kind == "displacement":
+        return "displacement"
+    if sign.kind == "ambient" and not options.ambient:
+        return "ambient"
+    if sign.kind == "input":
+        return "input"
+    if options.channels:
+        return "other"
+    if unit_told:
+        return "sensor"
+    readings = column[np.isfinite(column)]
+    empty = not len(readings)
+    if sign.kind in ("named", "nameless", "other") and empty:
+        return "empty"
+    if sign.kind == "nameless" and len(readings) >= 10 and np.ptp(readings) == 0.0:
+        return "empty"
+    if _counts(name, sign, column):
+        return "counter"
+    if sign.kind == "other" or (sign.kind == "nameless" and (said_somewhere or _code(column))):
+        return "silent"
+    if said_somewhere and not empty and not readings.any():
+        return "empty"
+    return "sensor"
 
 
-@lru_cache(maxsize=4096)
-def _temperature_unit(name: str, unit: str) -> str | None:
-    if unit in ("k", "kelvin", "°k", "degk", "deg k") or re.search(r"(?i:kelvin)|[\[(]K[\])]|[_ /]K$|(?i:deg) ?K\b|°K", name):
-        return "K"
-    if unit in ("f", "°f", "degf", "deg f", "fahrenheit") or re.search(
-        r"(?i:fahrenheit)|[\[(]°?F[\])]|[_ /]F$|(?i:deg) ?F\b|°F", name
-    ):
-        return "F"
-    return None
+def _counts(name: str, sign: Sign, column: Array) -> bool:
+    """Whether a column counts the rows: whole numbers one apart, under a name that says so or none."""
+    counting = set(words(name)) & COUNTERS or name.strip().lower() in ("#", "n") or name == "column 1"
+    if not counting or sign.temperature or len(column) < 2:
+        return False
+    step = np.diff(column)
+    return bool((step > 0).all() and (column % 1.0 == 0.0).all() and np.median(step) == 1.0)
+
+
+def _code(column: Array) -> bool:
+    """Whether a long column holds a few whole numbers only: a step, a mode, not a temperature."""
+    good = column[np.isfinite(column)]
+    return len(good) > 50 and bool((good % 1.0 == 0.0).all()) and len(np.unique(good)) <= 3
+
+
+def _with_words(
+    roles: dict[str, list[str]], signs: dict[str, Sign], values: dict[str, Array], options: Options, header: bool
+) -> Roles:
+    notes, guesses = [], []
+    if roles["counter"]:
+        notes.append(f"row counters left out: {listed(roles['counter'])}")
+    if roles["empty"]:
+        notes.append(f"columns without readings left out: {listed(roles['empty'], 6)}")
+    if roles["other"] and not options.channels:
+        notes.append(f"not temperatures: {listed(roles['other'], 6)}")
+    if roles["silent"]:
+        # Codes beside columns that say they are temperatures: a careful reader would leave them out, and say so.
+        guesses.append(
+            Guess(
+                "role", f"no temperatures, as neither name nor unit says so: {listed(roles['silent'], 6)}", "--channels uses them"
+            )
+        )
+    unsure = [n for n in roles["sensor"] if n not in options.channels and not options.units and signs[n].kind == "nameless"]
+    if unsure:
+        what = "no header" if not header else "neither name nor unit says so"
+        guesses.append(
+            Guess("role", f"temperatures in degC, though {what}: {listed(unsure, 6)}", "--channels and --units confirm it")
+        )
+    references = [n for n in roles["input"] if n not in options.inputs and set(words(n)) & REFERENCE]
+    if references:
+        guesses.append(Guess("role", f"a reference of the instrument, not a sensor: {listed(references)}", "--channels uses it"))
+    return Roles(
+        tuple(roles["ambient"]),
+        tuple(roles["input"]),
+        tuple(roles["sensor"]),
+        tuple(roles["displacement"]),
+        tuple(notes),
+        tuple(guesses),
+    )
 
 
 def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
@@ -172,7 +247,7 @@ def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str
 def without_impossible(values: Array) -> tuple[Array, int]:
     """Overload values (9.9E+37) and temperatures below absolute zero become nan; and how many there were."""
     with np.errstate(invalid="ignore"):
-        bad = (values <= ABSOLUTE_ZERO_C) | (values > HOTTEST_C)
+        bad = (values <= COLDEST_C) | (values > HOTTEST_C)
     if not bad.any():
         return values, 0
     return np.where(bad, np.nan, values), int(bad.sum())

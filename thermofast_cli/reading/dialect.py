@@ -7,6 +7,8 @@ from itertools import pairwise
 
 from ..errors import InputError
 from .run import Options
+from .stamps import looks_like_stamp
+from .units import parse_unit
 
 #: Cells that loggers write where there is no reading (compared in lower case).
 MISSING = frozenset(
@@ -65,28 +67,24 @@ csv.field_size_limit(1 << 30)  # a row of thirty thousand cells, read with the w
 SAMPLE_CELLS = 100
 NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _NUMBER = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"),
-    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?$"),
+    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+|\d{1,3}((,\d{3})+\.\d+|(,\d{3}){2,}))([eE][+-]?\d+)?$"),
+    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+|\d{1,3}((\.\d{3})+,\d+|(\.\d{3}){2,}))([eE][+-]?\d+)?$"),
 }
-_STAMP = re.compile(
-    r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}([T ]\d{1,2}:\d{2}.*)?$|\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?( ?[APap]\.?[Mm]\.?)?$"
-)
-_UNIT = re.compile(
-    r"[\[(]?(s|sec|secs|seconds|min|mins|minutes|h|hours|ms|°?\s?[CFK]|deg\s?[CFK]|degrees?.*|celsius|kelvin|fahrenheit|v|mv|a|ma|w|kw|%|"
-    r"rpm|1/min|um|µm|mm|l/min|bar|pa|kpa|yyyy.*|hh.*|dd.*|)[\])]?$",
-    re.IGNORECASE,
-)
+#: A word in a header's units line that is no unit of a quantity: a form of stamps, or nothing.
+_FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
+#: What a Campbell logger says of how a column was made, in the line under the units.
+_PROCESS = frozenset(["smp", "avg", "max", "min", "tot", "std", "med", "tmn", "tmx", "wvc", ""])
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """header_line and unit_line count from 0 and may be None; data_line is the first row of readings."""
+    """header_line (or None) and unit_lines count from 0; data_line is the first row of readings."""
 
     encoding: str
     delimiter: str
     decimal: str
     header_line: int | None
-    unit_line: int | None
+    unit_lines: tuple[int, ...]
     data_line: int
     width: int
 
@@ -94,45 +92,6 @@ class Dialect:
         header = f"header in line {self.header_line + 1}" if self.header_line is not None else "no header"
         mark = "decimal comma" if self.decimal == "," else "decimal point"
         return f"{NAMES.get(self.delimiter, repr(self.delimiter))}-separated, {mark}, {header}, {self.encoding}"
-
-
-def detect_encoding(data: bytes, name: str) -> str:
-    """BOM, then the pattern of NULs, then strict UTF-8, then Windows-1252.
-
-    Raises
-    ------
-    InputError: the file is binary.
-    """
-    head = data[:65536]
-    if head.startswith(b"\xef\xbb\xbf"):
-        return "utf-8-sig"
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    if b"\0" in head:
-        even, odd = head[0::2].count(0), head[1::2].count(0)
-        if odd > 0.3 * len(head) / 2 and even < 0.02 * len(head):
-            return "utf-16-le"
-        if even > 0.3 * len(head) / 2 and odd < 0.02 * len(head):
-            return "utf-16-be"
-        raise binary(name)
-    control = sum(head.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13, 26))
-    if control > 0.01 * len(head):
-        raise binary(name)
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8"
-
-
-def binary(name: str) -> InputError:
-    """The error of a file that is no text."""
-    return InputError(
-        f"{name}: not a text table",
-        found="binary data",
-        allowed="CSV text, or Parquet",
-        do="export the record as CSV from the logger's software",
-    )
 
 
 def is_missing(cell: str, more: frozenset[str] = frozenset()) -> bool:
@@ -152,12 +111,34 @@ def split(line: str, delimiter: str) -> list[str]:
     return next(csv.reader([line], delimiter=delimiter), [])
 
 
+def to_number(cell: str, decimal: str) -> float:
+    """A cell that :func:`is_number` accepts; signs between thousands are dropped."""
+    text = cell.strip()
+    return float(text.replace(",", "")) if decimal == "." else float(text.replace(".", "").replace(",", "."))
+
+
 def _data_like(cells: list[str], decimal: str) -> bool:
     cells = cells[:SAMPLE_CELLS]
     told = [c for c in cells if not is_missing(c)]
     numbers = sum(is_number(c, decimal) for c in told)
-    stamps = sum(bool(_STAMP.match(c.strip())) for c in told)
-    return numbers + stamps > 0 and numbers + stamps >= 0.5 * len(told)
+    stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
+    # Cells as "21.3 °C" hold readings too, but a row of them alone decides nothing.
+    carried = sum(number_within(c, decimal) is not None for c in told) if stamps else 0
+    return numbers + stamps > 0 and numbers + stamps + carried >= 0.5 * len(told)
+
+
+_WITHIN = {
+    d: re.compile(rf"([A-Za-z_]{{1,12}}[=:]\s*)?([+-]?(?:\d+(?:[{re.escape(d)}]\d*)?|[{re.escape(d)}]\d+))\s*([^\d\s].{{0,7}})?$")
+    for d in ".,"
+}
+
+
+def number_within(cell: str, decimal: str) -> tuple[str, str, str] | None:
+    """(before, number, after) of a cell that carries its unit or its name, as ``21.3 °C``, ``12.3s`` or ``temp=47.2'C``."""
+    found = _WITHIN[decimal].match(cell.strip())
+    if not found or not (found[1] or found[3]) or (found[3] and re.search(r"[\d:/]", found[3])):
+        return None
+    return (found[1] or "").strip(), found[2], (found[3] or "").strip()
 
 
 def detect_dialect(lines: list[str], encoding: str, name: str, options: Options) -> Dialect:
@@ -172,7 +153,7 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     best: tuple[float, Dialect] | None = None
     for delimiter in (options.delimiter,) if options.delimiter else DELIMITERS:
-        decimals = (options.decimal,) if options.decimal else ((".",) if delimiter == "," else (".", ","))
+        decimals = (options.decimal,) if options.decimal else (".", ",")
         for decimal in decimals:
             found = _layout(lines, delimiter, decimal, encoding, options)
             # Prefer more numbers read, then a delimiter that leaves nothing inside its cells.
@@ -191,40 +172,84 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
 
 def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, options: Options) -> tuple[float, Dialect] | None:
     rows = [split(line, delimiter) if line.strip() and not line.startswith("#") else [] for line in lines]
-    data = [i for i, row in enumerate(rows) if len(row) > 1 and _data_like(row, decimal)]
+    labels = next((i for i, row in enumerate(rows) if row and row[0].strip() == "Y_Unit_Label"), None)
+    # A LabVIEW measurement file says where its header ends; the numbers above are settings.
+    ends = max((i for i, line in enumerate(lines) if line.startswith("***End_of_Header***")), default=-1)
+    data = [i for i, row in enumerate(rows) if i > ends and len(row) > 1 and _data_like(row, decimal)]
     if options.header_line is not None:
         data = [i for i in data if i >= options.header_line]
     if not data:
         return None
-    widths = [len(rows[i]) for i in data]
-    width = max(set(widths), key=widths.count)
-    data = [i for i in data if len(rows[i]) == width]
-    first = data[0]
-    if len(data) > 2:  # numbers in a preamble are no readings: those come in an unbroken block
-        first = next((a for a, b in pairwise(data) if b == a + 1 or not any(rows[a + 1 : b])), first)
+    first, width = _block(rows, data)
+    data = [i for i in data if i >= first and len(rows[i]) == width]
     header: int | None = None
-    unit: int | None = None
+    units: tuple[int, ...] = ()
     if options.header_line is not None:
         header = options.header_line - 1 if options.header_line > 0 else None
     else:
-        above = [i for i in range(first) if rows[i]]
-        named = [i for i in above[-3:] if abs(len(rows[i]) - width) <= 1 and not _data_like(rows[i], decimal)]
-        if named:
-            header = named[-1]
-            units = sum(bool(_UNIT.match(c.strip())) for c in rows[header])
-            before = named[-2] if len(named) > 1 else None
-            if before is not None and len(rows[before]) == len(rows[header]) and units >= 0.5 * len(rows[header]):
-                header, unit = named[-2], header
+        header, units = _header([[] if i <= ends else row for i, row in enumerate(rows)], first, width, decimal)
     if header is None and options.header_line is None:
         header = next(
             (i for i in range(first - 1, -1, -1) if lines[i].startswith("#") and len(split(lines[i], delimiter)) == width), None
         )
+    if labels is not None and not units:
+        units = (labels,)
     explained = len(data) / max(sum(1 for row in rows if row), 1)
     cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
-    numbers = sum(is_number(c, decimal) or bool(_STAMP.match(c.strip())) for c in cells if not is_missing(c))
+    numbers = sum(is_number(c, decimal) or looks_like_stamp(c) for c in cells if not is_missing(c))
     told = sum(not is_missing(c) for c in cells)
     share = numbers / max(told, 1)
     score = share * explained * min(width, 1000) ** 0.25 + (
         0.1 if header is not None and len(split(lines[header], delimiter)) == width else 0.0
     )
-    return score, Dialect(encoding, delimiter, decimal, header, unit, first, width)
+    return score, Dialect(encoding, delimiter, decimal, header, units, first, width)
+
+
+def _block(rows: list[list[str]], data: list[int]) -> tuple[int, int]:
+    """First row and width of the readings: numbers in a preamble are none, those come in an unbroken block."""
+    longest: dict[int, int] = {}
+    at = 0
+    while at < len(data):
+        width, end = len(rows[data[at]]), at
+        while end + 1 < len(data) and len(rows[data[end + 1]]) == width and not any(rows[data[end] + 1 : data[end + 1]]):
+            end += 1
+        longest[width] = max(longest.get(width, 0), end - at + 1)
+        at = end + 1
+    count = {w: sum(len(rows[i]) == w for i in data) for w in longest}
+    width = max(longest, key=lambda w: (longest[w], count[w]))
+    mine = [i for i in data if len(rows[i]) == width]
+    if len(mine) < 3:
+        return mine[0], width
+    return next((a for a, b in pairwise(mine) if b == a + 1 or not any(rows[a + 1 : b])), mine[0]), width
+
+
+def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tuple[int | None, tuple[int, ...]]:
+    """Line of the names and lines of the units above the first row of readings, as far as there are any."""
+    above = [i for i in range(first) if rows[i]]
+    near = above[-4:]
+    named = [i for i in near if abs(len(rows[i]) - width) <= 1 and not _data_like(rows[i], decimal)]
+    if above and above[-1] not in named and len(rows[above[-1]]) > 1 and not _data_like(rows[above[-1]], decimal):
+        # Names right above the readings, though not as many: whoever reads on must say so.
+        return (above[-1], ()) if not named else (named[-1], ())
+    if not named:
+        return None, ()
+    header, units = named[-1], list[int]()
+    while (
+        len(named) > 1
+        and len(rows[named[-2]]) == len(rows[header])
+        and (_is_unit_line(rows[header]) or _is_process_line(rows[header]))
+    ):
+        if not _is_process_line(rows[header]):
+            units.append(header)
+        named.pop()
+        header = named[-1]
+    return header, tuple(units)
+
+
+def _is_unit_line(cells: list[str]) -> bool:
+    known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
+    return known >= 0.5 * len(cells) and any(c.strip() for c in cells)
+
+
+def _is_process_line(cells: list[str]) -> bool:
+    return all(c.strip().lower() in _PROCESS for c in cells) and sum(bool(c.strip()) for c in cells) >= 0.5 * len(cells)

@@ -1,5 +1,6 @@
-"""What a record is once it is read, and what the user may say about how to read it."""
+"""What a run is once it is read, what was guessed on the way, and what the user may say about how to read it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,14 +26,40 @@ class Options:
     decimal: str | None = None
     encoding: str | None = None
     header_line: int | None = None
+    long: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    strict: bool = False
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What the file does not say and the reader had to take for granted.
+
+    about is one of time, unit, date order, role, layout, runs, encoding; text says what was taken and why; option overrules it.
+    """
+
+    about: str
+    text: str
+    option: str
+
+    def __str__(self) -> str:
+        return f"guessed: {self.text} ({self.option})"
+
+    def as_dict(self) -> dict[str, str]:
+        return {"about": self.about, "text": self.text, "option": self.option}
+
+
+def told(guesses: Iterable[Guess]) -> str:
+    """All guesses in one line; empty without any."""
+    return "; ".join(map(str, guesses))
 
 
 @dataclass(frozen=True)
 class Run:
-    """One record: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
+    """One run: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 
-    `notes` say what was taken for what, and what was mended; `channel_notes` what was mended in one sensor.
-    `displacements` are columns in um.
+    `notes` say what was taken for what, and what was mended; `guesses` what the file did not say; `channel_notes` what was mended
+    in one sensor. `displacements` are columns in um.
     """
 
     name: str
@@ -43,3 +70,4 @@ class Run:
     notes: tuple[str, ...] = ()
     channel_notes: dict[str, str] = field(default_factory=dict)
     displacements: dict[str, Array] = field(default_factory=dict)
+    guesses: tuple[Guess, ...] = ()

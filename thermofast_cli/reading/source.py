@@ -1,4 +1,4 @@
-"""The one module that opens a user's records, and the steps from a table to a run."""
+"""The one module that opens a user's records, and the steps from a table to its runs."""
 
 import hashlib
 import sys
@@ -7,19 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, UsageError, listed
-from .columns import check_names, classify, to_celsius, to_micrometres, without_impossible
-from .run import Array, Options, Run
+from ..errors import InputError, listed
+from .columns import Roles, check_names, classify, sign_of, to_micrometres, without_impossible
+from .degrees import Temperatures
+from .long import find_long, to_wide
+from .order import in_order
+from .run import Options, Run
 from .table import Table, read_parquet
 from .text import read_text
-from .times import UNITS, epoch_unit, is_time_name, stamps_to_seconds, unit_of
+from .times import find_time, is_time_name
 
 PARQUET_MAGIC = b"PAR1"
-FEWEST_ROWS = 2
 
 
-def read_run(source: str, options: Options | None = None) -> Run:
-    """Read one record from a path, or from standard input for ``-``.
+def read_runs(source: str, options: Options | None = None) -> list[Run]:
+    """Read the runs of a file, mostly one, from a path (``file.csv#2`` for its second), or from standard input for ``-``.
 
     Raises
     ------
@@ -27,17 +29,44 @@ def read_run(source: str, options: Options | None = None) -> Run:
     UsageError: an option names a column that is not there.
     """
     options = options or Options()
-    data = _bytes(source)
-    name = "stdin" if source == "-" else source
-    parquet = data.startswith(PARQUET_MAGIC) or source.lower().endswith((".parquet", ".pq"))
+    path, number = _numbered(source)
+    data = _bytes(path)
+    name = "stdin" if path == "-" else path
+    parquet = data.startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
     table = read_parquet(data, name) if parquet else read_text(data, name, options)
-    return run_from_table(table, options)
+    runs = runs_from_table(table, options)
+    if options.strict:
+        for run in runs:
+            refuse_guesses(run)
+    if number is None:
+        return runs
+    if not 1 <= number <= len(runs):
+        raise InputError(f"{source}: no run of that number", found=f"{len(runs)} in {path}", allowed=f"#1 to #{len(runs)}")
+    return runs[number - 1 : number]
+
+
+def refuse_guesses(run: Run) -> None:
+    """Raises InputError where anything about the run was guessed."""
+    if run.guesses:
+        raise InputError(
+            f"{run.name}: --strict refuses what had to be guessed",
+            found="; ".join(g.text for g in run.guesses),
+            do="; ".join(dict.fromkeys(g.option for g in run.guesses)),
+        )
+
+
+def _numbered(source: str) -> tuple[str, int | None]:
+    """``file.csv#2`` as (``file.csv``, 2), unless a file of that whole name is there."""
+    path, sign, number = source.rpartition("#")
+    if sign and number.isdigit() and not Path(source).exists():
+        return path, int(number)
+    return source, None
 
 
 def sha256_of(source: str) -> str:
     """Hash of a file; empty where there is none to read (standard input)."""
     try:
-        return hashlib.sha256(Path(source).read_bytes()).hexdigest()
+        return hashlib.sha256(Path(_numbered(source)[0]).read_bytes()).hexdigest()
     except OSError:
         return ""
 
@@ -68,147 +97,89 @@ def _bytes(source: str) -> bytes:
         raise InputError(f"{source}: cannot be read", found=str(error.strerror), do="check the permissions") from None
 
 
-def run_from_table(table: Table, options: Options) -> Run:
-    """What each column is, time in order, temperatures in degC."""
-    notes = list(table.notes)
-    time, used, note = _time(table, options)
-    notes.append(note)
-    numbers = {n: c for n, c in table.columns.items() if n not in used and isinstance(c, np.ndarray)}
-    named = [n for n in numbers if not (n.startswith("column ") and np.isnan(numbers[n]).all())]
-    words = [n for n, c in table.columns.items() if n not in used and not isinstance(c, np.ndarray)]
+def runs_from_table(table: Table, options: Options) -> list[Run]:
+    """What each column is, time in order, temperatures in degC: one run, or several where the time begins anew.
+
+    Raises
+    ------
+    InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
+    UsageError: an option names no column.
+    """
+    check_names(options.exclude, table.names, "--exclude", table.name)
+    time = find_time(table, options)
+    layout = find_long(table, time, options)
+    if layout is not None:
+        table = to_wide(table, layout, time)
+    notes, guesses = [*table.notes, time.note], [*table.guesses, *time.guesses]
+    numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
+    spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
+    if spare:
+        notes.append(f"other columns of time left out: {listed(spare, 6)}")
+    named = [n for n in numbers if n not in spare and not (n.startswith("column ") and np.isnan(numbers[n]).all())]
+    words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray)]
     if words:
         notes.append(f"columns of words left out: {listed(words, 6)}")
-    check_names(options.exclude, table.names, "--exclude", table.name)
     if options.channels:
         check_names(options.channels, [*named, *words], "--channels", table.name)
-    roles = classify(named, numbers, table.units, options, table.name)
-    if roles.counters:
-        notes.append(f"row counters left out: {listed(roles.counters)}")
+        if wordy := [c for c in options.channels if c in words]:
+            raise InputError(
+                f"{table.name}: column {wordy[0]!r} holds words", found=f"as {table.columns[wordy[0]][0]!r}", allowed="numbers"
+            )
+    units = _with_unit_column(table, named)
+    roles = classify(named, numbers, units, options, table.name, table.header)
+    notes += roles.notes
+    guesses += roles.guesses
     if not roles.sensors:
-        raise InputError(
-            f"{table.name}: no sensor column",
-            found=listed([*roles.ambient, *roles.inputs, *words]) or "only a time column",
-            allowed="at least one column of temperatures",
-            do="name the sensors with --channels",
-        )
-    time, numbers, mended = _in_order(time, numbers, table.name)
-    notes += mended
-    channel_notes: dict[str, str] = {}
-    temperatures: dict[str, Array] = {}
-    for n in (*roles.sensors, *roles.ambient):
-        values, unit_note = to_celsius(n, table.units.get(n, ""), numbers[n])
-        values, impossible = without_impossible(values)
-        if unit_note:
-            notes.append(unit_note)
+        raise _no_sensor(table, roles, words, named)
+    for n in (*roles.sensors, *roles.ambient, *roles.inputs):
+        if n in table.faults:
+            raise table.faults[n]
+    used = (*roles.sensors, *roles.ambient, *roles.inputs, *roles.displacements)
+    degrees, channel_notes = Temperatures(table, units, options), {}
+    columns = {n: numbers[n] for n in used}
+    for n in (*roles.sensors, *roles.ambient, *[n for n in roles.inputs if sign_of(n, units.get(n, "")).temperature]):
+        columns[n], impossible = without_impossible(degrees.of(n, numbers[n], n in roles.inputs))
         if impossible:
             channel_notes[n] = f"{impossible} overload or impossible readings left out"
-        temperatures[n] = values
-    notes.append(f"{len(roles.sensors)} sensors ({listed(roles.sensors, 4)})")
-    if roles.ambient:
-        notes.append(f"surroundings: {listed(roles.ambient)}")
-    if roles.inputs:
-        notes.append(f"inputs: {listed(roles.inputs)}")
-    displacements: dict[str, Array] = {}
+    notes += degrees.notes()
+    guesses += degrees.guesses()
+    notes.append(f"{len(roles.sensors)} sensor{'s' if len(roles.sensors) > 1 else ''} ({listed(roles.sensors, 4)})")
+    for what, who in (("surroundings", roles.ambient), ("inputs", roles.inputs), ("displacements", roles.displacements)):
+        if who:
+            notes.append(f"{what}: {listed(who)}")
     for n in roles.displacements:
-        displacements[n], unit_note = to_micrometres(n, table.units.get(n, ""), numbers[n])
+        columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
         notes += [unit_note] if unit_note else []
-    if roles.displacements:
-        notes.append(f"displacements: {listed(roles.displacements)}")
-    return Run(
-        table.name,
-        time,
-        {n: temperatures[n] for n in roles.sensors},
-        {n: temperatures[n] for n in roles.ambient},
-        {n: numbers[n] for n in roles.inputs},
-        tuple(notes),
-        channel_notes,
-        displacements,
+    stretches = in_order(time.seconds, columns, table.name, time.wall, table.first_line, layout is not None)
+    return [
+        Run(
+            table.name if len(stretches) == 1 else f"{table.name}#{k + 1}",
+            part.time,
+            {n: part.columns[n] for n in roles.sensors},
+            {n: part.columns[n] for n in roles.ambient},
+            {n: part.columns[n] for n in roles.inputs},
+            (*notes, *part.notes),
+            channel_notes,
+            {n: part.columns[n] for n in roles.displacements},
+            (*guesses, *part.guesses),
+        )
+        for k, part in enumerate(stretches)
+    ]
+
+
+def _no_sensor(table: Table, roles: Roles, words: list[str], named: list[str]) -> InputError:
+    found = [f"{n} ({u})" if (u := table.units.get(n, "")) else n for n in (named or words)]
+    return InputError(
+        f"{table.name}: no sensor column",
+        found=listed(found, 8) or "only a time column",
+        allowed="at least one column of temperatures",
+        do="name the sensors with --channels, if these are temperatures",
     )
 
 
-def _time(table: Table, options: Options) -> tuple[Array, set[str], str]:
-    """Seconds from the first row, the columns used, and how they were read."""
-    rows = len(next(iter(table.columns.values())))
-    if rows < FEWEST_ROWS:
-        raise InputError(f"{table.name}: {rows} row of readings", allowed=f"at least {FEWEST_ROWS}", do="export more of the record")
-    if options.interval_s is not None:
-        even: Array = np.arange(rows, dtype=np.float64) * options.interval_s
-        return even, {n for n in table.names if is_time_name(n)}, f"time: one row every {options.interval_s:g} s, as told"
-    if options.time is not None:
-        check_names([options.time], table.names, "--time", table.name)
-        return _convert(table, options.time, None, options)
-    stamped = [n for n in table.names if not isinstance(table.columns[n], np.ndarray)]
-    named = [n for n in table.names if is_time_name(n)]
-    # A date and a clock in two columns are one time.
-    dates = [n for n in named if n in stamped and ":" not in table.columns[n][0]]
-    clocks = [n for n in named if n in stamped and ":" in table.columns[n][0] and len(table.columns[n][0].strip()) <= 15]
-    if dates and clocks:
-        return _convert(table, dates[0], clocks[0], options)
-    for n in [n for n in named if n in stamped] + [n for n in named if n not in stamped]:
-        column = table.columns[n]
-        if not isinstance(column, np.ndarray) or np.isfinite(column).any():
-            return _convert(table, n, None, options)
-    for n in stamped:
-        column = table.columns[n]
-        if not isinstance(column, np.ndarray) and any(ch.isdigit() for ch in column[0]) and ":" in column[0]:
-            return _convert(table, n, None, options)
-    first = table.columns[table.names[0]]
-    if isinstance(first, np.ndarray) and table.names[0] == "column 1" and np.isfinite(first).all() and (np.diff(first) > 0).all():
-        return _convert(table, table.names[0], None, options)
-    raise InputError(
-        f"{table.name}: no time column",
-        found=listed(table.names),
-        allowed="a column named time_s, time_min, elapsed, timestamp, ... or of wall-clock stamps",
-        do="name it with --time NAME (and --time-unit), or say --interval SECONDS if rows are evenly spaced",
-    )
-
-
-def _convert(table: Table, name: str, clock: str | None, options: Options) -> tuple[Array, set[str], str]:
-    column = table.columns[name]
-    if isinstance(column, np.ndarray):
-        unit = options.time_unit or unit_of(name, table.units.get(name, ""))
-        bad = np.flatnonzero(~np.isfinite(column))
-        if len(bad):
-            raise InputError(
-                f"{table.name}, line {table.first_line + int(bad[0]) + 1}, column {name!r}: no time in this row",
-                found=f"{len(bad)} rows without a time",
-                allowed="a number in every row",
-                do="mend or remove the rows",
-            )
-        told = unit or epoch_unit(column) or "s"
-        how = "" if unit else " (no unit found: say --time-unit if they are not)"
-        return column * UNITS[told], {name}, f"time: {name!r} in {told}{how}"
-    cells = column
-    if clock is not None:
-        second = table.columns[clock]
-        assert not isinstance(second, np.ndarray)
-        cells = [f"{d} {c}" for d, c in zip(column, second, strict=True)]
-    place = f"{table.name}, column {name!r}"
-    seconds = stamps_to_seconds(cells, place, table.first_line, options.time_format)
-    used = {name} | ({clock} if clock else set())
-    return seconds, used, f"time: wall-clock stamps in {' and '.join(repr(u) for u in sorted(used))}"
-
-
-def _in_order(time: Array, columns: dict[str, Array], name: str) -> tuple[Array, dict[str, Array], list[str]]:
-    """Sorted by time, readings of one stamp averaged, time from the first."""
-    notes = []
-    step = np.diff(time)
-    if (step < 0).any():
-        order = np.argsort(time, kind="stable")
-        notes.append(f"{int((step < 0).sum())} rows out of order were sorted by time")
-        time, columns = time[order], {n: c[order] for n, c in columns.items()}
-        step = np.diff(time)
-    if (step == 0).any():
-        edges = np.flatnonzero(np.concatenate([[True], step > 0]))
-        notes.append(f"{int((step == 0).sum())} repeated time stamps: readings of one stamp averaged")
-
-        def mean(c: Array) -> Array:
-            good = np.isfinite(c)
-            count = np.add.reduceat(good.astype(float), edges)
-            total = np.add.reduceat(np.where(good, c, 0.0), edges)
-            return np.where(count > 0, total / np.maximum(count, 1.0), np.nan)
-
-        time, columns = time[edges], {n: mean(c) for n, c in columns.items()}
-    if len(time) < FEWEST_ROWS:
-        raise UsageError(f"{name}: all rows carry the same time stamp", do="name another column with --time, or say --interval")
-    return time - time[0], columns, notes
+def _with_unit_column(table: Table, named: list[str]) -> dict[str, str]:
+    """Units of the columns; where a column of words tells one unit in every row, it is that of the columns without."""
+    for n, cells in table.columns.items():
+        if n.strip().lower() in ("unit", "units", "einheit") and not isinstance(cells, np.ndarray) and len(set(cells)) == 1:
+            return {**table.units, **{c: table.units.get(c) or cells[0] for c in named}}
+    return table.units

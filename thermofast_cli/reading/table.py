@@ -1,6 +1,6 @@
 """A table as it stands in a file: columns of numbers and of words, before anyone says what they mean."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
@@ -8,12 +8,15 @@ import pyarrow.compute as pc
 import pyarrow.parquet as papq
 
 from ..errors import InputError
-from .run import Array
+from .run import Array, Guess
 
 
 @dataclass(frozen=True)
 class Table:
-    """columns: name -> numbers (N,) with nan for none, or cells (N,) as text. first_line: line of the first row, from 0."""
+    """columns: name -> numbers (N,) with nan for none, or cells (N,) as text. first_line: line of the first row, from 0.
+
+    faults: what is wrong with a column that is mostly numbers, raised where it is used; header: whether the columns are named.
+    """
 
     name: str
     names: list[str]
@@ -21,6 +24,9 @@ class Table:
     units: dict[str, str]
     first_line: int
     notes: tuple[str, ...]
+    faults: dict[str, InputError] = field(default_factory=dict)
+    guesses: tuple[Guess, ...] = ()
+    header: bool = True
 
 
 def to_floats(column: pa.ChunkedArray) -> Array:

@@ -1,166 +1,256 @@
-"""Time columns: elapsed numbers with a unit, or wall-clock stamps, to seconds from the first reading."""
+"""Which column is time, and numbers of it as seconds: elapsed with a unit, epochs, serial days of a spreadsheet."""
 
 import re
-from collections.abc import Sequence
-from datetime import datetime
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from ..errors import InputError
-from .run import Array
+from ..errors import InputError, listed
+from .columns import check_names
+from .run import Array, Guess, Options
+from .stamps import DAY_S, looks_like_stamp, parse_stamps, plausible
+from .table import Table
+from .vocabulary import TIME, TIME_NAMES, words
 
-UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
 _UNIT_WORDS = {
+    "ns": ("ns", "nanoseconds"),
     "us": ("us", "µs", "μs", "microseconds"),
-    "ms": ("ms", "msec", "millis", "milliseconds"),
-    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
-    "min": ("min", "mins", "minute", "minutes", "minuten"),
-    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden"),
+    "ms": ("ms", "msec", "msecs", "millis", "milliseconds"),
+    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒"),
+    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟"),
+    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时"),
     "d": ("d", "day", "days", "tage"),
 }
-TIME_WORDS = frozenset(
-    [
-        "time",
-        "times",
-        "timestamp",
-        "timestamps",
-        "datetime",
-        "date",
-        "elapsed",
-        "clock",
-        "zeit",
-        "uhrzeit",
-        "datum",
-        "zeitstempel",
-        "stamp",
-        "时间",
-        "日期",
-    ]
-)
-#: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
-TIME_NAMES = frozenset(["t", "s", "sec", "seconds", "min", "minutes", "h", "hours", "x_value"])
-_DATES = (
-    "%Y-%m-%d",
-    "%Y/%m/%d",
-    "%Y.%m.%d",
-    "%d.%m.%Y",
-    "%d.%m.%y",
-    "%d/%m/%Y",
-    "%m/%d/%Y",
-    "%d-%m-%Y",
-    "%m-%d-%Y",
-    "%d/%m/%y",
-    "%m/%d/%y",
-)
-_CLOCKS = ("%H:%M:%S.%f", "%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "%I:%M:%S.%f %p")
+#: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
+EPOCH_S = (9.466848e8, 4.102448e9)
+SERIAL_DAYS = (36526.0, 73051.0)
+FEWEST_ROWS = 2
 
 
-def words(name: str) -> list[str]:
-    """Lower-case words of a column name; digits at the end of a word are not part of it."""
-    return _words(name.rstrip("0123456789"))
+@dataclass(frozen=True)
+class Time:
+    """seconds (n,), the columns it was read from, how in words, and what was guessed; wall: start of a wall clock without zone."""
 
-
-@lru_cache(maxsize=4096)
-def _words(name: str) -> list[str]:
-    spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
-    return [w for w in (re.sub(r"\d+$", "", part) for part in re.split(r"[\W_]+", spaced.lower())) if w]
+    seconds: Array
+    used: frozenset[str]
+    note: str
+    guesses: tuple[Guess, ...] = ()
+    wall: float | None = None
 
 
 def unit_of(name: str, unit_cell: str = "") -> str | None:
     """Unit that a time column's name, or its cell in the unit line, tells: ``time_min`` -> ``min``."""
-    for word in [w.strip("[]() ") for w in (unit_cell.lower(),)] + words(name)[::-1]:
+    for word in [w.strip("[](){} ") for w in (unit_cell.lower(),)] + words(name)[::-1]:
         for unit, known in _UNIT_WORDS.items():
             if word in known:
                 return unit
-    return None
+    return "s" if name == "X_Value" else None  # a LabVIEW measurement file says so in its definition
 
 
+@lru_cache(maxsize=4096)
 def is_time_name(name: str) -> bool:
-    whole = re.sub(r"[\[(].*", "", name).strip()
+    whole = re.sub(r"[\[(/,].*", "", name).strip()
+    told = words(name)
+    if any(w in ("temp", "temperature", "temperatur") for w in told):
+        return False
     if name[-1:].isdigit():
-        return any(w in TIME_WORDS for w in words(name))
+        return any(w in TIME for w in told)
     if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name):
         return True
-    return any(w in TIME_WORDS for w in words(name)) or whole in TIME_NAMES or whole.lower() in TIME_NAMES - {"t", "h", "s"}
+    return any(w in TIME for w in told) or whole in TIME_NAMES or whole.lower() in TIME_NAMES - {"t", "h", "s"}
 
 
-def stamps_to_seconds(cells: Sequence[str], place: str, first_line: int, time_format: str | None = None) -> Array:
-    """Seconds (n,) from the first stamp; a clock without date goes on past midnight.
+def find_time(table: Table, options: Options) -> Time:
+    """Time of each row.
 
     Raises
     ------
-    InputError: a stamp that no known format reads, or a date that two formats read differently.
+    InputError: no column is time, a row has none, or its unit cannot be told.
+    UsageError: --time names no column.
     """
-    cells = [c.strip() for c in cells]
-    formats = [time_format] if time_format else _formats(cells[0])
-    readings: list[Array] = []
-    failed: tuple[int, str] = (0, cells[0])
-    for fmt in formats:
-        seconds, bad = _parse(cells, fmt)
-        if seconds is not None:
-            readings.append(seconds)
-        elif bad >= failed[0]:
-            failed = (bad, cells[bad])
-    if not readings:
+    rows = len(next(iter(table.columns.values())))
+    if rows < FEWEST_ROWS:
+        raise InputError(f"{table.name}: {rows} row of readings", allowed=f"at least {FEWEST_ROWS}", do="export more of the record")
+    if options.interval_s is not None:
+        even: Array = np.arange(rows, dtype=np.float64) * options.interval_s
+        named = frozenset(n for n in table.names if is_time_name(n))
+        return Time(even, named, f"time: one row every {options.interval_s:g} s, as told")
+    if options.time is not None:
+        check_names([options.time], table.names, "--time", table.name)
+        return _convert(table, options.time, None, options)
+    found = _candidates(table)
+    if found:
+        name, clock = found
+        return _convert(table, name, clock, options)
+    raise InputError(
+        f"{table.name}: no time column",
+        found=listed(table.names),
+        allowed="a column named time_s, time_min, elapsed, timestamp, ... or of wall-clock stamps",
+        do="name it with --time NAME (and --time-unit), or say --interval SECONDS if rows are evenly spaced",
+    )
+
+
+def _candidates(table: Table) -> tuple[str, str | None] | None:
+    """The column that is time, and that of the clock where the date stands in one of its own."""
+    stamped, numeric = [], []
+    for n in table.names:
+        column = table.columns[n]
+        if isinstance(column, np.ndarray):
+            numeric.append(n)
+        elif len(set(column[:200])) > 1 or len(set(column)) > 1:  # the bounds of a query are the same in every row
+            stamped.append(n)
+        elif looks_like_stamp(column[0]) and ":" not in column[0]:
+            stamped.append(n)  # a date alone may be the same all day
+    named = [n for n in table.names if is_time_name(n)]
+    full = {n: _first(table, n) for n in stamped}
+    stamps = {n: c for n, c in full.items() if looks_like_stamp(c)}
+    dates = [n for n in stamps if ":" not in stamps[n] and (n in named or n == table.names[0])]
+    clocks = [n for n in stamps if ":" in stamps[n] and n in named and not re.search(r"\d[-/.]\d{1,2}[-/.]\d|\d{8}", stamps[n])]
+    if dates and clocks:
+        return dates[0], clocks[0]
+    dated = [n for n in stamps if n not in clocks and n not in dates]
+    ordered = [n for n in dated if n in named] + [n for n in dated if n not in named and ":" in stamps[n]]
+    if ordered:
+        # Of several stamps the one with most different values: the others tell when a step or the query began.
+        return max(ordered[:8], key=lambda n: (len(set(table.columns[n])), n in named)), None
+    timed = [n for n in numeric if n in named and np.isfinite(np.asarray(table.columns[n])).any()]
+    epochs = [n for n in timed if _epoch(_values(table, n)) and unit_of(n) is None]
+    ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5]
+    for group in (
+        [n for n in timed if unit_of(n, table.units.get(n, "")) and n in ascending],
+        epochs,
+        clocks,
+        ascending,
+        dates,
+        timed,
+        [n for n in table.names if n in named and n in full],
+    ):
+        if group:
+            return group[0], None
+    first = table.columns[table.names[0]]
+    if isinstance(first, np.ndarray) and table.names[0] == "column 1" and np.isfinite(first).all() and (np.diff(first) > 0).all():
+        return table.names[0], None
+    return None
+
+
+def _first(table: Table, name: str) -> str:
+    return next((c.strip() for c in table.columns[name] if isinstance(c, str) and c.strip()), "")
+
+
+def _values(table: Table, name: str) -> Array:
+    return np.asarray(table.columns[name], dtype=np.float64)
+
+
+def _convert(table: Table, name: str, clock: str | None, options: Options) -> Time:
+    column = table.columns[name]
+    if isinstance(column, np.ndarray):
+        return _numeric(table, name, column, options)
+    cells = column
+    if clock is not None:
+        second = table.columns[clock]
+        assert not isinstance(second, np.ndarray)
+        cells = [f"{d} {c}" for d, c in zip(column, second, strict=True)]
+    label = f"{name} {clock}" if clock else name
+    stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.first_line, label, options.time_format)
+    used = frozenset({name} | ({clock} if clock else set()))
+    note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
+    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.start)
+
+
+def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
+    bad = np.flatnonzero(~np.isfinite(column))
+    if len(bad):
         raise InputError(
-            f"{place}, line {first_line + failed[0] + 1}: unreadable time",
-            found=repr(failed[1]),
-            allowed="2026-05-03 20:38:07, 03.05.2026 20:38:07, 5/3/2026 8:38:07 PM, 20:38:07 or a number with a unit",
-            do="mend the cell or say --time-format, as in '%d.%m.%Y %H:%M:%S'",
+            f"{table.name}, line {table.first_line + int(bad[0]) + 1}, column {name!r}: no time in this row",
+            found=f"{len(bad)} rows without a time",
+            allowed="a number in every row",
+            do="mend or remove the rows",
         )
-    forward = [r for r in readings if not (np.diff(r) < 0).any()] or readings
-    shortest = min(forward, key=lambda r: float(np.ptp(r)))
-    others = [r for r in forward if not np.allclose(r, shortest)]
-    if any(np.ptp(r) < 10 * np.ptp(shortest) for r in others):
+    unit = options.time_unit or unit_of(name, table.units.get(name, ""))
+    epoch = _epoch(column)
+    if unit and not (epoch and not options.time_unit):
+        return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}")
+    if epoch:
+        # 1.7e18 less 1.7e18 has lost its last digits once it is multiplied: take the start away first.
+        return Time((column - column[0]) * UNITS[epoch], frozenset({name}), f"time: {name!r}, an epoch in {epoch}")
+    if _serial(column):
+        text = f"{name!r} read as serial days of a spreadsheet (one is {column[0]:.6g})"
+        seconds = np.round((column - column[0]) * DAY_S, 3)
+        return Time(seconds, frozenset({name}), f"time: {name!r} in days", (Guess("time", text, "--time-unit says otherwise"),))
+    return _without_unit(table, name, column)
+
+
+def _epoch(values: Array) -> str | None:
+    """Unit in which all numbers are moments between 2000 and 2100: s, ms, us, ns, or None."""
+    good = values[np.isfinite(values)]
+    if not len(good):
+        return None
+    for unit in ("s", "ms", "us", "ns"):
+        if EPOCH_S[0] <= good.min() * UNITS[unit] and good.max() * UNITS[unit] <= EPOCH_S[1]:
+            return unit
+    return None
+
+
+def _serial(values: Array) -> bool:
+    """Whether the numbers are dates of a spreadsheet: days since 1900 with a fraction."""
+    inside = SERIAL_DAYS[0] <= values.min() and values.max() <= SERIAL_DAYS[1]
+    return inside and bool((values % 1.0 != 0.0).any()) and float(np.median(np.abs(np.diff(values)))) < 0.5
+
+
+def _without_unit(table: Table, name: str, column: Array) -> Time:
+    """Numbers without a unit: another column of time tells it, or only one unit makes a likely record; else the user must."""
+    for other in table.names:
+        if other == name:
+            continue
+        known = _same_time(table, other, column)
+        if known:
+            return Time(column * UNITS[known], frozenset({name}), f"time: {name!r} in {known}, as {other!r} shows")
+    likely = [u for u in ("s", "min", "h") if plausible(column * UNITS[u])]
+    lengths = ", ".join(f"in {u} {_length(float(np.ptp(column)) * UNITS[u])}" for u in ("s", "min", "h"))
+    if len(likely) != 1:
         raise InputError(
-            f"{place}: day and month cannot be told apart",
-            found=repr(cells[0]),
-            allowed="stamps that only one order of day and month reads",
-            do="say --time-format '%d/%m/%Y %H:%M:%S' or '%m/%d/%Y %H:%M:%S'",
+            f"{table.name}: column {name!r} does not say its unit of time",
+            found=f"{column[0]:g} to {column[-1]:g}: {lengths}",
+            allowed="a name as time_s, time_min, 'Time [h]', or a unit line",
+            do=f"say --time-unit s, min or h{'' if is_time_name(name) else ', or --time with the right column'}",
         )
-    return shortest
+    unit = likely[0]
+    text = f"{name!r} has no unit, taken as {unit}: the record is then {_length(float(np.ptp(column)) * UNITS[unit])} long"
+    guess = Guess("time", text, f"--time-unit {unit} confirms it")
+    return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", (guess,))
 
 
-def _formats(sample: str) -> list[str]:
-    sample = sample.replace("T", " ", 1)
-    if " " not in sample and ":" in sample:
-        return list(_CLOCKS)
-    dates = [f"{d} {c}" for d in _DATES for c in _CLOCKS] + list(_DATES) + list(_CLOCKS)
-    return ["iso", *dates]
-
-
-def _parse(cells: Sequence[str], fmt: str) -> tuple[Array | None, int]:
-    seconds = np.empty(len(cells))
-    origin: datetime | None = None
-    day, last = 0.0, -1.0
-    # A blink without fraction in a column with fractions is common: 20:38:07 between 20:38:07.5 and 20:38:08.5.
-    plain = fmt.replace(".%f", "") if ".%f" in fmt else None
-    for i, cell in enumerate(cells):
-        text = cell.replace(",", ".")
+def _same_time(table: Table, other: str, column: Array) -> str | None:
+    """The unit in which a column of time without unit runs as fast as another that says its own."""
+    second = table.columns[other]
+    if isinstance(second, np.ndarray):
+        unit = unit_of(other, table.units.get(other, "")) if is_time_name(other) else None
+        scale = UNITS[u] if (u := _epoch(second) or unit) else None
+        if scale is None or not np.isfinite(second).all():
+            return None
+        seconds = (second - second[0]) * scale
+    else:
+        if not (second and looks_like_stamp(second[0])):
+            return None
         try:
-            stamp = datetime.fromisoformat(text) if fmt == "iso" else datetime.strptime(text, fmt)
-        except (ValueError, re.error):
-            try:
-                stamp = datetime.strptime(text.replace("T", " ", 1), plain or fmt)
-            except (ValueError, re.error):
-                return None, i
-        if origin is None:
-            origin = stamp
-        try:
-            value = (stamp - origin).total_seconds()
-        except TypeError:  # one stamp with a zone, one without
-            return None, i
-        if "%d" not in fmt and fmt != "iso":
-            if value + day < last - 43200:
-                day += 86400.0
-            value += day
-            last = value
-        seconds[i] = value
-    return seconds, -1
+            seconds = parse_stamps(second, "", 0, other).seconds
+        except InputError:
+            return None
+    span = float(np.ptp(column))
+    for unit in ("ms", "s", "min", "h"):
+        if (
+            span > 0.0
+            and float(np.ptp(seconds)) > 0.0
+            and np.allclose((column - column[0]) * UNITS[unit], seconds, rtol=0.01, atol=2.0)
+        ):
+            return unit
+    return None
 
 
-def epoch_unit(values: Array) -> str | None:
-    """Unit of numbers too large for elapsed seconds: an epoch in ms, us or ns, or None."""
-    largest = float(np.abs(values).max())
-    return "us" if largest > 1e14 else "ms" if largest > 1e11 else None
+def _length(seconds: float) -> str:
+    for unit, size in (("d", DAY_S), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"

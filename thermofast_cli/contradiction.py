@@ -1,0 +1,28 @@
+"""Readings that came after the identification time against what was said of them: a row is never ok against its own evidence."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: The 95 % band is this many times wider at one in a thousand, beside as many deviations of the noise.
+WIDER, NOISES = 3.29 / 1.96, 3.29
+#: Share of the readings ahead, and how many of them, that must lie outside: one stray reading is no evidence.
+SHARE, FEWEST = 0.05, 3
+
+
+def contradiction(residual: Array, half_width: Array, noise: float) -> float | None:
+    """Largest residual [K] of the readings ahead (n,) where they leave the prediction's band, or None where they stay in it.
+
+    half_width (n,) [K] is that of the 95 % band of the curve on the side of each residual, noise [K] a reading's deviation. A right
+    model's curve leaves the band so widened about once in a thousand records.
+    """
+    outside = np.abs(residual) > WIDER * half_width + NOISES * noise
+    if int(outside.sum()) < max(FEWEST, SHARE * len(residual)):
+        return None
+    return float(np.abs(residual[outside]).max())
+
+
+def words(size: float, until_min: float) -> str:
+    """What to say of a contradiction of `size` [K]."""
+    return f"the readings after {until_min:.4g} min leave the prediction's band, by up to {size:.2g} K: the interval does not hold"

@@ -1,0 +1,206 @@
+"""Long tables: one row per sensor and time, the sensor's name in a column of its own."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import InputError, UsageError, listed
+from .columns import check_names, sign_of
+from .run import Array, Guess, Options
+from .table import Table
+from .times import Time
+from .units import parse_unit, to_celsius
+from .vocabulary import READINGS, REMARKS, SENSOR_NAMES, UNITS, words
+
+MOST_LABELS = 5000
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of words that together name the sensor, and the column of the readings; guess says how it was found."""
+
+    labels: tuple[str, ...]
+    value: str
+    guess: Guess | None
+
+
+def find_long(table: Table, time: Time, options: Options) -> Layout | None:
+    """The layout of a long table: as the user says, or where it is plain; None for a wide one.
+
+    Raises
+    ------
+    InputError: it may be long, and which columns name and measure cannot be told.
+    """
+    if options.long:
+        labels, value = tuple(options.long[0].split("+")), options.long[1]
+        check_names([*labels, value], table.names, "--long", table.name)
+        return Layout(labels, value, None)
+    if options.channels:
+        return None
+    words_of: dict[str, list[str] | None] = {n: _cells_of(table, n) for n in table.names if n not in time.used}
+    repeated = [n for n, c in words_of.items() if c is not None and _repeats(c)]
+    named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
+    unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
+    values = [n for n in table.names if n not in time.used and n not in repeated and isinstance(table.columns[n], np.ndarray)]
+    values = [n for n in values if _varies(table.columns[n]) and n not in table.faults]
+    valued = [n for n in values if set(words(n)) & READINGS] or [
+        n for n in values if sign_of(n, table.units.get(n, "")).temperature
+    ]
+    if not repeated or not values:
+        return None
+    numbers = [n for n in repeated if isinstance(table.columns[n], np.ndarray)]
+    if not table.header:
+        if any(n not in numbers for n in repeated):
+            raise _ask(table, [n for n in repeated if n not in numbers], values)
+        return None
+    value = valued[0] if len(valued) == 1 else values[0] if len(values) == 1 else None
+    if value is None:
+        if named and _interleaved(time.seconds, words_of, tuple(n for n in named if n not in numbers)):
+            raise _ask(table, named, values)
+        return None
+    sensor = tuple(n for n in named if n not in numbers) or tuple(n for n in named if n in numbers)[:1]
+    if not sensor and len(unclear) == 1 and unclear[0] not in numbers:
+        column = table.columns[value]
+        if _interleaved(time.seconds, words_of, (unclear[0],)) or _levels(words_of[unclear[0]], np.asarray(column)):
+            sensor = (unclear[0],)
+    if not sensor:
+        return None
+    if any(n in numbers for n in sensor) and not _interleaved(time.seconds, words_of, sensor):
+        return None
+    return Layout(
+        sensor,
+        value,
+        Guess(
+            "layout",
+            f"a long table: {' and '.join(map(repr, sensor))} names the sensor, {value!r} is the reading",
+            "--long SENSOR,VALUE says otherwise",
+        ),
+    )
+
+
+def _ask(table: Table, labels: list[str], values: list[str]) -> InputError:
+    return InputError(
+        f"{table.name}: this looks like a long table, one row per sensor and time",
+        found=f"words that repeat in {listed(labels, 4)}; numbers in {listed(values, 4)}",
+        allowed="one column that names the sensor and one with its reading",
+        do=f"say --long SENSOR,VALUE, as in --long {labels[-1]!r},{values[-1]!r} (A+B,VALUE where two columns name it)",
+    )
+
+
+def _cells_of(table: Table, name: str) -> list[str] | None:
+    """Cells of a column that may name sensors: words, or small whole numbers under such a name."""
+    column = table.columns[name]
+    if not isinstance(column, np.ndarray):
+        return column
+    if (
+        set(words(name)) & (SENSOR_NAMES | {"id"})
+        and np.isfinite(column).all()
+        and (column % 1.0 == 0.0).all()
+        and np.ptp(column) < 1000
+    ):
+        return [f"{v:g}" for v in column.tolist()]
+    return None
+
+
+def _repeats(cells: list[str]) -> bool:
+    different = {c.strip() for c in cells}
+    return 2 <= len(different) <= min(max(len(cells) // 2, 2), MOST_LABELS) and "" not in different
+
+
+def _varies(column: Array | list[str]) -> bool:
+    return isinstance(column, np.ndarray) and len(np.unique(column[np.isfinite(column)])) > 1
+
+
+def _interleaved(seconds: Array, words_of: dict[str, list[str] | None], names: tuple[str, ...]) -> bool:
+    """Whether most stamps stand there several times, each time with another name; or time falls back where the name changes."""
+    if not names:
+        return False
+    labels = _joined(words_of, names)
+    pairs = {(t, w) for t, w in zip(seconds.tolist(), labels, strict=True)}
+    stamps = len(set(seconds.tolist()))
+    together = stamps <= 0.7 * len(seconds) and len(pairs) >= 0.95 * len(seconds)
+    back = np.flatnonzero(np.diff(seconds) < 0)
+    changes = [labels[i] != labels[i + 1] for i in back]
+    return together or (len(back) > 0 and len(back) >= len(set(labels)) - 1 and all(changes))
+
+
+def _joined(words_of: dict[str, list[str] | None], names: tuple[str, ...]) -> list[str]:
+    columns = [words_of[n] or [] for n in names]
+    varying = [c for c in columns if len(set(c)) > 1] or columns[:1]
+    return [" ".join(cells) for cells in zip(*varying, strict=True)]
+
+
+def _levels(cells: list[str] | None, value: Array) -> bool:
+    """Whether the readings jump wherever the name changes and not where it stays: two sensors read in turn."""
+    if cells is None:
+        return False
+    label = np.unique(cells, return_inverse=True)[1]
+    step, changed = np.abs(np.diff(value)), np.diff(label) != 0
+    if changed.sum() < 3 or len(np.unique(label)) > 200:
+        return False
+    within = []
+    for k in np.unique(label):
+        own = value[label == k]
+        within.append(np.abs(np.diff(own[np.isfinite(own)])))
+    quiet = float(np.median(np.concatenate(within))) if within else np.inf
+    return float(np.nanmedian(step[changed])) > 5.0 * max(quiet, 1e-9)
+
+
+def to_wide(table: Table, layout: Layout, time: Time) -> Table:
+    """The same rows with one column per sensor, nan where a row is another's.
+
+    Raises
+    ------
+    UsageError: a named column holds no numbers, or there are too many sensors.
+    """
+    value = table.columns[layout.value]
+    if layout.value in table.faults:
+        raise table.faults[layout.value]
+    if not isinstance(value, np.ndarray):
+        raise UsageError(f"{table.name}: --long: {layout.value!r} holds no numbers", allowed="a column of readings")
+    words_of: dict[str, list[str] | None] = {n: _label_cells(n, table.columns[n]) for n in layout.labels}
+    labels = np.array(_joined(words_of, layout.labels))
+    names = list(dict.fromkeys(labels.tolist()))
+    if len(names) > MOST_LABELS:
+        raise UsageError(
+            f"{table.name}: {len(names)} sensors in {' and '.join(layout.labels)}",
+            allowed=f"at most {MOST_LABELS}",
+            do="say --long",
+        )
+    units = _units_of(table, labels, names) or dict.fromkeys(names, table.units.get(layout.value, ""))
+    if not any(units.values()) and sign_of(layout.value, "").temperature:
+        symbol = sign_of(layout.value, "").unit
+        units = dict.fromkeys(names, f"°{symbol.symbol}" if symbol else "°C")
+    columns: dict[str, Array | list[str]] = {n: table.columns[n] for n in time.used if n in table.columns}
+    for label in names:
+        column = np.where(labels == label, value, np.nan)
+        own = parse_unit(units[label])
+        columns[label] = column
+        if own is not None and own.temperature:
+            columns[label], units[label] = to_celsius(column, own.symbol), "°C"
+    note = f"long table: {len(names)} columns from {' and '.join(layout.labels)} and {layout.value}"
+    guesses = (*table.guesses, *([layout.guess] if layout.guess else []))
+    return replace(
+        table,
+        names=list(columns),
+        columns=columns,
+        units={**dict.fromkeys(columns, ""), **units},
+        notes=(*table.notes, note),
+        guesses=guesses,
+        faults={},
+        header=True,
+    )
+
+
+def _label_cells(name: str, column: Array | list[str]) -> list[str]:
+    return [c.strip() for c in column] if not isinstance(column, np.ndarray) else [f"{name} {v:g}" for v in column.tolist()]
+
+
+def _units_of(table: Table, labels: np.ndarray, names: list[str]) -> dict[str, str]:
+    """Unit of each sensor where a column tells the unit of each row."""
+    column = next((n for n in table.names if set(words(n)) & UNITS and not isinstance(table.columns[n], np.ndarray)), None)
+    if column is None:
+        return {}
+    cells = table.columns[column]
+    assert not isinstance(cells, np.ndarray)
+    return {n: cells[int(np.argmax(labels == n))] for n in names}

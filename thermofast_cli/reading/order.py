@@ -1,0 +1,179 @@
+"""Rows in the order of time: sorted, split where the time begins anew, clock changes taken out, repeated stamps merged."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, UsageError, listed
+from .run import Array, Guess
+
+FEWEST_ROWS = 2
+#: Rows of a stretch from which on a time that falls back is a run that begins anew, not a row out of place.
+RUN_ROWS = 5
+HOUR_S = 3600.0
+#: Spread of readings at one stamp, in deviations of the readings from stamp to stamp, beyond which they are not one sensor's.
+MOST_SPREAD = 8.0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One run's rows: time [s] ascending from its first reading, and its columns (n,) by name."""
+
+    time: Array
+    columns: dict[str, Array]
+    notes: tuple[str, ...] = ()
+    guesses: tuple[Guess, ...] = ()
+
+
+def in_order(
+    time: Array, columns: dict[str, Array], name: str, wall: float | None, first_line: int, mixed: bool = False
+) -> list[Stretch]:
+    """The runs that a table holds, mostly one.
+
+    wall is the moment of the first row [s since 1970] where time is a wall clock without zone. ``mixed``: rows of several
+    sensors follow each other, so that time may fall back between them.
+
+    Raises
+    ------
+    InputError: readings at one stamp that differ by far more than the noise: averaging them would be wrong.
+    UsageError: all rows carry one time stamp.
+    """
+    notes: list[str] = []
+    guesses: list[Guess] = []
+    if wall is not None and not mixed:
+        time, changed = clock_change(time, wall)
+        guesses += [changed] if changed else []
+    starts = [] if mixed else restarts(time)
+    if not starts:
+        return [_one(time, columns, name, first_line, notes, guesses, mixed)]
+    lines = ", ".join(str(first_line + i + 1) for i in starts[:6])
+    guesses.append(
+        Guess(
+            "runs",
+            f"the time begins anew at line {lines}: {len(starts) + 1} runs, #1 to #{len(starts) + 1}",
+            "one file a run is sure",
+        )
+    )
+    edges = [0, *starts, len(time)]
+    return [
+        _one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, first_line + a, notes, guesses, mixed)
+        for a, b in pairwise(edges)
+    ]
+
+
+def _one(
+    time: Array, columns: dict[str, Array], name: str, first_line: int, notes: list[str], guesses: list[Guess], mixed: bool
+) -> Stretch:
+    notes = list(notes)
+    step = np.diff(time)
+    if (step < 0).any():
+        if not mixed:
+            backwards = "newest first" if (step <= 0).all() else f"{int((step < 0).sum())} rows out of order"
+            notes.append(f"{backwards}: sorted by time")
+        order = np.argsort(time, kind="stable")
+        time, columns = time[order], {n: c[order] for n, c in columns.items()}
+        step = np.diff(time)
+    if (step == 0).any():
+        edges = np.flatnonzero(np.concatenate([[True], step > 0]))
+        if len(edges) < FEWEST_ROWS:
+            raise UsageError(f"{name}: all rows carry the same time stamp", do="name another column with --time, or say --interval")
+        merged = {n: _mean(c, edges) for n, c in columns.items()}
+        odd = [n for n, c in columns.items() if _differ(c, merged[n], edges)]
+        if odd:
+            at = int(edges[np.argmax(np.diff(np.append(edges, len(time))) > 1)])
+            raise InputError(
+                f"{name}: readings at one time stamp differ by far more than their noise",
+                found=f"{listed(odd, 3)}, as at line {first_line + at + 1} and the next"
+                if not (np.diff(time) < 0).any()
+                else listed(odd, 3),
+                allowed="one reading of each sensor at a time",
+                do="say --long SENSOR,VALUE if a column tells the sensor, or name another column with --time",
+            )
+        if not mixed:
+            notes.append(f"{int((step == 0).sum())} repeated time stamps: readings of one stamp averaged")
+        time, columns = time[edges], merged
+    if len(time) < FEWEST_ROWS:
+        raise UsageError(f"{name}: all rows carry the same time stamp", do="name another column with --time, or say --interval")
+    return Stretch(time - time[0], columns, tuple(notes), tuple(guesses))
+
+
+def _mean(column: Array, edges: NDArray[np.intp]) -> Array:
+    good = np.isfinite(column)
+    count = np.add.reduceat(good.astype(float), edges)
+    total = np.add.reduceat(np.where(good, column, 0.0), edges)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1.0), np.nan))
+
+
+def _differ(column: Array, merged: Array, edges: NDArray[np.intp]) -> bool:
+    """Whether the readings of one stamp are too far apart to be one sensor's: against what the means of neighbouring stamps do."""
+    size = np.diff(np.append(edges, len(column)))
+    high = np.maximum.reduceat(np.where(np.isfinite(column), column, -np.inf), edges)
+    low = np.minimum.reduceat(np.where(np.isfinite(column), column, np.inf), edges)
+    counted = (size > 1) & np.isfinite(merged)
+    if not counted.any():
+        return False
+    spread = float(np.median((high - low)[counted]))
+    if spread <= 0.0:
+        return False
+    steady = merged[np.isfinite(merged)]
+    # What one sensor does from stamp to stamp, its logger's step included.
+    moves = np.abs(np.diff(steady))
+    values = np.unique(column[np.isfinite(column)])
+    quantum = float(np.diff(values).min()) if len(values) > 1 else 0.0
+    usual = float(np.median(moves)) if len(moves) else 0.0
+    if len(steady) < 4:
+        return spread > 1.0
+    return spread > MOST_SPREAD * max(usual, quantum if quantum < 0.2 * spread else 0.0, 1e-6 * spread) and spread > 0.05
+
+
+def restarts(time: Array) -> list[int]:
+    """Rows at which the time begins anew, so that what follows overlaps what was before: a second run in one file."""
+    back = np.flatnonzero(np.diff(time) < 0) + 1
+    if not len(back) or len(back) > max(50, len(time) // (2 * RUN_ROWS)):
+        return []
+    edges = [0, *back.tolist(), len(time)]
+    found: list[int] = []
+    begin = 0
+    for a, b in pairwise(edges[1:]):
+        before, after = time[begin:a], time[a:b]
+        if len(before) < RUN_ROWS or len(after) < RUN_ROWS:
+            continue
+        low, high = after[0], min(float(before.max()), float(after[-1]))
+        inside_before = int(((before >= low) & (before <= high)).sum())
+        inside_after = int((after <= high).sum())
+        if inside_before >= 3 and inside_after >= 3:
+            found.append(a)
+            begin = a
+    return found
+
+
+def clock_change(time: Array, wall: float) -> tuple[Array, Guess | None]:
+    """Time (n,) [s] with the hour taken out by which a wall clock was set back or forward, and what was done.
+
+    Daylight saving: on a Sunday of March, April, September, October or November the clock jumps by an hour between two rows that
+    are otherwise evenly apart.
+    """
+    step = np.diff(time)
+    if len(step) < 8:
+        return time, None
+    usual = float(np.median(step))
+    if usual <= 0.0 or usual > HOUR_S or (np.abs(step - usual) > 0.2 * usual + 1.0).mean() > 0.2:
+        return time, None
+    near = 0.3 * usual + 2.0
+    shift = np.zeros(len(time))
+    words = []
+    for i in np.flatnonzero(np.abs(np.abs(step - usual) - HOUR_S) <= near):
+        set_back = step[i] < usual
+        moment = datetime(1970, 1, 1) + timedelta(seconds=wall + float(time[i + 1]))
+        if not set_back and not (moment.weekday() == 6 and moment.month in (3, 4, 9, 10, 11) and 1 <= moment.hour <= 4):
+            continue  # a gap of an hour on any other day is a gap
+        shift[i + 1 :] += HOUR_S if set_back else -HOUR_S
+        words.append(f"{moment:%Y-%m-%d %H:%M} ({'set back' if set_back else 'put forward'})")
+    if not words or len(words) > 4:
+        return time, None
+    return time + shift, Guess(
+        "time", f"the clock was changed by an hour at {listed(words)}; the hour was taken out", "log in UTC to be sure"
+    )

@@ -1,0 +1,107 @@
+"""Units: what the name of a column or its cell in a unit line says, and whether that is a temperature."""
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+
+from .run import Array
+from .vocabulary import UNIT_SUFFIXES
+
+ABSOLUTE_ZERO_C = -273.15
+#: Units that are no temperature, by the quantity they measure; compared as they stand, then in lower case.
+QUANTITIES: dict[str, tuple[str, ...]] = {
+    "voltage": ("V", "mV", "µV", "μV", "uV", "kV", "volt", "volts", "millivolt", "millivolts", "vdc", "vac"),
+    "current": ("A", "mA", "µA", "μA", "uA", "amp", "amps", "ampere", "amperes"),
+    "resistance": ("Ω", "kΩ", "mΩ", "ohm", "ohms", "kohm", "mohm", "kohms"),
+    "power": ("W", "mW", "kW", "watt", "watts", "kilowatt", "W/m2", "W/m²"),
+    "energy": ("J", "kJ", "joule", "joules", "Wh", "mWh", "kWh", "watt-hr", "watt-hours"),
+    "charge": ("Ah", "mAh"),
+    "share": ("%", "%rh", "% rh", "rh%", "rh", "percent", "prozent", "pct", "% sat"),
+    "pressure": ("psi", "psia", "psig", "bar", "mbar", "Pa", "hPa", "kPa", "MPa", "atm", "mmhg", "inhg", "torr"),
+    "speed": ("rpm", "1/min", "min-1", "min^-1", "U/min", "rev/min", "m/s", "km/h", "mph", "m/min", "mm/s"),
+    "frequency": ("Hz", "kHz", "MHz", "GHz"),
+    "flow": ("l/min", "l/h", "l/s", "lpm", "slpm", "m3/h", "m³/h", "kg/s", "kg/h", "g/s", "gpm", "ml/min", "l_min"),
+    "length": ("m", "mm", "cm", "µm", "μm", "um", "nm", "in", "inch", "ft", "feet", "micron", "microns"),
+    "force": ("N", "kN", "Nm", "lbf", "µε", "µm/m", "um/m"),
+    "light": ("lux", "lx", "lm"),
+    "concentration": ("mg/l", "ppm", "ppb", "g/m3", "g/m³"),
+    "mass": ("kg", "g", "mg"),
+    "time": ("s", "sec", "secs", "second", "seconds", "ms", "min", "mins", "minutes", "h", "hours", "d", "days", "us", "ns"),
+    "number": ("bit", "bits", "count", "counts", "cnt", "dec", "hex", "bool", "dB", "dBm", "RN"),
+    "acceleration": ("m/s2", "m/s²"),
+}  # fmt: skip
+_EXACT = {symbol: kind for kind, symbols in QUANTITIES.items() for symbol in symbols}
+_LOWER = {symbol.lower(): kind for symbol, kind in _EXACT.items() if len(symbol) > 1}
+_MARK = r"(?:°|º|˚|\*|'|�|Â°|deg(?:rees?|\.)?|grad|degr)"
+_MARKED = re.compile(rf"{_MARK}[ _]?(c|k|f|celsius|kelvin|fahrenheit)$", re.IGNORECASE)
+_WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
+_BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
+_ANYWHERE = re.compile(r"°[ ]?([CFK])\b|(℃)|(℉)|(?i:\bdeg[ _]?([CFK])\b)|(?i:(celsius|kelvin|fahrenheit))")
+_LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
+
+
+@dataclass(frozen=True)
+class Unit:
+    """symbol is C, K or F where kind is ``temperature``. sure: said by a bracket, a degree sign or a unit line, not by a letter."""
+
+    symbol: str
+    kind: str
+    sure: bool = True
+
+    @property
+    def temperature(self) -> bool:
+        return self.kind == "temperature"
+
+
+@lru_cache(maxsize=4096)
+def parse_unit(text: str) -> Unit | None:
+    """The unit that a text *is*, as ``°C``, ``(*F)``, ``Deg C`` or ``mV``; None where it is none that is known."""
+    text = text.strip().strip("[](){}<>").strip().rstrip(".")
+    if not text:
+        return None
+    if text in ("C", "K", "F"):
+        return Unit(text, "temperature")
+    marked = _MARKED.fullmatch(text) or _WORD.fullmatch(text)
+    if marked:
+        letter = marked.group(1).lower()
+        return Unit(_LETTER.get(letter, letter.upper()), "temperature")
+    kind = _EXACT.get(text) or _LOWER.get(text.lower())
+    return Unit(text, kind) if kind else None
+
+
+@lru_cache(maxsize=4096)
+def unit_in_name(name: str) -> Unit | None:
+    """The unit that a column's name carries: ``front [°C]``, ``Temp, °C (LGR S/N: 7)``, ``T1 / °C``, ``front_ohm``, ``TempF``.
+
+    A single letter behind a name is a unit of temperature only where the name speaks of one (``Temp_F``): ``Lager_F`` is the
+    bearing in front.
+    """
+    for inside in _BRACKET.findall(name)[::-1]:
+        unit = parse_unit(inside) or parse_unit(inside.split(",")[0])
+        if unit:
+            return unit
+    plain = _BRACKET.sub("", name).strip()
+    for separator in (",", "/", ";"):
+        head, found, tail = plain.rpartition(separator)
+        unit = parse_unit(tail) if found and head.strip() else None
+        if unit and not (separator == "/" and unit.kind == "time"):
+            return unit
+    anywhere = _ANYWHERE.search(plain)
+    if anywhere:
+        letter = next(g for g in anywhere.groups() if g)
+        return Unit(_LETTER.get(letter.lower(), letter.upper()), "temperature")
+    stem = plain.rstrip("0123456789").rstrip("_ ")
+    tail = re.split(r"[ _]", stem)[-1]
+    if tail != stem and (tail.lower() in UNIT_SUFFIXES or tail in ("mV", "kV", "mA", "kW")):
+        return Unit(tail, _EXACT.get(tail) or _LOWER.get(tail.lower()) or "share")
+    letter = re.fullmatch(r"(?i:.*(?:temp|temperatur|temperature))[ _]?([CFK])|[Tt][ _]([CFK])", stem)
+    if letter:
+        return Unit(letter.group(1) or letter.group(2), "temperature", sure=False)
+    return None
+
+
+def to_celsius(values: Array, symbol: str) -> Array:
+    """Temperatures (n,) in the unit C, K or F as degC."""
+    if symbol == "K":
+        return values + ABSOLUTE_ZERO_C
+    return (values - 32.0) / 1.8 if symbol == "F" else values
