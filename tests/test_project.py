@@ -93,7 +93,13 @@ def test_the_help_of_the_tool_lists_every_command_and_option_name_of_filters():
 
 
 README = (ROOT / "README.md").read_text() if (ROOT / "README.md").exists() else ""
-EXAMPLES = re.findall(r"^\$ (.*)$", README, re.M)
+#: Every line of the README's shell blocks can be pasted as it stands.
+EXAMPLES = [
+    line
+    for block in re.findall(r"^```sh\n(.*?)^```", README, re.M | re.S)
+    for line in block.strip().splitlines()
+    if not line.startswith("make ")
+]
 
 
 def test_the_readme_has_examples():

@@ -2,6 +2,7 @@
 
 import math
 import time as clock
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,8 +37,17 @@ class Trial:
     ahead: Array
 
 
-def bench_run(run: Run, start_min: float, until_min: float | None, known: dict[str, type[Filter]]) -> list[BenchRecord]:
-    """One record per filter for a run identified on its first `until_min` minutes, half of it by default."""
+def bench_run(
+    run: Run,
+    start_min: float,
+    until_min: float | None,
+    known: dict[str, type[Filter]],
+    advance: Callable[[int], None] = lambda _: None,
+) -> list[BenchRecord]:
+    """One record per filter for a run identified on its first `until_min` minutes, half of it by default.
+
+    advance is told each filter that is done.
+    """
     minutes = run.time_s / 60.0
     until = until_min if until_min is not None else 0.5 * float(minutes[-1] - start_min) + start_min
     sensors = [prepare(minutes, values, start_min) for values in run.channels.values()]
@@ -45,7 +55,10 @@ def bench_run(run: Run, start_min: float, until_min: float | None, known: dict[s
     blank = BenchRecord(run.name, "", until_min=until, sensors=len(sensors))
     if not sensors:
         return [replace(blank, status="no_data", message=f"no sensor has {FEWEST_READINGS} moving readings before {until:g} min")]
-    trials = [_bench(replace(blank, filter=name), kind(), sensors, until, False) for name, kind in known.items()]
+    trials = []
+    for name, kind in known.items():
+        trials.append(_bench(replace(blank, filter=name), kind(), sensors, until, False))
+        advance(1)
     if len(sensors) > 1:
         trials.append(_bench(replace(blank, filter="afukf (joint)"), Afukf(), sensors, until, True))
     return choose_among(trials)

@@ -47,7 +47,9 @@ class Curves:
     band_low: Array
     band_high: Array
     until: float
-    unit_note: str
+    note: str
+    steady_state: float | None
+    t95: float | None
     trace: dict[str, Array]
 
 
@@ -146,7 +148,7 @@ def _identified(
     estimate = estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, sensor.resolution)
     record = _record(blank, sensor, estimate, track, count, notes, method.paces)
     trace = trace_columns(method.model, track, time[:count], reading[:count]) if want_trace else None
-    curves = _curves(blank.run, blank.channel, sensor, estimate, trace, count, until_min) if want_trace else None
+    curves = _curves(record, sensor, estimate, trace, count, until_min) if want_trace else None
     return Identified(record, trace, curves)
 
 
@@ -305,27 +307,39 @@ def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> di
 
 
 def _curves(
-    run: str, channel: str, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int, until_min: float | None
+    record: IdentifyRecord, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int, until_min: float | None
 ) -> Curves:
     end = float(sensor.time[-1])
     if count == len(sensor.time) and estimate.t95 is not None:
         end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
     grid = np.linspace(float(sensor.time[0]), end, 300)
     low, high = estimate.band(grid)
-    note = f"settles at {estimate.steady_state:.2f} °C" if estimate.steady_state is not None else "not determined"
+    until = float(sensor.time[count - 1]) if until_min is None else until_min
+    start = record.start_min or 0.0
     return Curves(
-        run,
-        channel,
+        record.run,
+        record.channel,
         sensor.time,
         sensor.reading,
         grid,
         estimate.free_run(grid),
         low,
         high,
-        float(sensor.time[count - 1]) if until_min is None else until_min,
-        note,
+        until,
+        *marks(record, start),
         trace or {},
     )
+
+
+def marks(record: IdentifyRecord, start_min: float) -> tuple[str, float | None, float | None]:
+    """(note, steady state [degC], time [min] at which 95 % is done) for a picture; no number over what is not determined."""
+    if record.status == "not_determined" or record.steady_state_c is None:
+        return "not determined", None, None
+    low, high = record.steady_state_lo_c, record.steady_state_hi_c
+    around = f" ({low:.2f}..{high:.2f})" if low is not None and high is not None else ""
+    doubt = ", model doubtful" if record.status == "model_doubtful" else ""
+    done = record.t95_min + start_min if record.t95_min is not None else None
+    return f"settles at {record.steady_state_c:.2f} °C{around}{doubt}", record.steady_state_c, done
 
 
 def _joined(messages: list[Any]) -> str:

@@ -83,6 +83,17 @@ def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator[Spread]:
         shared.close()
 
 
+def _counted(spread: Spread, advance: Callable[[int], None]) -> Spread:
+    """The same sharing out, telling each piece of work that is done."""
+
+    def counting(work: Callable[[Any], Any], items: Any) -> Iterator[Any]:
+        for result in spread(work, items):
+            advance(1)
+            yield result
+
+    return counting
+
+
 def run_loop(
     work: Callable[..., list[Any]],
     tasks: Sequence[Any],
@@ -99,12 +110,16 @@ def run_loop(
     wanted = jobs if jobs is not None else cores()
     several = len(tasks) >= POOL_FROM or (jobs is not None and len(tasks) > 1)
     found: list[Any] = []
-    with progress(len(tasks), "runs", quiet) as advance, _sharing(tasks, 1 if several or not shares else wanted) as spread:
+    single = len(tasks) == 1
+    with (
+        progress(len(tasks), "models tried" if single else "runs", quiet) as advance,
+        _sharing(tasks, 1 if several or not shares else wanted) as spread,
+    ):
         try:
             processes = min(wanted, len(tasks)) if several else 1
-            doing = partial(work, spread=spread) if shares else work
+            doing = partial(work, spread=_counted(spread, advance) if single else spread) if shares else work
             for results in map_tasks(doing, tasks, processes, lambda task: task.singles(), lost):
-                advance(1)
+                advance(0 if single else 1)
                 found += results
         except KeyboardInterrupt:
             say(f"interrupted: {len(found)} runs were finished")

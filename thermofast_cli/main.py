@@ -8,24 +8,35 @@ from typing import Any
 import click
 
 from . import __version__
-from .errors import ThermofastError
+from .errors import ThermofastError, nearest
 
 # The matrices are small and the cores go to whole tasks: threads within one product would only wait for each other.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-COMMANDS = {
-    "identify": "Steady state and settling time from the first part of a record.",
-    "sweep": "The shortest identification time that serves.",
-    "compare": "Model beside measurement: how well it fits, and where it fails.",
-    "diagnose": "Which physical effect is missing.",
-    "improve": "Add effects and watch the error fall; write the model learnt.",
-    "sensitivity": "Which uncertain thing makes the result spread.",
-    "displacement": "Thermal displacement from temperatures, and which way to trust.",
-    "effects": "The catalogue of effects: equations, parameters, tell-tales.",
-    "filters": "The catalogue of filters and their settings.",
-    "simulate": "A record with known truth.",
+#: Commands by task, each with one line.
+TASKS = {
+    "Foretell where a machine will settle": {
+        "identify": "Steady state and settling time from the first part of a record.",
+        "sweep": "The shortest identification time that serves.",
+    },
+    "Find what the model lacks": {
+        "compare": "Model beside measurement: how well it fits, and where it fails.",
+        "diagnose": "Which physical effect is missing.",
+        "improve": "Add effects and watch the error fall; write the model learnt.",
+    },
+    "Judge the result": {
+        "sensitivity": "Which uncertain thing makes the result spread.",
+        "displacement": "Thermal displacement from temperatures, and which way to trust.",
+    },
+    "Look things up, make records": {
+        "effects": "The catalogue of effects: equations, parameters, tell-tales.",
+        "filters": "The catalogue of filters and their settings; bench tries all on a record.",
+        "simulate": "A record with known truth.",
+        "help": "Help on a command, or on how files are read: thermofast help reading.",
+    },
 }
+COMMANDS = {name: line for commands in TASKS.values() for name, line in commands.items()}
 
 
 class LazyGroup(click.Group):
@@ -41,9 +52,17 @@ class LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            hint = nearest(args[0], COMMANDS) or "'thermofast --help' lists them."
+            raise click.UsageError(f"No such command {args[0]!r}: {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        widest = max(map(len, COMMANDS))
+        for task, commands in TASKS.items():
+            with formatter.section(task):
+                formatter.write_dl([(name.ljust(widest), line) for name, line in commands.items()])
 
 
 @click.group(

@@ -1,6 +1,7 @@
 """Options that commands share, each said once. Imports Click only: ``--help`` must not wait for numpy."""
 
 import math
+import textwrap
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,23 @@ def _together(*options: Decorator) -> Decorator:
         return function
 
     return wrap
+
+
+def _hidden(*names: str, **settings: Any) -> Decorator:
+    """An option that ``thermofast help reading`` explains once for all commands."""
+    return click.option(*names, hidden=True, **settings)
+
+
+class RunCommand(click.Command):
+    """A command that reads runs: its help names the reading options in a line."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_options(ctx, formatter)
+        told = [p.opts[0] for p in self.params if isinstance(p, click.Option) and p.hidden]
+        with formatter.section("How files are read ('thermofast help reading' explains them)"):
+            room = max(formatter.width - formatter.current_indent, 20)
+            for line in textwrap.wrap(" ".join(told), room, break_on_hyphens=False):
+                formatter.write(" " * formatter.current_indent + line + "\n")
 
 
 class Finite(click.FloatRange):
@@ -64,38 +82,38 @@ table_options = _together(
 output_options = _together(table_options, jobs_option)
 
 reading_options = _together(
-    click.option("--time", metavar="COLUMN", help="The time column."),
-    click.option("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
-    click.option("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
-    click.option(
+    _hidden("--time", metavar="COLUMN", help="The time column."),
+    _hidden("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
+    _hidden("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
+    _hidden(
         "--interval",
         type=Finite(0, min_open=True),
         metavar="SECONDS",
         help="Rows are this far apart: there is no time column.",
     ),
-    click.option(
+    _hidden(
         "--start",
         default="auto",
         show_default=True,
         metavar="MIN|auto",
         help="When the rise begins, minutes from the first reading.",
     ),
-    click.option("--ambient", metavar="COLUMN", help="The column of the surroundings."),
-    click.option("--inputs", metavar="A,B", help="Columns that are inputs, not sensors."),
-    click.option("--channels", metavar="A,B", help="Use these sensors only."),
-    click.option("--exclude", metavar="A,B", help="Leave these columns out."),
-    click.option("--missing", metavar="A,B", help="More words that mean 'no reading'."),
-    click.option("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
-    click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
-    click.option("--encoding", metavar="NAME", help="Text encoding."),
-    click.option("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
-    click.option(
+    _hidden("--ambient", metavar="COLUMN", help="The column of the surroundings."),
+    _hidden("--inputs", metavar="A,B", help="Columns that are inputs, not sensors."),
+    _hidden("--channels", metavar="A,B", help="Use these sensors only."),
+    _hidden("--exclude", metavar="A,B", help="Leave these columns out."),
+    _hidden("--missing", metavar="A,B", help="More words that mean 'no reading'."),
+    _hidden("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
+    _hidden("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
+    _hidden("--encoding", metavar="NAME", help="Text encoding."),
+    _hidden("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
+    _hidden(
         "--long",
         metavar="SENSOR,VALUE",
         help="One row per sensor and time: the columns that name the sensor (A+B for two) and read it.",
     ),
-    click.option("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
-    click.option("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
+    _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
+    _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
 loop_options = _together(

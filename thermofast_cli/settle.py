@@ -12,7 +12,7 @@ from models.judge import PATTERN, noise_floor
 
 from .contradiction import contradiction, words
 from .errors import ThermofastError
-from .identify import Curves, Identified
+from .identify import Curves, Identified, marks
 from .learnt import carry
 from .loop import LoopTask, ids_of, in_order, ready
 from .measured import measured_equilibrium
@@ -116,7 +116,6 @@ def _to_go(settled: dict[str, Any], elapsed: float) -> dict[str, Any]:
 
 def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: IdentifyRecord) -> Curves:
     spread = fit.curve_deviation(i)
-    steady = "-" if record.steady_state_c is None else f"settles at {record.steady_state_c:.2f} °C"
     return Curves(
         task.run.name,
         record.channel,
@@ -127,7 +126,7 @@ def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: Ident
         fit.curve[i] - 1.96 * spread,
         fit.curve[i] + 1.96 * spread,
         float(record.until_min or whole.span),
-        steady,
+        *marks(record, task.start_min),
         {},
     )
 

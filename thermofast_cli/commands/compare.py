@@ -4,10 +4,12 @@ from typing import Any
 
 import click
 
-from ..options import READING, loop_options, model_option, names, output_options, ranges, reading_options, runs_argument
+from ..options import READING, RunCommand, loop_options, model_option, names, output_options, ranges, reading_options, runs_argument
 
 
-@click.command("compare", epilog="Example: thermofast compare sample_runs/hidden.csv --until 240 --save-plot compare.png")
+@click.command(
+    "compare", cls=RunCommand, epilog="Example: thermofast compare sample_runs/hidden.csv --until 240 --save-plot compare.png"
+)
 @runs_argument
 @loop_options
 @click.option("--effects", metavar="A,B", help="Add these effects to the base model: ids, or FILE.py:CLASS.")

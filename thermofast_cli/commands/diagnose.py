@@ -4,10 +4,20 @@ from typing import Any
 
 import click
 
-from ..options import READING, false_alarm_option, loop_options, model_option, names, output_options, reading_options, runs_argument
+from ..options import (
+    READING,
+    RunCommand,
+    false_alarm_option,
+    loop_options,
+    model_option,
+    names,
+    output_options,
+    reading_options,
+    runs_argument,
+)
 
 
-@click.command("diagnose", epilog="Example: thermofast diagnose sample_runs/hidden.csv --format table")
+@click.command("diagnose", cls=RunCommand, epilog="Example: thermofast diagnose sample_runs/hidden.csv --format table")
 @runs_argument
 @loop_options
 @false_alarm_option

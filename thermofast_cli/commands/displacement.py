@@ -4,10 +4,12 @@ from typing import Any
 
 import click
 
-from ..options import READING, names, reading_options, runs_argument, table_options
+from ..options import READING, RunCommand, names, reading_options, runs_argument, table_options
 
 
-@click.command("displacement", epilog="Example: thermofast displacement sample_runs/displacement.csv --format table")
+@click.command(
+    "displacement", cls=RunCommand, epilog="Example: thermofast displacement sample_runs/displacement.csv --format table"
+)
 @runs_argument
 @click.option(
     "--displacements", metavar="A,B", help="The displacement columns [um]; those named with um or displacement, by default."

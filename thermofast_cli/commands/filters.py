@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, reading_options, runs_argument, table_options
+from ..options import READING, Finite, RunCommand, reading_options, runs_argument, table_options
 
 
 class Catalogue(click.Group):
@@ -69,7 +69,7 @@ def show(name: str) -> int:
     return 0
 
 
-@click.command("bench", epilog="Example: thermofast filters bench sample_runs/spindle.csv --until 60")
+@click.command("bench", cls=RunCommand, epilog="Example: thermofast filters bench sample_runs/spindle.csv --until 60")
 @runs_argument
 @click.option(
     "--until",
@@ -96,7 +96,7 @@ def bench(
     from ..errors import UsageError
     from ..methods import known_filters
     from ..output.files import TABLE_SUFFIXES, check_target, check_targets
-    from ..output.screen import number, text
+    from ..output.screen import number, progress, text
     from ..records import BenchRecord
     from ..session import choose_sources, deliver, exit_code, read_all
 
@@ -112,7 +112,10 @@ def bench(
                 f"{run.name}: --until {until:g} leaves nothing ahead of it, or nothing before it",
                 allowed=f"{start:.4g} to {run.time_s[-1] / 60.0:.4g} min",
             )
-        records += bench_run(run, start, until, known_filters())
+    known = known_filters()
+    with progress(len(readings.runs) * len(known), "filters tried", quiet) as advance:
+        for run, start in readings.runs:
+            records += bench_run(run, start, until, known, advance)
     records += [BenchRecord(name, "", status="unreadable", message=why) for name, why in readings.unreadable]
     drawn = [
         ("filter", text("filter")),

@@ -4,10 +4,12 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, filter_options, model_option, output_options, reading_options, runs_argument
+from ..options import READING, Finite, RunCommand, filter_options, model_option, output_options, reading_options, runs_argument
 
 
-@click.command("identify", epilog="Example: thermofast identify sample_runs/spindle.csv --until 60 --save-plot spindle.png")
+@click.command(
+    "identify", cls=RunCommand, epilog="Example: thermofast identify sample_runs/spindle.csv --until 60 --save-plot spindle.png"
+)
 @runs_argument
 @click.option(
     "--until",

@@ -4,10 +4,12 @@ from typing import Any
 
 import click
 
-from ..options import READING, false_alarm_option, loop_options, names, output_options, reading_options, runs_argument
+from ..options import READING, RunCommand, false_alarm_option, loop_options, names, output_options, reading_options, runs_argument
 
 
-@click.command("improve", epilog="Example: thermofast improve sample_runs/hidden.csv --auto -o machine.toml --format table")
+@click.command(
+    "improve", cls=RunCommand, epilog="Example: thermofast improve sample_runs/hidden.csv --auto -o machine.toml --format table"
+)
 @runs_argument
 @loop_options
 @false_alarm_option

@@ -4,11 +4,13 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, filter_options, model_option, output_options, reading_options, runs_argument
+from ..options import READING, Finite, RunCommand, filter_options, model_option, output_options, reading_options, runs_argument
 
 
 @click.command(
-    "sensitivity", epilog="Example: thermofast sensitivity sample_runs/spindle.csv --until 60 --limit 0.2 --format table"
+    "sensitivity",
+    cls=RunCommand,
+    epilog="Example: thermofast sensitivity sample_runs/spindle.csv --until 60 --limit 0.2 --format table",
 )
 @runs_argument
 @click.option("--until", type=Finite(0, min_open=True), metavar="MIN", help="Identify on the first MIN minutes, all by default.")

@@ -4,10 +4,12 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, filter_options, model_option, output_options, reading_options, runs_argument
+from ..options import READING, Finite, RunCommand, filter_options, model_option, output_options, reading_options, runs_argument
 
 
-@click.command("sweep", epilog="Example: thermofast sweep --windows 40,45,50,55 sample_runs/spindle.csv --save-plot sweep.png")
+@click.command(
+    "sweep", cls=RunCommand, epilog="Example: thermofast sweep --windows 40,45,50,55 sample_runs/spindle.csv --save-plot sweep.png"
+)
 @runs_argument
 @click.option("--windows", default="40,45,50,55", show_default=True, metavar="MIN,MIN", help="Sampling windows.")
 @click.option(

@@ -24,27 +24,39 @@ def plot_comparison(path: str, panels: Sequence[Panel]) -> None:
     worst = sorted(panels, key=lambda p: -max((abs(s[2]) / p.noise for s in p.failing), default=0.0))[:MOST]
     shown = [p for p in panels if any(p is w for w in worst)]
     inputs = {n: c for n, c in shown[0].inputs.items() if np.ptp(c) > 0.0}
-    rows = 3 if inputs else 2
     across = min(3, len(shown))
     down = -(-len(shown) // across)
-    heights = ([2.2, 1.3, 0.7] if inputs else [2.2, 1.3]) * down
-    figure = new_figure(4.8 * across, sum(heights) * 1.15 + 0.6)
-    axes = figure.subplots(rows * down, across, squeeze=False, sharex=True, gridspec_kw={"height_ratios": heights})
+    tall = 4.0 * down
+    strip = 0.9 * len(inputs) + 0.3 if inputs else 0.0
+    figure = new_figure(4.8 * across, tall + strip + 0.6)
+    upper, lower = figure.subfigures(2, 1, height_ratios=(tall, strip)) if inputs else (figure, None)
+    axes = upper.subplots(2 * down, across, squeeze=False, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.3] * down})
     for at in range(down * across):
-        column = [axes[rows * (at // across) + r][at % across] for r in range(rows)]
+        column = [axes[2 * (at // across) + r][at % across] for r in range(2)]
         if at >= len(shown):
             for axis in column:
                 axis.set_visible(False)
             continue
-        _panel(column, shown[at], inputs)
-    axes[0][0].legend(fontsize=7, frameon=False, loc="best")
+        _panel(column, shown[at])
+    _legend(upper, axes)
+    if lower is not None:
+        _inputs(lower, shown[0].time, inputs)
     more = f"  ({len(shown)} of {len(panels)} sensors, the worst)" if len(panels) > len(shown) else ""
     figure.suptitle(f"{Path(shown[0].run).name}: {shown[0].effects}{more}", fontsize=11)
     save_figure(path, figure)
 
 
-def _panel(column: list[Any], p: Panel, inputs: dict[str, Any]) -> None:
-    top, low = column[0], column[1]
+def _legend(figure: Any, axes: Any) -> None:
+    """One legend for all panels, each thing named once."""
+    named: dict[str, Any] = {}
+    for axis in axes.ravel():
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
+    figure.legend(list(named.values()), list(named), loc="outside upper right", ncols=len(named), fontsize=7, frameon=False)
+
+
+def _panel(column: list[Any], p: Panel) -> None:
+    top, low = column
     top.plot(p.time, p.reading, ".", ms=2.2, color=MEASURED, label="measured")
     top.plot(p.time, p.model, color=MODEL, lw=1.3, label="model")
     top.set_title(p.channel, fontsize=9)
@@ -52,26 +64,26 @@ def _panel(column: list[Any], p: Panel, inputs: dict[str, Any]) -> None:
     residual = p.reading - p.model
     low.plot(p.time, residual, ".", ms=2.0, color=MEASURED)
     low.axhline(0.0, color=MODEL, lw=1.0)
-    for a, b, _ in p.failing:
-        for axis in (top, low):
-            axis.axvspan(a, b, color=FAILING, alpha=0.25, lw=0)
-    for axis in column[:2]:
+    for axis in column:
+        for a, b, _ in p.failing:
+            axis.axvspan(a, b, color=FAILING, alpha=0.25, lw=0, label="the model fails")
         if p.until is not None:
             axis.axvline(p.until, color=MARK, lw=1.0, ls="--", label="identification time")
-    low.set_ylabel("residual, K", fontsize=8)
-    if len(column) > 2:
-        for (name, values), colour in zip(inputs.items(), INPUTS, strict=False):
-            span = float(np.ptp(values)) or 1.0
-            column[2].plot(
-                p.time, (values - values.min()) / span, lw=0.9, color=colour, label=f"{name} {values.min():.4g}..{values.max():.4g}"
-            )
-        column[2].set_yticks([])
-        column[2].set_ylim(-0.15, 2.1)
-        column[2].legend(fontsize=6, frameon=False, loc="upper left", ncols=2)
-    column[-1].set_xlabel("time, min", fontsize=8)
-    column[-1].tick_params(labelbottom=True)
-    for axis in column:
         axis.tick_params(labelsize=7)
+    low.set_ylabel("residual, K", fontsize=8)
+    low.set_xlabel("time, min", fontsize=8)
+    low.tick_params(labelbottom=True)
+
+
+def _inputs(figure: Any, time: Any, inputs: dict[str, Any]) -> None:
+    """The logged columns, once for all sensors, each with its own scale."""
+    axes = figure.subplots(len(inputs), 1, squeeze=False, sharex=True)[:, 0]
+    for k, (axis, (name, values)) in enumerate(zip(axes, inputs.items(), strict=True)):
+        axis.plot(time, values, lw=1.0, color=INPUTS[k % len(INPUTS)])
+        axis.set_ylabel(name, fontsize=7, rotation=0, ha="right", va="center")
+        axis.tick_params(labelsize=7)
+        axis.margins(y=0.15)
+    axes[-1].set_xlabel("time, min", fontsize=8)
 
 
 def plot_staircase(path: str, runs: Sequence[Improved]) -> None:

@@ -84,14 +84,20 @@ def _prediction(axis: Any, c: Curves, title: str) -> None:
     axis.fill_between(c.model_time, c.band_low, c.band_high, color=MODEL, alpha=0.18, lw=0, label="95 % band")
     axis.plot(c.model_time, c.model, color=MODEL, lw=1.4, label="model")
     axis.axvline(c.until, color=MARK, lw=1, ls="--", label="identification time")
+    if c.steady_state is not None:
+        axis.axhline(c.steady_state, color=MODEL, lw=0.9, ls=":", label="steady state")
+    if c.t95 is not None and c.t95 <= c.model_time[-1]:
+        axis.axvline(c.t95, color=MEASURED, lw=0.9, ls="-.", label="95 % of the rise")
     # The band of a short record may leave the page: the readings and the model set the scale.
-    low = min(np.nanmin(c.reading), np.nanmin(c.model))
-    high = max(np.nanmax(c.reading), np.nanmax(c.model))
+    low = float(min(np.nanmin(c.reading), np.nanmin(c.model)))
+    high = float(max(np.nanmax(c.reading), np.nanmax(c.model)))
+    if c.steady_state is not None:
+        low, high = min(low, c.steady_state), max(high, c.steady_state)
     span = max(high - low, 1e-3)
     real_low, real_high = float(np.nanmin(c.reading)), float(np.nanmax(c.reading))
     room = 1.5 * max(real_high - real_low, 1e-3)
     axis.set_ylim(max(low - 0.08 * span, real_low - room), min(high + 0.15 * span, real_high + room))
-    axis.set_title(f"{title}: {c.unit_note}", fontsize=9)
+    axis.set_title(f"{title}: {c.note}", fontsize=9)
     axis.set_xlabel("time, min", fontsize=8)
     axis.set_ylabel("temperature, °C", fontsize=8)
     axis.tick_params(labelsize=8)

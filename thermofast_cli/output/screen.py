@@ -124,13 +124,23 @@ def text(name: str) -> Any:
 
 @contextmanager
 def progress(total: int, what: str, quiet: bool) -> Iterator[Any]:
-    """A bar on standard error while that is a terminal; yields a function that advances it."""
-    if quiet or not sys.stderr.isatty() or total < 2:
+    """A bar on standard error while that is a terminal; yields a function that advances it.
+
+    Where there is one thing to do only, how far it has got cannot be told: a turning sign shows the time, and how many steps of
+    it were done.
+    """
+    if quiet or not sys.stderr.isatty() or total < 1:
         yield lambda _steps: None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
+    name, count = TextColumn("{task.description}"), TextColumn("{task.completed:.0f}")
+    columns = (
+        (name, BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f}"), TimeRemainingColumn())
+        if total > 1
+        else (SpinnerColumn(), name, count, TimeElapsedColumn())
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total if total > 1 else None)
         yield lambda steps: bar.advance(task, steps)

@@ -83,12 +83,14 @@ def _sign(name: str, unit_cell: str) -> Sign:
     temperature = degrees or (spoken and unit is None)
     if said & WANTED or (said & REFERENCE and not said & AMBIENT):
         kind = "input"
-    elif (said | set(words(unit_cell))) & DISPLACEMENTS:
+    elif (said | set(words(unit_cell))) & DISPLACEMENTS and (unit is None or unit.kind == "length"):
         kind = "displacement"
     elif (said & AMBIENT or _names_the_room(said)) and (degrees or (unit is None and (spoken or not said & INPUTS))):
         kind = "ambient"
     elif temperature:
         kind = "sensor"
+    elif unit is not None and unit.kind in ("number", "time"):
+        kind = "other"
     elif unit is not None or _BOARD.fullmatch(name.strip()) or said & INPUTS:
         kind = "input"
     elif said & OTHER:
@@ -123,10 +125,11 @@ def _means_something(said: set[str], name: str) -> bool:
     return bool(meant)
 
 
-def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str, header: bool) -> Roles:
+def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str, origin: str) -> Roles:
     """Roles of the numeric columns, by the user's word first, then by unit and name.
 
-    names are all columns that hold numbers, values those numbers (N,). Without a `header` what is a sensor is guessed.
+    names are all columns that hold numbers, values those numbers (N,). origin is where the names come from: ``header``, ``long`` for
+    the cells of a long table, which name sensors whatever they are, or ``none``: then what is a sensor is guessed.
 
     Raises
     ------
@@ -138,7 +141,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         check_names([options.ambient], names, "--ambient", run)
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(n, units.get(n, "")) for n in names}
-    said_somewhere = any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
+    said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     roles: dict[str, list[str]] = {
         k: [] for k in ("ambient", "input", "sensor", "displacement", "counter", "empty", "other", "silent")
     }
@@ -146,7 +149,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         if n in options.exclude:
             continue
         roles[_role(n, signs[n], values[n], options, said_somewhere, n in told)].append(n)
-    return _with_words(roles, signs, values, options, header)
+    return _with_words(roles, signs, values, options, origin)
 
 
 def _bare(name: str, sign: Sign) -> bool:
@@ -202,7 +205,7 @@ def _code(column: Array) -> bool:
 
 
 def _with_words(
-    roles: dict[str, list[str]], signs: dict[str, Sign], values: dict[str, Array], options: Options, header: bool
+    roles: dict[str, list[str]], signs: dict[str, Sign], values: dict[str, Array], options: Options, origin: str
 ) -> Roles:
     notes, guesses = [], []
     if roles["counter"]:
@@ -219,8 +222,8 @@ def _with_words(
             )
         )
     unsure = [n for n in roles["sensor"] if n not in options.channels and not options.units and signs[n].kind == "nameless"]
-    if unsure:
-        what = "no header" if not header else "neither name nor unit says so"
+    if unsure and origin != "long":
+        what = "no header" if origin == "none" else "neither name nor unit says so"
         guesses.append(
             Guess("role", f"temperatures in degC, though {what}: {listed(unsure, 6)}", "--channels and --units confirm it")
         )

@@ -58,7 +58,7 @@ class Temperatures:
 
     def _not_kelvin(self, name: str, values: Array) -> None:
         good = values[np.isfinite(values)]
-        first = float(np.median(good[:3])) if len(good) else 0.0
+        first = sorted(good[:3].tolist())[len(good[:3]) // 2] if len(good) else 0.0
         if ROOM_K[0] <= first <= ROOM_K[1]:
             raise InputError(
                 f"{self._table.name}: the unit of column {name!r} cannot be told",

@@ -123,7 +123,7 @@ def _data_like(cells: list[str], decimal: str) -> bool:
     numbers = sum(is_number(c, decimal) for c in told)
     stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
     # Cells as "21.3 °C" hold readings too, but a row of them alone decides nothing.
-    carried = sum(number_within(c, decimal) is not None for c in told) if stamps else 0
+    carried = sum(number_within(c, decimal) is not None for c in told) if numbers + stamps else 0
     return numbers + stamps > 0 and numbers + stamps + carried >= 0.5 * len(told)
 
 
@@ -194,11 +194,15 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         )
     if labels is not None and not units:
         units = (labels,)
+    if header is not None:  # rows of another width between the names and the block are readings all the same
+        first = next(
+            (i for i in range(max((header, *units)) + 1, first) if len(rows[i]) > 1 and _data_like(rows[i], decimal)), first
+        )
     explained = len(data) / max(sum(1 for row in rows if row), 1)
     cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
-    numbers = sum(is_number(c, decimal) or looks_like_stamp(c) for c in cells if not is_missing(c))
-    told = sum(not is_missing(c) for c in cells)
-    share = numbers / max(told, 1)
+    told_cells = [c for c in cells if not is_missing(c)]
+    numbers = sum(is_number(c, decimal) or looks_like_stamp(c) or number_within(c, decimal) is not None for c in told_cells)
+    share = numbers / max(len(told_cells), 1)
     score = share * explained * min(width, 1000) ** 0.25 + (
         0.1 if header is not None and len(split(lines[header], delimiter)) == width else 0.0
     )
@@ -226,6 +230,8 @@ def _block(rows: list[list[str]], data: list[int]) -> tuple[int, int]:
 def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tuple[int | None, tuple[int, ...]]:
     """Line of the names and lines of the units above the first row of readings, as far as there are any."""
     above = [i for i in range(first) if rows[i]]
+    while above and len(rows[above[-1]]) > 1 and _data_like(rows[above[-1]], decimal):
+        above.pop()  # readings too, though of another width
     near = above[-4:]
     named = [i for i in near if abs(len(rows[i]) - width) <= 1 and not _data_like(rows[i], decimal)]
     if above and above[-1] not in named and len(rows[above[-1]]) > 1 and not _data_like(rows[above[-1]], decimal):

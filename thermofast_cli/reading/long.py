@@ -32,13 +32,15 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
     InputError: it may be long, and which columns name and measure cannot be told.
     """
     if options.long:
-        labels, value = tuple(options.long[0].split("+")), options.long[1]
-        check_names([*labels, value], table.names, "--long", table.name)
-        return Layout(labels, value, None)
+        labels, told = tuple(options.long[0].split("+")), options.long[1]
+        check_names([*labels, told], table.names, "--long", table.name)
+        return Layout(labels, told, None)
     if options.channels:
         return None
     words_of: dict[str, list[str] | None] = {n: _cells_of(table, n) for n in table.names if n not in time.used}
     repeated = [n for n, c in words_of.items() if c is not None and _repeats(c)]
+    if not repeated:
+        return None
     named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
     unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
     values = [n for n in table.names if n not in time.used and n not in repeated and isinstance(table.columns[n], np.ndarray)]
@@ -46,7 +48,7 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
     valued = [n for n in values if set(words(n)) & READINGS] or [
         n for n in values if sign_of(n, table.units.get(n, "")).temperature
     ]
-    if not repeated or not values:
+    if not values:
         return None
     numbers = [n for n in repeated if isinstance(table.columns[n], np.ndarray)]
     if not table.header:
@@ -193,7 +195,10 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
 
 
 def _label_cells(name: str, column: Array | list[str]) -> list[str]:
-    return [c.strip() for c in column] if not isinstance(column, np.ndarray) else [f"{name} {v:g}" for v in column.tolist()]
+    if not isinstance(column, np.ndarray):
+        return [c.strip() for c in column]
+    stem = next((w for w in words(name) if w in SENSOR_NAMES), "sensor")
+    return [f"{stem} {v:g}" for v in column.tolist()]
 
 
 def _units_of(table: Table, labels: np.ndarray, names: list[str]) -> dict[str, str]:

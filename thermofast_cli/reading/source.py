@@ -126,7 +126,8 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
                 f"{table.name}: column {wordy[0]!r} holds words", found=f"as {table.columns[wordy[0]][0]!r}", allowed="numbers"
             )
     units = _with_unit_column(table, named)
-    roles = classify(named, numbers, units, options, table.name, table.header)
+    origin = "long" if layout is not None else "header" if table.header else "none"
+    roles = classify(named, numbers, units, options, table.name, origin)
     notes += roles.notes
     guesses += roles.guesses
     if not roles.sensors:

@@ -171,7 +171,8 @@ def _parse_body(
         ragged.clear()
         return pacsv.read_csv(
             io.BytesIO(body),
-            read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20)),
+            # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
+            read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20), use_threads=False),
             parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=ragged_row),
             convert_options=pacsv.ConvertOptions(
                 column_types=types, null_values=[""], decimal_point=dialect.decimal, strings_can_be_null=False

@@ -81,6 +81,9 @@ def unit_in_name(name: str) -> Unit | None:
         if unit:
             return unit
     plain = _BRACKET.sub("", name).strip()
+    last = plain.split(" ")[-1]
+    if last != plain and re.search(r"[/%²³]", last) and parse_unit(last):
+        return parse_unit(last)
     for separator in (",", "/", ";"):
         head, found, tail = plain.rpartition(separator)
         unit = parse_unit(tail) if found and head.strip() else None

@@ -1,0 +1,411 @@
+"""Files that were once read wrong without a word: each is read right, or refused with the option to give; guesses are told."""
+
+import json
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+
+from thermofast_cli.errors import InputError, UsageError
+from thermofast_cli.reading import Options, read_runs
+
+N = 241
+MINUTES = np.arange(N, dtype=float)
+#: Two sensors that settle at 26.4 and 31.2 degC.
+FRONT = 18.0 + 8.4 * (1 - np.exp(-MINUTES / 40.0))
+REAR = 19.0 + 12.2 * (1 - np.exp(-MINUTES / 50.0))
+
+
+def table(header, *columns, delimiter=","):
+    return "\n".join([header, *(delimiter.join(map(str, row)) for row in zip(*columns, strict=True))]) + "\n"
+
+
+def written(tmp_path, text, encoding="utf-8"):
+    path = tmp_path / "run.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+    return str(path)
+
+
+def stamps(start="2026-05-03 20:38:00", step=60.0, n=N, form="%Y-%m-%d %H:%M:%S"):
+    begin = datetime.fromisoformat(start)
+    return [(begin + timedelta(seconds=step * i)).strftime(form) for i in range(n)]
+
+
+def values(column):
+    return [f"{v:.2f}" for v in column]
+
+
+def about(run):
+    return [g.about for g in run.guesses]
+
+
+LONG = {
+    "one stamp for both": [(t, n, v) for t, a, b in zip(stamps(), FRONT, REAR, strict=True) for n, v in (("front", a), ("rear", b))],
+    "read in turn, a second apart": [
+        (t, n, v)
+        for t, u, a, b in zip(stamps(), stamps("2026-05-03 20:38:01"), FRONT, REAR, strict=True)
+        for t, n, v in ((t, "front", a), (u, "rear", b))
+    ],
+    "one sensor after the other": [(t, n, v) for n, c in (("front", FRONT), ("rear", REAR)) for t, v in zip(stamps(), c, strict=True)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LONG)
+@pytest.mark.parametrize("header", ["time,sensor,value", "Time,Series,Value", "_time,_field,_value", "stamp,what,temperature"])
+def test_a_long_table_gives_each_sensor_its_own_readings(name, header, tmp_path, tool):
+    path = written(tmp_path, header + "\n" + "".join(f"{t},{n},{v:.2f}\n" for t, n, v in LONG[name]))
+    (run,) = read_runs(path)
+    for sensor, truth in (("front", FRONT), ("rear", REAR)):
+        column = run.channels[sensor]
+        assert column[np.isfinite(column)] == pytest.approx(truth, abs=0.006)
+    assert about(run) == ["layout"]
+    found = json.loads(tool("identify", path, "--format", "json", "-q").out)
+    by_name = {r["channel"]: r for r in found["records"]}
+    assert by_name["front"]["steady_state_c"] == pytest.approx(26.4, abs=0.1)
+    assert by_name["rear"]["steady_state_c"] == pytest.approx(31.2, abs=0.1)
+    assert all("guessed: a long table" in r["message"] for r in found["records"])
+    assert found["input"][0]["guesses"][0]["about"] == "layout"
+
+
+def test_a_long_table_of_numbered_sensors_and_units(tmp_path):
+    rows = [(t, k, f"{v:.2f}") for t, a, b in zip(stamps(), FRONT, REAR, strict=True) for k, v in ((1, a), (2, b))]
+    (run,) = read_runs(written(tmp_path, table("time,sensor_id,value", *zip(*rows, strict=True))))
+    assert list(run.channels) == ["sensor 1", "sensor 2"]
+    rows = [
+        (t, n, v, u) for t, a in zip(stamps(), FRONT, strict=True) for n, v, u in (("oil", a * 1.8 + 32, "°F"), ("rh", 40.0, "%"))
+    ]
+    (run,) = read_runs(written(tmp_path, table("last_changed,entity_id,state,unit_of_measurement", *zip(*rows, strict=True))))
+    assert list(run.channels) == ["oil"]
+    assert run.channels["oil"] == pytest.approx(FRONT, abs=1e-9)
+    assert list(run.inputs) == ["rh"]
+
+
+def test_long_by_the_users_word_and_refused_where_it_cannot_be_told(tmp_path):
+    rows = [(t, m, n, v) for t, a, b in zip(stamps(), FRONT, REAR, strict=True) for m, n, v in (("A", "x", a), ("A", "y", b))]
+    path = written(tmp_path, "\n".join(",".join(map(str, r)) for r in rows) + "\n")
+    with pytest.raises(InputError, match="(?s)long table.*--long") as refused:
+        read_runs(path)
+    assert "column 3" in str(refused.value)
+    (run,) = read_runs(path, Options(long=("column 2+column 3", "column 4")))
+    assert list(run.channels) == ["x", "y"]
+    assert run.guesses == ()
+    with pytest.raises(UsageError, match="did you mean 'column 4'"):
+        read_runs(path, Options(long=("column 3", "colum 4")))
+
+
+def test_a_column_of_remarks_or_units_makes_no_long_table(tmp_path):
+    state = ["on" if i % 40 < 20 else "off" for i in range(N)]
+    (run,) = read_runs(written(tmp_path, table("time_min,T1,state", MINUTES, values(FRONT), state)))
+    assert list(run.channels) == ["T1"]
+    (run,) = read_runs(written(tmp_path, table("time_min,Unit,Value", MINUTES, ["F"] * N, values(FRONT * 1.8 + 32))))
+    assert run.channels["Value"] == pytest.approx(FRONT, abs=0.006)
+
+
+def test_readings_of_one_stamp_that_are_not_one_sensors_are_not_averaged(tmp_path):
+    twice = [t for t in MINUTES for _ in range(2)]
+    mixed = [v for a, b in zip(FRONT, REAR, strict=True) for v in (a, b + 5)]
+    with pytest.raises(InputError, match="differ by far more than their noise") as refused:
+        read_runs(written(tmp_path, table("time_min,T1", twice, values(mixed))))
+    assert "--long" in str(refused.value)
+    rng = np.random.default_rng(1)
+    noisy = [v + 0.05 * rng.standard_normal() for v in FRONT for _ in range(2)]
+    (run,) = read_runs(written(tmp_path, table("time_min,T1", twice, values(noisy))))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.15)
+
+
+def test_two_runs_in_one_file(tmp_path, tool):
+    time, temperature = [*MINUTES, *MINUTES[:120]], values([*FRONT, *REAR[:120]])
+    path = written(tmp_path, table("time_min,T1", time, temperature))
+    first, second = read_runs(path)
+    assert (first.name, second.name) == (f"{path}#1", f"{path}#2")
+    assert first.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    assert second.channels["T1"] == pytest.approx(REAR[:120], abs=0.006)
+    assert about(first) == ["runs"]
+    assert "line 243" in str(first.guesses[0])
+    found = json.loads(tool("identify", path + "#2", "--format", "json", "-q").out)["records"]
+    assert [r["run"] for r in found] == [f"{path}#2"]
+    assert found[0]["steady_state_c"] == pytest.approx(31.2, abs=0.3)
+    refused = tool("identify", path + "#3")
+    assert (refused.code, refused.out) == (2, "")
+    assert "#1 to #2" in refused.err
+
+
+def test_rows_out_of_place_and_files_joined_in_the_wrong_order_are_one_run(tmp_path):
+    late = [*range(100), *range(101, 150), 100, *range(150, N)]
+    (run,) = read_runs(written(tmp_path, table("time_min,T1", MINUTES[late], values(FRONT[late]))))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    swapped = [*range(120, N), *range(120)]
+    (run,) = read_runs(written(tmp_path, table("time,T1", np.array(stamps())[swapped], values(FRONT[swapped]))))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    assert run.guesses == ()
+
+
+def clock(seconds, form):
+    h, m, s = int(seconds // 3600), int(seconds % 3600 // 60), seconds % 60
+    return form.format(h=h, m=m, s=s, minutes=int(seconds // 60))
+
+
+TIMES = {
+    "mm:ss below 24:00": ("Time (mm:ss)", [clock(5 * i, "{minutes:02d}:{s:02.0f}") for i in range(N)], 5.0, []),
+    "mm:ss, no word, beyond 47": ("Time", [clock(20 * i, "{minutes:02d}:{s:02.0f}") for i in range(N)], 20.0, ["time"]),
+    "mm:ss.0 of a spreadsheet": ("Time", [clock(5 * i, "{minutes:02d}:{s:04.1f}") for i in range(N)], 5.0, []),
+    "hh:mm beyond midnight": ("Time (hh:mm)", [clock((60 * i + 85000) % 86400, "{h:02d}:{m:02d}") for i in range(N)], 60.0, []),
+    "elapsed beyond 24 h": ("Elapsed", [clock(900 * i, "{h}:{m:02d}:{s:02.0f}") for i in range(N)], 900.0, []),
+    "days and a clock": ("StepTime", [f"{i // 100}d {clock(30 * (i % 100), '{h:02d}:{m:02d}:{s:05.2f}')}" for i in range(100)], 30.0, []),
+    "minutes without unit": ("Time", list(range(N)), 60.0, ["time"]),
+    "hours without unit": ("Time", [f"{i / 60:.9f}" for i in range(N)], 60.0, ["time"]),
+    "seconds without unit": ("Time", [60 * i for i in range(N)], 60.0, ["time"]),
+    "serial days of a spreadsheet": ("Time", [f"{46145.25 + i / 1440:.9f}" for i in range(N)], 60.0, ["time"]),
+    "epoch s": ("Time", [1777000000 + 60 * i for i in range(N)], 60.0, []),
+    "epoch ms": ("Time", [(1777000000 + 60 * i) * 10**3 for i in range(N)], 60.0, []),
+    "epoch us": ("Time", [(1777000000 + 60 * i) * 10**6 for i in range(N)], 60.0, []),
+    "epoch ns": ("Time", [(1777000000 + 60 * i) * 10**9 for i in range(N)], 60.0, []),
+    "compact stamps": ("when", stamps(form="%Y%m%d_%H%M%S"), 60.0, []),
+    "a dash between date and clock": ("date", stamps("2026-05-23 20:38:00", form="%d/%m/%Y-%H:%M:%S"), 60.0, []),
+    "milliseconds behind a colon": ("System Time", [f"{s}:500" for s in stamps(form="%H:%M:%S")], 60.0, []),
+    "month first with dots": ("Datum Zeit", stamps("2021-12-17 15:30:46", 3600.0, form="%m.%d.%y %I:%M:%S %p"), 3600.0, []),
+    "year first, two digits": ("Date", stamps("2011-05-07 00:00:00", 900.0, form="%y.%m.%d %H:%M"), 900.0, ["date order"]),
+    "month by name": ("Date", stamps(form="%d-%b-%Y %H:%M:%S"), 60.0, []),
+    "day of the week": ("Date", stamps(form="%a, %d %b %Y %H:%M:%S"), 60.0, []),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_time_is_understood(name, tmp_path):
+    column, cells, step, guessed = TIMES[name]
+    n = len(cells)
+    (run,) = read_runs(written(tmp_path, table(f"{column};T1", cells, values(FRONT[:n]), delimiter=";")))
+    if name == "days and a clock":
+        assert run.time_s[1] == pytest.approx(step)
+    else:
+        assert run.time_s == pytest.approx(step * np.arange(n), abs=2e-3 if "serial" in name else 1e-4)
+    assert about(run) == guessed
+
+
+@pytest.mark.parametrize(
+    ("cells", "do"),
+    [
+        ([2 * i for i in range(1000)], "--time-unit s, min or h"),  # 33 min or 33 h
+        ([clock(120 * i, "{h:02d}:{m:02d}") for i in range(700)], "--time-format"),  # 23 h or 23 min
+    ],
+)
+def test_a_time_that_cannot_be_told_is_asked_for(cells, do, tmp_path):
+    rising = 18.0 + 8.4 * (1 - np.exp(-np.arange(len(cells)) / 100.0))
+    with pytest.raises(InputError) as refused:
+        read_runs(written(tmp_path, table("Time,T1", cells, values(rising))))
+    assert do in str(refused.value)
+
+
+def test_a_second_column_of_time_tells_the_unit_of_the_first(tmp_path):
+    path = written(
+        tmp_path,
+        table(
+            "Test_Time,DateTime,Temperature", [2 * i for i in range(N)], [1494377253.17 + 2 * i for i in range(N)], values(FRONT)
+        ),
+    )
+    (run,) = read_runs(path, Options(time="Test_Time"))
+    assert run.time_s == pytest.approx(2.0 * np.arange(N))
+    assert run.guesses == ()
+
+
+def test_missing_does_not_change_how_stamps_are_read(tmp_path):
+    cells = stamps("2011-05-07 00:00:00", 900.0, form="%y.%m.%d %H:%M:%S")
+    readings = values(FRONT)
+    readings[5] = "Logged"
+    path = written(tmp_path, table("Date Time;Temp;x", cells, readings, ["a"] * N, delimiter=";"))
+    with pytest.raises(InputError, match="--missing 'Logged'"):
+        read_runs(path)
+    (run,) = read_runs(path, Options(missing=("Logged",)))
+    assert run.time_s[-1] == 900.0 * (N - 1)
+
+
+def test_a_campbell_file(tmp_path):
+    head = '"TOA5","CR1000","7","","","","",""\n"TIMESTAMP","RECORD","Batt_V_Min","T1_Avg","T2_Max"\n"TS","RN","Volts","DegF","Deg C"\n"","","Min","Avg","Max"\n'
+    rows = "".join(
+        f'"{t}",{i},12.9,{a * 1.8 + 32:.3f},{b:.3f}\n' for i, (t, a, b) in enumerate(zip(stamps(), FRONT, REAR, strict=True))
+    )
+    (run,) = read_runs(written(tmp_path, head + rows))
+    assert run.time_s[-1] == 60.0 * (N - 1)
+    assert run.channels["T1_Avg"] == pytest.approx(FRONT, abs=1e-3)
+    assert run.channels["T2_Max"] == pytest.approx(REAR, abs=1e-3)
+    assert list(run.inputs) == ["Batt_V_Min"]
+    assert run.guesses == ()
+
+
+UNITS = {
+    "Lager_F": ("C", []),
+    "Temp, (*F)": ("F", []),
+    "TempF1": ("F", ["unit"]),
+    "Temp_F_2": ("F", ["unit"]),
+    "T [°F]": ("F", []),
+    "T / K": ("K", []),
+    "oil temp Kelvin": ("K", []),
+    "front (℃)": ("C", []),
+    "T (K)": ("C", []),  # a thermocouple of type K: 18 degC is no kelvin
+}
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_the_unit_of_a_temperature(name, tmp_path):
+    unit, guessed = UNITS[name]
+    logged = {"C": FRONT, "F": FRONT * 1.8 + 32, "K": FRONT + 273.15}[unit]
+    (run,) = read_runs(written(tmp_path, table(f"time_min;{name}", MINUTES, [f"{v:.4f}" for v in logged], delimiter=";")))
+    assert run.channels[name] == pytest.approx(FRONT, abs=1e-3)
+    assert about(run) == guessed
+
+
+def test_places_called_front_and_rear_are_no_units(tmp_path):
+    (run,) = read_runs(written(tmp_path, table("time_min,T_F,T_R", MINUTES, values(FRONT), values(REAR))))
+    assert run.channels["T_F"] == pytest.approx(FRONT, abs=0.006)
+    assert run.guesses == ()
+
+
+def test_kelvin_without_a_word_is_asked_for(tmp_path):
+    path = written(tmp_path, table("0,0,291.15", MINUTES[1:], 0 * MINUTES[1:], [f"{v + 273.15:.2f}" for v in FRONT[1:]]))
+    with pytest.raises(InputError, match="unit of column 'column 3'") as refused:
+        read_runs(path, Options(time_unit="min"))
+    assert "--units K" in str(refused.value)
+    (run,) = read_runs(path, Options(time_unit="min", units=("K",), channels=("column 3",)))
+    assert run.channels["column 3"] == pytest.approx(FRONT, abs=0.006)
+    (run,) = read_runs(
+        written(tmp_path, table("time_min,a temp,b temp", MINUTES, values(FRONT * 1.8 + 32), values(REAR))),
+        Options(units=("a temp=F",)),
+    )
+    assert run.channels["a temp"] == pytest.approx(FRONT, abs=0.006)
+    with pytest.raises(UsageError, match="C, K or F"):
+        read_runs(path, Options(units=("R",)))
+
+
+#: header of a column -> its role beside a sensor that says that it is one.
+ROLES = {
+    "AI0 (V)": "input", "front_ohm": "input", "Battery V": "input", "rel. humidity [%]": "input", "T_set": "input",
+    "Solltemperatur": "input", "sv_temp": "input", "sample index": "left out", "Coolant temp": "sensor", "Load cell temp": "sensor",
+    "T_flow_out": "sensor", "T1 Last (C)": "sensor", "Hallentemperatur": "ambient", "Raumtemp.": "ambient", "amb_temp": "ambient",
+    "T_ref": "input", "CJC": "input", "spindle speed": "input", "Vibration mm/s": "input", "val3": "left out", "R1": "left out",
+    "front bearing": "sensor", "气温 温度": "sensor", "Air pressure": "input", "Temp (°C)": "sensor", "Z (um)": "displacement",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROLES)
+def test_what_a_column_is(name, tmp_path):
+    rising = values(REAR)
+    (run,) = read_runs(written(tmp_path, table(f"time_min;Lager [°C];{name}", MINUTES, values(FRONT), rising, delimiter=";")))
+    found = {**dict.fromkeys(run.channels, "sensor"), **dict.fromkeys(run.inputs, "input"), **dict.fromkeys(run.ambient, "ambient")}
+    found |= dict.fromkeys(run.displacements, "displacement")
+    assert found.get(name, "left out") == ROLES[name]
+    assert "Lager [°C]" in run.channels
+    (run,) = read_runs(
+        written(tmp_path, table(f"time_min;Lager [°C];{name}", MINUTES, values(FRONT), rising, delimiter=";")),
+        Options(channels=(name,)),
+    )
+    assert list(run.channels) == [name]
+
+
+def test_a_file_without_temperatures_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no sensor column") as refused:
+        read_runs(written(tmp_path, table("time_min,U (V),I (A),n [rpm]", MINUTES, values(FRONT), values(REAR), values(REAR))))
+    assert "U (V)" in str(refused.value)
+
+
+@pytest.mark.parametrize(("form", "fold"), [("%Y-%m-%d %H:%M:%S", "autumn"), ("%d.%m.%Y %H:%M", "spring")])
+def test_a_changed_clock_is_told_and_taken_out(form, fold, tmp_path):
+    begin = datetime(2026, 10, 25, 1, 30) if fold == "autumn" else datetime(2026, 3, 29, 0, 30)
+    change = 90 if fold == "autumn" else 90
+    shift = timedelta(hours=-1 if fold == "autumn" else 1)
+    cells = [(begin + timedelta(minutes=i) + (shift if i >= change else timedelta(0))).strftime(form) for i in range(N)]
+    (run,) = read_runs(written(tmp_path, table("time,T1", cells, values(FRONT))))
+    assert run.time_s == pytest.approx(60.0 * MINUTES)
+    assert about(run) == ["time"]
+    assert "clock was changed" in str(run.guesses[0])
+    # On any other day an hour without readings is a gap.
+    monday = [
+        c for i in range(N) for c in [(datetime(2026, 3, 30, 0, 30) + timedelta(minutes=i + (60 if i >= 90 else 0))).strftime(form)]
+    ]
+    (run,) = read_runs(written(tmp_path, table("time,T1", monday, values(FRONT))))
+    assert run.time_s[-1] == 60.0 * (N - 1) + 3600.0
+
+
+def test_decimal_commas_in_a_comma_separated_file(tmp_path):
+    text = "Zeit [min],T1,T2\n" + "".join(
+        f"{i},{a:.2f},{b:.2f}\n".replace(".", ",") for i, a, b in zip(range(N), FRONT, REAR, strict=True)
+    )
+    (run,) = read_runs(written(tmp_path, text))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    assert run.channels["T2"] == pytest.approx(REAR, abs=0.006)
+    assert about(run) == ["layout"]
+    with pytest.raises(InputError, match="decimal commas"):
+        read_runs(written(tmp_path, text.replace("18,00,", "18,")))
+    quoted = "Zeit [min],T1\n" + "".join(f'{i},"{a:.2f}"\n'.replace(".", ",") for i, a in zip(range(N), FRONT, strict=True))
+    assert read_runs(written(tmp_path, quoted))[0].channels["T1"] == pytest.approx(FRONT, abs=0.006)
+
+
+def test_numbers_with_thousands_and_units_in_the_cell(tmp_path):
+    text = "Test Time(s);Temp 1;Temp 2\n" + "".join(
+        f"5,{577 + i // 10:03d},{i % 10:03d}.50;{a:.2f} °C;temp={b:.1f}'C\n"
+        for i, (a, b) in enumerate(zip(FRONT, REAR, strict=True))
+    )
+    (run,) = read_runs(written(tmp_path, text))
+    assert run.time_s[10] == 1000.0
+    assert run.channels["Temp 1"] == pytest.approx(FRONT, abs=0.006)
+    assert run.channels["Temp 2"] == pytest.approx(REAR, abs=0.06)
+
+
+def test_encodings_that_are_mixed_or_damaged(tmp_path, tool):
+    text = "\ufeff时间(min),温度\n".encode() + b"".join(f"{i},{v:.2f}\n".encode() for i, v in enumerate(FRONT))
+    (run,) = read_runs(written(tmp_path, text))
+    assert run.channels["温度"] == pytest.approx(FRONT, abs=0.006)
+    remark = "\ufeff时间(min),温度,备注\n".encode() + b"".join(f"{i},{v:.2f},运行\n".encode("gbk") for i, v in enumerate(FRONT))
+    (run,) = read_runs(written(tmp_path, remark))
+    assert run.channels["温度"] == pytest.approx(FRONT, abs=0.006)
+    assert "gb18030" in run.notes[0]
+    assert tool("identify", written(tmp_path, remark), "--format", "csv").code == 0
+    holes = table("time_min,T1", MINUTES, values(FRONT)).encode().replace(b"\n100.0,", b"\n" + bytes(4) + b"100.0,")
+    (run,) = read_runs(written(tmp_path, holes))
+    assert len(run.time_s) == N
+    assert "4 NUL bytes" in " ".join(run.notes)
+
+
+def test_files_that_are_no_text_are_called_by_their_kind(tmp_path):
+    for start, kind in (
+        (b"PK\x03\x04", "Excel workbook"),
+        (b"TDSm", "TDMS"),
+        (b"\x1f\x8b\x08", "gzip"),
+        (b"MATLAB 5.0 MAT", "MATLAB"),
+    ):
+        with pytest.raises(InputError, match=kind):
+            read_runs(written(tmp_path, start + bytes(range(256))))
+
+
+def test_footers_and_a_header_with_one_name_too_many(tmp_path):
+    text = (
+        table("time_min\tT1\tT2\t", MINUTES, values(FRONT), values(REAR), delimiter="\t")
+        + "\nTotal Elapsed Time (sec) = 3.0\n\nEnd\n"
+    )
+    (run,) = read_runs(written(tmp_path, text))
+    assert list(run.channels) == ["T1", "T2"]
+    assert any("2 lines below the readings" in n for n in run.notes)
+    with pytest.raises(InputError, match="line 243: the row has 2 cells"):
+        read_runs(written(tmp_path, text.replace("\nTotal", "\n5\t7\nTotal").replace("\n\n", "\n")))
+
+
+def test_strict_refuses_what_was_guessed_and_a_sure_record_passes(tmp_path, tool):
+    guessed = written(tmp_path, table("Time,T1", MINUTES, values(FRONT)))
+    refused = tool("identify", guessed, "--strict")
+    assert (refused.code, refused.out) == (2, "")
+    assert "--time-unit min" in refused.err
+    assert tool("identify", guessed, "--strict", "--time-unit", "min", "-q").code == 0
+    (tmp_path / "thermofast.toml").write_text("[input]\nstrict = true\n")
+    assert tool("--config", tmp_path / "thermofast.toml", "identify", guessed).code == 2
+    sure = tool("identify", "sample_runs/spindle.csv", "--strict", "--format", "json", "-q", "--channels", "T1")
+    assert sure.code == 0
+    assert json.loads(sure.out)["input"][0]["guesses"] == []
+
+
+@pytest.mark.parametrize("command", ["sweep", "compare", "diagnose", "improve", "filters bench", "sensitivity"])
+def test_every_command_tells_the_guess_in_its_rows(command, tmp_path, tool):
+    path = written(tmp_path, table("Time,T1", MINUTES, values(FRONT + 0.02 * np.random.default_rng(2).standard_normal(N))))
+    done = tool(*command.split(), path, "--format", "json", "-q")
+    assert done.code == 0, done.err
+    document = json.loads(done.out)
+    assert all("'Time' has no unit, taken as min" in r["message"] for r in document["records"])
+    assert document["input"][0]["guesses"][0]["option"] == "--time-unit min confirms it"
