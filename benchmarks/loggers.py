@@ -1,6 +1,6 @@
 """Real logger files of others against what a careful reader finds in them: ``python -m benchmarks.loggers [FOLDER]``.
 
-The folder holds the files and a truth.json; per file it tells right, right with the option that the refusal names, refused, or WRONG.
+The folder holds the files and a truth.json. Told per file: right, right with the option that the refusal names, refused, or WRONG.
 """
 
 import json

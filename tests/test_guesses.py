@@ -83,7 +83,7 @@ def test_a_long_table_of_numbered_sensors_and_units(tmp_path):
 def test_long_by_the_users_word_and_refused_where_it_cannot_be_told(tmp_path):
     rows = [(t, m, n, v) for t, a, b in zip(stamps(), FRONT, REAR, strict=True) for m, n, v in (("A", "x", a), ("A", "y", b))]
     path = written(tmp_path, "\n".join(",".join(map(str, r)) for r in rows) + "\n")
-    with pytest.raises(InputError, match="(?s)long table.*--long") as refused:
+    with pytest.raises(InputError, match=r"(?s)long table.*--long") as refused:
         read_runs(path)
     assert "column 3" in str(refused.value)
     (run,) = read_runs(path, Options(long=("column 2+column 3", "column 4")))
@@ -310,7 +310,7 @@ def test_a_file_without_temperatures_is_refused(tmp_path):
 @pytest.mark.parametrize(("form", "fold"), [("%Y-%m-%d %H:%M:%S", "autumn"), ("%d.%m.%Y %H:%M", "spring")])
 def test_a_changed_clock_is_told_and_taken_out(form, fold, tmp_path):
     begin = datetime(2026, 10, 25, 1, 30) if fold == "autumn" else datetime(2026, 3, 29, 0, 30)
-    change = 90 if fold == "autumn" else 90
+    change = 90
     shift = timedelta(hours=-1 if fold == "autumn" else 1)
     cells = [(begin + timedelta(minutes=i) + (shift if i >= change else timedelta(0))).strftime(form) for i in range(N)]
     (run,) = read_runs(written(tmp_path, table("time,T1", cells, values(FRONT))))

@@ -356,8 +356,8 @@ def test_a_stricter_false_alarm_rate_is_kept(tool, tmp_path):
 
 def test_one_run_gives_the_same_records_on_one_process_and_on_two(tool):
     for path, more in (
-        (ROOT / "sample_runs" / "hidden_two.csv", ()),
-        (ROOT / "sample_runs" / "hidden_ramp.csv", ("--effect", ROOT / "sample_runs" / "my_effect.py")),
+        (ROOT / "sample_runs" / "hidden.csv", ("--effects", "second_mode,ambient,friction_decay,sensor_lag")),
+        (ROOT / "sample_runs" / "hidden_ramp.csv", ("--effects", f"{ROOT / 'sample_runs' / 'my_effect.py'},load_step")),
     ):
         one, two = (tool("diagnose", path, *more, "--jobs", jobs, "--format", "json", "-q") for jobs in (1, 2))
         assert one.out == two.out

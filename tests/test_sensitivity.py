@@ -142,7 +142,7 @@ def test_time_to_go_of_a_settled_sensor_is_none_left_and_of_a_faded_one_its_own(
 def test_input_ranges_widen_what_the_area_metric_allows(tool):
     run = "sample_runs/hidden_two.csv"
     plain, wide = (
-        records(tool("compare", run, "--effects", "ambient", *more, "--format", "json", "-q"))
+        records(tool("compare", run, "--channels", "T1,T2", "--effects", "ambient", *more, "--format", "json", "-q"))
         for more in ((), ("--input-range", "ambient=0.5"))
     )
     for a, b in zip(plain, wide, strict=True):

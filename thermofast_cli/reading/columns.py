@@ -128,8 +128,8 @@ def _means_something(said: set[str], name: str) -> bool:
 def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str, origin: str) -> Roles:
     """Roles of the numeric columns, by the user's word first, then by unit and name.
 
-    names are all columns that hold numbers, values those numbers (N,). origin is where the names come from: ``header``, ``long`` for
-    the cells of a long table, which name sensors whatever they are, or ``none``: then what is a sensor is guessed.
+    names are all columns that hold numbers, values those numbers (N,). origin is where the names come from: ``header``, ``long``
+    for the cells of a long table, which name sensors whatever they are, or ``none``: then what is a sensor is guessed.
 
     Raises
     ------

@@ -1,0 +1,348 @@
+"""What once ended in a traceback, a cut table or a word against itself."""
+
+import json
+import re
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from filters import Filter
+from models import Lump
+from thermofast_cli.contradiction import contradiction
+from thermofast_cli.estimate import FilterError, track_of
+from thermofast_cli.identify import Method, identify_sensor
+from thermofast_cli.measured import measured_equilibrium
+from thermofast_cli.output.table import GAP, Column, blocks, folded, lines_of
+
+SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
+HIDDEN = str(ROOT / "sample_runs" / "hidden.csv")
+
+
+@pytest.mark.parametrize(("windows", "times"), [("40,45,50,55", "20:32:1"), ("400", "10:100:2"), ("40,45,50,55", "10:30:1")])
+def test_a_sweep_in_which_no_time_serves_says_so(windows, times, tool):
+    done = tool("sweep", SPINDLE, "--windows", windows, "--times", times, "--format", "json", "-q")
+    assert done.code == 0
+    records = json.loads(done.out)["records"]
+    unserved = [r for r in records if r["shortest_time_min"] is None]
+    assert unserved
+    for r in unserved:
+        assert "no time tried serves" in r["message"]
+        assert r["agreed"] is None
+        assert r["best_time_min"] <= float(times.split(":")[1])
+    for r in records:
+        if r["earliest_time_min"] is not None:
+            assert r["earliest_time_min"] < r["window_min"]
+
+
+def test_a_record_that_ends_where_it_began_measures_nothing():
+    time = np.arange(100.0)
+    assert measured_equilibrium(time, np.full(100, 20.0)) is None
+    reading = np.full(100, 20.0)
+    reading[50] = 20.1
+    assert measured_equilibrium(time, reading) is None
+
+
+class Angry(Filter):
+    """Raises what no one expects."""
+
+    name, summary, reference = "angry", "raises", "nobody"
+    closing = "never"
+
+    def track(self, model, time, reading, resolution):
+        raise KeyError("gain")
+
+
+class Wild(Angry):
+    """Returns what no one can use."""
+
+    name = "wild"
+
+    def track(self, model, time, reading, resolution):
+        return [1, 2, 3]
+
+
+def test_a_filter_that_raises_costs_a_row():
+    time = np.arange(60.0)
+    reading = 20 + 5 * (1 - np.exp(-0.03 * time))
+    for kind, words in ((Angry, "angry raised KeyError: 'gain'"), (Wild, "its track is not one row")):
+        record = identify_sensor("run", "T1", time, reading, Method(Lump(), kind())).record
+        assert record.status == "diverged"
+        assert words in record.message
+    with pytest.raises(FilterError, match=r"test_rough_edges.py, line \d+"):
+        track_of(Angry(), Lump(), time, reading, 0.0)
+
+
+class Point:
+    """An entry point whose package fails as it is imported."""
+
+    name, value, dist = "torn", "torn:Effect", None
+
+    def load(self):
+        raise ImportError("libtorn.so is missing")
+
+
+def test_broken_plug_ins_are_lines_in_the_catalogue_and_stop_nothing(tool, monkeypatch):
+    wrong = EntryPoint("path", "pathlib:Path", "thermofast.effects")
+    monkeypatch.setattr("thermofast_cli.entrypoints.entry_points", lambda group: [Point(), wrong])
+    for catalogue in ("effects", "filters"):
+        shown = tool(catalogue)
+        assert shown.code == 0
+        assert "torn" in shown.out
+        assert "libtorn.so is missing" in shown.out
+        assert "needed a class derived from" in shown.out
+    assert tool("identify", SPINDLE, "--channels", "T5", "-q").code == 0
+    assert tool("diagnose", HIDDEN, "-q", "--effects", "second_mode").code == 0
+
+
+def test_a_refusal_ends_without_an_abort():
+    # pyarrow's own threads, still starting as the process ended, aborted one refusal in a hundred.
+    codes = {
+        subprocess.run(
+            [sys.executable, "-m", "thermofast_cli", "identify", SPINDLE, "--until", "9999"],
+            cwd=ROOT,
+            capture_output=True,
+            check=False,
+        ).returncode
+        for _ in range(4)
+    }
+    assert codes == {2}
+    reader = (ROOT / "thermofast_cli" / "reading" / "text.py").read_text()
+    assert "use_threads=False" in reader
+
+
+# --- tables ---------------------------------------------------------------------------------------------------------------------------
+
+
+def columns():
+    names = ["front_bearing_outer_ring", "T2", "motor"]
+    sets = ["second_mode+ambient", "load_step", "neighbour_heat, friction_decay, sensor_lag"]
+    return [
+        Column("sensor", tuple(names), True),
+        Column("also possible", tuple(sets), True),
+        *[Column(f"error {k} K", ("123.456", "0.001", "-5.250"), False) for k in range(9)],
+        Column("status", ("not_determined", "ok", "model_doubtful"), True),
+    ]
+
+
+@pytest.mark.parametrize("width", [60, 72, 80, 100, 132, 200, None])
+def test_no_width_cuts_a_number_a_name_or_a_status(width):
+    found = blocks(columns(), width)
+    text = ""
+    for block in found:
+        heading, rows = lines_of(block)
+        lines = heading + [line for row in rows for line in row]
+        assert width is None or max(map(len, lines)) <= width
+        assert block[0][0].heading == "sensor"
+        text += "\n".join(lines) + "\n"
+    assert sum(c.heading == "status" for block in found for c, _ in block) == 1
+    for whole in (
+        "123.456",
+        "-5.250",
+        "not_determined",
+        "model_doubtful",
+        "T2",
+        "motor",
+        "second_mode+",
+        "neighbour_heat,",
+        "load_step",
+    ):
+        assert whole in text
+    assert "front_bearing_outer_ring" in re.sub(r"\s", "", text)
+    if width is None or width >= sum(c.natural for c in columns()) + GAP * 11:
+        assert len(found) == 1
+
+
+def test_lists_break_behind_plus_and_commas_only():
+    assert folded("second_mode+ambient", 13) == ["second_mode+", "ambient"]
+    assert folded("ambient, load_step", 10) == ["ambient,", "load_step"]
+    assert folded("cooling_switch", 20) == ["cooling_switch"]
+    assert folded("", 5) == [""]
+
+
+def test_a_piped_table_is_as_wide_as_it_needs(tool):
+    shown = tool("identify", SPINDLE, "--until", 60, "--format", "table", "-q").out
+    header = next(line for line in shown.splitlines() if line.startswith("sensor"))
+    for heading in ("settles degC", "95 % interval", "measured", "to go min", "ahead K", "status"):
+        assert heading in header
+    assert shown.count("T10 ") == 1
+
+
+# --- never ok against its own evidence ------------------------------------------------------------------------------------------------
+
+
+def test_a_row_is_not_ok_against_the_readings_after_it(tool):
+    time = np.arange(401.0)
+    two = 20 + 8 * (1 - np.exp(-time / 40)) + 6 * (1 - np.exp(-time / 400)) + 0.02 * np.random.default_rng(0).standard_normal(401)
+    record = identify_sensor("run", "T1", time, two, Method(Lump(), Filter_()), 45.0).record
+    assert record.rmse_ahead_c > 1.0
+    assert record.steady_state_hi_c - record.steady_state_lo_c < record.rmse_ahead_c
+    assert record.status == "model_doubtful"
+    assert "the readings after 45 min leave the prediction's band, by up to" in record.message
+
+
+def Filter_():  # noqa: N802
+    from filters import Afukf
+
+    return Afukf()
+
+
+def test_exact_records_are_hardly_ever_told_against_themselves():
+    rng = np.random.default_rng(11)
+    time, against = np.arange(301.0), 0
+    for until in (30.0, 45.0, 60.0, 120.0):
+        for _ in range(60):
+            rate = rng.uniform(0.008, 0.03)
+            reading = np.round((26.7 - 8.8 * np.exp(-rate * time) + rng.normal(0, 0.02, 301)) / 0.01) * 0.01
+            record = identify_sensor("run", "T1", time, reading, Method(Lump(), Filter_()), until).record
+            against += "prediction's band" in record.message
+    assert against <= 2  # of 240
+
+
+def test_a_contradiction_needs_several_readings():
+    residual, half = np.zeros(100), np.full(100, 0.1)
+    residual[50] = 5.0
+    assert contradiction(residual, half, 0.02) is None
+    residual[40:60] = -0.5
+    assert contradiction(residual, half, 0.02) == pytest.approx(0.5)
+
+
+# --- words ----------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stepped(tmp_path_factory):
+    """Two sensors whose load steps at 180 min as the speed is logged to do, and a room that is logged."""
+    rng = np.random.default_rng(4)
+    time = np.arange(361.0)
+    speed = np.where(time < 180, 2000.0, 3000.0)
+    heat = np.where(time < 180, 1.0, 1.5)
+    columns = []
+    for rate, rise in ((0.02, 9.0), (0.03, 6.0)):
+        curve = np.empty(361)
+        curve[0] = 20.0
+        for k in range(1, 361):
+            curve[k] = 20.0 + rise * heat[k] + (curve[k - 1] - 20.0 - rise * heat[k]) * np.exp(-rate)
+        columns.append(curve + 0.02 * rng.standard_normal(361))
+    room = 20.0 + 0.01 * rng.standard_normal(361)
+    path = tmp_path_factory.mktemp("stepped") / "run.csv"
+    rows = zip(time, *columns, speed, room, strict=True)
+    path.write_text("time_min,T1,T2,speed,ambient\n" + "".join(f"{t:g},{a:.3f},{b:.3f},{s:g},{r:.3f}\n" for t, a, b, s, r in rows))
+    return str(path)
+
+
+def test_a_logged_column_that_steps_is_named(stepped, tool):
+    found = json.loads(tool("compare", stepped, "--until", 170, "--format", "json", "-q").out)["records"]
+    for record in found:
+        assert "speed steps from 2000 to 3000 at 180 min" in record["message"]
+        assert "nothing logs" not in record["message"]
+    verdict = json.loads(tool("diagnose", stepped, "--until", 170, "--format", "json", "-q").out)["records"][0]
+    assert verdict["verdict"] == "none"
+    assert "times the noise" in verdict["advice"]
+    assert "nothing to add" not in verdict["advice"]
+
+
+def test_no_rival_is_the_verdict_in_another_order(tool):
+    found = json.loads(tool("diagnose", ROOT / "sample_runs" / "hidden_two.csv", "--format", "json", "-q").out)["records"]
+    for record in found:
+        named = sorted(record["verdict"].split("+"))
+        assert all(sorted(other.split("+")) != named for other in record["also_possible"])
+        assert "log the ambient" not in record["advice"]  # it is logged
+
+
+def test_hints_leave_out_what_is_logged(stepped):
+    from models.candidates import Candidate
+    from models.effects import BUILT_IN
+    from thermofast_cli.diagnose import hints_of
+    from thermofast_cli.loop import LoopTask, ready
+    from thermofast_cli.reading import read_runs
+
+    prepared = ready(LoopTask(read_runs(stepped)[0]))[1]
+
+    class Part:
+        def __init__(self, effect):
+            self.effect = effect
+
+    class Some:
+        parts = tuple(Part(kind()) for kind in BUILT_IN)
+
+    some: Candidate = Some()
+    told = hints_of([some], prepared.seen)
+    assert told
+    assert not [h for h in told if h.startswith("log the ambient") or ("speed" in h and h.startswith("log "))]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["identfy", SPINDLE], "did you mean 'identify'?"),
+        (["help", "swep"], "did you mean 'sweep'?"),
+        (["effects", "second_mod"], "did you mean 'second_mode'?"),
+        (["diagnose", HIDDEN, "--effects", "ambeint"], "did you mean 'ambient'?"),
+        (["identify", SPINDLE, "--filter", "afuk"], "did you mean 'afukf'?"),
+        (["filters", "ukff"], "did you mean 'ukf'?"),
+        (["identify", SPINDLE, "--channels", "ambeint"], "did you mean 'ambient'?"),
+        (["compare", SPINDLE, "--drive", "amient"], "is no logged input"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_nearest(arguments, hint, tool):
+    done = tool(*arguments)
+    assert (done.code, done.out) == (2, "")
+    assert hint in done.err
+
+
+def test_help_lists_commands_by_task_and_reading_options_once(tool):
+    from thermofast_cli.main import TASKS
+    from thermofast_cli.options import READING
+
+    shown = tool("--help").out
+    for task, commands in TASKS.items():
+        assert f"{task}:" in shown
+        assert all(name in shown for name in commands)
+    reading = tool("help", "reading").out
+    options = ["--" + name.replace("_", "-") for name in READING]
+    for option in options:
+        assert re.search(rf"^\s*{option} ", reading, re.M)
+    for name in ("identify", "diagnose", "sweep"):
+        page = tool("help", name).out
+        assert page == tool(name, "--help").out
+        assert "thermofast help reading" in page
+        assert not re.search(r"^\s*--delimiter CHAR", page, re.M)
+
+
+def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
+    from thermofast_cli.loop_session import _counted
+    from thermofast_cli.output import screen
+
+    done = []
+    assert list(_counted(map, done.append)(abs, [-1, -2])) == [1, 2]
+    assert done == [1, 1]
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    with screen.progress(1, "models tried", False) as advance:
+        advance(3)
+    assert "models tried" in capsys.readouterr().err
+    with screen.progress(1, "models tried", True) as advance:
+        advance(1)
+    assert capsys.readouterr().err == ""
+
+
+def test_pictures_promise_nothing_that_is_not_determined(tool, tmp_path):
+    from thermofast_cli.identify import marks
+    from thermofast_cli.records import IdentifyRecord
+
+    open_ended = IdentifyRecord("r", "T1", "afukf", steady_state_c=25.0, t95_min=90.0, status="not_determined")
+    assert marks(open_ended, 0.0) == ("not determined", None, None)
+    good = IdentifyRecord("r", "T1", "afukf", steady_state_c=25.0, steady_state_lo_c=24.9, steady_state_hi_c=25.1, t95_min=90.0)
+    assert marks(good, 10.0) == ("settles at 25.00 °C (24.90..25.10)", 25.0, 100.0)
+    path = tmp_path / "a.svg"
+    assert tool("compare", HIDDEN, "--until", 120, "-q", "--save-plot", path, "--format", "csv").code == 0
+    assert path.read_text().count("the model fails") == 1  # named once, in the legend
+
+
+def test_readme_blocks_can_be_pasted():
+    for page in [ROOT / "README.md"]:
+        for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(), re.M | re.S):
+            assert not re.search(r"^\$ ", block, re.M)
