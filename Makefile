@@ -42,5 +42,5 @@ $(STAMP): pyproject.toml setup.py models/_lump.pyx models/_forward.pyx filters/_
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
-	@$(BIN)/python -c "import models; print('compiled core' if models.COMPILED else 'no compiler found: the numpy core is used, which is slower')"
+	@$(BIN)/python -c "from thermofast import models; print('compiled core' if models.COMPILED else 'no compiler found: the numpy core is used, which is slower')"
 	@touch $(STAMP)

@@ -1,16 +1,19 @@
-"""Builds the compiled loops; where no compiler is, thermofast installs without them and runs their numpy twins."""
+"""Names the packages and builds the compiled loops; where no compiler is, thermofast installs without them and runs their numpy twins."""
 
 from Cython.Build import cythonize
-from setuptools import Extension, setup
+from setuptools import Extension, find_packages, setup
 
 FLAGS = ["-O3", "-fno-math-errno"]
+#: Folder at the top -> name it is installed under.
+FOLDERS = {"thermofast_cli": "thermofast", "models": "thermofast.models", "filters": "thermofast.filters"}
 
 setup(
+    packages=[name + suffix for folder, name in FOLDERS.items() for suffix in ["", *("." + p for p in find_packages(folder))]],
     ext_modules=cythonize(
         [
-            Extension("models._lump", ["models/_lump.pyx"], extra_compile_args=FLAGS, optional=True),
-            Extension("models._forward", ["models/_forward.pyx"], extra_compile_args=FLAGS, optional=True),
-            Extension("filters._loop", ["filters/_loop.pyx"], extra_compile_args=FLAGS, optional=True),
+            Extension("thermofast.models._lump", ["models/_lump.pyx"], extra_compile_args=FLAGS, optional=True),
+            Extension("thermofast.models._forward", ["models/_forward.pyx"], extra_compile_args=FLAGS, optional=True),
+            Extension("thermofast.filters._loop", ["filters/_loop.pyx"], extra_compile_args=FLAGS, optional=True),
         ]
-    )
+    ),
 )

@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import nist
 
-from models.separable import fit_separable
+from thermofast.models.separable import fit_separable
 
 
 def main() -> None:

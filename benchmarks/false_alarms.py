@@ -15,11 +15,11 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from models.candidates import try_add
-from models.discover import discover
-from models.effects import BUILT_IN
-from models.joint import fit_model
-from models.observations import Observations
+from thermofast.models.candidates import try_add
+from thermofast.models.discover import discover
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.joint import fit_model
+from thermofast.models.observations import Observations
 
 RECORDS = 400
 

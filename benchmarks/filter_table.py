@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from thermofast_cli.bench import bench_run
-from thermofast_cli.methods import known_filters
-from thermofast_cli.reading import Options, read_runs
-from thermofast_cli.records import BenchRecord
-from thermofast_cli.sensor import run_start
+from thermofast.bench import bench_run
+from thermofast.methods import known_filters
+from thermofast.reading import Options, read_runs
+from thermofast.records import BenchRecord
+from thermofast.sensor import run_start
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data"

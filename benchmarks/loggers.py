@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from thermofast_cli.errors import ThermofastError
-from thermofast_cli.reading import Options, Run, read_runs
+from thermofast.errors import ThermofastError
+from thermofast.reading import Options, Run, read_runs
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "loggers"
 #: What the message of a refusal says to give, as a user would give it.

@@ -17,7 +17,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from machines import draw
 
-from thermofast_cli.output.files import write_columns
+from thermofast.output.files import write_columns
 
 LIMIT_S = 5.0
 SENSORS, READINGS = 10, 400
@@ -49,7 +49,7 @@ def cut(kind: tuple[str, ...], seed: int) -> dict[str, np.ndarray]:
 def seconds(*arguments: str) -> float:
     """Wall time of one command."""
     began = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "thermofast_cli", *arguments], check=True, capture_output=True, cwd=ROOT)
+    subprocess.run([sys.executable, "-m", "thermofast", *arguments], check=True, capture_output=True, cwd=ROOT)
     return time.perf_counter() - began
 
 

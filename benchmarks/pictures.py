@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from thermofast_cli.main import cli
+from thermofast.main import cli
 
 ROOT = Path(__file__).resolve().parents[1]
 

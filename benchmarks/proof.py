@@ -25,15 +25,15 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from machines import EFFECTS, OUTSIDE, Case, draw, second_run
 
-from models.discover import discover
-from models.effects import BUILT_IN, Choice
-from models.heldout import held_out_errors
-from models.joint import Fit, Part, fit_model
-from thermofast_cli.learnt import carry
-from thermofast_cli.loop import ahead_errors
-from thermofast_cli.modelfile import model_file
-from thermofast_cli.observe import observe
-from thermofast_cli.reading import Run
+from thermofast.models.discover import discover
+from thermofast.models.effects import BUILT_IN, Choice
+from thermofast.models.heldout import held_out_errors
+from thermofast.models.joint import Fit, Part, fit_model
+from thermofast.learnt import carry
+from thermofast.loop import ahead_errors
+from thermofast.modelfile import model_file
+from thermofast.observe import observe
+from thermofast.reading import Run
 
 KIND = {kind.id: kind for kind in BUILT_IN}
 EVENTS = ("load_step", "cooling_switch", "reading_jump")

@@ -8,14 +8,14 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import sys
 from pathlib import Path
 
-from models.candidates import try_add
-from models.discover import discover
-from models.effects import BUILT_IN
-from models.heldout import held_out_errors
-from models.joint import Fit, fit_model
-from thermofast_cli.loop import pooled
-from thermofast_cli.observe import observe
-from thermofast_cli.reading import Options, read_runs
+from thermofast.models.candidates import try_add
+from thermofast.models.discover import discover
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.heldout import held_out_errors
+from thermofast.models.joint import Fit, fit_model
+from thermofast.loop import pooled
+from thermofast.observe import observe
+from thermofast.reading import Options, read_runs
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 #: (record, sensors or all, column that drives the heat, effects that the physics is said to be)

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from filters import Afukf, Ukf
-from models import Lump
+from thermofast.filters import Afukf, Ukf
+from thermofast.models import Lump
 
-TOOL = [sys.executable, "-m", "thermofast_cli"]
+TOOL = [sys.executable, "-m", "thermofast"]
 ROOT = Path(__file__).resolve().parents[1]
 
 

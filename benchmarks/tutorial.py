@@ -23,7 +23,7 @@ def run(command: str, folder: Path) -> str:
     assert words[0] == "thermofast"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "118"}
     done = subprocess.run(
-        [sys.executable, "-m", "thermofast_cli", *words[1:]],
+        [sys.executable, "-m", "thermofast", *words[1:]],
         cwd=folder,
         capture_output=True,
         text=True,

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Compiled twin of :func:`filters.loop.run_readable`: every reading of one sensor in one call.
+"""Compiled twin of :func:`thermofast.filters.loop.run_readable`: every reading of one sensor in one call.
 
 The model comes in as a capsule around ``void step(const double *state, double dt, double *next)``: this file knows no physics.
 """

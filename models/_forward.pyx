@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Compiled twin of :mod:`models._forward_numpy`: same names, same arguments, same numbers."""
+"""Compiled twin of :mod:`thermofast.models._forward_numpy`: same names, same arguments, same numbers."""
 from libc.math cimport NAN, exp, expm1, fabs, pow, sqrt
 from libc.stdlib cimport free, malloc
 

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Compiled twin of :mod:`models._lump_numpy`: same names, same arguments, same numbers.
+"""Compiled twin of :mod:`thermofast.models._lump_numpy`: same names, same arguments, same numbers.
 
 Time and rate may be in any pair of reciprocal units; thermofast uses minutes.
 """
@@ -344,7 +344,7 @@ cdef tuple told(Problem* p, Sums* s):
 
 
 def fit_decay(const double[::1] t, const double[::1] y, const double[::1] w, bint signed_rate):
-    """See :func:`models._lump_numpy.fit_decay`."""
+    """See :func:`thermofast.models._lump_numpy.fit_decay`."""
     cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
     cdef Sums best
     try:
@@ -488,7 +488,7 @@ cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil
 
 
 def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit):
-    """See :func:`models._lump_numpy.profile_decay`."""
+    """See :func:`thermofast.models._lump_numpy.profile_decay`."""
     cdef Problem p = allocate(t.shape[0])
     cdef Sums s
     cdef double out[4]
@@ -604,7 +604,7 @@ cdef void mark_spikes(const double* y, Py_ssize_t n, double resolution, double* 
 
 
 def spike_weights(const double[::1] y, double resolution, double[::1] out):
-    """See :func:`models._lump_numpy.spike_weights`."""
+    """See :func:`thermofast.models._lump_numpy.spike_weights`."""
     cdef Py_ssize_t n = y.shape[0]
     cdef double* scratch = <double*> malloc((n + 1) * sizeof(double))
     if scratch == NULL:
@@ -678,7 +678,7 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
 
 
 def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1] w):
-    """See :func:`models._lump_numpy.start_decay`."""
+    """See :func:`thermofast.models._lump_numpy.start_decay`."""
     cdef Py_ssize_t size = t.shape[0], used
     cdef Problem p = allocate(size), thin = allocate(GRID_READINGS)
     cdef double* scratch = <double*> malloc((size + 1) * sizeof(double))
@@ -702,7 +702,7 @@ def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1
 
 def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const Py_ssize_t[::1] counts,
                 const double[::1] quantiles, Py_ssize_t first, tuple rule, double wide, double[:, ::1] out):
-    """See :func:`models._lump_numpy.likelihoods`."""
+    """See :func:`thermofast.models._lump_numpy.likelihoods`."""
     cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
     cdef double* weights = <double*> malloc((t.shape[0] + 1) * sizeof(double))
     cdef Py_ssize_t i, j, n = 0, round_

@@ -1,6 +1,6 @@
 """Maximum-likelihood fit of the base law T(t) = T_inf + D exp(-rate t), its intervals and its limit.
 
-The fit is a variable projection over the rate (:func:`models._lump_numpy.fit_decay`); intervals are those of the profile
+The fit is a variable projection over the rate (:func:`thermofast.models._lump_numpy.fit_decay`); intervals are those of the profile
 likelihood, because in a short record the steady state is far from Gaussian: its upper side may be ten times its lower.
 Times are minutes, temperatures degC, rates 1/min.
 """

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.effects import Effect, Parameter
+from thermofast.models.effects import Effect, Parameter
 
 
 class LoadRamp(Effect):

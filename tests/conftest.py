@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from thermofast_cli.main import run
+from thermofast.main import run
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
@@ -27,10 +27,10 @@ def tool(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) ->
 
     def call(*arguments: object, stdin: bytes | None = None) -> Outcome:
         if stdin is not None:
-            monkeypatch.setattr("thermofast_cli.session._piped", lambda: True)
+            monkeypatch.setattr("thermofast.session._piped", lambda: True)
             monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(io.BytesIO(stdin))))
         else:
-            monkeypatch.setattr("thermofast_cli.session._piped", lambda: False)
+            monkeypatch.setattr("thermofast.session._piped", lambda: False)
         capsys.readouterr()
         with pytest.raises(SystemExit) as stop:
             run([str(a) for a in arguments])

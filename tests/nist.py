@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models.separable import Basis, SeparableFit, modes, rise_from_zero, settling_modes
+from thermofast.models.separable import Basis, SeparableFit, modes, rise_from_zero, settling_modes
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "nist_strd"
 

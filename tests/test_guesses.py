@@ -6,8 +6,8 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from thermofast_cli.errors import InputError, UsageError
-from thermofast_cli.reading import Options, read_runs
+from thermofast.errors import InputError, UsageError
+from thermofast.reading import Options, read_runs
 
 N = 241
 MINUTES = np.arange(N, dtype=float)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from simulator import lump, spindle
 
-from filters import Afukf, FadingUkf, PrintedAfukf, Ukf
-from models import Lump, PrintedLump
-from thermofast_cli.estimate import estimates_at, settling
-from thermofast_cli.identify import Method, identify_sensor
-from thermofast_cli.sweep import sweep_sensor
+from thermofast.filters import Afukf, FadingUkf, PrintedAfukf, Ukf
+from thermofast.models import Lump, PrintedLump
+from thermofast.estimate import estimates_at, settling
+from thermofast.identify import Method, identify_sensor
+from thermofast.sweep import sweep_sensor
 
 DEFAULT = Method(Lump(), Afukf())
 

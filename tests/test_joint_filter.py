@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from filters import Afukf
-from filters.joint import pooled_deviation, track_together
-from models import Lump
-from thermofast_cli.bench import Trial, choose_among, clearly_better
-from thermofast_cli.records import BenchRecord
+from thermofast.filters import Afukf
+from thermofast.filters.joint import pooled_deviation, track_together
+from thermofast.models import Lump
+from thermofast.bench import Trial, choose_among, clearly_better
+from thermofast.records import BenchRecord
 
 METHOD = Afukf()
 
@@ -79,7 +79,7 @@ def test_gaps_and_a_sensor_that_breaks_leave_the_others_alone():
 
 
 def test_joint_at_the_command_line(tool, tmp_path):
-    from thermofast_cli.output.files import write_columns
+    from thermofast.output.files import write_columns
 
     time, y = machine(np.random.default_rng(5), ramp=1.0, sensors=4)
     columns = {"time_min": time, **{f"T{i}": row for i, row in enumerate(y)}, "dead": np.full(len(time), 20.0)}
@@ -95,7 +95,7 @@ def test_joint_at_the_command_line(tool, tmp_path):
 
 
 def test_bench_runs_every_filter_and_says_which_to_use(tool):
-    from thermofast_cli.methods import known_filters
+    from thermofast.methods import known_filters
 
     done = tool("filters", "bench", "sample_runs/spindle.csv", "--until", 60, "--format", "json", "-q")
     assert done.code == 0, done.err
@@ -148,9 +148,9 @@ def test_luck_seldom_changes_the_filter():
 def test_a_filter_that_cannot_run_says_so_in_the_records_status():
     from dataclasses import dataclass, replace
 
-    from filters import Ukf
-    from thermofast_cli.identify import Method, identify_sensor
-    from thermofast_cli.sweep import sweep_sensor
+    from thermofast.filters import Ukf
+    from thermofast.identify import Method, identify_sensor
+    from thermofast.sweep import sweep_sensor
 
     @dataclass(frozen=True)
     class Choosy(Ukf):

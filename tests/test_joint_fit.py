@@ -6,11 +6,11 @@ from machines import draw
 from scipy.optimize import least_squares
 from test_effects_contract import record
 
-from models import Observations
-from models.effects import BUILT_IN
-from models.joint import Model, Part, Prior, fit_model, search
-from thermofast_cli.observe import observe
-from thermofast_cli.reading import Run
+from thermofast.models import Observations
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.joint import Model, Part, Prior, fit_model, search
+from thermofast.observe import observe
+from thermofast.reading import Run
 
 KINDS = {kind.id: kind() for kind in BUILT_IN}
 

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from filters import Afukf, Ekf, FadingUkf, PrintedAfukf, PrintedFadingUkf, Ukf
-from filters.loop import GaussianFilter
-from filters.loop import run as run_filter
-from filters.moments import ScaledPoints
-from models import COMPILED, Lump, PrintedLump, _lump_numpy
-from models.decay import start_rule
+from thermofast.filters import Afukf, Ekf, FadingUkf, PrintedAfukf, PrintedFadingUkf, Ukf
+from thermofast.filters.loop import GaussianFilter
+from thermofast.filters.loop import run as run_filter
+from thermofast.filters.moments import ScaledPoints
+from thermofast.models import COMPILED, Lump, PrintedLump, _lump_numpy
+from thermofast.models.decay import start_rule
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="no compiled core to compare with")
 if COMPILED:
-    from models import _lump
+    from thermofast.models import _lump
 
 
 def record(seed: int, n: int = 80, even: bool = True, spikes: int = 0):

@@ -8,8 +8,8 @@ from scipy.optimize import curve_fit, minimize
 from scipy.special import stdtrit
 from simulator import lump, spindle
 
-from models import DecayFit, fit_decay, likelihood, pattern_p_value, spike_weights, variance_inflation
-from models.separable import fit_separable, settling_modes
+from thermofast.models import DecayFit, fit_decay, likelihood, pattern_p_value, spike_weights, variance_inflation
+from thermofast.models.separable import fit_separable, settling_modes
 
 
 def law(t, steady, drop, rate):

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermofast_cli import plugins
-from thermofast_cli.errors import UsageError
-from thermofast_cli.modelfile import read_model
+from thermofast import plugins
+from thermofast.errors import UsageError
+from thermofast.modelfile import read_model
 
 ROOT = Path(__file__).resolve().parents[1]
 HIDDEN = ROOT / "sample_runs" / "hidden.csv"
@@ -25,7 +25,7 @@ def records(done):
 def learnt(tmp_path_factory):
     from click.testing import CliRunner
 
-    from thermofast_cli.main import cli
+    from thermofast.main import cli
 
     path = tmp_path_factory.mktemp("learnt") / "machine.toml"
     done = CliRunner().invoke(cli, ["improve", str(HIDDEN), "--add", "second_mode", "-o", str(path), "--format", "json", "-q"])
@@ -311,7 +311,7 @@ def simulated(minutes, every_s, seed=3, rates=(0.004, 0.006), noise=0.02):
     ("minutes", "every_s", "rates"), [(2400, 600, (0.004, 0.006)), (60, 1, (0.05, 0.08)), (60, 60, (0.04, 0.06))]
 )
 def test_records_of_forty_hours_and_of_readings_each_second_are_judged(tool, tmp_path, minutes, every_s, rates):
-    from thermofast_cli.output.files import write_columns
+    from thermofast.output.files import write_columns
 
     write_columns(str(tmp_path / "run.csv"), simulated(minutes, every_s, rates=rates))
     for r in records(tool("diagnose", tmp_path / "run.csv", "--format", "json", "-q")):
@@ -338,7 +338,7 @@ def test_evidence_holds_the_tell_tale_with_the_delay_in_minutes(tool):
 def test_a_stricter_false_alarm_rate_is_kept(tool, tmp_path):
     from machines import draw
 
-    from thermofast_cli.output.files import write_columns
+    from thermofast.output.files import write_columns
 
     case = draw(("second_mode",), np.random.default_rng(11), "faint")
     write_columns(str(tmp_path / "run.csv"), case.columns)
@@ -364,7 +364,7 @@ def test_one_run_gives_the_same_records_on_one_process_and_on_two(tool):
 
 
 def test_work_of_a_dying_process_is_done_in_this_one():
-    from thermofast_cli.pool import Shared
+    from thermofast.pool import Shared
 
     shared = Shared(2)
     assert list(shared(_ends_in_a_worker, [1, 2, 3])) == [1, 4, 9]
@@ -402,7 +402,7 @@ def test_an_installed_package_brings_an_effect(tool, monkeypatch):
     kind = next(v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__)
     module.HeatGrows = kind
     monkeypatch.setitem(sys.modules, "thermofast_installed_effect", module)
-    monkeypatch.setattr("thermofast_cli.entrypoints.entry_points", lambda group: [spec] if group == plugins.GROUP else [])
+    monkeypatch.setattr("thermofast.entrypoints.entry_points", lambda group: [spec] if group == plugins.GROUP else [])
     assert kind.id in tool("effects").out
     ramp = ROOT / "sample_runs" / "hidden_ramp.csv"
     found = records(tool("diagnose", ramp, "--format", "json", "-q", "--jobs", 1))

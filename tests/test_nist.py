@@ -4,7 +4,7 @@ import nist
 import numpy as np
 import pytest
 
-from models.separable import fit_separable, rise_from_zero
+from thermofast.models.separable import fit_separable, rise_from_zero
 
 
 @pytest.mark.parametrize("start", [0, 1], ids=["start1", "start2"])

@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 from conftest import ROOT
 
-from filters import BUILT_IN
-from thermofast_cli.main import COMMANDS, cli
+from thermofast.filters import BUILT_IN
+from thermofast.main import COMMANDS, cli
 
 PACKAGES = ("models", "filters", "thermofast_cli")
 SOURCES = [p for package in PACKAGES for p in sorted((ROOT / package).rglob("*.py"))]
@@ -79,7 +79,7 @@ def test_every_command_has_help_and_an_example_that_runs(name, tmp_path):
         return  # the README's own run of it is tested below
     words = [str(ROOT / w) if w.startswith("sample_runs/") else w for w in shlex.split(example.group(1))]
     done = subprocess.run(
-        [sys.executable, "-m", "thermofast_cli", *words],
+        [sys.executable, "-m", "thermofast", *words],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -117,7 +117,7 @@ OWN = [line for line in EXAMPLES if line.split(" --")[0] not in TUTORIAL]
 @pytest.mark.parametrize("line", OWN)
 def test_an_example_of_the_readme_runs(line, tmp_path):
     (tmp_path / "sample_runs").symlink_to(ROOT / "sample_runs")
-    command = re.sub(r"\bthermofast\b(?!\.)", f"{sys.executable} -m thermofast_cli", line)
+    command = re.sub(r"\bthermofast\b(?!\.)", f"{sys.executable} -m thermofast", line)
     done = subprocess.run(
         ["bash", "-o", "pipefail", "-c", command], cwd=tmp_path, capture_output=True, text=True, env=environment(), check=False
     )

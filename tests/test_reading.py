@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thermofast_cli.errors import InputError, UsageError
-from thermofast_cli.reading import Options, read_runs
-from thermofast_cli.reading.stamps import parse_stamps
-from thermofast_cli.reading.text import read_text
-from thermofast_cli.reading.times import unit_of
-from thermofast_cli.reading.vocabulary import words
+from thermofast.errors import InputError, UsageError
+from thermofast.reading import Options, read_runs
+from thermofast.reading.stamps import parse_stamps
+from thermofast.reading.text import read_text
+from thermofast.reading.times import unit_of
+from thermofast.reading.vocabulary import words
 
 TIMES = [0.0, 1.0, 2.0, 3.0]
 T1 = [18.25, 18.5, 18.75, 19.0]

@@ -25,7 +25,7 @@ HONEST = {"ok", "not_determined", "model_doubtful"}
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_each_record_is_read_as_it_is(name, shared, tool):
-    from thermofast_cli.reading import Options, read_runs
+    from thermofast.reading import Options, read_runs
 
     sensors, surroundings, inputs, rows, minutes = RECORDS[name]
     options = Options(interval_s=1.0) if name.endswith(".lvm") else Options()

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from filters import Filter
-from models import Lump
-from thermofast_cli.contradiction import contradiction
-from thermofast_cli.estimate import FilterError, track_of
-from thermofast_cli.identify import Method, identify_sensor
-from thermofast_cli.measured import measured_equilibrium
-from thermofast_cli.output.table import GAP, Column, blocks, folded, lines_of
+from thermofast.filters import Filter
+from thermofast.models import Lump
+from thermofast.contradiction import contradiction
+from thermofast.estimate import FilterError, track_of
+from thermofast.identify import Method, identify_sensor
+from thermofast.measured import measured_equilibrium
+from thermofast.output.table import GAP, Column, blocks, folded, lines_of
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
 HIDDEN = str(ROOT / "sample_runs" / "hidden.csv")
@@ -87,7 +87,7 @@ class Point:
 
 def test_broken_plug_ins_are_lines_in_the_catalogue_and_stop_nothing(tool, monkeypatch):
     wrong = EntryPoint("path", "pathlib:Path", "thermofast.effects")
-    monkeypatch.setattr("thermofast_cli.entrypoints.entry_points", lambda group: [Point(), wrong])
+    monkeypatch.setattr("thermofast.entrypoints.entry_points", lambda group: [Point(), wrong])
     for catalogue in ("effects", "filters"):
         shown = tool(catalogue)
         assert shown.code == 0
@@ -102,7 +102,7 @@ def test_a_refusal_ends_without_an_abort():
     # pyarrow's own threads, still starting as the process ended, aborted one refusal in a hundred.
     codes = {
         subprocess.run(
-            [sys.executable, "-m", "thermofast_cli", "identify", SPINDLE, "--until", "9999"],
+            [sys.executable, "-m", "thermofast", "identify", SPINDLE, "--until", "9999"],
             cwd=ROOT,
             capture_output=True,
             check=False,
@@ -185,7 +185,7 @@ def test_a_row_is_not_ok_against_the_readings_after_it(tool):
 
 
 def Filter_():  # noqa: N802
-    from filters import Afukf
+    from thermofast.filters import Afukf
 
     return Afukf()
 
@@ -254,11 +254,11 @@ def test_no_rival_is_the_verdict_in_another_order(tool):
 
 
 def test_hints_leave_out_what_is_logged(stepped):
-    from models.candidates import Candidate
-    from models.effects import BUILT_IN
-    from thermofast_cli.diagnose import hints_of
-    from thermofast_cli.loop import LoopTask, ready
-    from thermofast_cli.reading import read_runs
+    from thermofast.models.candidates import Candidate
+    from thermofast.models.effects import BUILT_IN
+    from thermofast.diagnose import hints_of
+    from thermofast.loop import LoopTask, ready
+    from thermofast.reading import read_runs
 
     prepared = ready(LoopTask(read_runs(stepped)[0]))[1]
 
@@ -295,8 +295,8 @@ def test_a_misspelt_name_is_answered_with_the_nearest(arguments, hint, tool):
 
 
 def test_help_lists_commands_by_task_and_reading_options_once(tool):
-    from thermofast_cli.main import TASKS
-    from thermofast_cli.options import READING
+    from thermofast.main import TASKS
+    from thermofast.options import READING
 
     shown = tool("--help").out
     for task, commands in TASKS.items():
@@ -314,8 +314,8 @@ def test_help_lists_commands_by_task_and_reading_options_once(tool):
 
 
 def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
-    from thermofast_cli.loop_session import _counted
-    from thermofast_cli.output import screen
+    from thermofast.loop_session import _counted
+    from thermofast.output import screen
 
     done = []
     assert list(_counted(map, done.append)(abs, [-1, -2])) == [1, 2]
@@ -330,8 +330,8 @@ def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
 
 
 def test_pictures_promise_nothing_that_is_not_determined(tool, tmp_path):
-    from thermofast_cli.identify import marks
-    from thermofast_cli.records import IdentifyRecord
+    from thermofast.identify import marks
+    from thermofast.records import IdentifyRecord
 
     open_ended = IdentifyRecord("r", "T1", "afukf", steady_state_c=25.0, t95_min=90.0, status="not_determined")
     assert marks(open_ended, 0.0) == ("not determined", None, None)

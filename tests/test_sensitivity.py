@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from models.chaos import fit_chaos
-from thermofast_cli.estimate import estimate_at
-from thermofast_cli.identify import remaining
-from thermofast_cli.methods import choose
-from thermofast_cli.sensitivity import Sizes, _plain_factors, _points
-from thermofast_cli.sensor import Sensor
+from thermofast.models.chaos import fit_chaos
+from thermofast.estimate import estimate_at
+from thermofast.identify import remaining
+from thermofast.methods import choose
+from thermofast.sensitivity import Sizes, _plain_factors, _points
+from thermofast.sensor import Sensor
 
 METHOD = choose("afukf", None, ())
 

@@ -15,12 +15,12 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
-from thermofast_cli import pool
-from thermofast_cli.output.screen import FORMATS
-from thermofast_cli.records import IdentifyRecord, SweepRecord
+from thermofast import pool
+from thermofast.output.screen import FORMATS
+from thermofast.records import IdentifyRecord, SweepRecord
 
 SPINDLE = ROOT / "sample_runs" / "spindle.csv"
-TOOL = [sys.executable, "-m", "thermofast_cli"]
+TOOL = [sys.executable, "-m", "thermofast"]
 
 
 def test_identify_prints_the_columns_of_the_design(tool):
@@ -286,7 +286,7 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path):
 
 
 def test_a_reader_that_goes_away_is_no_error():
-    command = f"{sys.executable} -m thermofast_cli identify {SPINDLE} -q --format jsonl | head -1"
+    command = f"{sys.executable} -m thermofast identify {SPINDLE} -q --format jsonl | head -1"
     done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, cwd=ROOT, check=False)
     assert b"Traceback" not in done.stderr
     assert json.loads(done.stdout)["channel"] == "T1"
@@ -379,7 +379,7 @@ def test_a_foreign_package_of_our_name_is_named(tmp_path):
     (tmp_path / "filters").mkdir()
     (tmp_path / "filters" / "__init__.py").write_text("")
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
-    command = [sys.executable, "-P", "-m", "thermofast_cli", "filters"]
+    command = [sys.executable, "-P", "-m", "thermofast", "filters"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=False)
     assert done.returncode == 2
     assert "'filters' that Python finds is not thermofast's" in done.stderr

@@ -1,4 +1,4 @@
-"""``python -m thermofast_cli``; the installed ``thermofast`` script is the documented way."""
+"""``python -m thermofast``; the installed ``thermofast`` script is the documented way."""
 
 from .main import run
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from filters import Afukf, Filter, Track
-from filters.joint import track_together
-from models import Lump, spike_weights
+from thermofast.filters import Afukf, Filter, Track
+from thermofast.filters.joint import track_together
+from thermofast.models import Lump, spike_weights
 
 from .estimate import FEWEST_READINGS, Estimate, FilterError, estimate_at, track_of
 from .reading import Run

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.joint import Fit
-from models.judge import PATTERN
-from models.kernel import Array
-from models.residual_noise import NoiseModel, long_run_factor, select_arma, whitened
-from models.whiteness import pattern_p_value
+from thermofast.models.joint import Fit
+from thermofast.models.judge import PATTERN
+from thermofast.models.kernel import Array
+from thermofast.models.residual_noise import NoiseModel, long_run_factor, select_arma, whitened
+from thermofast.models.whiteness import pattern_p_value
 
 #: Above this p value a residual is taken for white and no model of its colour is looked for.
 PLAIN = 0.05

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Observations
-from models.area_metric import FEWEST, enough, record_area_metric
-from models.greybox import Model
-from models.heldout import held_out_errors
-from models.joint import Fit
-from models.judge import PATTERN, noise_floor
+from thermofast.models import Observations
+from thermofast.models.area_metric import FEWEST, enough, record_area_metric
+from thermofast.models.greybox import Model
+from thermofast.models.heldout import held_out_errors
+from thermofast.models.joint import Fit
+from thermofast.models.judge import PATTERN, noise_floor
 
 from .colour import colour_of
 from .errors import ThermofastError
@@ -222,7 +222,7 @@ def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list
 
 
 def _smoothed(time: Array, column: Array, rate: float) -> Array:
-    from models.kernel import followed
+    from thermofast.models.kernel import followed
 
     out = np.empty((1, len(time)))
     followed(time, np.ascontiguousarray(column), np.array([1.0 / rate]), out)
@@ -246,7 +246,7 @@ def _correlation(time: Array, a: Array, b: Array) -> tuple[float, float]:
     auto = [np.fft.irfft(s)[: n // 2] / max(float(x @ x), 1e-300) for s, x in zip(spectra, (a, b), strict=True)]
     independent = n / max(1.0, 1.0 + 2.0 * float((auto[0][1:] * auto[1][1:]).sum()))
     independent = min(max(independent, 3.0), float(n))
-    from models.tails import normal_tail
+    from thermofast.models.tails import normal_tail
 
     z = math.atanh(min(abs(r), 0.999999)) * math.sqrt(max(independent - 3.0, 0.1))
     return r, 2.0 * normal_tail(z)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from models.candidates import Candidate, first_order
-from models.discover import Discovery, Spread, discover, total_gain
-from models.joint import Fit
-from models.judge import PATTERN
-from models.observations import Observations
+from thermofast.models.candidates import Candidate, first_order
+from thermofast.models.discover import Discovery, Spread, discover, total_gain
+from thermofast.models.joint import Fit
+from thermofast.models.judge import PATTERN
+from thermofast.models.observations import Observations
 
 from .errors import ThermofastError
 from .logged_steps import steps_near

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.displacement import Fitter, Prediction, fit_least_squares, fit_network
-from models.displacement_score import Score, compare
+from thermofast.models.displacement import Fitter, Prediction, fit_least_squares, fit_network
+from thermofast.models.displacement_score import Score, compare
 
 from .reading import Run
 from .records import DisplacementRecord

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from filters import Filter, Track
-from models import (
+from thermofast.filters import Filter, Track
+from thermofast.models import (
     LOG_TWENTY,
     STRAY,
     DecayFit,

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Observations
-from models.effects.base import Effect
-from models.joint import Model, Part
+from thermofast.models import Observations
+from thermofast.models.effects.base import Effect
+from thermofast.models.joint import Model, Part
 
 from .errors import UsageError
 from .simulation import Probe, Simulation, sampled

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from filters import Afukf, Filter, Track
-from filters.joint import track_together
-from models import spike_weights
-from models.first_passage import Pace, TimeToGo, clock_time, time_to_go
+from thermofast.filters import Afukf, Filter, Track
+from thermofast.filters.joint import track_together
+from thermofast.models import spike_weights
+from thermofast.models.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from .contradiction import words
 from .estimate import DOUBT, FEWEST_READINGS, Estimate, FilterError, Model, estimate_at, track_of

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.candidates import Candidate, try_add
-from models.discover import Spread, total_gain
-from models.effects.base import Effect
-from models.heldout import held_out_errors
-from models.joint import Fit, fit_model
-from models.judge import PATTERN, least_p, noise_floor
+from thermofast.models.candidates import Candidate, try_add
+from thermofast.models.discover import Spread, total_gain
+from thermofast.models.effects.base import Effect
+from thermofast.models.heldout import held_out_errors
+from thermofast.models.joint import Fit, fit_model
+from thermofast.models.judge import PATTERN, least_p, noise_floor
 
 from .diagnose import search_run, unlogged_room, words
 from .errors import ThermofastError

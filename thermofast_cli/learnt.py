@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Observations
-from models.candidates import try_add
-from models.effects.base import Choice, Effect
-from models.greybox import Column
-from models.joint import BASE, Fit, Model, Part, Prior, search, start_values
+from thermofast.models import Observations
+from thermofast.models.candidates import try_add
+from thermofast.models.effects.base import Choice, Effect
+from thermofast.models.greybox import Column
+from thermofast.models.joint import BASE, Fit, Model, Part, Prior, search, start_values
 
 from .errors import UsageError
 from .modelfile import EffectEntry, ModelFile, Number, constants_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models import Observations
+from thermofast.models import Observations
 
 #: A change of this share of a column's range between two readings is a step.
 STEP_SHARE = 0.25

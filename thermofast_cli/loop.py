@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Observations
-from models.discover import FALSE_ALARM
-from models.effects.base import Effect
-from models.joint import Fit, Part, fit_model
+from thermofast.models import Observations
+from thermofast.models.discover import FALSE_ALARM
+from thermofast.models.effects.base import Effect
+from thermofast.models.joint import Fit, Part, fit_model
 
 from .errors import ThermofastError, UsageError, nearest
 from .learnt import carry
@@ -101,7 +101,7 @@ def check_inputs(effects: list[Effect], whole: Observations) -> None:
 
 def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
     """The model to look at: a learnt one, the effects named, or the base model; with what there is to say about it."""
-    from models.candidates import try_add
+    from thermofast.models.candidates import try_add
 
     if task.model is not None:
         carried = carry(read_model(task.model), prepared.seen, task.run.name, task.model)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from models.discover import Spread
+from thermofast.models.discover import Spread
 
 from .errors import UsageError
 from .loop import LoopTask, check_drive

@@ -3,9 +3,9 @@
 from dataclasses import fields, replace
 from typing import Any
 
-from filters import BUILT_IN, PRINTED, Filter
-from models import Lump, PrintedLump
-from models.first_passage import Pace
+from thermofast.filters import BUILT_IN, PRINTED, Filter
+from thermofast.models import Lump, PrintedLump
+from thermofast.models.first_passage import Pace
 
 from .entrypoints import Broken, installed
 from .errors import UsageError, listed, nearest

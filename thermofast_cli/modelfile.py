@@ -9,8 +9,8 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from models.effects.base import Choice, Parameter
-from models.joint import Fit, Part
+from thermofast.models.effects.base import Choice, Parameter
+from thermofast.models.joint import Fit, Part
 
 from . import __version__
 from .errors import UsageError

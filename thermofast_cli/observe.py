@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Observations, fit_decay, spike_weights, third_difference_noise
-from models.joint import fit_model
+from thermofast.models import Observations, fit_decay, spike_weights, third_difference_noise
+from thermofast.models.joint import fit_model
 
 from .reading import Run
 from .sensor import logger_step, saturated

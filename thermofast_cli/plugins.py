@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from models import Observations
-from models.drive import Drive
-from models.effects import BUILT_IN, Effect, Parameter, Values
+from thermofast.models import Observations
+from thermofast.models.drive import Drive
+from thermofast.models.effects import BUILT_IN, Effect, Parameter, Values
 
 from .entrypoints import Broken, installed
 from .errors import ThermofastError, UsageError, listed, nearest

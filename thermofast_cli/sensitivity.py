@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Lump
-from models.chaos import Chaos, design, fit_chaos
-from models.joint import Fit
-from models.reliability import first_order, monte_carlo
+from thermofast.models import Lump
+from thermofast.models.chaos import Chaos, design, fit_chaos
+from thermofast.models.joint import Fit
+from thermofast.models.reliability import first_order, monte_carlo
 
 from .errors import ThermofastError
 from .estimate import Estimate, FilterError, estimate_at, track_of

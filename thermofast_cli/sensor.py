@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models import difference_noise
+from thermofast.models import difference_noise
 
 Array = NDArray[np.float64]
 

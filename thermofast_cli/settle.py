@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models import Observations
-from models.joint import Fit, Model
-from models.judge import PATTERN, noise_floor
+from thermofast.models import Observations
+from thermofast.models.joint import Fit, Model
+from thermofast.models.judge import PATTERN, noise_floor
 
 from .contradiction import contradiction, words
 from .errors import ThermofastError

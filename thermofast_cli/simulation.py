@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models import LOG_TWENTY, Lump
+from thermofast.models import LOG_TWENTY, Lump
 
 Array = NDArray[np.float64]
 

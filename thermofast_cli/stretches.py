@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from models.threshold import adaptive_threshold
+from thermofast.models.threshold import adaptive_threshold
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models import growth, spike_weights
+from thermofast.models import growth, spike_weights
 
 from .estimate import FEWEST_READINGS, FilterError, Progress, estimate_at, estimates_at, track_of
 from .identify import Method, doubts, refusal

@@ -42,11 +42,11 @@ import pytest
 from scipy.special import gamma, roots_genlaguerre
 from simulator import spindle
 
-from filters.base import Array
-from filters.cubature import CubaturePoints, cubature_quadrature
-from filters.loop import run as run_filter
-from filters.moments import SymmetricPoints
-from filters.strong_tracking import (
+from thermofast.filters.base import Array
+from thermofast.filters.cubature import CubaturePoints, cubature_quadrature
+from thermofast.filters.loop import run as run_filter
+from thermofast.filters.moments import SymmetricPoints
+from thermofast.filters.strong_tracking import (
     StrongTracking,
     bounded_covariance,
     fading_factor,
@@ -55,7 +55,7 @@ from filters.strong_tracking import (
     reading_matrix,
     sage_husa_noise,
 )
-from models import Lump
+from thermofast.models import Lump
 
 # Settings of section 5. The paper prints Q without its second block and the angles' unit as "m rad": milliradian.
 RUNS, STEPS, ORDER, WEAKENING, FORGETTING, HUSA = 200, 100, 2, 3.5, 0.95, 0.95

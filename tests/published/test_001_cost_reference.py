@@ -27,7 +27,7 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from filters.cost_reference import (
+from thermofast.filters.cost_reference import (
     AdaptiveCostReference,
     CostReference,
     Particles,
@@ -44,8 +44,8 @@ from filters.cost_reference import (
     weighted_mean,
     weights_from_cost,
 )
-from models import Lump
-from models.threshold import adaptive_threshold, departure, false_alarm_rate, moving_moments
+from thermofast.models import Lump
+from thermofast.models.threshold import adaptive_threshold, departure, false_alarm_rate, moving_moments
 
 STEP_S, STEPS, PARTICLES, WINDOW, DEVIATIONS = 0.1, 3000, 500, 20, 2.17
 START, SPREAD = np.array([108.0, 428.0]), 0.01

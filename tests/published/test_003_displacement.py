@@ -29,7 +29,7 @@ import pytest
 import statsmodels.api as sm
 from scipy.stats import dirichlet
 
-from models.displacement import (
+from thermofast.models.displacement import (
     BLOCKS,
     READINGS_PER_BLOCK,
     blocks_of,
@@ -39,7 +39,7 @@ from models.displacement import (
     fit_network,
     states_of,
 )
-from models.displacement_score import compare, score
+from thermofast.models.displacement_score import compare, score
 
 RUNS, MINUTES, STATES, PARENT_STATES = 30, 150, 6, 3
 

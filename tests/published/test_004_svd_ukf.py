@@ -30,12 +30,12 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov, svd
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
-from filters.fading import NoFading
-from filters.loop import run as run_filter
-from filters.moments import ScaledPoints, semidefinite_root
-from filters.rls import RecursiveLeastSquares, arx_regressor
-from filters.svd import SvdPoints, svd_root
-from models import Lump
+from thermofast.filters.fading import NoFading
+from thermofast.filters.loop import run as run_filter
+from thermofast.filters.moments import ScaledPoints, semidefinite_root
+from thermofast.filters.rls import RecursiveLeastSquares, arx_regressor
+from thermofast.filters.svd import SvdPoints, svd_root
+from thermofast.models import Lump
 
 A = np.array([-0.8563, 0.5752, -0.3405, -0.2439, 0.2444])
 B = np.array([0.1478, 0.6946, -0.5003, -0.2057, 0.2602])
