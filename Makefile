@@ -23,6 +23,8 @@ test: $(STAMP)  ## install, run the whole suite
 check: $(STAMP)  ## linters and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	@rm -rf build/typing && mkdir -p build/typing/thermofast  # the three folders as the one package that they are installed as
+	@ln -s $(CURDIR)/thermofast_cli/* $(CURDIR)/models $(CURDIR)/filters build/typing/thermofast/
 	$(BIN)/mypy
 
 bench: $(STAMP)  ## every figure of docs/figures.md, beside its peer
@@ -36,9 +38,9 @@ docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m benchmarks.tutorial
 
 clean:
-	rm -rf .venv build dist out *.egg-info models/*.so filters/*.so models/_lump.c models/_forward.c filters/_loop.c
+	rm -rf .venv build dist out *.egg-info models/core/*.so filters/*.so models/core/_lump.c models/core/_forward.c filters/_loop.c
 
-$(STAMP): pyproject.toml setup.py models/_lump.pyx models/_forward.pyx filters/_loop.pyx
+$(STAMP): pyproject.toml setup.py models/core/_lump.pyx models/core/_forward.pyx filters/_loop.pyx
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"

@@ -1,4 +1,4 @@
-"""Names the packages and builds the compiled loops; where no compiler is, thermofast installs without them and runs their numpy twins."""
+"""Names the packages and builds the compiled loops; without a compiler thermofast runs their numpy twins."""
 
 from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
@@ -11,8 +11,8 @@ setup(
     packages=[name + suffix for folder, name in FOLDERS.items() for suffix in ["", *("." + p for p in find_packages(folder))]],
     ext_modules=cythonize(
         [
-            Extension("thermofast.models._lump", ["models/_lump.pyx"], extra_compile_args=FLAGS, optional=True),
-            Extension("thermofast.models._forward", ["models/_forward.pyx"], extra_compile_args=FLAGS, optional=True),
+            Extension("thermofast.models.core._lump", ["models/core/_lump.pyx"], extra_compile_args=FLAGS, optional=True),
+            Extension("thermofast.models.core._forward", ["models/core/_forward.pyx"], extra_compile_args=FLAGS, optional=True),
             Extension("thermofast.filters._loop", ["filters/_loop.pyx"], extra_compile_args=FLAGS, optional=True),
         ]
     ),

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import curve_fit
 
+from thermofast.estimation.estimate import estimate_at
 from thermofast.filters import Afukf, PrintedAfukf
 from thermofast.models import LOG_TWENTY, Lump, PrintedLump
-from thermofast.estimate import estimate_at
 
 STEADY, DROP, RATE = 26.7, 8.8, 0.01536
 CELLS = [(noise, minutes) for noise in (0.005, 0.02, 0.05) for minutes in (28, 60, 120, 195)]

@@ -8,9 +8,9 @@ import sys
 
 import numpy as np
 
+from thermofast.discovery.stretches import DEVIATIONS, IN_A_ROW, WINDOW, failing_stretches
 from thermofast.models.joint import fit_model
-from thermofast.models.threshold import adaptive_threshold, false_alarm_rate
-from thermofast.stretches import DEVIATIONS, IN_A_ROW, WINDOW, failing_stretches
+from thermofast.models.noise.threshold import adaptive_threshold, false_alarm_rate
 
 from .false_alarms import record
 

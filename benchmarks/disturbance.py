@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermofast.estimation.estimate import estimate_at
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, Ukf
 from thermofast.models import Lump
-from thermofast.estimate import estimate_at
 
 METHODS = {"afukf": Afukf(), "fading_ukf": FadingUkf(), "ukf": Ukf(), "least_squares": LeastSquares()}
 

@@ -15,11 +15,11 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from thermofast.models.candidates import try_add
-from thermofast.models.discover import discover
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import fit_model
 from thermofast.models.observations import Observations
+from thermofast.models.search.candidates import try_add
+from thermofast.models.search.discover import discover
 
 RECORDS = 400
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from thermofast.bench import bench_run
-from thermofast.methods import known_filters
+from thermofast.estimation.bench import bench_run
+from thermofast.estimation.methods import known_filters
+from thermofast.estimation.sensor import run_start
 from thermofast.reading import Options, read_runs
 from thermofast.records import BenchRecord
-from thermofast.sensor import run_start
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data"

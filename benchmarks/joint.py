@@ -9,10 +9,10 @@ import sys
 
 import numpy as np
 
+from thermofast.estimation.estimate import estimate_at
 from thermofast.filters import Afukf
 from thermofast.filters.joint import track_together
 from thermofast.models import Lump
-from thermofast.estimate import estimate_at
 
 SENSORS, UNTIL, END = 10, 120, 400
 RAMPS = (0.0, 0.25, 0.5, 1.0, 2.0)

@@ -25,14 +25,14 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from machines import EFFECTS, OUTSIDE, Case, draw, second_run
 
-from thermofast.models.discover import discover
+from thermofast.discovery.loop import ahead_errors
+from thermofast.discovery.observe import observe
+from thermofast.machine.learnt import carry
+from thermofast.machine.modelfile import model_file
 from thermofast.models.effects import BUILT_IN, Choice
-from thermofast.models.heldout import held_out_errors
 from thermofast.models.joint import Fit, Part, fit_model
-from thermofast.learnt import carry
-from thermofast.loop import ahead_errors
-from thermofast.modelfile import model_file
-from thermofast.observe import observe
+from thermofast.models.search.discover import discover
+from thermofast.models.search.heldout import held_out_errors
 from thermofast.reading import Run
 
 KIND = {kind.id: kind for kind in BUILT_IN}

@@ -6,11 +6,11 @@ It prints the table of docs/real-records.md.
 from collections import Counter
 from pathlib import Path
 
+from thermofast.estimation.identify import Method, identify_sensor
+from thermofast.estimation.sensor import run_start
 from thermofast.filters import Afukf
 from thermofast.models import Lump
-from thermofast.identify import Method, identify_sensor
 from thermofast.reading import Options, read_runs
-from thermofast.sensor import run_start
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data"
 #: file -> sensor shown in the table

@@ -1,12 +1,12 @@
 """Physics: the lump that a sensor sits on, its forward run, and its maximum-likelihood fit. Knows no file and no filter."""
 
+from .core.kernel import COMPILED, growth, growth_slope
+from .core.tails import t_quantile
 from .decay import LOG_TWENTY, STRAY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
-from .kernel import COMPILED, growth, growth_slope
 from .lump import Lump, PrintedLump
+from .noise.spikes import difference_noise, spike_weights, third_difference_noise
+from .noise.whiteness import pattern_p_value, variance_inflation
 from .observations import Observations
-from .spikes import difference_noise, spike_weights, third_difference_noise
-from .tails import t_quantile
-from .whiteness import pattern_p_value, variance_inflation
 
 __all__ = [
     "COMPILED",

@@ -1,6 +1,6 @@
 """Maximum-likelihood fit of the base law T(t) = T_inf + D exp(-rate t), its intervals and its limit.
 
-The fit is a variable projection over the rate (:func:`thermofast.models._lump_numpy.fit_decay`); intervals are those of the profile
+The fit is a variable projection over the rate (`core/_lump_numpy.py`); intervals are those of the profile
 likelihood, because in a short record the steady state is far from Gaussian: its upper side may be ten times its lower.
 Times are minutes, temperatures degC, rates 1/min.
 """
@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import kernel
-from .kernel import Array, FitMoments
-from .tails import t_quantile
+from .core import kernel
+from .core.kernel import Array, FitMoments
+from .core.tails import t_quantile
 
 #: The rise is counted as done when 95 % of it is: ln 20 time constants.
 LOG_TWENTY = math.log(20.0)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from . import kernel
-from .kernel import Array
+from .core import kernel
+from .core.kernel import Array
 from .observations import Observations
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .core.kernel import Array
 from .drive import Drive
 from .effects.base import Choice, Effect, Parameter, Values
-from .kernel import Array
 from .observations import Observations
 
 #: Relative step of a derivative, in the search's coordinates (logarithms for scales, the bounds' width otherwise).

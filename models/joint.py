@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .core.kernel import Array
 from .decay import fit_decay
 from .greybox import BASE, SINK, Model, Part
-from .kernel import Array
+from .noise.rounding import without_rounding
 from .observations import Observations
-from .rounding import without_rounding
 
 __all__ = [
     "BASE",

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from . import kernel
+from .core import kernel
+from .core.kernel import Array
 from .decay import Interval, start_rule, told_fit
-from .kernel import Array
 
 _NODES = np.linspace(-4.5, 4.5, 91)
 _DENSITY = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()

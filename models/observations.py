@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernel import Array
+from .core.kernel import Array
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from .kernel import Array
+from .core.kernel import Array
 
 #: Basis (n, m) of a law at given rates (p,), and its derivatives (p, n, m) by each rate.
 Basis = Callable[[Array, Array], tuple[Array, Array]]

@@ -27,10 +27,10 @@ def tool(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) ->
 
     def call(*arguments: object, stdin: bytes | None = None) -> Outcome:
         if stdin is not None:
-            monkeypatch.setattr("thermofast.session._piped", lambda: True)
+            monkeypatch.setattr("thermofast.shell.session._piped", lambda: True)
             monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(io.BytesIO(stdin))))
         else:
-            monkeypatch.setattr("thermofast.session._piped", lambda: False)
+            monkeypatch.setattr("thermofast.shell.session._piped", lambda: False)
         capsys.readouterr()
         with pytest.raises(SystemExit) as stop:
             run([str(a) for a in arguments])

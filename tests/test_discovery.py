@@ -6,9 +6,9 @@ from machines import EFFECTS
 from test_effects_contract import record
 
 from benchmarks.proof import Job, guarded
-from thermofast.models.discover import discover
+from thermofast.discovery.compare import failing_stretches
 from thermofast.models.effects import BUILT_IN
-from thermofast.compare import failing_stretches
+from thermofast.models.search.discover import discover
 
 
 @pytest.mark.parametrize("effect", EFFECTS)

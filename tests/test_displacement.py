@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from thermofast.discovery.stretches import failing_stretches
 from thermofast.output.files import write_columns
-from thermofast.stretches import failing_stretches
 
 RUN = "sample_runs/displacement.csv"
 

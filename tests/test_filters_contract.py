@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from simulator import spindle
 
+from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.methods import check_filter
 from thermofast.filters import BUILT_IN, PRINTED, Ekf, FadingUkf, Filter, LeastSquares, Ukf
 from thermofast.filters.fading import AdaptiveFading, InnovationFading, NoFading
 from thermofast.filters.loop import GaussianFilter
@@ -14,8 +16,6 @@ from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import Linearised, ScaledPoints, SymmetricPoints, semidefinite_root
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.lump import LumpStart
-from thermofast.estimate import estimate_at
-from thermofast.methods import check_filter
 
 GAUSSIAN = [f() for f in BUILT_IN if issubclass(f, GaussianFilter)]
 

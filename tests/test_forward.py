@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from thermofast.models import _forward_numpy, kernel
+from thermofast.models.core import _forward_numpy, kernel
 
 FIELDS = ["rate", "rise", "start", "heat", "loss", "sink", "exponent", "hidden", "hidden_rate", "links", "linked", "lag", "delay"]
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from simulator import lump, spindle
 
+from thermofast.estimation.estimate import estimates_at, settling
+from thermofast.estimation.identify import Method, identify_sensor
+from thermofast.estimation.sweep import sweep_sensor
 from thermofast.filters import Afukf, FadingUkf, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
-from thermofast.estimate import estimates_at, settling
-from thermofast.identify import Method, identify_sensor
-from thermofast.sweep import sweep_sensor
 
 DEFAULT = Method(Lump(), Afukf())
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from thermofast.estimation.bench import Trial, choose_among, clearly_better
 from thermofast.filters import Afukf
 from thermofast.filters.joint import pooled_deviation, track_together
 from thermofast.models import Lump
-from thermofast.bench import Trial, choose_among, clearly_better
 from thermofast.records import BenchRecord
 
 METHOD = Afukf()
@@ -95,7 +95,7 @@ def test_joint_at_the_command_line(tool, tmp_path):
 
 
 def test_bench_runs_every_filter_and_says_which_to_use(tool):
-    from thermofast.methods import known_filters
+    from thermofast.estimation.methods import known_filters
 
     done = tool("filters", "bench", "sample_runs/spindle.csv", "--until", 60, "--format", "json", "-q")
     assert done.code == 0, done.err
@@ -148,9 +148,9 @@ def test_luck_seldom_changes_the_filter():
 def test_a_filter_that_cannot_run_says_so_in_the_records_status():
     from dataclasses import dataclass, replace
 
+    from thermofast.estimation.identify import Method, identify_sensor
+    from thermofast.estimation.sweep import sweep_sensor
     from thermofast.filters import Ukf
-    from thermofast.identify import Method, identify_sensor
-    from thermofast.sweep import sweep_sensor
 
     @dataclass(frozen=True)
     class Choosy(Ukf):

@@ -6,10 +6,10 @@ from machines import draw
 from scipy.optimize import least_squares
 from test_effects_contract import record
 
+from thermofast.discovery.observe import observe
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import Model, Part, Prior, fit_model, search
-from thermofast.observe import observe
 from thermofast.reading import Run
 
 KINDS = {kind.id: kind() for kind in BUILT_IN}

@@ -11,12 +11,13 @@ from thermofast.filters import Afukf, Ekf, FadingUkf, PrintedAfukf, PrintedFadin
 from thermofast.filters.loop import GaussianFilter
 from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import ScaledPoints
-from thermofast.models import COMPILED, Lump, PrintedLump, _lump_numpy
+from thermofast.models import COMPILED, Lump, PrintedLump
+from thermofast.models.core import _lump_numpy
 from thermofast.models.decay import start_rule
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="no compiled core to compare with")
 if COMPILED:
-    from thermofast.models import _lump
+    from thermofast.models.core import _lump
 
 
 def record(seed: int, n: int = 80, even: bool = True, spikes: int = 0):

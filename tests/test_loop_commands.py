@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermofast import plugins
+from thermofast.discovery import plugins
 from thermofast.errors import UsageError
-from thermofast.modelfile import read_model
+from thermofast.machine.modelfile import read_model
 
 ROOT = Path(__file__).resolve().parents[1]
 HIDDEN = ROOT / "sample_runs" / "hidden.csv"

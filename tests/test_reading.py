@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
 from thermofast.reading.stamps import parse_stamps
-from thermofast.reading.text import read_text
+from thermofast.reading.tables.text import read_text
 from thermofast.reading.times import unit_of
 from thermofast.reading.vocabulary import words
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
+from thermofast.estimation.contradiction import contradiction
+from thermofast.estimation.estimate import FilterError, track_of
+from thermofast.estimation.identify import Method, identify_sensor
+from thermofast.estimation.measured import measured_equilibrium
 from thermofast.filters import Filter
 from thermofast.models import Lump
-from thermofast.contradiction import contradiction
-from thermofast.estimate import FilterError, track_of
-from thermofast.identify import Method, identify_sensor
-from thermofast.measured import measured_equilibrium
 from thermofast.output.table import GAP, Column, blocks, folded, lines_of
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
@@ -110,7 +110,7 @@ def test_a_refusal_ends_without_an_abort():
         for _ in range(4)
     }
     assert codes == {2}
-    reader = (ROOT / "thermofast_cli" / "reading" / "text.py").read_text()
+    reader = (ROOT / "thermofast_cli" / "reading" / "tables" / "text.py").read_text()
     assert "use_threads=False" in reader
 
 
@@ -254,10 +254,10 @@ def test_no_rival_is_the_verdict_in_another_order(tool):
 
 
 def test_hints_leave_out_what_is_logged(stepped):
-    from thermofast.models.candidates import Candidate
+    from thermofast.discovery.diagnose import hints_of
+    from thermofast.discovery.loop import LoopTask, ready
     from thermofast.models.effects import BUILT_IN
-    from thermofast.diagnose import hints_of
-    from thermofast.loop import LoopTask, ready
+    from thermofast.models.search.candidates import Candidate
     from thermofast.reading import read_runs
 
     prepared = ready(LoopTask(read_runs(stepped)[0]))[1]
@@ -296,7 +296,7 @@ def test_a_misspelt_name_is_answered_with_the_nearest(arguments, hint, tool):
 
 def test_help_lists_commands_by_task_and_reading_options_once(tool):
     from thermofast.main import TASKS
-    from thermofast.options import READING
+    from thermofast.shell.options import READING
 
     shown = tool("--help").out
     for task, commands in TASKS.items():
@@ -314,8 +314,8 @@ def test_help_lists_commands_by_task_and_reading_options_once(tool):
 
 
 def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
-    from thermofast.loop_session import _counted
     from thermofast.output import screen
+    from thermofast.shell.loop_session import _counted
 
     done = []
     assert list(_counted(map, done.append)(abs, [-1, -2])) == [1, 2]
@@ -330,7 +330,7 @@ def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
 
 
 def test_pictures_promise_nothing_that_is_not_determined(tool, tmp_path):
-    from thermofast.identify import marks
+    from thermofast.estimation.identify import marks
     from thermofast.records import IdentifyRecord
 
     open_ended = IdentifyRecord("r", "T1", "afukf", steady_state_c=25.0, t95_min=90.0, status="not_determined")

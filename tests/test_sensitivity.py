@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from thermofast.models.chaos import fit_chaos
-from thermofast.estimate import estimate_at
-from thermofast.identify import remaining
-from thermofast.methods import choose
-from thermofast.sensitivity import Sizes, _plain_factors, _points
-from thermofast.sensor import Sensor
+from thermofast.analysis.sensitivity import Sizes, _plain_factors, _points
+from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.identify import remaining
+from thermofast.estimation.methods import choose
+from thermofast.estimation.sensor import Sensor
+from thermofast.models.uncertainty.chaos import fit_chaos
 
 METHOD = choose("afukf", None, ())
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from simulator import lump, spindle
 
-from thermofast.measured import measured_equilibrium
-from thermofast.sensor import logger_step, prepare, rise_start, run_start, saturated
+from thermofast.estimation.measured import measured_equilibrium
+from thermofast.estimation.sensor import logger_step, prepare, rise_start, run_start, saturated
 
 
 def test_the_loggers_step_is_seen_where_there_is_one():

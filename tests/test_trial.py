@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from thermofast.models.spikes import third_difference_noise
-from thermofast.bench import Trial, choose_among
-from thermofast.colour import spectral_line
+from thermofast.discovery.colour import spectral_line
+from thermofast.estimation.bench import Trial, choose_among
+from thermofast.models.noise.spikes import third_difference_noise
 from thermofast.output.files import write_columns
 from thermofast.output.text import cell
 from thermofast.records import BenchRecord
@@ -147,7 +147,7 @@ def test_the_period_of_a_slow_line_is_told():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_three_readings_in_a_row_beyond_the_adaptive_limits_are_a_sudden_fault_and_two_are_not(side):
-    from thermofast.stretches import _sudden
+    from thermofast.discovery.stretches import _sudden
 
     rng = np.random.default_rng(2)
     residual = 0.3 * np.sin(np.arange(200.0) / 60.0) + 0.02 * rng.standard_normal(200)
@@ -160,7 +160,7 @@ def test_three_readings_in_a_row_beyond_the_adaptive_limits_are_a_sudden_fault_a
 def test_the_lagged_ramp_is_the_lumps_own():
     from scipy.integrate import solve_ivp
 
-    from thermofast.sensitivity import _lagged_ramp
+    from thermofast.analysis.sensitivity import _lagged_ramp
 
     time = np.linspace(0.0, 200.0, 41)
     solved = solve_ivp(
@@ -172,11 +172,11 @@ def test_the_lagged_ramp_is_the_lumps_own():
 def test_a_range_of_the_room_moves_the_curve_by_as_much_on_both_sides():
     from machines import draw
 
-    from thermofast.models.candidates import try_add
+    from thermofast.discovery.compare import curve_bounds
+    from thermofast.discovery.observe import observe
     from thermofast.models.effects.ambient import Ambient
     from thermofast.models.joint import fit_model
-    from thermofast.compare import curve_bounds
-    from thermofast.observe import observe
+    from thermofast.models.search.candidates import try_add
     from thermofast.reading import Run
 
     columns = draw(("ambient",), np.random.default_rng(3), "clear").columns
@@ -205,8 +205,8 @@ def test_the_last_quarter_is_foretold_from_the_first_three():
 
 
 def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
+    from thermofast.estimation.estimate import DOUBT, WIDEN, likelihood_estimate
     from thermofast.models import variance_inflation
-    from thermofast.estimate import DOUBT, WIDEN, likelihood_estimate
 
     time, widened = np.arange(120.0), []
     for seed in range(60):
@@ -227,9 +227,9 @@ def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
 
 
 def test_a_plain_filters_settling_time_is_that_of_its_rate():
+    from thermofast.estimation.estimate import estimate_at
     from thermofast.filters import Ukf
     from thermofast.models import Lump
-    from thermofast.estimate import estimate_at
 
     time = np.arange(121.0)
     reading = 26.7 - 8.8 * np.exp(-0.01536 * time) + 0.02 * np.random.default_rng(6).standard_normal(121)

@@ -75,7 +75,7 @@ class LazyGroup(click.Group):
 @click.pass_context
 def cli(ctx: click.Context, config: str | None) -> None:
     """Read the first part of a machine's temperature record and say where each sensor will settle, when, and how sure that is."""
-    from .settings import load_settings
+    from .shell.settings import load_settings
 
     ctx.default_map = load_settings(config)
 
@@ -102,8 +102,6 @@ def run(arguments: list[str] | None = None) -> None:
     except UnicodeError as error:
         click.echo(f"Error: a name cannot be written here: {error}", err=True)
         code = 2
-    except ImportError as error:
-        code = _foreign_package(error)
     except BrokenPipeError:  # the reader of our output has gone: nothing more to say to it
         sys.stderr.close()
         code = 0
@@ -111,19 +109,3 @@ def run(arguments: list[str] | None = None) -> None:
         click.echo(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else ""), err=True)
         code = 2
     sys.exit(code if isinstance(code, int) else 0)
-
-
-def _foreign_package(error: ImportError) -> int:
-    """Say who owns the import name that should be ours; any other failed import is raised again."""
-    from importlib.metadata import packages_distributions
-
-    name = (error.name or "").split(".")[0]
-    if name not in ("models", "filters"):
-        raise error
-    owners = ", ".join(set(packages_distributions().get(name, []))) or "no installed distribution"
-    click.echo(
-        f"Error: the package {name!r} that Python finds is not thermofast's\n  found: {error.path}, of {owners}\n"
-        "  do: install thermofast into an environment of its own and call the thermofast script",
-        err=True,
-    )
-    return 2

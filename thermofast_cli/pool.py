@@ -44,7 +44,7 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["thermofast.work", "models.discover"])
+    context.set_forkserver_preload(["thermofast.estimation.work", "models.discover"])
     return context
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import kernel
+from ..core import kernel
 from ..drive import Drive
 from ..observations import Observations
 from .base import Choice, Effect, Parameter, varying

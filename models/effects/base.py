@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..core.kernel import Array
 from ..drive import Drive
-from ..kernel import Array
 from ..observations import Observations
 
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from ..core.kernel import Array
 from ..drive import Drive
-from ..kernel import Array
 from ..observations import Observations
 from .base import Choice, Effect, Parameter
 

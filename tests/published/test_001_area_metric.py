@@ -37,7 +37,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.integrate import quad
 from scipy.stats import norm, wasserstein_distance
 
-from thermofast.models.area_metric import (
+from thermofast.models.noise.area_metric import (
     FEWEST,
     area_metric,
     area_metric_interval,

@@ -45,7 +45,7 @@ from thermofast.filters.cost_reference import (
     weights_from_cost,
 )
 from thermofast.models import Lump
-from thermofast.models.threshold import adaptive_threshold, departure, false_alarm_rate, moving_moments
+from thermofast.models.noise.threshold import adaptive_threshold, departure, false_alarm_rate, moving_moments
 
 STEP_S, STEPS, PARTICLES, WINDOW, DEVIATIONS = 0.1, 3000, 500, 20, 2.17
 START, SPREAD = np.array([108.0, 428.0]), 0.01

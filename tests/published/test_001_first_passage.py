@@ -26,10 +26,10 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.stats import gamma, invgauss, norm
 
+from thermofast.estimation.estimate import estimate_at
 from thermofast.filters import Afukf
 from thermofast.models import Lump, t_quantile
-from thermofast.models.first_passage import Belief, Pace, Passage, RunBack, clock_time, through_phases, time_to_go
-from thermofast.estimate import estimate_at
+from thermofast.models.uncertainty.first_passage import Belief, Pace, Passage, RunBack, clock_time, through_phases, time_to_go
 
 PRIOR = {1: Belief(1.8758, 0.0457, 0.5613, -1.0007), 2: Belief(0.9711, 0.0196, 0.0698, -0.1665)}
 POWER = {1: 0.4438, 2: 0.7919}

@@ -29,8 +29,8 @@ from numpy.polynomial import hermite_e
 from numpy.polynomial import legendre as numpy_legendre
 from scipy.stats import binomtest, norm
 
-from thermofast.models.chaos import basis, design, fit_chaos, hermite, legendre, terms, to_uniform
-from thermofast.models.reliability import binomial_interval, first_order, monte_carlo
+from thermofast.models.uncertainty.chaos import basis, design, fit_chaos, hermite, legendre, terms, to_uniform
+from thermofast.models.uncertainty.reliability import binomial_interval, first_order, monte_carlo
 
 # Inputs [J1, df, k1, Ec, Bm] of section 3.2, table 4; the rest are tables 1 and 2.
 MEAN = np.array([8.5e-4, 1.14e-4, 7160.0, 1.78e-4, 1.7e-4])

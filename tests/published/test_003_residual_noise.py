@@ -32,7 +32,7 @@ from statsmodels.tsa.arima.model import ARIMA
 from statsmodels.tsa.arima_process import ArmaProcess
 from statsmodels.tsa.stattools import acf, adfuller, pacf
 
-from thermofast.models.residual_noise import (
+from thermofast.models.noise.residual_noise import (
     NoiseModel,
     correlogram,
     fit_arma,
@@ -46,7 +46,7 @@ from thermofast.models.residual_noise import (
     whitened,
     without_white,
 )
-from thermofast.models.whiteness import pattern_p_value
+from thermofast.models.noise.whiteness import pattern_p_value
 
 N, BEFORE, AFTER = 6000, 0.1027, 0.0267
 #: The paper gives three numbers and no signs: phi, theta of the four ways to read a1, a2, b1 = -0.208, -0.023, -0.3095.

@@ -4,7 +4,17 @@ from typing import Any
 
 import click
 
-from ..options import READING, RunCommand, loop_options, model_option, names, output_options, ranges, reading_options, runs_argument
+from ..shell.options import (
+    READING,
+    RunCommand,
+    loop_options,
+    model_option,
+    names,
+    output_options,
+    ranges,
+    reading_options,
+    runs_argument,
+)
 
 
 @click.command(
@@ -46,12 +56,12 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..compare import compare_lost, compare_task
+    from ..discovery.compare import compare_lost, compare_task
     from ..errors import UsageError
-    from ..loop_session import loop_tasks, run_loop
     from ..output.screen import interval, number, text
     from ..records import CompareRecord
-    from ..session import deliver, exit_code
+    from ..shell.loop_session import loop_tasks, run_loop
+    from ..shell.session import deliver, exit_code
 
     if save_plot:
         from ..output.plots import check_picture

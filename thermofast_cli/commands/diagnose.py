@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import (
+from ..shell.options import (
     READING,
     RunCommand,
     false_alarm_option,
@@ -47,11 +47,11 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..diagnose import diagnose_lost, diagnose_task
-    from ..loop_session import loop_tasks, run_loop
+    from ..discovery.diagnose import diagnose_lost, diagnose_task
     from ..output.screen import number, text
     from ..records import DiagnoseRecord
-    from ..session import deliver, exit_code
+    from ..shell.loop_session import loop_tasks, run_loop
+    from ..shell.session import deliver, exit_code
 
     given = {k: reading[k] for k in READING}
     options: dict[str, Any] = {

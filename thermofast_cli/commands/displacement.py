@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, RunCommand, names, reading_options, runs_argument, table_options
+from ..shell.options import READING, RunCommand, names, reading_options, runs_argument, table_options
 
 
 @click.command(
@@ -32,12 +32,12 @@ def command(
     turn. 'without' is the error there of the better of their mean and a straight line in time: a model that is not clearly
     below it has learnt nothing.
     """
-    from ..displacement import displacement_run
+    from ..analysis.displacement import displacement_run
     from ..errors import UsageError
     from ..output.files import TABLE_SUFFIXES, check_target, check_targets
     from ..output.screen import number, text
     from ..records import DisplacementRecord
-    from ..session import choose_sources, deliver, exit_code, read_all
+    from ..shell.session import choose_sources, deliver, exit_code, read_all
 
     if output:
         check_target(output, TABLE_SUFFIXES)

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, RunCommand, reading_options, runs_argument, table_options
+from ..shell.options import READING, Finite, RunCommand, reading_options, runs_argument, table_options
 
 
 class Catalogue(click.Group):
@@ -34,7 +34,7 @@ class Catalogue(click.Group):
 def command(ctx: click.Context) -> int:
     """List the filters; show the settings of the one called NAME; or run all of them on a record of yours: bench."""
     if ctx.invoked_subcommand is None:
-        from ..methods import broken_filters, known_filters
+        from ..estimation.methods import broken_filters, known_filters
         from ..output.screen import show_text
 
         known = known_filters()
@@ -49,7 +49,7 @@ def show(name: str) -> int:
     from dataclasses import fields
 
     from ..errors import UsageError, nearest
-    from ..methods import known_filters
+    from ..estimation.methods import known_filters
     from ..output.screen import show_text
 
     known = known_filters()
@@ -92,13 +92,13 @@ def bench(
     One record per filter: errors inside and ahead over all sensors, the median width of the steady state's 95 % interval, readings
     filtered per second on this machine in one process, and on how many sensors the filter broke.
     """
-    from ..bench import bench_run
     from ..errors import UsageError
-    from ..methods import known_filters
+    from ..estimation.bench import bench_run
+    from ..estimation.methods import known_filters
     from ..output.files import TABLE_SUFFIXES, check_target, check_targets
     from ..output.screen import number, progress, text
     from ..records import BenchRecord
-    from ..session import choose_sources, deliver, exit_code, read_all
+    from ..shell.session import choose_sources, deliver, exit_code, read_all
 
     if output:
         check_target(output, TABLE_SUFFIXES)

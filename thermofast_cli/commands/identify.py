@@ -4,7 +4,16 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, RunCommand, filter_options, model_option, output_options, reading_options, runs_argument
+from ..shell.options import (
+    READING,
+    Finite,
+    RunCommand,
+    filter_options,
+    model_option,
+    output_options,
+    reading_options,
+    runs_argument,
+)
 
 
 @click.command(
@@ -56,12 +65,12 @@ def command(
     from dataclasses import replace
 
     from ..errors import UsageError
-    from ..methods import choose, paces
+    from ..estimation.methods import choose, paces
+    from ..estimation.work import IdentifyTask, identify_lost, identify_task
     from ..output.files import TABLE_SUFFIXES, check_target, check_targets, write_table
     from ..output.screen import interval, number, text
     from ..records import TRACE_COLUMNS, IdentifyRecord
-    from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
-    from ..work import IdentifyTask, identify_lost, identify_task
+    from ..shell.session import choose_sources, collect, deliver, exit_code, read_all, share_out
 
     method = replace(choose(filter_name, preset, settings), paces=paces(pace))
     if pace and model:
@@ -140,10 +149,10 @@ def _with_model(
     readings: Any, given: dict[str, Any], until: float | None, model: str, want_curves: bool, jobs: int | None, quiet: bool
 ) -> tuple[list[Any], bool]:
     """Results with a learnt model, all sensors of a run together."""
-    from ..loop import LoopTask
-    from ..loop_session import run_loop
-    from ..modelfile import read_model
-    from ..settle import identify_model_lost, identify_with_model
+    from ..discovery.loop import LoopTask
+    from ..machine.modelfile import read_model
+    from ..machine.settle import identify_model_lost, identify_with_model
+    from ..shell.loop_session import run_loop
 
     drive = read_model(model).learnt_from.drive
     told = given["start"] != "auto"

@@ -4,7 +4,16 @@ from typing import Any
 
 import click
 
-from ..options import READING, RunCommand, false_alarm_option, loop_options, names, output_options, reading_options, runs_argument
+from ..shell.options import (
+    READING,
+    RunCommand,
+    false_alarm_option,
+    loop_options,
+    names,
+    output_options,
+    reading_options,
+    runs_argument,
+)
 
 
 @click.command(
@@ -40,14 +49,14 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
+    from ..discovery.improve import improve_lost, improve_task
     from ..errors import UsageError
-    from ..improve import improve_lost, improve_task
-    from ..loop_session import loop_tasks, run_loop
-    from ..modelfile import write_model
+    from ..machine.modelfile import write_model
     from ..output.files import check_target
     from ..output.screen import number, say, text
     from ..records import ImproveRecord
-    from ..session import deliver, exit_code
+    from ..shell.loop_session import loop_tasks, run_loop
+    from ..shell.session import deliver, exit_code
 
     if add and auto:
         raise UsageError("--add and --auto exclude each other", do="name the effects, or let the search name them")

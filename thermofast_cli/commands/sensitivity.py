@@ -4,7 +4,16 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, RunCommand, filter_options, model_option, output_options, reading_options, runs_argument
+from ..shell.options import (
+    READING,
+    Finite,
+    RunCommand,
+    filter_options,
+    model_option,
+    output_options,
+    reading_options,
+    runs_argument,
+)
 
 
 @click.command(
@@ -62,13 +71,13 @@ def command(
     standard errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in
     all' that with what it does together with others. --limit is about the steady state's distance from its mean.
     """
+    from ..analysis.sensitivity import SensitivityTask, Sizes, sensitivity_lost, sensitivity_task
     from ..errors import UsageError
-    from ..loop_session import loop_tasks, run_loop
-    from ..methods import choose
+    from ..estimation.methods import choose
     from ..output.screen import number, text
     from ..records import SensitivityRecord
-    from ..sensitivity import SensitivityTask, Sizes, sensitivity_lost, sensitivity_task
-    from ..session import deliver, exit_code
+    from ..shell.loop_session import loop_tasks, run_loop
+    from ..shell.session import deliver, exit_code
 
     method = choose(filter_name, preset, settings)
     if model and (filter_name != "afukf" or preset or settings):

@@ -2,7 +2,7 @@
 
 import click
 
-from ..options import Finite, names
+from ..shell.options import Finite, names
 
 
 @click.command("simulate", epilog="Example: thermofast simulate --seed 7 -o run.csv --key key.json")
@@ -76,10 +76,10 @@ def command(
     """
     import numpy as np
 
+    from ..analysis.simulation import Probe, draw_probes, simulate
     from ..errors import UsageError
     from ..output.files import check_target, write_columns, write_json
     from ..output.screen import say
-    from ..simulation import Probe, draw_probes, simulate
 
     check_target(output, (".csv", ".parquet"))
     if key:
@@ -105,8 +105,8 @@ def command(
     drawn = [p for p in probes if p.channel not in taken]
     probes = sorted(given + drawn[: max(0, sensors - len(given))], key=lambda p: (len(p.channel), p.channel))
     if effects:
-        from ..hidden import simulate_hidden
-        from ..plugins import chosen_effects
+        from ..analysis.hidden import simulate_hidden
+        from ..discovery.plugins import chosen_effects
 
         made = simulate_hidden(probes, duration, interval, ambient, step, seed, chosen_effects(names(effects), ()))
     else:

@@ -4,7 +4,16 @@ from typing import Any
 
 import click
 
-from ..options import READING, Finite, RunCommand, filter_options, model_option, output_options, reading_options, runs_argument
+from ..shell.options import (
+    READING,
+    Finite,
+    RunCommand,
+    filter_options,
+    model_option,
+    output_options,
+    reading_options,
+    runs_argument,
+)
 
 
 @click.command(
@@ -51,13 +60,13 @@ def command(
     tolerance_time_min the time from which the interval of the steady state is narrower than --tolerance.
     """
     from ..errors import UsageError
-    from ..methods import choose
-    from ..options import numbers
+    from ..estimation.methods import choose
+    from ..estimation.work import SweepTask, sweep_lost, sweep_task
     from ..output.files import TABLE_SUFFIXES, check_target, check_targets
     from ..output.screen import number, text
     from ..records import SweepRecord
-    from ..session import choose_sources, collect, deliver, exit_code, read_all, share_out
-    from ..work import SweepTask, sweep_lost, sweep_task
+    from ..shell.options import numbers
+    from ..shell.session import choose_sources, collect, deliver, exit_code, read_all, share_out
 
     method = choose(filter_name, preset, settings)
     spans = numbers(windows, "--windows")
@@ -94,9 +103,9 @@ def command(
         return SweepTask(name, minutes, part, values, notes, method, start, spans, grid, tolerance, bool(save_plot))
 
     if model:
-        from ..loop import LoopTask
-        from ..modelfile import read_model
-        from ..settle import sweep_with_model
+        from ..discovery.loop import LoopTask
+        from ..machine.modelfile import read_model
+        from ..machine.settle import sweep_with_model
 
         learnt, interrupted = read_model(model), False
         told = reading["start"] != "auto"

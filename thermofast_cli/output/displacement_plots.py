@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..displacement import Panel
+from ..analysis.displacement import Panel
 from .plots import MARK, MEASURED, MODEL, new_figure, save_figure
 from .screen import say
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..compare import Panel
-from ..improve import Improved
+from ..discovery.compare import Panel
+from ..discovery.improve import Improved
 from .plots import MARK, MEASURED, MODEL, new_figure, save_figure
 from .screen import say
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError
-from ..identify import Curves
-from ..sweep import Swept
+from ..estimation.identify import Curves
+from ..estimation.sweep import Swept
 from .files import check_target, write_whole
 from .screen import say
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import InputError, UsageError, listed
 from .columns import sign_of
 from .run import Array, Guess, Options
-from .table import Table
+from .tables.table import Table
 from .units import parse_unit, to_celsius
 
 #: Nothing in a test lab is colder [K]: a smaller number under a (K) is degC from a thermocouple of type K.

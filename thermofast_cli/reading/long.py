@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import InputError, UsageError, listed
 from .columns import check_names, sign_of
 from .run import Array, Guess, Options
-from .table import Table
+from .tables.table import Table
 from .times import Time
 from .units import parse_unit, to_celsius
 from .vocabulary import READINGS, REMARKS, SENSOR_NAMES, UNITS, words

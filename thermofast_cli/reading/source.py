@@ -13,8 +13,8 @@ from .degrees import Temperatures
 from .long import find_long, to_wide
 from .order import in_order
 from .run import Options, Run
-from .table import Table, read_parquet
-from .text import read_text
+from .tables.table import Table, read_parquet
+from .tables.text import read_text
 from .times import find_time, is_time_name
 
 PARQUET_MAGIC = b"PAR1"

@@ -10,7 +10,7 @@ from ..errors import InputError, listed
 from .columns import check_names
 from .run import Array, Guess, Options
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plausible
-from .table import Table
+from .tables.table import Table
 from .vocabulary import TIME, TIME_NAMES, words
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}

@@ -1,0 +1,1 @@
+"""Numerical cores: compiled where a compiler was, in numpy otherwise; and tails of distributions."""

@@ -1,0 +1,310 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Compiled twin of :mod:`thermofast.models.core._forward_numpy`: same names, same arguments, same numbers."""
+from libc.math cimport NAN, exp, expm1, fabs, pow, sqrt
+from libc.stdlib cimport free, malloc
+
+cdef enum:
+    MOST_SUBSTEPS = 256
+    ABREAST = 4
+
+
+#: |x / anchor - 1| up to which a power is continued from its anchor by the binomial series, whose seventh term is then below 1e-12.
+cdef double NEAR = 0.02
+
+
+cdef struct Power:
+    double exponent
+    double anchor
+    double inverse
+    double value
+    double c1
+    double c2
+    double c3
+    double c4
+    double c5
+    double c6
+
+
+cdef inline void power_of(Power* p, double exponent) noexcept nogil:
+    p.exponent = exponent
+    p.anchor = -1.0
+    p.inverse = 0.0
+    p.value = 0.0
+    p.c1 = exponent
+    p.c2 = p.c1 * (exponent - 1.0) / 2.0
+    p.c3 = p.c2 * (exponent - 2.0) / 3.0
+    p.c4 = p.c3 * (exponent - 3.0) / 4.0
+    p.c5 = p.c4 * (exponent - 4.0) / 5.0
+    p.c6 = p.c5 * (exponent - 5.0) / 6.0
+
+
+cdef inline double raised(Power* p, double x) noexcept nogil:
+    """x ** exponent for x > 0, quick where x has hardly moved."""
+    cdef double d, e
+    if p.anchor > 0.0:
+        d = x * p.inverse - 1.0
+        if -NEAR < d < NEAR:
+            e = d * d
+            return p.value * ((1.0 + p.c1 * d) + e * ((p.c2 + p.c3 * d) + e * ((p.c4 + p.c5 * d) + e * p.c6)))
+    p.anchor = x
+    p.inverse = 1.0 / x
+    p.value = pow(x, p.exponent)
+    return p.value
+
+
+cdef inline double slope_of(double T, double Z, double rate, double heat, double loss, double sink, Power* power,
+                            double hidden, double links, double linked) noexcept nogil:
+    cdef double above = T - sink
+    cdef double g = loss
+    if power.exponent != 0.0:
+        g = loss * raised(power, (fabs(above) + 1e-9) * 0.025)
+    return rate * (heat - g * above) - hidden * (T - Z) - (links * T - linked)
+
+
+cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:
+    """Exact weights of one step of T' = u - lam T - hidden (T - Z), Z' = r (T - Z), u straight; False where modes coincide."""
+    cdef double a = lam + hidden, root, l1, l2, e1, e2, f1, f2, g1, g2, d
+    root = (a - r) * (a - r) + 4.0 * hidden * r
+    if not root > 1e-8 * (a + r) * (a + r):
+        return False
+    root = sqrt(root)
+    l1 = -0.5 * (a + r + root)
+    l2 = -(lam * r) / (0.5 * (a + r + root))
+    e1 = exp(l1 * dt)
+    e2 = exp(l2 * dt)
+    f1 = expm1(l1 * dt) / l1
+    f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+    g1 = (f1 - dt) / l1
+    g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
+    d = l1 - l2
+    # Projectors (A - l2)/d and (l1 - A)/d with A = [[-a, hidden], [r, -r]].
+    w[0] = (e1 * (-a - l2) + e2 * (l1 + a)) / d
+    w[1] = (e1 - e2) * hidden / d
+    w[2] = (e1 - e2) * r / d
+    w[3] = (e1 * (-r - l2) + e2 * (l1 + r)) / d
+    w[4] = (f1 * (-a - l2) + f2 * (l1 + a)) / d
+    w[5] = (f1 - f2) * r / d
+    w[6] = (g1 * (-a - l2) + g2 * (l1 + a)) / d
+    w[7] = (g1 - g2) * r / d
+    return True
+
+
+cdef inline double late_probe(double y, double T0, double T1, double s0, double s1, double h, double lag,
+                              double fade) noexcept nogil:
+    """A first-order probe one step on, exactly, while its object moves along the cubic of these ends and slopes.
+
+    fade = exp(-h / lag).
+    """
+    cdef double c = (3.0 * (T1 - T0) / h - 2.0 * s0 - s1) / h
+    cdef double d = (2.0 * (T0 - T1) / h + s0 + s1) / (h * h)
+    cdef double first = T0 - lag * (s0 - lag * (2.0 * c - lag * 6.0 * d))
+    cdef double last = T1 - lag * (s1 - lag * (2.0 * c + 6.0 * d * h - lag * 6.0 * d))
+    return last + (y - first) * fade
+
+
+cdef struct Lump:
+    # One row: its constants, where its drive and its output lie, its state, and what is kept from step to step.
+    double rate, rise, start, exponent, hidden, hidden_rate, links, lag, delay
+    const double* heat
+    const double* loss
+    const double* sink
+    const double* linked
+    double* out
+    double* slope
+    double end, end_heat, end_loss
+    double T, Z, y, last_lam, last_dt, last_h, fade, E, phi, psi
+    bint pair_ok
+    Power power
+    double w[8]
+
+
+cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:
+    """Slope of the reading at the end of interval k."""
+    if s.lag > 0.0:
+        return (s.T - s.y) / s.lag
+    return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+
+
+cdef inline void weigh(Lump* s, double lam, double dt) noexcept nogil:
+    """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
+    cdef double a
+    if lam != s.last_lam or dt != s.last_dt:
+        a = lam * dt
+        s.E = exp(-a)
+        if a < 1e-3:
+            s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
+            s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
+        else:
+            s.phi = -expm1(-a) / lam
+            s.psi = (dt - s.phi) / lam
+        s.last_lam = lam
+        s.last_dt = dt
+
+
+cdef inline double faded(Lump* s, double h) noexcept nogil:
+    """What is left of a probe's distance after h; kept while h stays."""
+    if h != s.last_h:
+        s.fade = exp(-h / s.lag)
+        s.last_h = h
+    return s.fade
+
+
+cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
+    """One interval of one row."""
+    cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
+    cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
+    cdef Py_ssize_t m = 1, i
+    if s.exponent == 0.0 and s.hidden == 0.0:
+        weigh(s, lam, dt)
+        u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+        u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+        T0 = s.T
+        s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
+        if s.lag > 0.0:
+            s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+        else:
+            s.y = s.T
+    else:
+        if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):
+            s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+            s.last_lam = lam
+            s.last_dt = dt
+        if s.exponent == 0.0 and s.pair_ok:
+            T0 = s.T
+            k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+            u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
+            u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
+            ds = (u1 - u0) / dt
+            moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
+            s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+            s.T = moved
+            if s.lag > 0.0:
+                k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+                s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+            else:
+                s.y = s.T
+        else:
+            steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3
+            while m < steps and m < MOST_SUBSTEPS:
+                m = 2 * m
+            h = dt / m
+            ds = (s.sink[k] - s.sink[k - 1]) / m
+            dq = (s.linked[k] - s.linked[k - 1]) / m
+            sink = s.sink[k - 1]
+            q = s.linked[k - 1]
+            for i in range(m):
+                s1 = sink + ds
+                q1 = q + dq
+                T0 = s.T
+                # A probe needed the slope at the end of the last piece: under the same drive it is that at the start of this one.
+                if s.lag > 0.0 and H == s.end_heat and L == s.end_loss:
+                    k1 = s.end
+                else:
+                    k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+                z1 = s.hidden_rate * (T0 - s.Z)
+                k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+                              q + 0.5 * dq)
+                z2 = s.hidden_rate * (T0 + 0.5 * h * k1 - s.Z - 0.5 * h * z1)
+                k3 = slope_of(T0 + 0.5 * h * k2, s.Z + 0.5 * h * z2, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
+                              q + 0.5 * dq)
+                z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)
+                k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+                z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+                s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+                s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+                if s.lag > 0.0:
+                    k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+                    s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+                    s.end, s.end_heat, s.end_loss = k4, H, L
+                sink = s1
+                q = q1
+            if s.lag == 0.0:
+                s.y = s.T
+    s.out[k] = s.y
+    if s.delay > 0.0:
+        s.slope[k] = end_slope(s, H, L, k)
+
+
+cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexcept nogil:
+    """The row's output `delay` later: cubic between readings, its start before."""
+    cdef Py_ssize_t k, j = 0
+    cdef double at, dt, x
+    for k in range(n):
+        curve[k] = s.out[k]
+    s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
+        s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+    for k in range(n):
+        at = time[k] - s.delay
+        if at <= time[0]:
+            s.out[k] = s.start
+            continue
+        while j < n - 2 and time[j + 1] < at:
+            j += 1
+        dt = time[j + 1] - time[j]
+        x = (at - time[j]) / dt
+        s.out[k] = (curve[j] * (1.0 + 2.0 * x) * (1.0 - x) * (1.0 - x) + s.slope[j] * dt * x * (1.0 - x) * (1.0 - x)
+                    + curve[j + 1] * x * x * (3.0 - 2.0 * x) + s.slope[j + 1] * dt * x * x * (x - 1.0))
+
+
+def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,
+            const double[:, ::1] heat, const double[:, ::1] loss, const double[:, ::1] sink, const double[::1] exponent,
+            const double[::1] hidden, const double[::1] hidden_rate, const double[::1] links, const double[:, ::1] linked,
+            const double[::1] lag, const double[::1] delay, double[:, ::1] out):
+    """See the numpy twin. A few rows go abreast: each is one long chain of operations, and a processor has room for several."""
+    cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], first, b, k, j, count
+    cdef double dt
+    cdef Lump lumps[ABREAST]
+    cdef Lump* s
+    cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
+    if slopes == NULL:
+        raise MemoryError
+    with nogil:
+        first = 0
+        while first < rows:
+            count = ABREAST if first + ABREAST <= rows else rows - first
+            for j in range(count):
+                b = first + j
+                s = &lumps[j]
+                s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
+                s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
+                s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
+                s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
+                s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
+                s.linked = &linked[b if linked.shape[0] > 1 else 0, 0]
+                s.out = &out[b, 0]
+                s.slope = slopes + j * n
+                power_of(&s.power, s.exponent)
+                s.T = s.Z = s.y = s.out[0] = s.start
+                s.last_lam = s.last_dt = s.last_h = -1.0
+                s.end_heat = s.end_loss = NAN
+                s.end = s.fade = s.E = s.phi = s.psi = 0.0
+                s.pair_ok = False
+            for k in range(1, n):
+                dt = time[k] - time[k - 1]
+                for j in range(count):
+                    advance(&lumps[j], dt, k)
+            for j in range(count):
+                if lumps[j].delay > 0.0:
+                    retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
+            first += ABREAST
+    free(slopes)
+
+
+def followed(const double[::1] time, const double[::1] values, const double[::1] lag, double[:, ::1] out):
+    """See the numpy twin."""
+    cdef Py_ssize_t rows = lag.shape[0], n = time.shape[0], b, k
+    cdef double a, E, phi, dt, y
+    with nogil:
+        for b in range(rows):
+            y = values[0]
+            out[b, 0] = y
+            for k in range(1, n):
+                if lag[b] <= 0.0:
+                    out[b, k] = values[k]
+                    continue
+                dt = time[k] - time[k - 1]
+                a = dt / lag[b]
+                E = exp(-a)
+                phi = (1.0 - E) / a if a > 1e-8 else 1.0 - 0.5 * a
+                y = E * y + (phi - E) * values[k - 1] + (1.0 - phi) * values[k]
+                out[b, k] = y

@@ -1,0 +1,779 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Compiled twin of :mod:`thermofast.models.core._lump_numpy`: same names, same arguments, same numbers.
+
+Time and rate may be in any pair of reciprocal units; thermofast uses minutes.
+"""
+from cpython.pycapsule cimport PyCapsule_New
+from libc.math cimport INFINITY, M_PI, NAN, asin, exp, expm1, fabs, isnan, pow, sin, sqrt
+from libc.stdlib cimport free, malloc
+
+
+cdef inline double growth(double rate, double dt) noexcept nogil:
+    """(1 - exp(-rate dt)) / rate, continuous at rate = 0."""
+    cdef double z = rate * dt
+    if fabs(z) < 1e-7:
+        return dt * (1.0 - 0.5 * z)
+    if z < -60.0:
+        z = -60.0
+    return -expm1(-z) / rate
+
+
+cdef inline double growth_slope(double rate, double dt) noexcept nogil:
+    """d growth / d rate."""
+    cdef double z = rate * dt
+    if fabs(z) < 1e-3:
+        return dt * dt * (-0.5 + z * (1.0 / 3.0 - z * 0.125))
+    if z < -60.0:
+        z = -60.0
+    return (dt * exp(-z) + expm1(-z) / rate) / rate
+
+
+cdef inline double clip(double value, double low, double high) noexcept nogil:
+    return low if value < low else (high if value > high else value)
+
+
+cdef void slope_step(const double* x, double dt, double* out) noexcept nogil:
+    """State (temperature, slope, rate) one interval on."""
+    cdef double rate = clip(x[2], -40.0 / dt, 1e3 / dt) if dt > 0 else x[2]
+    out[0] = x[0] + x[1] * growth(rate, dt)
+    out[1] = x[1] * exp(-rate * dt)
+    out[2] = x[2]
+
+
+cdef void slope_jacobian(const double* x, double dt, double* out) noexcept nogil:
+    cdef double rate = clip(x[2], -40.0 / dt, 1e3 / dt) if dt > 0 else x[2]
+    cdef double decay = exp(-rate * dt)
+    out[0] = 1.0
+    out[1] = growth(rate, dt)
+    out[2] = x[1] * growth_slope(rate, dt)
+    out[3] = 0.0
+    out[4] = decay
+    out[5] = -x[1] * dt * decay
+    out[6] = 0.0
+    out[7] = 0.0
+    out[8] = 1.0
+
+
+cdef void printed_step(const double* x, double dt, double* out) noexcept nogil:
+    """State (temperature, rate, steady state), equation (37)."""
+    out[0] = x[2] + (x[0] - x[2]) * exp(-x[1] * dt)
+    out[1] = x[1]
+    out[2] = x[2]
+
+
+cdef void printed_jacobian(const double* x, double dt, double* out) noexcept nogil:
+    cdef double decay = exp(-x[1] * dt)
+    out[0] = decay
+    out[1] = -(x[0] - x[2]) * dt * decay
+    out[2] = 1.0 - decay
+    out[3] = 0.0
+    out[4] = 1.0
+    out[5] = 0.0
+    out[6] = 0.0
+    out[7] = 0.0
+    out[8] = 1.0
+
+
+SLOPE_STEP = PyCapsule_New(<void*> slope_step, b"thermofast.step", NULL)
+SLOPE_JACOBIAN = PyCapsule_New(<void*> slope_jacobian, b"thermofast.step", NULL)
+PRINTED_STEP = PyCapsule_New(<void*> printed_step, b"thermofast.step", NULL)
+PRINTED_JACOBIAN = PyCapsule_New(<void*> printed_jacobian, b"thermofast.step", NULL)
+
+
+cdef inline double min2(double a, double b) noexcept nogil:
+    return a if a < b else b
+
+
+cdef inline double max2(double a, double b) noexcept nogil:
+    return a if a > b else b
+
+
+cdef enum:
+    GRID = 12           # rates at which the search begins
+    GRID_READINGS = 64  # block means that it looks at
+    RESYNC = 16         # readings between fresh exponentials on an even grid
+
+
+cdef struct Sums:
+    double rate
+    double slope
+    double level
+    double phi_mean
+    double psi_mean
+    double weight
+    double phi_phi
+    double phi_psi
+    double psi_psi
+    double rss
+    double gradient
+
+
+cdef struct Problem:
+    # Readings of one fit, those of weight zero left out, with the scratch space of its basis.
+    Py_ssize_t n
+    double* t
+    double* y
+    double* w
+    double* phi
+    double* psi
+    double weight
+    double level
+    double squares      # weighted sum of squares of the centred readings
+    double t0
+    double low
+    double high
+    double step         # spacing where it is even
+    bint even
+
+
+cdef Problem allocate(Py_ssize_t size) except *:
+    cdef Problem p
+    p.t = <double*> malloc(5 * (size + 1) * sizeof(double))
+    if p.t == NULL:
+        raise MemoryError()
+    p.y = p.t + size
+    p.w = p.y + size
+    p.phi = p.w + size
+    p.psi = p.phi + size
+    return p
+
+
+cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_ssize_t size, bint signed_rate) noexcept nogil:
+    """Load readings of positive weight; returns 1 where they are too few for a fit."""
+    cdef Py_ssize_t i, m = 0
+    cdef double span
+    p.weight = 0.0
+    p.level = 0.0
+    p.t0 = t[0]
+    for i in range(size):
+        if w[i] > 0.0:
+            p.t[m] = t[i] - t[0]
+            p.y[m] = y[i]
+            p.w[m] = w[i]
+            p.weight += w[i]
+            p.level += w[i] * y[i]
+            m += 1
+    p.n = m
+    if m < 3 or not p.t[m - 1] > p.t[0]:
+        return 1
+    p.level /= p.weight
+    p.squares = 0.0
+    for i in range(m):
+        p.y[i] -= p.level
+        p.squares += p.w[i] * p.y[i] * p.y[i]
+    span = p.t[m - 1] - p.t[0]
+    p.low = -3.0 / span if signed_rate else 1e-3 / span
+    p.high = 5.0 * (m - 1) / span
+    p.step = p.t[1] - p.t[0]
+    p.even = True
+    for i in range(2, m):
+        if fabs(p.t[i] - p.t[i - 1] - p.step) > 1e-9 * p.step:
+            p.even = False
+            break
+    return 0
+
+
+cdef void evaluate(Problem* p, double rate, bint slopes, Sums* s) noexcept nogil:
+    cdef Py_ssize_t i
+    cdef double phi_mean = 0.0, psi_mean = 0.0, pp = 0.0, py = 0.0, pq = 0.0, qq = 0.0
+    cdef double a, q, r, slope, rss = 0.0, gradient = 0.0, z, inverse, em, factor
+    inverse = 1.0 / rate if rate != 0.0 else 0.0
+    factor = exp(-rate * p.step) if p.even else 0.0
+    em = 0.0
+    for i in range(p.n):
+        z = rate * p.t[i]
+        if fabs(z) < 1e-3:
+            a = growth(rate, p.t[i])
+            q = growth_slope(rate, p.t[i]) if slopes else 0.0
+            em = expm1(-z)
+        else:
+            # On an even grid the exponential is the last one times a constant, renewed before rounding adds up.
+            if p.even and i % RESYNC != 0:
+                em = (em + 1.0) * factor - 1.0
+            else:
+                em = expm1(-z if z > -60.0 else 60.0)
+            a = -em * inverse
+            q = (p.t[i] * (1.0 + em) - a) * inverse
+        p.phi[i] = a
+        p.psi[i] = q
+        phi_mean += p.w[i] * a
+        psi_mean += p.w[i] * q
+    phi_mean /= p.weight
+    psi_mean /= p.weight
+    if slopes:
+        for i in range(p.n):
+            a = p.phi[i] - phi_mean
+            q = p.psi[i] - psi_mean
+            pp += p.w[i] * a * a
+            py += p.w[i] * a * p.y[i]
+            pq += p.w[i] * a * q
+            qq += p.w[i] * q * q
+    else:
+        for i in range(p.n):
+            a = p.phi[i] - phi_mean
+            pp += p.w[i] * a * a
+            py += p.w[i] * a * p.y[i]
+    slope = py / pp if pp > 0.0 else 0.0
+    for i in range(p.n):
+        r = p.y[i] - slope * (p.phi[i] - phi_mean)
+        rss += p.w[i] * r * r
+        gradient += p.w[i] * r * (p.psi[i] - psi_mean)
+    s.rate = rate
+    s.slope = slope
+    s.level = p.level
+    s.phi_mean = phi_mean
+    s.psi_mean = psi_mean
+    s.weight = p.weight
+    s.phi_phi = pp
+    s.phi_psi = pq
+    s.psi_psi = qq
+    s.rss = rss
+    s.gradient = gradient
+
+
+cdef void glance(Problem* p, double rate, Sums* s) noexcept nogil:
+    """As evaluate, without derivatives and in one pass: the readings are centred, so the basis need not be."""
+    cdef Py_ssize_t i
+    cdef double sum_phi = 0.0, pp = 0.0, py = 0.0, a, em = 0.0, wa, factor, inverse, z
+    if not fabs(rate) * p.t[p.n - 1] > 1e-2:
+        evaluate(p, rate, False, s)
+        return
+    inverse = -1.0 / rate
+    factor = exp(-rate * p.step) if p.even else 0.0
+    for i in range(p.n):
+        if p.even and i % RESYNC != 0:
+            em = (em + 1.0) * factor - 1.0
+        else:
+            z = rate * p.t[i]
+            em = expm1(-z if z > -60.0 else 60.0)
+        a = em * inverse
+        wa = p.w[i] * a
+        sum_phi += wa
+        pp += wa * a
+        py += wa * p.y[i]
+    s.rate = rate
+    s.level = p.level
+    s.weight = p.weight
+    s.phi_mean = sum_phi / p.weight
+    s.phi_phi = pp - sum_phi * s.phi_mean
+    s.slope = py / s.phi_phi if s.phi_phi > 0.0 else 0.0
+    s.rss = p.squares - s.slope * py
+    if s.rss < 0.0:
+        s.rss = 0.0
+
+
+cdef double residual_squares(Problem* p, double rate) noexcept nogil:
+    cdef Sums s
+    glance(p, rate, &s)
+    return s.rss
+
+
+cdef void search(Problem* p, Problem* thin, bint signed_rate, Sums* best) noexcept nogil:
+    """Start of the refinement: the best rate of a grid, on block means of a long record."""
+    cdef Py_ssize_t i, j, a, b, blocks
+    cdef double span = p.t[p.n - 1] - p.t[0], ratio, rate, rss, least = INFINITY, chosen = 0.0, first
+    cdef Problem* q = p
+    if p.n > GRID_READINGS:
+        q = thin
+        q.n = GRID_READINGS
+        q.weight = p.weight
+        q.level = p.level
+        q.even = False
+        q.squares = 0.0
+        for j in range(GRID_READINGS):
+            a = j * p.n // GRID_READINGS
+            b = (j + 1) * p.n // GRID_READINGS
+            q.t[j] = 0.0
+            q.y[j] = 0.0
+            q.w[j] = 0.0
+            for i in range(a, b):
+                q.t[j] += p.w[i] * p.t[i]
+                q.y[j] += p.w[i] * p.y[i]
+                q.w[j] += p.w[i]
+            q.t[j] /= q.w[j]
+            q.y[j] /= q.w[j]
+            q.squares += q.w[j] * q.y[j] * q.y[j]
+    first = 0.05 / span
+    ratio = pow(0.5 * p.high / first, 1.0 / (GRID - 1))
+    rate = first
+    for i in range(GRID + (2 if signed_rate else 0)):
+        if i == GRID:
+            rate = -1.0 / span
+        elif i == GRID + 1:
+            rate = 1e-6 / span
+        rss = residual_squares(q, rate)
+        if rss < least:
+            least = rss
+            chosen = rate
+        rate *= ratio
+    evaluate(p, clip(chosen, p.low, p.high), True, best)
+
+
+cdef void refine(Problem* p, Sums* best) noexcept nogil:
+    """Gauss-Newton in the rate, amplitudes eliminated; halves a step that does not descend."""
+    cdef int iteration, halving
+    cdef double step, curvature, rate, scale
+    cdef Sums trial
+    for iteration in range(60):
+        curvature = best.psi_psi - best.phi_psi * best.phi_psi / best.phi_phi if best.phi_phi > 0.0 else 0.0
+        curvature *= best.slope * best.slope
+        if not curvature > 0.0:
+            return
+        step = best.slope * best.gradient / curvature
+        scale = fabs(best.rate) + 1e-9 * (p.high - p.low)
+        if fabs(step) <= 1e-11 * scale:
+            return
+        for halving in range(40):
+            rate = clip(best.rate + step, p.low, p.high)
+            if rate == best.rate:
+                return
+            evaluate(p, rate, True, &trial)
+            if trial.rss < best.rss:
+                break
+            if fabs(step) <= 1e-9 * scale:
+                return
+            step *= 0.5
+        else:
+            return
+        best[0] = trial
+
+
+cdef tuple told(Problem* p, Sums* s):
+    return (s.rate, s.slope, s.level, s.phi_mean, s.psi_mean, s.weight, s.phi_phi, s.phi_psi, s.psi_psi, s.rss,
+            p.n, p.t[p.n - 1] - p.t[0], p.low, p.high)
+
+
+def fit_decay(const double[::1] t, const double[::1] y, const double[::1] w, bint signed_rate):
+    """See :func:`thermofast.models.core._lump_numpy.fit_decay`."""
+    cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
+    cdef Sums best
+    try:
+        if fill(&p, &t[0], &y[0], &w[0], t.shape[0], signed_rate):
+            raise ValueError(f"a fit needs three readings at different times, got {p.n}")
+        search(&p, &thin, signed_rate, &best)
+        refine(&p, &best)
+        return told(&p, &best)
+    finally:
+        free(p.t)
+        free(thin.t)
+
+
+cdef double contour(Problem* p, double inside, double outside, double minimum, double limit, double stride) noexcept nogil:
+    """The rate between `inside` and `outside` at which RSS reaches `limit`; nan if it stays below."""
+    cdef double a = inside, b, fa, fb, c, fc, target, rise
+    cdef int i, side = 0
+    cdef bint up = outside > inside
+    target = sqrt(limit - minimum)
+    fa = -target
+    # Walk out first: the signed root of the rise of RSS is close to a straight line only near the minimum.
+    while True:
+        b = inside + stride if up else inside - stride
+        if (up and not b < outside) or (not up and not b > outside):
+            b = outside
+        rise = residual_squares(p, b)
+        if rise > limit:
+            break
+        if b == outside:
+            return NAN
+        a = b
+        fa = (sqrt(rise - minimum) if rise > minimum else 0.0) - target
+        stride *= 2.0
+    fb = sqrt(rise - minimum) - target
+    c = b
+    for i in range(60):
+        c = 0.5 * (a + b) if i % 3 == 2 else (a * fb - b * fa) / (fb - fa)
+        fc = residual_squares(p, c) - minimum
+        fc = (sqrt(fc) if fc > 0.0 else 0.0) - target
+        if fabs(fc) < 1e-4 * target or fabs(b - a) < 1e-9 * fabs(inside):
+            return c
+        if fc > 0.0:
+            b = c
+            fb = fc
+            if side == 1:
+                fa *= 0.5
+            side = 1
+        else:
+            a = c
+            fa = fc
+            if side == -1:
+                fb *= 0.5
+            side = -1
+    return c
+
+
+cdef double edge(Problem* p, double theta, double centre, double low, double high, double limit, int sign) noexcept nogil:
+    """Steady state on the contour of the likelihood at angle theta: its conditional estimate plus or minus its reach."""
+    cdef Sums s
+    cdef double u = sin(theta), rate, reach, arm
+    rate = centre + u * (high - centre if u > 0.0 else centre - low)
+    glance(p, rate, &s)
+    arm = 1.0 / rate - s.phi_mean
+    reach = (1.0 / s.weight + arm * arm / s.phi_phi) * (limit - s.rss)
+    return s.level + s.slope * arm + sign * (sqrt(reach) if reach > 0.0 else 0.0)
+
+
+cdef double extreme(Problem* p, double theta, double centre, double low, double high, double limit, int sign) noexcept nogil:
+    """Largest (sign 1) or smallest (sign -1) steady state on the contour, by parabolic steps over the angle."""
+    cdef double h = 0.3, best_theta, best, left, right, mid, bend, shift
+    cdef int i
+    best_theta = clip(theta, -0.5 * M_PI + h, 0.5 * M_PI - h)
+    mid = sign * edge(p, best_theta, centre, low, high, limit, sign)
+    for i in range(12):
+        left = sign * edge(p, best_theta - h, centre, low, high, limit, sign)
+        right = sign * edge(p, best_theta + h, centre, low, high, limit, sign)
+        bend = left - 2.0 * mid + right
+        if left > mid or right > mid:
+            shift = h if right > left else -h
+        elif bend < 0.0:
+            shift = 0.5 * h * (left - right) / bend
+        else:
+            return sign * mid
+        theta = clip(best_theta + shift, -0.5 * M_PI + 1e-6, 0.5 * M_PI - 1e-6)
+        best = sign * edge(p, theta, centre, low, high, limit, sign)
+        if best > mid:
+            best_theta = theta
+            mid = best
+        # At a maximum an angle off by d costs d^2 / 2 of the half-width.
+        if fabs(shift) < 0.1:
+            return sign * mid
+        h = clip(fabs(shift) * 0.5, 0.02, 0.3)
+        best_theta = clip(best_theta, -0.5 * M_PI + h, 0.5 * M_PI - h)
+    return sign * mid
+
+
+cdef void rate_covariance(Sums* s, double* out) noexcept nogil:
+    """Variance of slope, covariance, variance of rate, per unit of the noise variance."""
+    cdef double a = s.phi_phi, b = s.slope * s.phi_psi, c = s.slope * s.slope * s.psi_psi, determinant
+    determinant = a * c - b * b
+    if determinant > 0.0:
+        out[0] = c / determinant
+        out[1] = -b / determinant
+        out[2] = a / determinant
+    else:
+        out[0] = 1.0 / a if a > 0.0 else INFINITY
+        out[1] = 0.0
+        out[2] = INFINITY
+
+
+cdef double steady_variance(Sums* s) noexcept nogil:
+    """Variance of the steady state to first order, per unit of the noise variance."""
+    cdef double v[3]
+    cdef double by_slope = 1.0 / s.rate - s.phi_mean, by_rate = s.slope * (-1.0 / (s.rate * s.rate) - s.psi_mean)
+    rate_covariance(s, v)
+    return 1.0 / s.weight + by_slope * by_slope * v[0] + 2.0 * by_slope * by_rate * v[1] + by_rate * by_rate * v[2]
+
+
+cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil:
+    """Rate low, rate high, steady state low, high at which RSS reaches `limit`."""
+    cdef double v[3]
+    cdef double by_slope, by_rate, variance, correlation = 0.0, stride, a, b, theta
+    rate_covariance(s, v)
+    by_slope = 1.0 / s.rate - s.phi_mean
+    by_rate = s.slope * (-1.0 / (s.rate * s.rate) - s.psi_mean)
+    variance = steady_variance(s)
+    if v[2] < INFINITY and variance > 0.0:
+        correlation = (by_slope * v[1] + by_rate * v[2]) / sqrt(variance * v[2])
+    stride = 1.1 * sqrt(v[2] * (limit - s.rss))     # just outside, if the likelihood were Gaussian
+    if not stride < p.high:
+        stride = p.high
+    if stride < 0.01 * s.rate:
+        stride = 0.01 * s.rate
+    out[0] = contour(p, s.rate, p.low, s.rss, limit, stride)
+    out[1] = contour(p, s.rate, p.high, s.rss, limit, stride)
+    a = p.low if isnan(out[0]) else out[0]
+    b = p.high if isnan(out[1]) else out[1]
+    theta = asin(clip(correlation, -0.99, 0.99))
+    out[3] = extreme(p, theta, s.rate, a, b, limit, 1)
+    out[2] = extreme(p, -theta, s.rate, a, b, limit, -1)
+
+
+def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit):
+    """See :func:`thermofast.models.core._lump_numpy.profile_decay`."""
+    cdef Problem p = allocate(t.shape[0])
+    cdef Sums s
+    cdef double out[4]
+    try:
+        fill(&p, &t[0], &y[0], &w[0], t.shape[0], False)
+        evaluate(&p, rate, True, &s)
+        profile(&p, &s, limit, out)
+        return out[0], out[1], out[2], out[3]
+    finally:
+        free(p.t)
+
+
+cdef Py_ssize_t drop_strays(Problem* p, Sums* s, const double* t, const double* y, double* w, Py_ssize_t size,
+                            double stray, double resolution, double* scratch) noexcept nogil:
+    """Take the weight of readings far outside the fit; returns how many, 0 where so many stand out that the fit is wrong.
+
+    Far is `stray` deviations by the median absolute residual, which outliers do not widen.
+    """
+    cdef Py_ssize_t i, count = 0
+    cdef double dof = p.n - 3, limit, r
+    if dof < 3 or not stray < INFINITY:
+        return 0
+    for i in range(size):
+        if w[i] > 0.0:
+            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
+            scratch[count] = fabs(r) * sqrt(w[i])
+            count += 1
+    limit = stray * (1.0 + 3.0 / dof) * 1.4826 * median_of(scratch, count) * sqrt(count / dof) + resolution
+    count = 0
+    for i in range(size):
+        if w[i] > 0.0:
+            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
+            if fabs(r) * sqrt(w[i]) > limit:
+                count += 1
+    if count == 0 or count > size // 10:
+        return 0
+    for i in range(size):
+        if w[i] > 0.0:
+            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
+            if fabs(r) * sqrt(w[i]) > limit:
+                w[i] = 0.0
+    return count
+
+
+cdef double quantile_of(double* values, Py_ssize_t n, Py_ssize_t k) noexcept nogil:
+    """k-th smallest of values, which are reordered (Hoare's selection)."""
+    cdef Py_ssize_t low = 0, high = n - 1, i, j
+    cdef double pivot, swap
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i = low
+        j = high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                swap = values[i]
+                values[i] = values[j]
+                values[j] = swap
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    return values[k]
+
+
+cdef double median_of(double* values, Py_ssize_t n) noexcept nogil:
+    cdef double upper = quantile_of(values, n, n // 2)
+    cdef Py_ssize_t i
+    cdef double lower
+    if n % 2:
+        return upper
+    lower = values[0]
+    for i in range(n // 2):
+        if values[i] > lower:
+            lower = values[i]
+    return 0.5 * (lower + upper)
+
+
+cdef void mark_spikes(const double* y, Py_ssize_t n, double resolution, double* w, double* scratch) noexcept nogil:
+    cdef Py_ssize_t i, left
+    cdef double middle, noise, limit, a, b, c, m
+    for i in range(n):
+        w[i] = 1.0
+    if n < 5:
+        return
+    for i in range(n - 1):
+        scratch[i] = y[i + 1] - y[i]
+    middle = median_of(scratch, n - 1)
+    for i in range(n - 1):
+        scratch[i] = fabs(y[i + 1] - y[i] - middle)
+    noise = 1.4826 * median_of(scratch, n - 1) / sqrt(2.0)
+    limit = noise if noise > 0.5 * resolution else 0.5 * resolution
+    limit = 8.0 * (limit if limit > 1e-12 else 1e-12)
+    left = n
+    for i in range(1, n - 1):
+        a = y[i - 1]
+        b = y[i]
+        c = y[i + 1]
+        m = max2(min2(a, b), min2(max2(a, b), c))  # the middle one of the three
+        if fabs(b - m) > limit:
+            w[i] = 0.0
+            left -= 1
+    if not 2 * left > n:
+        for i in range(n):
+            w[i] = 1.0
+
+
+def spike_weights(const double[::1] y, double resolution, double[::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.spike_weights`."""
+    cdef Py_ssize_t n = y.shape[0]
+    cdef double* scratch = <double*> malloc((n + 1) * sizeof(double))
+    if scratch == NULL:
+        raise MemoryError()
+    if n:
+        mark_spikes(&y[0], n, resolution, &out[0], scratch)
+    free(scratch)
+
+
+cdef struct StartRule:
+    double resolution
+    double settled
+    Py_ssize_t fewest
+    double growing
+    double stray
+
+
+cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const double* t, const double* y, Py_ssize_t size,
+                              StartRule* rule, double* w, Sums* s, double* noise_out, bint* settled_out) noexcept nogil:
+    """Readings used for a start, -1 where nothing can be fitted; see start_decay."""
+    cdef Py_ssize_t used = rule.fewest if rule.fewest < size else size, i, worst, round_
+    cdef double v[3]
+    cdef double r, largest, rest, noise, spread, dof, gap
+    cdef Sums without
+    while True:
+        mark_spikes(y, used, rule.resolution, w, scratch)
+        if fill(p, t, y, w, used, True):
+            return -1
+        search(p, thin, True, s)
+        refine(p, s)
+        for round_ in range(used // 5):
+            worst = 0
+            largest = -1.0
+            for i in range(used):
+                if w[i] > 0.0:
+                    r = fabs(y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean))
+                    if r > largest:
+                        largest = r
+                        worst = i
+            dof = p.n - 3
+            rest = (s.rss - largest * largest if s.rss > largest * largest else 0.0) / (dof - 1 if dof > 2 else 1)
+            if dof < 3 or not largest > max2(rule.stray * sqrt(rest), rule.resolution):
+                break
+            # Against the spread of the others: with the worst one in, ten readings hide any outlier.
+            w[worst] = 0.0
+            if fill(p, t, y, w, used, True):
+                w[worst] = 1.0
+                fill(p, t, y, w, used, True)
+                break
+            search(p, thin, True, &without)
+            refine(p, &without)
+            gap = fabs(y[worst] - without.level - without.slope * (growth(without.rate, t[worst] - t[0]) - without.phi_mean))
+            if not gap > rule.stray * (1.0 + 3.0 / (p.n - 3)) * sqrt(without.rss / (p.n - 3)) + rule.resolution:
+                w[worst] = 1.0
+                fill(p, t, y, w, used, True)
+                break
+            s[0] = without
+        evaluate(p, s.rate, True, s)
+        dof = p.n - 3
+        rate_covariance(s, v)
+        noise = max2(s.rss / dof if dof > 0 else 0.0, max2(rule.resolution * rule.resolution / 12.0, 1e-18))
+        spread = sqrt(noise * v[2]) * (p.t[p.n - 1] - p.t[0]) * (1.0 + 1.0 / (dof if dof > 1 else 1))
+        settled_out[0] = dof > 2 and spread < rule.settled
+        if settled_out[0] or used == size:
+            noise_out[0] = noise
+            return used
+        i = <Py_ssize_t> (used * rule.growing)
+        if i < used + 1:
+            i = used + 1
+        used = i if i < size else size
+
+
+def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1] w):
+    """See :func:`thermofast.models.core._lump_numpy.start_decay`."""
+    cdef Py_ssize_t size = t.shape[0], used
+    cdef Problem p = allocate(size), thin = allocate(GRID_READINGS)
+    cdef double* scratch = <double*> malloc((size + 1) * sizeof(double))
+    cdef StartRule r
+    cdef Sums s
+    cdef double noise = 0.0
+    cdef bint done = False
+    r.resolution, r.settled, r.fewest, r.growing, r.stray = rule
+    try:
+        if scratch == NULL:
+            raise MemoryError()
+        used = start_weights(&p, &thin, scratch, &t[0], &y[0], size, &r, &w[0], &s, &noise, &done)
+        if used < 0:
+            raise ValueError(f"a start needs three readings at different times, got {size}")
+        return used, noise, done, told(&p, &s)
+    finally:
+        free(scratch)
+        free(p.t)
+        free(thin.t)
+
+
+def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const Py_ssize_t[::1] counts,
+                const double[::1] quantiles, Py_ssize_t first, tuple rule, double wide, double[:, ::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.likelihoods`."""
+    cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
+    cdef double* weights = <double*> malloc((t.shape[0] + 1) * sizeof(double))
+    cdef Py_ssize_t i, j, n = 0, round_
+    cdef Sums s
+    cdef double limit, noise, reach, steady, begun
+    cdef double bounds[4]
+    cdef double* scratch = <double*> malloc((t.shape[0] + 1) * sizeof(double))
+    cdef StartRule r
+    cdef bint done
+    if weights == NULL or scratch == NULL:
+        raise MemoryError()
+    r.resolution, r.settled, r.fewest, r.growing, r.stray = rule
+    with nogil:
+        for i in range(counts.shape[0]):
+            n = counts[i]
+            for j in range(out.shape[1]):
+                out[i, j] = NAN
+            for j in range(n):
+                weights[j] = w[j]
+            r.fewest = n            # shorter starts than this were tried when the filter began, and none was settled
+            begun = 0.0
+            if n <= first:
+                if start_weights(&p, &thin, scratch, &t[0], &y[0], n, &r, weights, &s, &noise, &done) < 0:
+                    continue
+                begun = s.rate
+            if fill(&p, &t[0], &y[0], weights, n, False):
+                continue
+            if begun > p.low:
+                evaluate(&p, begun, True, &s)       # the start has searched the same readings already
+            else:
+                search(&p, &thin, False, &s)
+            refine(&p, &s)
+            for round_ in range(2):
+                if drop_strays(&p, &s, &t[0], &y[0], weights, n, r.stray, r.resolution, scratch) == 0:
+                    break
+                if fill(&p, &t[0], &y[0], weights, n, False):
+                    break
+                search(&p, &thin, False, &s)
+                refine(&p, &s)
+            out[i, 0] = s.rate
+            out[i, 1] = s.slope
+            out[i, 2] = s.level
+            out[i, 3] = s.phi_mean
+            out[i, 4] = s.psi_mean
+            out[i, 5] = s.weight
+            out[i, 6] = s.phi_phi
+            out[i, 7] = s.phi_psi
+            out[i, 8] = s.psi_psi
+            out[i, 9] = s.rss
+            out[i, 10] = p.n
+            out[i, 11] = p.t[p.n - 1] - p.t[0]
+            out[i, 12] = p.low
+            out[i, 13] = p.high
+            if p.n > 3:
+                noise = s.rss / (p.n - 3)
+                limit = s.rss + noise * quantiles[i] * quantiles[i]
+                reach = quantiles[i] * sqrt(noise * steady_variance(&s))
+                if reach > wide:       # far too wide whatever its shape: the first order will do
+                    steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
+                    out[i, 14] = s.rate
+                    out[i, 15] = s.rate
+                    out[i, 16] = steady - reach
+                    out[i, 17] = steady + reach
+                elif limit > s.rss:
+                    profile(&p, &s, limit, bounds)
+                    for j in range(4):
+                        out[i, 14 + j] = bounds[j]
+        if counts.shape[0] == 1:  # the caller of one wants to know which readings were left out
+            for j in range(n):
+                w[j] = weights[j]
+    free(weights)
+    free(scratch)
+    free(p.t)
+    free(thin.t)

@@ -1,0 +1,63 @@
+"""Stray readings: those that leave their two neighbours on one side and come straight back; and the noise of a record."""
+
+import math
+
+import numpy as np
+
+from ..core import kernel
+from ..core.kernel import Array
+
+
+def difference_noise(reading: Array) -> float:
+    """Standard deviation of the noise [K] from the differences of neighbours (n,), whatever the curve does."""
+    if len(reading) < 3:
+        return 0.0
+    step = np.diff(reading)
+    return 1.4826 * _median(np.abs(step - _median(step))) / math.sqrt(2.0)
+
+
+def _divided(reading: Array, time: Array) -> Array:
+    """Third divided differences (n - 3,) in the size of those of evenly spaced readings."""
+    t = np.stack([time[i : len(time) - 3 + i] for i in range(4)])
+    gaps = t[:, None] - t[None, :] + np.eye(4)[:, :, None]
+    weights = 1.0 / gaps.prod(axis=1)
+    y = np.stack([reading[i : len(reading) - 3 + i] for i in range(4)])
+    return np.asarray(math.sqrt(20.0) * (weights * y).sum(axis=0) / np.sqrt((weights**2).sum(axis=0)))
+
+
+def third_difference_noise(reading: Array, time: Array | None = None) -> float:
+    """Standard deviation of white noise [K] from third differences (n,): what a smooth curve leaves of them is nothing.
+
+    time (n,) where the readings are not evenly spaced: divided differences, each scaled to the noise it carries.
+
+    The larger of a robust and a trimmed estimate: in readings rounded to few steps the first is often nought.
+    """
+    if len(reading) < 8:
+        return difference_noise(reading)
+    third = np.diff(reading, 3) if time is None else _divided(reading, time)
+    robust = 1.4826 * _median(np.abs(third - _median(third))) / math.sqrt(20.0)
+    near = (
+        third[np.abs(third) <= 5.0 * math.sqrt(20.0) * robust] if robust > 0.0 else third[np.abs(third) <= np.ptp(reading) / 20.0]
+    )
+    return max(robust, math.sqrt(float(near @ near) / len(near) / 20.0)) if len(near) else robust
+
+
+def _median(values: Array) -> float:
+    """numpy.median without its checks, which cost more than the median of a sensor."""
+    middle = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, middle)[middle])
+    parted = np.partition(values, (middle - 1, middle))
+    return 0.5 * float(parted[middle - 1] + parted[middle])
+
+
+def spike_weights(reading: Array, resolution: float = 0.0) -> Array:
+    """1 for a reading, 0 for an isolated spike; shape (n,).
+
+    A spike differs from the median of itself and its neighbours by more than eight deviations of the noise, which is taken
+    from the differences of the record. In a monotonic stretch that median is the reading itself, however steep.
+    resolution [K] is the logger's step.
+    """
+    weights = np.empty(len(reading))
+    kernel.spike_weights(np.ascontiguousarray(reading), resolution, weights)
+    return weights

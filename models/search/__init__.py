@@ -1,0 +1,1 @@
+"""The search for a missing effect: candidates, scans, judgement, verdict."""

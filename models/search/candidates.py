@@ -1,0 +1,308 @@
+"""One effect added to a fit: every way it could act, from every promising start, on the sensors that it concerns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..core.kernel import Array
+from ..effects.base import Choice, Effect
+from ..joint import MOST_ITERATIONS, Fit, Model, Part, fit_model, rows_of, search, with_parts
+from ..observations import Observations
+from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, log_ratio, noise_floor
+from .scan import Scan, own_starts, scan, shared_starts
+
+#: Starts of a shared effect that are followed to their end.
+FOLLOWED = 3
+#: Iterations of a quick look.
+QUICK = 14
+#: Iterations of the first look at every start of an effect that each sensor has for itself, and how many are then carried on.
+GLANCE, CARRIED_ON = 8, 3
+#: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
+CONCERNED = 0.01
+#: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.
+NEEDED = 4.0
+#: A way of acting with one more parameter must gain this much over the plain one.
+WORTH = 12.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model with effects, beside the fit it was grown from: own (S,) gains over that, p chance of that gain."""
+
+    fit: Fit
+    own: Array
+    p: float
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.fit.model.parts
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        return tuple(part.id for part in self.parts)
+
+    @property
+    def gain(self) -> float:
+        return float(self.own.sum())
+
+    @cached_property
+    def floor(self) -> Array:
+        """P values (S,) of the residuals being noise."""
+        return noise_floor(self.fit)
+
+    @property
+    def at_floor(self) -> bool:
+        return least_p(self.floor) >= PATTERN
+
+    @cached_property
+    def identifiable(self) -> Identifiability:
+        return identifiability(self.fit)
+
+
+def trials(effect: Effect, run: Observations) -> float:
+    """Effective number of places at which an effect is looked for on a run."""
+    constant, by_reading = effect.places
+    return constant + by_reading * float(run.used.any(axis=0).sum())
+
+
+def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Scan]]]:
+    """Gain that a straight-line step promises, over all simple ways of acting, and the scans behind it."""
+    scans = [(c, scan(fit, effect, c)) for c in effect.choices(fit.run) if c.simple]
+    if not scans:
+        return 0.0, []
+    if effect.scope == "run":
+        best = 0.0
+        for _, found in scans:
+            starts = shared_starts(found, effect, 0, 1)
+            best = max(best, starts[0][0] if starts else 0.0)
+        return best, scans
+    per_sensor = np.max([found.gain.max(axis=0) for _, found in scans], axis=0)
+    if len(scans) == 1 and not effect.event:
+        more = [scans[0][1], *_from_other_rates(fit, effect, scans[0][0])]
+        per_sensor = np.maximum(own_starts(more, effect, 0)[0], 0.0)
+    return float(per_sensor.sum() if effect.scope == "sensor" else per_sensor.max()), scans
+
+
+def try_add(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None = None, quick: bool = False) -> Candidate | None:
+    """The best model that adds `effect` to a fit; None where the run lacks what it needs. `quick` follows the best start only."""
+    scans = first_order(before, effect)[1] if scans is None else scans
+    if not scans:
+        return None
+    if effect.scope == "run":
+        return _shared(before, effect, scans, quick)
+    if effect.scope == "one":
+        return _single(before, effect, scans, quick)
+    return _own(before, effect, scans, quick)
+
+
+def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate:
+    own = gains(before, after)
+    if effect.scope != "run":
+        own = np.where(part.concerns(before.run.sensors), own, 0.0)
+    free = len(effect.active(part.choice))
+    return Candidate(after, own, chance(effect, own, free, trials(effect, before.run)))
+
+
+def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
+    run, at = before.run, len(before.model.parts)
+    best: tuple[float, Fit, Part] | None = None
+    most = 1 if quick or len(scans) > 2 else FOLLOWED
+    for choice, found in scans:
+        part = Part(effect, choice)
+        parts = [*before.model.parts, part]
+        base = with_parts(before, parts)
+        starts = shared_starts(found, effect, at, most)
+        for large in effect.large_starts():
+            rate, level = effect.equivalent(large, base[-1, "rate"], base[-1, "level"], before.model.sink_guess)
+            starts.append((0.0, {**starts[0][1], (at, effect.amplitude): large, (-1, "rate"): rate, (-1, "level"): level}))
+        for _, start in starts:
+            fit = fit_model(run, parts, {**base, **start}, None, QUICK if quick else MOST_ITERATIONS)
+            value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
+            if best is None or value > best[0]:
+                best = value, fit, part
+    assert best is not None
+    best = best if quick else _elaborate(before, effect, best)
+    return _candidate(before, best[1], effect, best[2])
+
+
+def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
+    """Less simple ways of acting, where the simple one leaves a pattern."""
+    more = [c for c in effect.choices(before.run) if not c.simple]
+    if effect.changes_heat and any(part.effect.changes_heat for part in before.model.parts):
+        plain = best[2].choice
+        more = [
+            replace(plain, label=f"{plain.label} times the rest".strip(), constants={**plain.constants, "product": True}),
+            *more,
+        ]
+        more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
+    if not more or best[0] < WORTH or least_p(noise_floor(best[1])) >= PATTERN:
+        return best
+    values = best[1].values
+    for choice in more:
+        label = best[2].choice.constants.get("column")
+        if label and choice.constants.get("column") != label:
+            continue
+        part = Part(effect, choice)
+        parts = [*before.model.parts, part]
+        fit = fit_model(before.run, parts, values)
+        value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
+        if value > best[0] + WORTH:
+            best = value, fit, part
+    return best
+
+
+def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
+    run, at, n = before.run, len(before.model.parts), before.run.sensors
+    best: Candidate | None = None
+    for choice, found in scans:
+        promised, start = own_starts([found, *_from_other_rates(before, effect, choice)], effect, at)
+        for i in np.argsort(promised)[::-1][: 1 if quick else 2]:
+            part = Part(effect, choice, tuple(bool(j == i) for j in range(n)))
+            parts = [*before.model.parts, part]
+            fit = fit_model(run, parts, {**with_parts(before, parts), **start}, None, QUICK if quick else MOST_ITERATIONS)
+            candidate = _candidate(before, fit, effect, part)
+            if best is None or candidate.gain > best.gain:
+                best = candidate
+    assert best is not None
+    return best
+
+
+def _from_other_rates(before: Fit, effect: Effect, choice: Choice) -> list[Scan]:
+    """Scans from other rates than the fit's own."""
+    return [scan(fit, effect, choice, before.noise) for fit in before.elsewhere]
+
+
+def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate | None:
+    """Each sensor by itself from several starts, all at once; then those it concerns, with what is shared."""
+    run, at, n = before.run, len(before.model.parts), before.run.sensors
+    sensors = np.arange(n)
+    looked: list[tuple[Choice, Fit]] = []
+    for choice, starts in _own_choices(before, effect, scans, at, quick):
+        parts = [*before.model.parts, Part(effect, choice)]
+        model = Model(run, parts)
+        base = with_parts(before, parts)
+        stacked, shared = [], np.zeros(0)
+        for start in starts:
+            local, shared = model.vector({**base, **start})
+            stacked.append(local)
+        tiled = np.tile(sensors, len(starts))
+        looked.append((choice, search(model, np.concatenate(stacked), shared, None, GLANCE, tiled, hold_shared=True)))
+    best_cost = before.rss.copy()
+    best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
+    for (choice, glance), kept in zip(looked, _promising([f for _, f in looked], n), strict=True):
+        if not len(kept):
+            continue
+        own, most = kept % n, (QUICK if quick else 25) - GLANCE
+        fit = search(glance.model, glance.local[kept], glance.shared, None, most, own, hold_shared=True)
+        for row, i in enumerate(own):
+            if np.isfinite(fit.rss[row]) and fit.rss[row] < best_cost[i] * (1.0 - 1e-12):
+                best_cost[i] = fit.rss[row]
+                best_rows[i] = choice, fit, row
+    gained = log_ratio(before.rss, best_cost, before.dof)
+    own = np.array([g if r is not None else 0.0 for g, r in zip(gained, best_rows, strict=True)])
+    free = len(effect.parameters)
+    number = trials(effect, run)
+    concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < CONCERNED for i in range(n)])
+    if not concerned.any():
+        concerned[int(np.argmax(own))] = True
+    return _joined(before, effect, best_rows, concerned, quick)
+
+
+def _promising(looked: list[Fit], sensors: int) -> list[Any]:
+    """Rows of each first look that are among the CARRIED_ON best of their sensor."""
+    costs = [np.where(np.isfinite(f.rss), f.rss, np.inf).reshape(-1, sensors) for f in looked]
+    limit = np.sort(np.concatenate(costs), axis=0)[:CARRIED_ON][-1]
+    return [np.flatnonzero((c <= limit) & np.isfinite(c)) for c in costs]
+
+
+def _own_choices(
+    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], at: int, quick: bool
+) -> list[tuple[Choice, list[dict[tuple[int, str], Any]]]]:
+    """Ways of acting and starts of an effect that each sensor has for itself; neighbours are composed from the most promising."""
+    run = before.run
+    main = effect.parameter(effect.amplitude)
+    scale = run.span if main.share else 1.0
+    found = []
+    if scans[0][0].by_sensor:
+        promised = np.array([s.gain[0] for _, s in scans])
+        amplitude = np.array([s.amplitude[0] for _, s in scans])
+        order = np.argsort(-promised, axis=0)
+        sensors = np.arange(run.sensors)
+        for rank in range(min(1 if quick else 9, len(scans))):
+            pick = order[rank]
+            small = {(at, effect.amplitude): amplitude[pick, sensors]}
+            starts = [small, {(at, effect.amplitude): np.full(run.sensors, main.start)}]
+            found.append((Choice.composed([scans[p][0] for p in pick]), starts))
+        return found
+    for choice, s in scans:
+        _, start = own_starts([s, *_from_other_rates(before, effect, choice)], effect, at)
+        starts = [start]
+        for large in () if quick else effect.large_starts():
+            for point in s.points[1::5] if len(s.points) > 1 else [{}]:
+                values = {(at, k): np.full(run.sensors, v) for k, v in point.items()}
+                starts.append({(at, effect.amplitude): np.full(run.sensors, large * scale), **values})
+        found.append((choice, starts))
+    return found
+
+
+def _joined(
+    before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any, quick: bool
+) -> Candidate | None:
+    run, n = before.run, before.run.sensors
+    chosen = next((r for r in rows if r is not None), None)
+    if chosen is None:
+        return None
+    choice = Choice.composed([(r or chosen)[0] for r in rows])
+    part = Part(effect, choice, tuple(bool(c) for c in concerned))
+    parts = [*before.model.parts, part]
+    model = Model(run, parts)
+    local, shared = model.vector(with_parts(before, parts))
+    for i, r in enumerate(rows):
+        if r is not None and concerned[i]:
+            local[i] = rows_of(r[1], np.array([r[2]])).local[0]
+    fit = search(model, local, shared, None, QUICK if quick else MOST_ITERATIONS)
+    at = len(parts) - 1
+    own = {p.name: fit.values[at, p.name] for p in effect.parameters if p.each == "sensor"}
+    mirrored = effect.mirrored(np.where(part.concerns(n), fit.values[-1, "rate"], 0.0), own)
+    if mirrored is not None:
+        values = {**fit.values, **{(at, k): v for k, v in mirrored[1].items()}}
+        values[-1, "rate"] = np.where(part.concerns(n), mirrored[0], values[-1, "rate"])
+        fit = search(model, *model.vector(values))
+    if not quick:
+        fit, part = _pruned(fit, part)
+    return _candidate(before, fit, effect, part)
+
+
+def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:
+    """Without those sensors that need the effect no more once all parameters have moved together."""
+    n, effect = fit.run.sensors, part.effect
+    at = len(fit.model.parts) - 1
+    main = effect.parameter(effect.amplitude)
+    null = (main.null or 0.0) * (fit.run.span if main.share else 1.0)
+    for _ in range(2):
+        who = part.concerns(n)
+        far = np.abs(fit.values[at, effect.amplitude] - null) / np.maximum(fit.deviations[at, effect.amplitude], 1e-300)
+        # Far from nothing by the curvature there, or needed for the fit: a ridge makes a plain effect look vague.
+        drop = [i for i in np.flatnonzero(who) if far[i] < NEEDED]
+        if not drop or int(who.sum()) < 2:
+            break
+        kept = [bool(w and i not in drop) for i, w in enumerate(who)]
+        if not any(kept):
+            kept[int(np.argmax(np.where(who, far, -1.0)))] = True
+        fewer = replace(part, concerned=tuple(kept))
+        parts = [*fit.model.parts[:-1], fewer]
+        again = fit_model(fit.run, parts, with_parts(fit, parts))
+        lost = log_ratio(again.rss, fit.rss, again.dof)
+        # A sensor that loses by it gets its effect back.
+        back = [bool(k or (w and lost[i] > WORTH)) for i, (k, w) in enumerate(zip(kept, who, strict=True))]
+        if back == list(who):
+            break
+        if back != kept:
+            fewer = replace(part, concerned=tuple(back))
+            parts = [*fit.model.parts[:-1], fewer]
+            again = fit_model(fit.run, parts, with_parts(fit, parts))
+        fit, part = again, fewer
+    return fit, part

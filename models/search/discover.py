@@ -1,0 +1,311 @@
+"""Which effect is missing: a search over single effects and pairs that knows how often it would name one by chance.
+
+The rules: a set of effects is named only if chance would not give its gain (over everything that was tried), it lowers the error
+on readings left out, the record determines its parameters, and every sensor is down to its noise. Among sets that fit
+equally well the one with the fewest parameters is the verdict.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from ..core.kernel import Array
+from ..effects.base import Choice, Effect
+from ..joint import Fit, Model, Part, fit_model, search, with_parts
+from ..observations import Observations
+from .candidates import Candidate, first_order, trials, try_add
+from .heldout import held_out_errors
+from .judge import PATTERN, chance, gains, least_p, noise_floor
+from .scan import Scan
+
+#: How work is spread over processes: as the built-in ``map``, results in order.
+Spread = Callable[..., Iterable[Any]]
+
+#: Chance, over all effects and sensors of a run, of naming an effect that is not there.
+FALSE_ALARM = 0.01
+#: As PATTERN, for the residuals of a pair.
+PAIR_PATTERN = 1e-2
+#: A single effect whose residuals look like noise with this probability is not doubted.
+SOUND = 0.05
+#: Pairs that are looked at.
+PAIRS = 24
+#: Partners that each single effect brings.
+PARTNERS = 4
+#: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
+REFINED = 3
+#: A round of refinement that gains less is the last.
+WORTH_ANOTHER = 20.0
+#: Effects that are tried in the place of each one of the best pair.
+EXCHANGED = 5
+#: A log-likelihood ratio (times two) within which two models fit equally well.
+EQUAL = 9.0
+#: A log-likelihood ratio short of the named one's that leaves a rival possible: at least, a quarter of the gain, at most.
+NEARLY = (12.0, 30.0)
+#: Rivals that are told.
+MOST_ALSO = 6
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What a search found. `named` is the verdict's model, None for `none` and `unexplained`.
+
+    singles are in the order of their gain; also_possible are those models that fit as well, or for `unexplained` the nearest.
+    ahead_base, ahead (S,) [K] are errors on readings left out.
+    """
+
+    base: Fit
+    base_floor: Array
+    singles: tuple[Candidate, ...]
+    named: Candidate | None
+    also: tuple[Candidate, ...]
+    p: float
+    ahead_base: Array
+    ahead: Array | None
+    why: str
+
+    @property
+    def verdict(self) -> str:
+        if self.named is not None:
+            known = [p.id for p in self.base.model.parts]
+            return "+".join(i for i in self.named.ids if i not in known)
+        return "none" if self.why == "none" else "unexplained"
+
+
+def discover(
+    run: Observations,
+    effects: Sequence[Effect],
+    false_alarm: float = FALSE_ALARM,
+    most: int = 2,
+    known: Fit | None = None,
+    spread: Spread = map,
+) -> Discovery:
+    """Search the effects, singly and in pairs, that the base model (or the model `known`) lacks on a run.
+
+    `spread` may be the ``map`` of a ``concurrent.futures.Executor``; the result does not depend on it.
+    """
+    base = fit_model(run) if known is None else known
+    floor = noise_floor(base)
+    singles: list[Candidate] = [c for c in spread(partial(try_add, base), effects) if c is not None]
+    singles.sort(key=lambda c: -c.gain)
+    number = max(1, len(effects))
+
+    def alone(candidate: Candidate) -> bool:
+        return len(candidate.ids) == 1 + len(base.model.parts)
+
+    def over_all(candidate: Candidate) -> float:
+        # A pair is the best of all pairs: each of its halves must beat the chance of that.
+        return min(1.0, candidate.p * (number if alone(candidate) else 0.5 * number * (number + 1)))
+
+    def passes(candidate: Candidate) -> bool:
+        # Two effects can imitate more than one can: their residuals must look more like noise.
+        clean = candidate.at_floor if alone(candidate) else least_p(candidate.floor) >= PAIR_PATTERN
+        return over_all(candidate) < false_alarm and clean and candidate.identifiable.ok and candidate.fit.physical
+
+    good = [c for c in singles if passes(c)]
+    pairs: list[Candidate] = []
+    above = least_p(floor) < PATTERN
+    if most > 1 and known is None and (above or good):
+        # A single that is well down at the noise leaves room for little more.
+        sound = [c for c in good if least_p(c.floor) > SOUND]
+        pairs = _pairs(base, singles, effects, sound, spread)
+    finalists = good + [c for c in pairs if passes(c)]
+    named, also = _choose(base, finalists)
+    if named is not None and _arbitrary(base, named, pairs):
+        also, named = [named, *also], None
+    if named is not None:
+        also += _nearly(base, named, also, singles)
+    p = min((over_all(c) for c in singles), default=1.0)
+    blank = np.full(run.sensors, np.nan)
+    if named is None:
+        if not above:
+            return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
+        near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_gain(base, c))[:2]]
+        return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
+    ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
+    if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
+        why = "none" if not above else "the error on readings left out does not fall"
+        return Discovery(base, floor, tuple(singles), None, (named, *also), p, ahead_base, None, why)
+    return Discovery(base, floor, tuple(singles), named, tuple(also), over_all(named), ahead_base, ahead, "")
+
+
+def total_gain(base: Fit, candidate: Candidate) -> float:
+    """Gain over the base model."""
+    return float(gains(base, candidate.fit).sum())
+
+
+@dataclass(frozen=True)
+class _Offer:
+    """A second effect beside a fit, and what a first-order step promises of both."""
+
+    promised: float
+    root: Fit
+    effect: Effect
+    scans: list[tuple[Choice, Scan]]
+
+
+def _offers(base: Fit, effects: Sequence[Effect], least: float, most: int, afar: bool, root: Fit) -> list[_Offer]:
+    """The best partners of a root; with afar also those that are tried from far away, which may promise little from here."""
+    own, have = float(gains(base, root).sum()), [p.id for p in root.model.parts]
+    offers = []
+    for effect in effects:
+        if effect.id not in have:
+            value, scans = first_order(root, effect)
+            if scans and value > least:
+                offers.append(_Offer(own + value, root, effect, scans))
+    offers.sort(key=lambda o: -o.promised)
+    return [o for rank, o in enumerate(offers) if rank < most or (afar and o.effect.scope == "run" and o.effect.large_starts())]
+
+
+def _taken(offer: _Offer, quick: bool) -> Candidate | None:
+    return try_add(offer.root, offer.effect, offer.scans, quick)
+
+
+def _pairs(
+    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], spread: Spread
+) -> list[Candidate]:
+    """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
+    promised: dict[tuple[str, ...], _Offer] = {}
+    roots = [c.fit for c in (good[:3] if good else singles)]
+    roots += [] if good else _as_logged(base, effects)
+    # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
+    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, PARTNERS, True), roots)):
+        for offer in offers:
+            unordered = tuple(sorted((*(p.id for p in offer.root.model.parts), offer.effect.id)))
+            key = (*unordered, str(number)) if number >= len(singles) else unordered
+            if key not in promised or offer.promised > promised[key].promised:
+                promised[key] = offer
+    of_single = {c.ids[0]: c for c in singles}
+    order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else PAIRS]
+    order += [k for k in promised if len(k) > 2 and k not in order]
+    tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
+    grown = sorted(
+        [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None], key=lambda g: -total_gain(base, g[0])
+    )
+    found = [c for c, _ in grown]
+    again = [i for i, pair in enumerate(found[:REFINED]) if not good or not _sound(pair)]
+    # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
+    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= REFINED][:1]
+    for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
+        found[i] = pair
+    found.sort(key=lambda c: -total_gain(base, c))
+    if found and not good:
+        # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
+        others = [e for e in effects if e.scope == "one"] if _sound(found[0]) else effects
+        found += _exchanged(base, found[0], others, spread)
+    return [_needed(pair, of_single) for pair in found]
+
+
+def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
+    """Fits with a logged cause acting just as logged: what else is missing cannot hide behind a wrong share of it."""
+    found = []
+    for effect in effects:
+        for choice in [c for c in effect.choices(base.run) if c.simple][:2] if effect.logged else []:
+            model = Model(base.run, [Part(effect, choice)])
+            local, shared = model.vector({**base.values, (0, effect.amplitude): effect.parameter(effect.amplitude).start})
+            model.low_shared = model.high_shared = shared
+            found.append(search(model, local, shared))
+    return found
+
+
+def _sound(candidate: Candidate) -> bool:
+    return least_p(candidate.floor) > SOUND and candidate.identifiable.ok and candidate.fit.physical
+
+
+def _held(base: Fit, pair: Candidate, without: str) -> Fit:
+    """The pair's model without one of its effects, all else as the pair has it."""
+    others = [p for p in pair.parts if p.id != without]
+    model = Model(base.run, others)
+    return search(model, *model.vector(with_parts(pair.fit, others)), most=0)
+
+
+def _refined(base: Fit, pair: Candidate) -> Candidate:
+    """Each effect of a pair looked for anew while the other stands as the pair has it."""
+    for _ in range(2):
+        before = _worth(base, pair)
+        for part in pair.parts:
+            again = try_add(_held(base, pair, part.id), part.effect)
+            if again is not None and _worth(base, again) > _worth(base, pair):
+                pair = again
+        if _worth(base, pair) < before + WORTH_ANOTHER:
+            break
+    return pair
+
+
+def _worth(base: Fit, candidate: Candidate) -> float:
+    """Gain less what parameters gain by chance."""
+    return total_gain(base, candidate) - 2.0 * candidate.fit.complexity
+
+
+def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """Pairs that share one effect with the best one and that a first-order step promises most of."""
+    others = [e for e in effects if e.id not in pair.ids]
+    held = [_held(base, pair, p.id) for p in pair.parts]
+    offers = list(spread(partial(_offers, base, others, -1.0, EXCHANGED, False), held))
+    tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
+    likely: list[Candidate] = []
+    for of in offers:
+        quick = [c for c in islice(tried, len(of)) if c is not None]
+        likely += sorted(quick, key=lambda c: -total_gain(base, c))[:2]
+    return list(spread(partial(_refined, base), likely))
+
+
+def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
+    """The pair with the chance of its less certain half: each effect must be needed beside the other."""
+    p = 0.0
+    for part in pair.parts:
+        other = next(o for o in pair.parts if o.id != part.id)
+        alone = singles.get(other.id)
+        if alone is None:
+            continue
+        own = np.maximum(gains(alone.fit, pair.fit), 0.0)
+        if part.effect.scope != "run":
+            own = np.where(part.concerns(len(own)), own, 0.0)
+        free = len(part.effect.active(part.choice))
+        p = max(p, chance(part.effect, own, free, trials(part.effect, pair.fit.run)))
+        if float(own.sum()) < 2.0 * EQUAL:
+            p = 1.0
+    return Candidate(pair.fit, pair.own, p)
+
+
+def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
+    if not finalists:
+        return None, []
+    value = {id(c): float(gains(base, c.fit, careful=False).sum()) for c in finalists}
+    best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.fit.complexity)
+    limit = value[id(best)]
+    equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.fit.complexity - c.fit.complexity)]
+    equal.sort(key=lambda c: (len(c.ids), c.fit.complexity, -value[id(c)]))
+    named = equal[0]
+    also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
+    return named, also[:MOST_ALSO]
+
+
+def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
+    """Whether a pair draws the misfit of a single sensor, where two effects can draw nearly anything, or is one of several."""
+    if len(named.parts) - len(base.model.parts) < 2:
+        return False
+    n = base.run.sensors
+    who = [p.concerns(n) for p in named.parts]
+    shared = any(p.effect.scope == "run" for p in named.parts)
+    if shared and n > 1:
+        return False
+    if not shared and (int(np.logical_or.reduce(who).sum()) > 1):
+        return False
+    if not shared and not any(p.effect.event for p in named.parts):
+        return True
+    best = total_gain(base, named)
+    rivals = [c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_gain(base, c) > best - NEARLY[1]]
+    return bool(rivals)
+
+
+def _nearly(base: Fit, named: Candidate, also: list[Candidate], singles: list[Candidate]) -> list[Candidate]:
+    """Single effects that leave no pattern either and gain nearly as much, whether or not they would be named themselves."""
+    best = total_gain(base, named)
+    slack = min(max(NEARLY[0], 0.25 * best), NEARLY[1])
+    ids = {c.ids for c in (named, *also)}
+    near = [c for c in singles if c.ids not in ids and c.at_floor and c.fit.physical and total_gain(base, c) > best - slack]
+    return near[: max(0, MOST_ALSO - len(also))]

@@ -1,0 +1,1 @@
+"""What uncertainty does to a result: polynomial chaos, reliability, first passages."""

@@ -1,0 +1,1 @@
+"""Around the result: sensitivity, displacement, simulated records."""

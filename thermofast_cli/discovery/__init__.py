@@ -1,0 +1,1 @@
+"""The discovery loop over all sensors of a run: compare, diagnose, improve."""

@@ -1,0 +1,262 @@
+"""``compare``: the model beside the measurement, how well and where it fails."""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import Observations
+from thermofast.models.greybox import Model
+from thermofast.models.joint import Fit
+from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
+from thermofast.models.search.heldout import held_out_errors
+from thermofast.models.search.judge import PATTERN, noise_floor
+
+from ..errors import ThermofastError
+from ..records import CompareRecord, finite
+from .colour import colour_of
+from .logged_steps import steps_near
+from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
+from .stretches import failing_stretches
+
+Array = NDArray[np.float64]
+
+#: A correlation is told where chance gives it once in so many looks.
+CORRELATED = 1e-3
+MOST_TOLD = 12
+HOLDS = "the model holds where it was fitted and fails ahead: "
+UNSEEN = "the first minutes did not show what it lacks, or something changed later that nothing logs, which no fit could know"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Records of a run and what a picture of it shows."""
+
+    records: list[CompareRecord]
+    pictures: list["Panel"] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One sensor: measurement, model, residual over time [min], failing stretches, inputs."""
+
+    run: str
+    channel: str
+    time: Array
+    reading: Array
+    model: Array
+    failing: list[tuple[float, float, float]]
+    until: float | None
+    effects: str
+    noise: float
+    inputs: dict[str, Array]
+
+
+def compare_task(task: LoopTask) -> list[Comparison]:
+    """A run compared; whatever is wrong with it is a record."""
+    try:
+        return [_compare(task)]
+    except ThermofastError as error:
+        return [Comparison(failure_records(CompareRecord, task, error))]
+
+
+def compare_lost(task: LoopTask) -> list[Comparison]:
+    """The record of a run whose worker died."""
+    return [
+        Comparison(
+            [CompareRecord(task.run.name, "", status="diverged", message="the worker process died; run it alone with --jobs 1")]
+        )
+    ]
+
+
+def _compare(task: LoopTask) -> Comparison:
+    observed, prepared = ready(task)
+    if prepared is None:
+        return Comparison(refused_records(CompareRecord, task.run.name, observed))
+    whole, seen = prepared.whole, prepared.seen
+    fit, notes = first_model(task, prepared)
+    ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
+    floor = noise_floor(fit)
+    residual = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
+    effects = ids_of(fit.model.parts)
+    low, high = curve_bounds(fit, dict(task.input_ranges))
+    if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
+        notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
+    records, panels = [], []
+    for i, channel in enumerate(whole.channels):
+        colour = colour_of(fit, i, float(floor[i]))
+        # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
+        wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
+        noise = wider * float(fit.noise[i]) if colour.short else float(seen.noise[i])
+        unsure = wider * fit.curve_deviation(i)
+        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], noise, unsure)
+        worst = max(stretches, key=lambda s: abs(s[2]), default=None)
+        unused = whole.used[i] & ~fit.run.used[i]
+        inside = residual[i][fit.run.used[i]]
+        bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
+        along = correlations(fit, whole, residual, i)
+        count = int(whole.used[i].sum())
+        few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
+        messages = [few, colour.words, _in_words(along), *notes, *prepared.notes_of(channel)]
+        if stretches and floor[i] >= PATTERN and unused.any():
+            steps = steps_near(whole, min(a for a, _, _ in stretches))
+            messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
+        # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
+        sound = (floor[i] >= PATTERN and not colour.cycles) or (colour.short and colour.whitened_p >= PATTERN)
+        status = "ok" if sound and not stretches else "model_doubtful"
+        records.append(
+            CompareRecord(
+                task.run.name,
+                channel,
+                effects=effects,
+                until_min=task.until_min,
+                samples=int(fit.readings[i]),
+                rmse_fit_c=float(fit.rmse[i]),
+                rmse_ahead_c=finite(ahead[i]),
+                rmse_one_step_c=_one_step(fit, whole, i),
+                bias_c=bias,
+                noise_c=float(seen.noise[i]),
+                whiteness_p=float(floor[i]),
+                noise_order=colour.order,
+                whitened_p=finite(colour.whitened_p),
+                long_run_factor=colour.long_run_factor,
+                area_metric_c=_area(whole, fit, low, high, i) if whole.used[i].any() else None,
+                worst_from_min=worst[0] if worst else None,
+                worst_to_min=worst[1] if worst else None,
+                worst_error_c=worst[2] if worst else None,
+                failing=[{"from_min": a, "to_min": b, "size_c": s} for a, b, s in stretches],
+                goes_along_with=along,
+                status=status,
+                message="; ".join(dict.fromkeys(m for m in messages if m)),
+            )
+        )
+        if task.want_curves:
+            name = "base model" if not effects else "base + " + " + ".join(effects)
+            panels.append(
+                Panel(
+                    task.run.name,
+                    channel,
+                    whole.time,
+                    np.where(whole.used[i], whole.reading[i], np.nan),
+                    fit.curve[i],
+                    stretches,
+                    task.until_min,
+                    name,
+                    float(seen.noise[i]),
+                    {**whole.ambient, **whole.inputs},
+                )
+            )
+    records += refused_records(CompareRecord, task.run.name, observed)
+    return Comparison(in_order(records, task.run), panels)
+
+
+def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
+    """Error of the next reading told from the last one: the residual carried on by the sensor's own decay."""
+    good = np.flatnonzero(whole.used[i])
+    if len(good) < 3:
+        return None
+    residual = whole.reading[i][good] - fit.curve[i][good]
+    rate = float(fit.values[-1, "rate"][i])
+    kept = np.exp(-rate * np.diff(whole.time[good]))
+    return float(np.sqrt(np.mean((residual[1:] - kept * residual[:-1]) ** 2)))
+
+
+def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
+    """Least and largest curve (S, N), (S, N) [degC] while each logged input named lies within +- its range, all else held."""
+    run = fit.run
+    low, high = fit.curve, fit.curve
+    for name, reach in ranges.items():
+        for share in (-1.0, -0.5, 0.5, 1.0):
+            moved = replace(
+                run,
+                ambient={n: c + share * reach * (n == name) for n, c in run.ambient.items()},
+                inputs={n: c + share * reach * (n == name) for n, c in run.inputs.items()},
+            )
+            shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
+            model = Model(moved, fit.model.parts)
+            local = fit.local.copy()
+            # The heating is what it was: surroundings that are warmer make the machine warmer.
+            local[:, 1] += model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
+            curve = model.forward(local, shared, np.arange(run.sensors))
+            low, high = np.minimum(low, curve), np.maximum(high, curve)
+    return low, high
+
+
+def _area(whole: Observations, fit: Fit, low: Array, high: Array, i: int) -> float:
+    """Area metric [K] of one sensor: the parameters' uncertainty random, the declared input ranges intervals."""
+    good = whole.used[i]
+    deviation = fit.curve_deviation(i)[good]
+    deviation = np.minimum(np.nan_to_num(deviation, nan=0.0, posinf=1e6), 1e6)
+    bounds = low[i][good], high[i][good]
+    noise = float(whole.noise[i]) / math.sqrt(float(np.median(whole.weight[i][good])))
+    return record_area_metric(whole.reading[i][good], fit.curve[i][good], deviation, *bounds, noise=noise)
+
+
+def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list[dict[str, Any]]:
+    """How a sensor's residual goes along with logged inputs and the other sensors' residuals, and how late it follows.
+
+    Slow signals are alike by chance: an input is compared after the lump has smoothed it, at the lump's own lag, and the number
+    of independent samples is that left by the autocorrelation of both (Bartlett 1935).
+    """
+    good = whole.used[i]
+    own = fit.unrounded[i] if not (whole.used & ~fit.run.used).any() else np.nan_to_num(residual[i])
+    rate = float(fit.values[-1, "rate"][i])
+    found = []
+    offers = {**whole.ambient, **whole.inputs}
+    for name, column in offers.items():
+        if np.ptp(column) > 0.0:
+            smooth = _smoothed(whole.time, column, rate)
+            found.append((name, smooth, 1.0 / rate))
+    for j, other in enumerate(whole.channels):
+        if j != i:
+            found.append((other, np.nan_to_num(residual[j]), 0.0))
+    told: list[dict[str, Any]] = []
+    for name, series, late in found:
+        both = good if name in offers else good & np.isfinite(residual[whole.channels.index(name)])
+        r, p = _correlation(whole.time[both], own[both], series[both])
+        told.append({"name": name, "correlation": round(r, 3), "late_min": round(late, 1), "p": float(f"{p:.3g}")})
+    told = [t for t in told if t["late_min"] < 0.5 * whole.span]
+    return sorted(told, key=lambda t: (t["p"], -abs(t["correlation"])))[:MOST_TOLD]
+
+
+def _smoothed(time: Array, column: Array, rate: float) -> Array:
+    from thermofast.models.core.kernel import followed
+
+    out = np.empty((1, len(time)))
+    followed(time, np.ascontiguousarray(column), np.array([1.0 / rate]), out)
+    smooth: Array = out[0]
+    return smooth
+
+
+def _correlation(time: Array, a: Array, b: Array) -> tuple[float, float]:
+    """Correlation of two series (n,) without their straight lines, and its p value from the number of independent samples."""
+    if len(a) < 20:
+        return 0.0, 1.0
+    line = np.stack([np.ones(len(time)), time - time.mean()], axis=1)
+    a = a - line @ np.linalg.lstsq(line, a, rcond=None)[0]
+    b = b - line @ np.linalg.lstsq(line, b, rcond=None)[0]
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    if not size > 0.0:
+        return 0.0, 1.0
+    r = float(a @ b) / size
+    n = len(a)
+    spectra = [np.abs(np.fft.rfft(x, 2 * n)) ** 2 for x in (a, b)]
+    auto = [np.fft.irfft(s)[: n // 2] / max(float(x @ x), 1e-300) for s, x in zip(spectra, (a, b), strict=True)]
+    independent = n / max(1.0, 1.0 + 2.0 * float((auto[0][1:] * auto[1][1:]).sum()))
+    independent = min(max(independent, 3.0), float(n))
+    from thermofast.models.core.tails import normal_tail
+
+    z = math.atanh(min(abs(r), 0.999999)) * math.sqrt(max(independent - 3.0, 0.1))
+    return r, 2.0 * normal_tail(z)
+
+
+def _in_words(along: list[dict[str, Any]]) -> str:
+    plain = [t for t in along if t["p"] < CORRELATED / len(along)]
+    if not plain:
+        return ""
+    first = plain[0]
+    late = f", {first['late_min']:g} min late" if first["late_min"] else ""
+    others = f" (and {len(plain) - 1} more)" if len(plain) > 1 else ""
+    return f"the residual goes along with {first['name']}{late} (correlation {first['correlation']:.2f}){others}"

@@ -1,0 +1,207 @@
+"""``improve``: add effects, refit, and watch the error fall."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise, permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models.effects.base import Effect
+from thermofast.models.joint import Fit, fit_model
+from thermofast.models.search.candidates import Candidate, try_add
+from thermofast.models.search.discover import Spread, total_gain
+from thermofast.models.search.heldout import held_out_errors
+from thermofast.models.search.judge import PATTERN, least_p, noise_floor
+
+from ..errors import ThermofastError
+from ..machine.modelfile import ModelFile, model_file
+from ..records import ImproveRecord, finite
+from .diagnose import search_run, unlogged_room, words
+from .loop import (
+    LoopTask,
+    Ready,
+    ahead_errors,
+    check_inputs,
+    failure_records,
+    ids_of,
+    in_order,
+    parameters_of,
+    pooled,
+    ready,
+    refused_records,
+)
+from .observe import Observed
+from .plugins import chosen_effects, load_effect
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A model of the staircase with its errors (S,) [K]."""
+
+    fit: Fit
+    ahead: Array
+    floor: Array
+
+
+@dataclass(frozen=True)
+class Improved:
+    """Records of a run's steps, the model learnt, and what the staircase plot shows."""
+
+    records: list[ImproveRecord]
+    model: ModelFile | None = None
+    labels: list[str] = field(default_factory=list)
+    fit_errors: list[Array] = field(default_factory=list)
+    ahead_errors: list[Array] = field(default_factory=list)
+    noise: Array | None = None
+    run: str = ""
+    channels: tuple[str, ...] = ()
+
+
+def improve_task(task: LoopTask, spread: Spread = map) -> list[Improved]:
+    """A run improved; whatever is wrong with it is a record."""
+    try:
+        return [_improve(task, spread)]
+    except ThermofastError as error:
+        return [Improved(failure_records(ImproveRecord, task, error))]
+
+
+def improve_lost(task: LoopTask) -> list[Improved]:
+    """The record of a run whose worker died."""
+    why = "the worker process died; run it alone with --jobs 1"
+    return [Improved([ImproveRecord(task.run.name, "", status="diverged", message=why)])]
+
+
+def _step(fit: Fit, prepared: Ready, until: float | None) -> Step:
+    ahead = ahead_errors(fit, prepared.whole) if until is not None else held_out_errors(fit)
+    return Step(fit, ahead, noise_floor(fit))
+
+
+def _improve(task: LoopTask, spread: Spread) -> Improved:
+    observed, prepared = ready(task)
+    if prepared is None:
+        return Improved(refused_records(ImproveRecord, task.run.name, observed))
+    base = _step(fit_model(prepared.seen), prepared, task.until_min)
+    steps, stopped, notes = [base], "", prepared.notes_of()
+    if task.auto:
+        told = search_run(task, prepared, spread)
+        found = told.discovery
+        notes += told.broken
+        if found.named is None:
+            evidence, advice, _ = words(found, prepared.seen)
+            stopped = f"{found.verdict}: {evidence}. {advice}"
+        else:
+            steps, remark = _staircase(prepared, task.until_min, base, found.named)
+            names = " and ".join(found.named.ids)
+            notes += [room] if (room := unlogged_room(found, prepared.seen)) else []
+            stopped = f"{remark}every sensor is down to its noise with {names}; nothing more would be told from chance"
+    elif task.names:
+        effects = chosen_effects(task.names, task.extra)
+        check_inputs(effects, prepared.whole)
+        added = _all_added(base.fit, effects)
+        if added is None:
+            stopped = "no fit was found with these effects"
+        else:
+            steps, remark = _staircase(prepared, task.until_min, base, added)
+            left = least_p(steps[-1].floor) < PATTERN
+            stopped = remark + (
+                "the effects asked for are in; a pattern remains: see thermofast diagnose"
+                if left
+                else "the effects asked for are in, and every sensor is down to its noise"
+            )
+            if not added.identifiable.ok:
+                notes.append(f"not determined by this record: {added.identifiable.why}")
+    else:
+        stopped = "the base model was asked for"
+    return _improved(task, observed, prepared, steps, stopped, notes)
+
+
+def _all_added(base: Fit, effects: list[Effect]) -> Candidate | None:
+    """Effects added one after the other, in the order that gains most."""
+    best: Candidate | None = None
+    orders = list(permutations(effects)) if len(effects) < 3 else [tuple(effects)]
+    for order in orders:
+        fit, found = base, None
+        for effect in order:
+            found = try_add(fit, effect)
+            if found is None:
+                break
+            fit = found.fit
+        if found is not None and (best is None or total_gain(base, found) > total_gain(base, best)):
+            best = found
+    return best
+
+
+def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidate) -> tuple[list[Step], str]:
+    """Steps to the final model in an order in which the error ahead falls; says so where there is none."""
+    last = _step(final.fit, prepared, until)
+    effects = [p.effect for p in final.parts]
+    if len(effects) < 2:
+        return [base, last], ""
+    best: tuple[int, float, list[Step]] | None = None
+    for order in permutations(effects) if len(effects) < 4 else [tuple(effects)]:
+        steps, fit = [base], base.fit
+        for effect in order[:-1]:
+            found = try_add(fit, effect)
+            if found is None:
+                break
+            fit = found.fit
+            steps.append(_step(fit, prepared, until))
+        if len(steps) < len(effects):
+            continue
+        steps.append(last)
+        errors = [pooled(s.ahead) for s in steps]
+        rises = sum(b >= a for a, b in pairwise(errors))
+        if best is None or (rises, errors[1]) < best[:2]:
+            best = rises, errors[1], steps
+    if best is None:
+        return [base, last], "the effects only work together; "
+    if best[0]:
+        return best[2], "in no order does the error fall at every step: only together do these effects help; "
+    return best[2], ""
+
+
+def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[Step], stopped: str, notes: list[str]) -> Improved:
+    seen = prepared.seen
+    records: list[Any] = []
+    labels = []
+    for number, step in enumerate(steps):
+        before = ids_of(steps[number - 1].fit.model.parts) if number else []
+        effects = sorted(ids_of(step.fit.model.parts), key=lambda e: (e not in before, before.index(e) if e in before else 0))
+        new = [e for e in effects if e not in before]
+        labels.append("base model" if number == 0 else "+ " + " + ".join(new or effects))
+        final = number == len(steps) - 1
+        for i, channel in enumerate(seen.channels):
+            ahead = step.ahead[i]
+            records.append(
+                ImproveRecord(
+                    task.run.name,
+                    channel,
+                    step=number,
+                    effects=effects,
+                    rmse_fit_c=float(step.fit.rmse[i]),
+                    rmse_ahead_c=finite(ahead),
+                    noise_c=float(seen.noise[i]),
+                    whiteness_p=float(step.floor[i]),
+                    parameters=parameters_of(step.fit, i),
+                    stopped_because=stopped if final else "",
+                    status="ok" if step.floor[i] >= PATTERN else "model_doubtful",
+                    message="; ".join(dict.fromkeys(notes)) if final else "",
+                )
+            )
+    records += refused_records(ImproveRecord, task.run.name, observed)
+    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
+    learnt = model_file(steps[-1].fit, task.run.name, prepared.readings, task.until_min, files)
+    ordered = [r for s in range(len(steps)) for r in in_order([x for x in records if x.step == s], task.run)]
+    return Improved(
+        ordered,
+        learnt,
+        labels,
+        [s.fit.rmse for s in steps],
+        [s.ahead for s in steps],
+        seen.noise,
+        task.run.name,
+        seen.channels,
+    )

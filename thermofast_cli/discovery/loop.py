@@ -1,0 +1,182 @@
+"""One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import Observations
+from thermofast.models.effects.base import Effect
+from thermofast.models.joint import Fit, Part, fit_model
+from thermofast.models.search.discover import FALSE_ALARM
+
+from ..errors import ThermofastError, UsageError, nearest
+from ..machine.learnt import carry
+from ..machine.modelfile import read_model
+from ..reading import Run
+from ..records import Record
+from .observe import Note, Observed, observe
+from .plugins import chosen_effects
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LoopTask:
+    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects."""
+
+    run: Run
+    start_min: float = 0.0
+    until_min: float | None = None
+    names: tuple[str, ...] = ()
+    extra: tuple[str, ...] = ()
+    model: str | None = None
+    drive: str | None = None
+    auto: bool = False
+    false_alarm: float = FALSE_ALARM
+    input_ranges: tuple[tuple[str, float], ...] = ()
+    want_curves: bool = False
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What a progress bar counts."""
+        return tuple(self.run.channels)
+
+    def singles(self) -> list["LoopTask"]:
+        """A joint fit has no smaller parts."""
+        return [self]
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A run made ready: all readings and those up to the identification time on one grid."""
+
+    notes: tuple[Note, ...]
+    readings: int
+    whole: Observations
+    seen: Observations
+
+    def notes_of(self, channel: str | None = None) -> list[str]:
+        """What the reader said of the run, and of one sensor or of all."""
+        mine = [n for n in self.notes if channel is None or n.channel in (None, channel)]
+        return [n.text if n.channel is None else f"{n.channel}: {n.text}" for n in mine]
+
+
+def check_drive(run: Run, drive: str | None) -> None:
+    """Raises UsageError where --drive names no logged input of the run."""
+    if drive is not None and drive not in run.inputs:
+        raise UsageError(
+            f"{run.name}: --drive {drive!r} is no logged input",
+            allowed=", ".join(run.inputs) or "this run logs none",
+            do=nearest(drive, run.inputs) or "name a column with --inputs to make it one",
+        )
+
+
+def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
+    """What the reader found of a run, and its observations, None where no sensor is usable.
+
+    Raises
+    ------
+    UsageError: --drive names no logged input, or the record is too short before --until.
+    """
+    check_drive(task.run, task.drive)
+    observed = observe(task.run, task.start_min, task.drive)
+    if observed.seen is None:
+        return observed, None
+    return observed, Ready(observed.notes, observed.readings, observed.seen, observed.seen.until(task.until_min))
+
+
+def check_inputs(effects: list[Effect], whole: Observations) -> None:
+    """Raises UsageError where an effect that was asked for lacks an input."""
+    for effect in effects:
+        if not effect.choices(whole):
+            have = [*whole.ambient, *whole.inputs]
+            raise UsageError(
+                f"{whole.name}: the effect {effect.id!r} needs {effect.needs or 'an input that this run does not log'}",
+                found=f"inputs: {', '.join(have) or 'none'}; sensors: {', '.join(whole.channels[:8])}",
+                do="leave the effect out" + ("" if "sensor" in effect.needs else ", or name the column with --ambient or --inputs"),
+            )
+
+
+def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
+    """The model to look at: a learnt one, the effects named, or the base model; with what there is to say about it."""
+    from thermofast.models.search.candidates import try_add
+
+    if task.model is not None:
+        carried = carry(read_model(task.model), prepared.seen, task.run.name, task.model)
+        return carried.fit, list(carried.notes)
+    fit = fit_model(prepared.seen)
+    notes = []
+    effects = chosen_effects(task.names, task.extra) if task.names else []
+    check_inputs(effects, prepared.whole)
+    for effect in effects:
+        found = try_add(fit, effect)
+        if found is None:
+            notes.append(f"{effect.id}: nothing to fit")
+            continue
+        fit = found.fit
+    return fit, notes
+
+
+def ids_of(parts: tuple[Part, ...]) -> list[str]:
+    """Effect ids in order."""
+    return [part.id for part in parts]
+
+
+def failure_records(kind: type[Record], task: LoopTask, error: ThermofastError) -> list[Any]:
+    """One record that says why a run could not be worked on."""
+    return [kind(run=task.run.name, channel="", status="unreadable", message=str(error).replace("\n ", ";"))]  # type: ignore[call-arg]
+
+
+def refused_records(kind: type[Record], run: str, observed: Observed) -> list[Any]:
+    """Records of sensors that a joint fit leaves out."""
+    return [kind(run=run, channel=c, status=status, message=why) for c, status, why in observed.refused]  # type: ignore[call-arg]
+
+
+def in_order(records: list[Any], run: Run) -> list[Any]:
+    """Records in the order of the run's sensors."""
+    place = {c: i for i, c in enumerate(run.channels)}
+    return sorted(records, key=lambda r: place.get(r.channel, len(place)))
+
+
+def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, Any]]:
+    """{effect.parameter: {value, se, unit}} of a fit's effects; for one sensor, its own and the shared ones."""
+    found: dict[str, dict[str, Any]] = {}
+    values, errors = fit.values, fit.deviations
+    for c in (*fit.model.local, *fit.model.shared):
+        if c.part < 0:
+            continue
+        key = c.part, c.parameter.name
+        part = fit.model.parts[c.part]
+        if c.parameter.each == "sensor":
+            if sensor is None or not part.concerns(fit.run.sensors)[sensor]:
+                continue
+            value, error = float(values[key][sensor]), float(errors[key][sensor])
+        else:
+            value, error = float(values[key]), float(errors[key])
+        if c.parameter.log:
+            error *= value
+        known = bool(np.isfinite(error) and error < 1e6 * max(abs(value), 1e-9))
+        name = f"{part.id}.{c.parameter.name}"
+        found[name] = {
+            "value": float(f"{value:.6g}"),
+            "standard_error": float(f"{error:.2g}") if known else None,
+            "unit": c.parameter.unit,
+        }
+    return found
+
+
+def pooled(errors: Any) -> float:
+    """Root mean square over sensors (S,) [K] of those that have an error; nan where none has."""
+    good = np.asarray(errors, dtype=float)
+    good = good[np.isfinite(good)]
+    return float(np.sqrt(np.mean(good**2))) if len(good) else float("nan")
+
+
+def ahead_errors(fit: Fit, whole: Observations) -> Array:
+    """Root mean square error (S,) [K] on the readings that the fit did not see, the model running freely with logged inputs."""
+    after = np.where(fit.run.used, 0.0, whole.weight) > 0.0
+    error = np.where(after, np.nan_to_num(whole.reading) - fit.curve, 0.0)
+    count = after.sum(axis=1)
+    return np.asarray(np.sqrt(np.where(count > 0, (error**2).sum(axis=1) / np.maximum(count, 1), np.nan)))

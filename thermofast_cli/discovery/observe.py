@@ -1,0 +1,181 @@
+"""A run made ready for a joint fit: all sensors on one grid, thinned where that loses nothing, noise and rounding told apart."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import Observations, fit_decay, spike_weights, third_difference_noise
+from thermofast.models.joint import fit_model
+
+from ..estimation.sensor import logger_step, saturated
+from ..reading import Run
+
+Array = NDArray[np.float64]
+
+#: A joint fit looks at no more readings of a sensor than about this many.
+ENOUGH = 700
+#: Readings are averaged over no more than this share of a time constant, and the grid is no coarser than that.
+FINE = 0.05
+#: No grid has more points than this.
+MOST_POINTS = 1500
+FEWEST_READINGS = 24
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something to say of a sensor, or of the whole run (None)."""
+
+    channel: str | None
+    text: str
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What a joint fit sees of a run; refused are (channel, status, why) of sensors it leaves out."""
+
+    seen: Observations | None
+    refused: tuple[tuple[str, str, str], ...]
+    notes: tuple[Note, ...]
+    readings: int = 0
+
+
+def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Observed:
+    """All usable sensors of a run from `start_min` on, time counted from there."""
+    keep = run.time_s / 60.0 >= start_min - 1e-9
+    time = run.time_s[keep] / 60.0 - start_min
+    channels, rows, weights, steps, refused, notes = [], [], [], [], [], []
+    for name, values in run.channels.items():
+        reading = values[keep]
+        good = np.isfinite(reading)
+        status = _refusal(reading[good])
+        if status:
+            refused.append((name, *status))
+            continue
+        step = logger_step(reading[good])
+        weight = good.astype(float)
+        at = np.flatnonzero(good)
+        stuck = saturated(reading[good], step)
+        if stuck.any():
+            weight[at[stuck]] = 0.0
+            notes.append(Note(name, f"{int(stuck.sum())} readings stuck at the end of the range left out"))
+        weight[at] *= spike_weights(np.ascontiguousarray(reading[good]), step)
+        channels.append(name)
+        rows.append(reading)
+        weights.append(weight)
+        steps.append(step)
+    if not channels:
+        return Observed(None, tuple(refused), tuple(notes))
+    used = {n: _filled(time, c[keep]) for n, c in run.ambient.items() if np.isfinite(c[keep]).any()}
+    inputs = {n: _filled(time, c[keep]) for n, c in run.inputs.items() if np.isfinite(c[keep]).any()}
+    reading, weight = np.array(rows), np.array(weights)
+    rates = [_rate(time, r, w) for r, w in zip(reading, weight, strict=True)]
+    seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates)
+    if note:
+        notes.append(Note(None, note))
+    if drive is not None:
+        # Loggers hold a column, or tell what was, or mean a straight line: the temperatures know which.
+        ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
+        seen = min(ways, key=lambda way: float((fit_model(way).rss / way.noise**2).sum()))
+    return Observed(seen, tuple(refused), tuple(notes), len(time))
+
+
+def _refusal(reading: Array) -> tuple[str, str] | None:
+    if not len(reading):
+        return "no_data", "no reading in this column"
+    if len(reading) < FEWEST_READINGS:
+        return "too_short", f"{len(reading)} readings; at least {FEWEST_READINGS} are needed to judge a model"
+    if float(np.ptp(reading)) == 0.0:
+        return "constant", f"every reading is {reading[0]:g} degC: is the probe connected?"
+    return None
+
+
+def _filled(time: Array, column: Array) -> Array:
+    good = np.isfinite(column)
+    return column if good.all() else np.interp(time, time[good], column[good])
+
+
+def _rate(time: Array, reading: Array, weight: Array) -> float:
+    """Rate of the base law [1/min], no less than what the record can show."""
+    used = weight > 0.0
+    span = float(time[-1] - time[0])
+    return max(fit_decay(time[used], reading[used], weight[used]).rate, 2.0 / span)
+
+
+def _gridded(
+    name: str,
+    channels: tuple[str, ...],
+    time: Array,
+    reading: Array,
+    weight: Array,
+    steps: Array,
+    ambient: dict[str, Array],
+    inputs: dict[str, Array],
+    rates: list[float],
+) -> tuple[Observations, str]:
+    """Long records averaged over neighbours, gaps and coarse sampling filled with points without readings."""
+    noise = np.array([third_difference_noise(r[w > 0.0], time[w > 0.0]) for r, w in zip(reading, weight, strict=True)])
+    finest = FINE / float(np.median(rates))
+    together = max(1, math.floor(min(len(time) / ENOUGH, finest / float(np.median(np.diff(time))))))
+    note = ""
+    if together > 1:
+        note = f"{together} neighbouring readings averaged into one: nothing in this record is faster"
+        time, reading, weight, ambient, inputs = _averaged(together, time, reading, weight, ambient, inputs)
+        # The rounding of a noisy reading averages out; of a quiet one it stays.
+        dithered = noise > 0.4 * steps
+        steps = np.where(dithered, 0.0, steps)
+        weight = np.where(dithered[:, None], weight, np.minimum(weight, 1.0))
+    floor = np.where(steps > 0.0, steps / math.sqrt(12.0), 1e-9)
+    noise = np.maximum(noise, floor)
+    grid = _grid(time, finest)
+    at = np.searchsorted(grid, time - 1e-9)
+    wide = np.full((len(channels), len(grid)), np.nan)
+    wide[:, at] = reading
+    heavy = np.zeros_like(wide)
+    heavy[:, at] = np.where(np.isfinite(reading), weight, 0.0)
+    ambient_noise = 0.0
+    if ambient:
+        first = next(iter(ambient.values()))
+        ambient_noise = third_difference_noise(first, time)
+    seen = Observations(
+        name,
+        channels,
+        grid,
+        wide,
+        heavy,
+        noise,
+        steps,
+        {n: np.interp(grid, time, c) for n, c in ambient.items()},
+        {n: np.interp(grid, time, c) for n, c in inputs.items()},
+        ambient_noise,
+    )
+    return seen, note
+
+
+def _averaged(
+    size: int, time: Array, reading: Array, weight: Array, ambient: dict[str, Array], inputs: dict[str, Array]
+) -> tuple[Array, Array, Array, dict[str, Array], dict[str, Array]]:
+    edges = np.arange(0, len(time), size)
+    count = np.diff(np.append(edges, len(time)))
+    heavy = np.add.reduceat(weight, edges, axis=1)
+    total = np.add.reduceat(np.nan_to_num(reading) * weight, edges, axis=1)
+    with np.errstate(all="ignore"):
+        means = np.where(heavy > 0.0, total / heavy, np.nan)
+
+    def mean(column: Array) -> Array:
+        return np.asarray(np.add.reduceat(column, edges) / count)
+
+    columns = [{n: mean(c) for n, c in group.items()} for group in (ambient, inputs)]
+    return mean(time), means, heavy, columns[0], columns[1]
+
+
+def _grid(time: Array, finest: float) -> Array:
+    finest = max(finest, float(time[-1] - time[0]) / MOST_POINTS)
+    pieces = np.maximum(1, np.ceil(np.diff(time) / finest - 1e-9).astype(int))
+    points = [time[:1]]
+    for a, b, k in zip(time[:-1], time[1:], pieces, strict=True):
+        points.append(a + (b - a) * np.arange(1, k + 1) / k)
+    grid = np.concatenate(points)
+    grid[np.cumsum(np.concatenate([[0], pieces]))] = time
+    return grid

@@ -1,0 +1,86 @@
+"""Where a model fails: the stretches in which a residual leaves the noise."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models.noise.threshold import adaptive_threshold
+
+Array = NDArray[np.float64]
+
+#: A stretch fails where its running mean leaves this many standard errors of white noise.
+FAILS = 4.5
+#: Deviations of the model itself that are no failure.
+UNSURE = 3.0
+#: Readings whose moments set the adaptive limits of the next, deviations of the limits, readings in a row beyond that count.
+WINDOW, DEVIATIONS, IN_A_ROW = 20, 3.0, 3
+
+
+def failing_stretches(
+    time: Array, residual: Array, weight: Array, noise: float, unsure: Array | None = None
+) -> list[tuple[float, float, float]]:
+    """(from, to, mean residual [K]) of stretches where the residual (N,), nan for none, leaves a running mean's band.
+
+    The band is that of the noise and, ahead of the fit, of the model's own standard deviation `unsure` (N,) [K].
+    Looks at running means over 5, 15 and 45 readings: a long shallow failure shows in the long one, a short one in the short.
+    A sudden change of a residual that is already patterned is seen against the residuals just before it (adaptive threshold).
+    """
+    good = np.flatnonzero(np.isfinite(residual) & (weight > 0.0))
+    if len(good) < 10:
+        return []
+    r, w = residual[good], weight[good]
+    room = np.zeros(len(good)) if unsure is None else np.minimum(np.nan_to_num(unsure[good], posinf=1e9), 1e9)
+    out = np.zeros(len(good), dtype=bool)
+    for width in (5, 15, 45):
+        if width * 2 > len(good):
+            break
+        kernel = np.ones(width)
+        heavy = np.convolve(w, kernel, "same")
+        mean = np.convolve(r * w, kernel, "same") / heavy
+        outside = np.abs(mean) > FAILS * noise / np.sqrt(heavy) + UNSURE * room
+        # A mean over a width speaks for its middle half.
+        reach = np.convolve(outside, np.ones(width // 2 | 1), "same") > 0
+        side = np.sign(np.convolve(r * w, kernel, "same"))
+        out |= reach & (np.sign(r) == side)
+    out |= _sudden(r, noise)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
+    stretches: list[list[float]] = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        a, b = _trimmed(r, w, room, noise, a, b)
+        if b - a < 3:
+            continue
+        size = float((r[a:b] * w[a:b]).sum() / w[a:b].sum())
+        if abs(size) < FAILS * noise / math.sqrt(float(w[a:b].sum())):
+            continue
+        begin, end = float(time[good[a]]), float(time[good[b - 1]])
+        near = stretches and begin - stretches[-1][1] < 0.03 * (time[good[-1]] - time[good[0]]) and stretches[-1][2] * size > 0
+        if near:
+            count = stretches[-1][3]
+            stretches[-1] = [stretches[-1][0], end, (stretches[-1][2] * count + size * (b - a)) / (count + b - a), count + b - a]
+        else:
+            stretches.append([begin, end, size, b - a])
+    return [(round(s[0], 4), round(s[1], 4), float(s[2])) for s in stretches if s[3] >= 3]
+
+
+def _trimmed(r: Array, w: Array, room: Array, noise: float, a: int, b: int) -> tuple[int, int]:
+    """A stretch without those ends where the mean of five readings is within two standard errors."""
+    side = math.copysign(1.0, float((r[a:b] * w[a:b]).sum()))
+    kernel = np.ones(5)
+    heavy = np.convolve(w, kernel, "same")
+    mean = np.convolve(r * w, kernel, "same") / np.maximum(heavy, 1e-9)
+    far = np.flatnonzero(side * mean[a:b] > 2.0 * noise / np.sqrt(np.maximum(heavy[a:b], 1e-9)) + room[a:b])
+    return (a + int(far[0]), a + int(far[-1]) + 1) if len(far) else (a, a)
+
+
+def _sudden(residual: Array, noise: float) -> NDArray[np.bool_]:
+    """Readings (N,) of runs beyond one side of the adaptive threshold, IN_A_ROW of them or more."""
+    if len(residual) <= WINDOW:
+        return np.zeros(len(residual), dtype=bool)
+    low, high = adaptive_threshold(residual, WINDOW, DEVIATIONS, floor=noise)
+    found = np.zeros(len(residual), dtype=bool)
+    for beyond in (residual > high, residual < low):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond.astype(int), [0]])))
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            found[a:b] = b - a >= IN_A_ROW
+    return found

@@ -1,0 +1,1 @@
+"""From one sensor to its record: identify, sweep, and the filters beside each other."""

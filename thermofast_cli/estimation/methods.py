@@ -1,0 +1,136 @@
+"""Filter names, presets and settings from the command line to a ready filter; plug-ins under the same check."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+from thermofast.filters import BUILT_IN, PRINTED, Filter
+from thermofast.models import Lump, PrintedLump
+from thermofast.models.uncertainty.first_passage import Pace
+
+from ..entrypoints import Broken, installed
+from ..errors import UsageError, listed, nearest
+from .identify import Method
+
+GROUP = "thermofast.filters"
+
+
+def known_filters() -> dict[str, type[Filter]]:
+    """Built-in filters by name, then those of installed plug-ins."""
+    known: dict[str, type[Filter]] = {f.name: f for f in BUILT_IN}
+    for plugin in installed(GROUP, _checked)[0]:
+        known.setdefault(plugin.name, plugin)
+    return known
+
+
+def broken_filters() -> list[Broken]:
+    """Installed plug-ins that cannot be used."""
+    return installed(GROUP, _checked)[1]
+
+
+def _checked(candidate: Any, origin: str) -> type[Filter]:
+    problem = check_filter(candidate)
+    if problem:
+        raise UsageError(f"{origin}: {problem}")
+    found: type[Filter] = candidate
+    return found
+
+
+def check_filter(candidate: Any) -> str | None:
+    """What is wrong with a would-be filter class, or None."""
+    if not (isinstance(candidate, type) and issubclass(candidate, Filter)):
+        return f"found {candidate!r}, needed a class derived from filters.Filter"
+    for attribute in ("name", "summary", "reference"):
+        value = getattr(candidate, attribute, None)
+        if not isinstance(value, str) or not value or value == "abstract":
+            return f"its {attribute} must be a non-empty string"
+    if candidate.track is Filter.track:
+        return "it has no track(model, time, reading, resolution)"
+    try:
+        candidate()
+    except Exception as error:  # whatever a stranger's class does when it is made
+        return f"it must have a default for every setting ({error})"
+    return None
+
+
+def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
+    """The method for a filter name, ``paper`` or no preset, and ``filter.setting=value`` texts.
+
+    Raises
+    ------
+    UsageError: an unknown filter, preset, setting or value; the message lists the known ones.
+    """
+    known = known_filters()
+    if name not in known:
+        raise UsageError(f"unknown filter {name!r}", allowed=", ".join(known), do=nearest(name, known) or "see thermofast filters")
+    if preset == "paper":
+        printed = {f.name: f for f in PRINTED}
+        if name not in printed:
+            raise UsageError(
+                f"--preset paper does not apply to {name!r}", allowed=", ".join(printed), do="the paper prints only these"
+            )
+        chosen: Filter = printed[name]()
+    else:
+        chosen = known[name]()
+    for text in settings:
+        chosen = _set(chosen, text, known)
+    return Method(PrintedLump() if preset == "paper" else Lump(), chosen)
+
+
+def _set(chosen: Filter, text: str, known: dict[str, type[Filter]]) -> Filter:
+    path, equals, value = text.partition("=")
+    owner, dot, key = path.strip().partition(".")
+    if not equals or not dot:
+        raise UsageError(f"--set {text!r} is not of the form filter.setting=value", do="as in --set afukf.forgetting=0.95")
+    if owner not in known:
+        raise UsageError(f"--set {text!r}: unknown filter {owner!r}", allowed=", ".join(known))
+    if owner != chosen.name:
+        raise UsageError(f"--set {text!r} is for {owner}, and the filter of this run is {chosen.name}", do=f"add --filter {owner}")
+    by_name = {f.name: f for f in fields(chosen)}
+    if key not in by_name:
+        raise UsageError(
+            f"--set {text!r}: {owner} has no setting {key!r}",
+            allowed=listed(by_name) or "none: this filter has no settings",
+            do=f"see thermofast filters {owner}",
+        )
+    return replace(chosen, **{key: _value(text, value.strip(), by_name[key])})
+
+
+def _value(text: str, value: str, field: Any) -> Any:
+    if isinstance(field.default, bool):
+        if value.lower() in ("true", "false"):
+            return value.lower() == "true"
+        raise UsageError(f"--set {text!r}: not a switch", found=repr(value), allowed="true or false")
+    low, high = field.metadata["low"], field.metadata["high"]
+    try:
+        number = float(value)
+    except ValueError:
+        raise UsageError(f"--set {text!r}: not a number", found=repr(value), allowed=f"{low:g} to {high:g}") from None
+    if not low <= number <= high:
+        raise UsageError(f"--set {text!r}: out of range", found=f"{number:g}", allowed=f"{low:g} to {high:g}")
+    if isinstance(field.default, int):
+        if number != int(number):
+            raise UsageError(f"--set {text!r}: not a whole number", found=f"{number:g}", allowed=f"{low:g} to {high:g}")
+        return int(number)
+    return number
+
+
+def paces(text: str | None) -> tuple[Pace, ...]:
+    """'60:1.3,30:1' as phases of 60 min at 1.3 times the rate and then of its own rate, the last of which lasts.
+
+    Raises
+    ------
+    UsageError: not of that form, no duration above zero, or a factor below zero.
+    """
+    found = []
+    for part in text.split(",") if text else ():
+        minutes, _, factor = part.partition(":")
+        try:
+            pace = Pace(float(minutes), float(factor))
+        except ValueError:
+            pace = Pace(0.0, 0.0)
+        if not (0.0 < pace.duration < 1e7 and 0.0 <= pace.factor < 1e3):
+            raise UsageError(
+                "--pace: not a list of phases", found=repr(part), allowed="MIN:FACTOR, both numbers, as in 60:1.3,30:1"
+            )
+        found.append(pace)
+    return tuple(found)

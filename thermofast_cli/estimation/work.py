@@ -1,0 +1,110 @@
+"""What a worker process does: a task is some sensors of one run and what to do with them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import IdentifyRecord, SweepRecord
+from .identify import Identified, Method, identify_sensor, identify_together
+from .sweep import Swept, sweep_sensor
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Sensors `channels` of one run: values (len(channels), N) [degC] at time_min (N,)."""
+
+    run: str
+    time_min: Array
+    channels: tuple[str, ...]
+    values: Array
+    notes: tuple[str, ...]
+    method: Method
+    start_min: float
+
+    def singles(self) -> list[Any]:
+        """The same task for each sensor alone."""
+        return [
+            replace(self, channels=(c,), values=self.values[i : i + 1], notes=(self.notes[i],)) for i, c in enumerate(self.channels)
+        ]
+
+
+@dataclass(frozen=True)
+class IdentifyTask(Task):
+    """Sensors to identify."""
+
+    until_min: float | None = None
+    want_trace: bool = False
+    together: bool = False
+
+
+@dataclass(frozen=True)
+class SweepTask(Task):
+    """Sensors to sweep."""
+
+    windows: tuple[float, ...] = ()
+    times: tuple[float, ...] = ()
+    tolerance_c: float = 0.1
+    want_curves: bool = False
+
+
+LOST = "the worker process died twice on this sensor; run it alone with --jobs 1 to see why"
+
+
+def identify_task(task: IdentifyTask) -> list[Identified]:
+    """Each sensor of the task identified."""
+    if task.together:
+        return identify_together(
+            task.run,
+            task.channels,
+            task.time_min,
+            task.values,
+            task.method,
+            task.until_min,
+            task.start_min,
+            task.notes,
+            task.want_trace,
+        )
+    return [
+        identify_sensor(task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace)
+        for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
+    ]
+
+
+def identify_lost(task: IdentifyTask) -> list[Identified]:
+    """Records of sensors whose worker died."""
+    return [
+        Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="diverged", message=LOST)) for c in task.channels
+    ]
+
+
+def sweep_task(task: SweepTask) -> list[Swept]:
+    """Each sensor of the task swept."""
+    swept = [
+        sweep_sensor(task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note)
+        for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
+    ]
+    # Curves travel back from the worker only where a picture wants them.
+    return swept if task.want_curves else [replace(s, rmse=_NONE, times=_NONE, width=_NONE) for s in swept]
+
+
+_NONE = np.empty(0)
+
+
+def sweep_lost(task: SweepTask) -> list[Swept]:
+    """Records of sensors whose worker died."""
+    return [
+        Swept(
+            tuple(
+                SweepRecord(task.run, c, task.method.filter.name, window_min=w, status="diverged", message=LOST)
+                for w in task.windows
+            ),
+            _NONE,
+            _NONE,
+            _NONE,
+        )
+        for c in task.channels
+    ]

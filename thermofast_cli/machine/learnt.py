@@ -1,0 +1,234 @@
+"""A learnt model on a run: the machine's constants as known, the run's own from its first minutes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import Observations
+from thermofast.models.effects.base import Choice, Effect
+from thermofast.models.greybox import Column
+from thermofast.models.joint import BASE, Fit, Model, Part, Prior, search, start_values
+from thermofast.models.search.candidates import try_add
+
+from ..discovery.plugins import known_effects
+from ..errors import UsageError
+from ..reading.source import sha256_of
+from .modelfile import EffectEntry, ModelFile, Number, constants_of
+
+#: A machine's constant is held no tighter than this share of itself: two runs of one machine are not exactly alike.
+LEAST_SHARE = 1e-3
+#: Gain that an event must bring to be believed in another run.
+EVENT_GAIN = 30.0
+
+
+#: Values and standard errors (S,) of the machine's constants by (part, name).
+Known = dict[tuple[int, str], tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A learnt model fitted to a run's first minutes, and what was said about it."""
+
+    fit: Fit
+    notes: tuple[str, ...]
+
+
+def carry(model: ModelFile, seen: Observations, source: str, model_path: str) -> Carried:
+    """Fit a learnt model's run parameters to the readings in use; the machine's stay within their standard errors.
+
+    Raises
+    ------
+    UsageError: the run has none of the model's sensors, or lacks a column that an effect needs.
+    """
+    missing = [c for c in seen.channels if c not in model.channels]
+    if len(missing) == len(seen.channels):
+        raise UsageError(
+            f"{source}: none of its sensors is in the model {model_path}",
+            found=", ".join(seen.channels[:12]),
+            allowed=", ".join(model.channels[:12]),
+            do="use a model of this machine, or name the sensors alike",
+        )
+    notes = [f"not in the model: {', '.join(missing)}; fitted freely"] if missing else []
+    same_run = bool(model.learnt_from.sha256) and sha256_of(source) == model.learnt_from.sha256
+    parts, entries, events = [], [], []
+    known = check_effects(model, model_path)
+    notes += changed_files(model)
+    for entry in model.effects:
+        part = _part(entry, known[entry.id], seen, source)
+        if part.effect.event and part.effect.event in entry.searched and not same_run:
+            events.append((entry, part))
+            continue
+        parts.append(part)
+        entries.append(entry)
+    fit = _fitted(model, seen, parts, entries, same_run)
+    for entry, part in events:
+        # An event of the run learnt from need not happen in this one; where it does, its own readings must show it.
+        found = try_add(fit, part.effect)
+        if found is not None and found.gain > EVENT_GAIN and found.identifiable.ok:
+            fit = found.fit
+            notes.append(f"{entry.id}: found in this run too")
+        else:
+            notes.append(f"{entry.id}: an event of the run learnt from; not seen in the readings used here")
+    return Carried(fit, tuple(notes))
+
+
+def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
+    """The effects that a model file speaks of, by id.
+
+    Raises
+    ------
+    UsageError: one is unknown, its file is gone, or a number is outside its range; the message names the model file.
+    """
+    gone = [e for e in model.effects if e.file and not Path(e.file.partition(":")[0]).is_file()]
+    if gone:
+        raise UsageError(
+            f"{path}: its effect {gone[0].id!r} was written in {gone[0].file}, which is not there",
+            do="put the file back, or run from the folder it was learnt in",
+        )
+    known = known_effects([e.file for e in model.effects if e.file])
+    for entry in model.effects:
+        if entry.id not in known:
+            raise UsageError(f"{path}: unknown effect {entry.id!r}", allowed=", ".join(known), do="install its plug-in")
+    ranges = {("", p.name): p for p in BASE}
+    ranges |= {(e.id, p.name): p for e in model.effects for p in known[e.id].parameters}
+    for owner, number in [("", n) for n in model.base] + [(e.id, n) for e in model.effects for n in e.parameters]:
+        p = ranges.get((owner, number.name))
+        if p is not None and not p.share and not p.low <= number.value <= p.high:
+            raise UsageError(
+                f"{path}: {owner or 'base'} {number.name} is outside its range",
+                found=f"{number.value:g} {number.unit}",
+                allowed=f"{p.low:g} to {p.high:g}",
+                do="learn the model anew",
+            )
+    return known
+
+
+def changed_files(model: ModelFile) -> list[str]:
+    """What to say of a user's own effects whose file is no longer the one that the model was learnt with."""
+    changed = [e.file for e in model.effects if e.file and e.sha256 and sha256_of(e.file.partition(":")[0]) != e.sha256]
+    return [f"{name} has changed since the model was learnt" for name in changed]
+
+
+def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -> Part:
+    column = entry.constants.get("column")
+    have = {**seen.ambient, **seen.inputs}
+    if column and column not in have:
+        raise UsageError(
+            f"{source}: the model's effect {entry.id!r} needs the column {column!r}",
+            found=", ".join(have) or "no logged inputs",
+            do="log it, or learn a model without this effect",
+        )
+    names = {p.name for p in effect.parameters}
+    unknown = [n for n in entry.searched if n not in names]
+    if unknown:
+        raise UsageError(f"model file: effect {entry.id!r} has no parameter {unknown[0]!r}", allowed=", ".join(sorted(names)))
+    omitted = tuple(n for n in names if n not in entry.searched)
+    constants, by_sensor = constants_of(entry, seen.channels)
+    choice = Choice(entry.acts, constants, omitted, by_sensor=by_sensor)
+    concerned = None if entry.channels is None else tuple(c in entry.channels for c in seen.channels)
+    return Part(effect, choice, concerned)
+
+
+def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: list[EffectEntry], same_run: bool) -> Fit:
+    layout = Model(seen, parts)
+    free = start_values(seen)
+    told: dict[tuple[int, str], object] = dict(free)
+    n = seen.sensors
+    known: Known = {}
+    for k, numbers in [(-1, model.base), *enumerate(e.parameters for e in entries)]:
+        for name in {m.name for m in numbers}:
+            mine = [m for m in numbers if m.name == name]
+            value = np.array([_of(mine, c, "value") for c in seen.channels])
+            error = np.array([_of(mine, c, "standard_error") for c in seen.channels])
+            start = np.where(np.isfinite(value), value, np.asarray(free.get((k, name), np.nan)) * np.ones(n))
+            is_run = mine[0].belongs == "run"
+            if not (is_run and k < 0 and not same_run) and np.isfinite(start).all():
+                told[k, name] = start if mine[0].channel is not None else float(start[0])
+            if not is_run:
+                known[k, name] = value, error
+    prior = _prior(layout, model, entries, known)
+    best: Fit | None = None
+    for phase in _phases(layout, same_run):
+        at = {**told, **phase}
+        local, shared = layout.vector(at)
+        if not same_run:
+            local = _levels(layout, local, shared)
+        fit = search(layout, local, shared, prior)
+        if best is None or float((fit.rss / seen.noise**2).sum()) < float((best.rss / seen.noise**2).sum()):
+            best = fit
+    assert best is not None
+    return best
+
+
+def _of(numbers: list[Number], channel: str, what: str) -> float:
+    for m in numbers:
+        if m.channel in (None, channel):
+            value = getattr(m, what)
+            return float(value) if value is not None else np.inf
+    return np.nan
+
+
+def _levels(layout: Model, local: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Level and start fitted with everything else held: the run's own, from its first minutes."""
+    held = Model(layout.run, layout.parts)
+    held.active = np.zeros_like(layout.active)
+    held.active[:, 1:3] = True
+    return search(held, local, shared, None, 8, hold_shared=True).local
+
+
+def _prior(layout: Model, model: ModelFile, entries: list[EffectEntry], known: Known) -> Prior:
+    """The machine's constants with their covariance, in search coordinates; nothing of the rest."""
+    n = layout.run.sensors
+    local, precision = np.zeros((n, len(layout.local))), np.zeros((n, len(layout.local), len(layout.local)))
+    shared, shared_precision = np.zeros(len(layout.shared)), np.zeros((len(layout.shared),) * 2)
+    for j, c in enumerate(layout.shared):
+        if (c.part, c.parameter.name) in known:
+            value, error = (float(v[0]) for v in known[c.part, c.parameter.name])
+            shared[j], spread = _searched(c, value, error)
+            shared_precision[j, j] = spread**-2
+    names = [_full_name(c, entries) for c in layout.local]
+    for i, channel in enumerate(layout.run.channels):
+        told = next((m for m in model.correlations if m.channel == channel), None)
+        at, spreads = [], []
+        for j, c in enumerate(layout.local):
+            if (c.part, c.parameter.name) not in known or not layout.active[i, j]:
+                continue
+            value, error = (float(v[i]) for v in known[c.part, c.parameter.name])
+            if np.isfinite(value):
+                local[i, j], spread = _searched(c, value, error)
+                at.append(j)
+                spreads.append(spread)
+        if not at:
+            continue
+        together = np.eye(len(at))
+        if told is not None and all(names[j] in told.names for j in at):
+            pick = [told.names.index(names[j]) for j in at]
+            together = np.array(told.matrix)[np.ix_(pick, pick)]
+        covariance = together * np.outer(spreads, spreads) + np.diag(
+            (LEAST_SHARE * np.maximum(1.0, np.abs(local[i, at]))) ** 2 * 1e-2
+        )
+        precision[np.ix_([i], at, at)] = np.linalg.inv(covariance)
+    return Prior(local, precision, shared, shared_precision)
+
+
+def _full_name(column: Column, entries: list[EffectEntry]) -> str:
+    return column.parameter.name if column.part < 0 else f"{entries[column.part].id}.{column.parameter.name}"
+
+
+def _searched(column: Column, value: float, error: float) -> tuple[float, float]:
+    """A value and its standard error in search coordinates; an unknown error is taken as half the value."""
+    error = error if np.isfinite(error) else 0.5 * abs(value) + 1e-9
+    error = max(error, LEAST_SHARE * abs(value), 1e-12)
+    if column.parameter.log:
+        return float(np.log(max(value, 1e-300))), error / max(abs(value), 1e-300)
+    return value, error
+
+
+def _phases(layout: Model, same_run: bool) -> list[dict[tuple[int, str], object]]:
+    """Starts of a wave whose phase is the run's own."""
+    waves = [c.part for c in layout.shared if c.parameter.name == "phase" and c.part >= 0]
+    if not waves or same_run:
+        return [{}]
+    return [{(waves[0], "phase"): phase} for phase in np.arange(8) / 8.0]

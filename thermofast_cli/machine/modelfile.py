@@ -1,0 +1,251 @@
+"""The model file: what was learnt of a machine, in TOML that a person can read and that is read back strictly."""
+
+import math
+import tomllib
+from datetime import date
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from thermofast.models.effects.base import Choice, Parameter
+from thermofast.models.joint import Fit, Part
+
+from .. import __version__
+from ..errors import UsageError
+from ..output.files import write_text_whole
+from ..reading.source import sha256_of
+
+SCHEMA = "thermofast.model/1"
+NOT_FOR = (
+    "another machine, or this one after a rebuild: its constants are those of the machine it was learnt on",
+    "levels and loads far from those of the run it was learnt on",
+    "probes that were moved since: an effect of a probe belongs to its place",
+)
+
+
+class LearntFrom(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """The run a model was learnt from."""
+
+    file: str
+    sha256: str
+    date: str
+    readings: int
+    length_min: float
+    until_min: float | None = None
+    drive: str | None = None
+
+
+class Number(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """One parameter: of one sensor where `channel` is given, else of all."""
+
+    name: str
+    unit: str
+    belongs: Literal["machine", "run"]
+    value: float
+    standard_error: float | None = None
+    channel: str | None = None
+
+
+class EffectEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """One effect, how it acts, whom it concerns, and its parameters."""
+
+    id: str
+    summary: str
+    parameters: tuple[Number, ...]
+    file: str | None = None
+    sha256: str | None = None
+    acts: str = ""
+    constants: dict[str, Any] = {}
+    searched: tuple[str, ...] = ()
+    channels: tuple[str, ...] | None = None
+
+
+class Correlations(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """How the errors of one sensor's own machine constants go together: matrix in the order of names."""
+
+    channel: str
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """The whole file."""
+
+    schema: str
+    program: str
+    learnt_from: LearntFrom
+    must_not_be_used_for: tuple[str, ...]
+    channels: tuple[str, ...]
+    base: tuple[Number, ...]
+    effects: tuple[EffectEntry, ...] = ()
+    correlations: tuple[Correlations, ...] = ()
+
+
+def model_file(fit: Fit, source: str, readings: int, until_min: float | None, files: dict[str, str]) -> ModelFile:
+    """What a fit has learnt; `files` are the paths of a user's own effects by id."""
+    run, values, errors = fit.run, fit.values, fit.deviations
+    model = fit.model
+
+    def numbers(part: int) -> tuple[Number, ...]:
+        found = []
+        for j, c in enumerate(model.local):
+            if c.part == part:
+                p = c.parameter
+                for i in np.flatnonzero(model.active[:, j]):
+                    value, error = float(values[part, p.name][i]), float(errors[part, p.name][i])
+                    found.append(_number(p, model.parts, part, value, error * value if p.log else error, run.channels[i]))
+        for c in model.shared:
+            if c.part == part:
+                p = c.parameter
+                value, error = float(values[part, p.name]), float(errors[part, p.name])
+                found.append(_number(p, model.parts, part, value, error * value if p.log else error, None))
+        return tuple(found)
+
+    effects = []
+    for k, part in enumerate(model.parts):
+        who = part.concerns(run.sensors)
+        effects.append(
+            EffectEntry(
+                id=part.id,
+                summary=part.effect.summary,
+                file=files.get(part.id),
+                sha256=sha256_of(files[part.id].partition(":")[0]) if part.id in files else None,
+                acts=part.choice.label,
+                constants=_plain(part.choice, run.channels),
+                searched=tuple(p.name for p in part.effect.active(part.choice)),
+                channels=None if part.concerned is None else tuple(c for c, w in zip(run.channels, who, strict=True) if w),
+                parameters=numbers(k),
+            )
+        )
+    return ModelFile(
+        schema=SCHEMA,
+        program=__version__,
+        learnt_from=LearntFrom(
+            file=source,
+            sha256=sha256_of(source),
+            date=date.today().isoformat(),
+            readings=readings,
+            length_min=round(run.span, 3),
+            until_min=until_min,
+            drive=run.drive,
+        ),
+        must_not_be_used_for=NOT_FOR,
+        channels=run.channels,
+        base=numbers(-1),
+        effects=tuple(effects),
+        correlations=tuple(_correlations(fit, i) for i in range(run.sensors)),
+    )
+
+
+def _correlations(fit: Fit, sensor: int) -> Correlations:
+    """Of the machine's constants of one sensor, in search coordinates."""
+    model = fit.model
+    at = [j for j, c in enumerate(model.local) if c.parameter.belongs == "machine" and model.active[sensor, j]]
+    names = [model.local[j].parameter.name if model.local[j].part < 0 else _named(fit, j) for j in at]
+    block = fit.covariance[0][sensor][np.ix_(at, at)]
+    deviation = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    matrix = np.nan_to_num(block / np.outer(deviation, deviation))
+    np.fill_diagonal(matrix, 1.0)
+    rounded = tuple(tuple(float(f"{v:.9f}") for v in row) for row in matrix)
+    return Correlations(channel=fit.run.channels[sensor], names=tuple(names), matrix=rounded)
+
+
+def _named(fit: Fit, j: int) -> str:
+    column = fit.model.local[j]
+    return f"{fit.model.parts[column.part].id}.{column.parameter.name}"
+
+
+def _number(p: Parameter, parts: tuple[Part, ...], part: int, value: float, error: float, channel: str | None) -> Number:
+    shown = float(f"{error:.6g}") if math.isfinite(error) and error < 1e9 else None
+    # How strongly the machine follows a logged column is the machine's, though an unlogged change is the run's.
+    belongs: Any = "machine" if part >= 0 and p.name in parts[part].choice.coupled else p.belongs
+    return Number(name=p.name, unit=p.unit, belongs=belongs, value=float(f"{value:.9g}"), standard_error=shown, channel=channel)
+
+
+def _plain(choice: Choice, channels: tuple[str, ...]) -> dict[str, Any]:
+    """The constants of a choice in TOML's types; neighbours by their names."""
+    found: dict[str, Any] = {}
+    for key, value in choice.constants.items():
+        if key in choice.by_sensor:
+            found[key] = {channels[i]: channels[int(s)] for i, s in enumerate(np.asarray(value))}
+        else:
+            found[key] = value.item() if isinstance(value, np.generic) else value
+    return found
+
+
+def constants_of(entry: EffectEntry, channels: tuple[str, ...]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Back from the file, and the names of those that are per sensor: neighbours as indices into `channels`."""
+    place = {c: i for i, c in enumerate(channels)}
+    found, by_sensor = dict(entry.constants), tuple(k for k, v in entry.constants.items() if isinstance(v, dict))
+    for key in by_sensor:
+        other = entry.constants[key]
+        found[key] = np.array([place.get(other.get(c, ""), (i + 1) % len(channels)) for i, c in enumerate(channels)])
+    return found, by_sensor
+
+
+def write_model(path: str, model: ModelFile) -> None:
+    """The file, whole or not at all."""
+    import tomli_w
+
+    head = (
+        "# What thermofast learnt of one machine. 'machine' numbers are carried to other runs of it; 'run' numbers are\n"
+        "# found anew from each run's first minutes. Read back strictly: thermofast compare other.csv --model THIS.toml\n\n"
+    )
+    write_text_whole(path, head + tomli_w.dumps(_without_none(msgspec.to_builtins(model))))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(v) for v in value]
+    return value
+
+
+def read_model(path: str) -> ModelFile:
+    """A model file, checked.
+
+    Raises
+    ------
+    UsageError: no such file, not TOML, another version, an unknown or missing key, a number that is none.
+    """
+    target = Path(path)
+    if not target.is_file():
+        raise UsageError(f"{path}: no such model file", do="make one with: thermofast improve RUN --auto -o machine.toml")
+    try:
+        raw = tomllib.loads(target.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: not valid TOML", found=str(error), do="mend the line, or learn the model anew") from None
+    schema = raw.get("schema")
+    if schema != SCHEMA:
+        raise UsageError(
+            f"{path}: not a model file of this version",
+            found=repr(schema) if schema is not None else "no schema",
+            allowed=SCHEMA,
+            do="learn the model anew with thermofast improve",
+        )
+    try:
+        model = msgspec.convert(raw, ModelFile)
+    except msgspec.ValidationError as error:
+        raise UsageError(f"{path}: {error}", allowed=_known_keys(), do="mend the key, or learn the model anew") from None
+    for number in (*model.base, *(n for e in model.effects for n in e.parameters)):
+        if not math.isfinite(number.value):
+            raise UsageError(f"{path}: {number.name} is not a number", found=repr(number.value), do="learn the model anew")
+    ids = [e.id for e in model.effects]
+    if len(set(ids)) < len(ids):
+        raise UsageError(f"{path}: an effect twice", found=", ".join(ids), allowed="each effect once")
+    return model
+
+
+def _known_keys() -> str:
+    tables = {
+        "": ModelFile,
+        "learnt_from": LearntFrom,
+        "base": Number,
+        "effects": EffectEntry,
+        "effects.parameters": Number,
+        "correlations": Correlations,
+    }
+    return "; ".join(f"[{n}] {' '.join(t.__struct_fields__)}".replace("[] ", "") for n, t in tables.items())

@@ -1,0 +1,261 @@
+"""How a text file is laid out: encoding, delimiter, decimal sign, header. Decided by rule, never by a guesser."""
+
+import csv
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+
+from ...errors import InputError
+from ..run import Options
+from ..stamps import looks_like_stamp
+from ..units import parse_unit
+
+#: Cells that loggers write where there is no reading (compared in lower case).
+MISSING = frozenset(
+    [
+        "",
+        "nan",
+        "na",
+        "n/a",
+        "n.a.",
+        "null",
+        "none",
+        "nil",
+        "-",
+        "--",
+        "---",
+        "----",
+        "ol",
+        "o.l",
+        "o.l.",
+        "0l",
+        "+ol",
+        "-ol",
+        "over",
+        "overload",
+        "overflow",
+        "ovfl",
+        "open",
+        "short",
+        "err",
+        "error",
+        "#n/a",
+        "#num!",
+        "#value!",
+        "#div/0!",
+        "inf",
+        "+inf",
+        "-inf",
+        "infinity",
+        "bad",
+        "fault",
+        "fail",
+        "invalid",
+        "no data",
+        "nodata",
+        "?",
+        "*",
+        "***",
+        "****",
+        "*****",
+    ]
+)
+DELIMITERS = ("\t", ";", ",", "|", " ")
+SAMPLE_LINES = 400
+csv.field_size_limit(1 << 30)  # a row of thirty thousand cells, read with the wrong delimiter, is one cell
+#: Cells of a row that are looked at to tell what it is: a row of ten thousand is known by its first hundred.
+SAMPLE_CELLS = 100
+NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
+_NUMBER = {
+    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+|\d{1,3}((,\d{3})+\.\d+|(,\d{3}){2,}))([eE][+-]?\d+)?$"),
+    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+|\d{1,3}((\.\d{3})+,\d+|(\.\d{3}){2,}))([eE][+-]?\d+)?$"),
+}
+#: A word in a header's units line that is no unit of a quantity: a form of stamps, or nothing.
+_FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
+#: What a Campbell logger says of how a column was made, in the line under the units.
+_PROCESS = frozenset(["smp", "avg", "max", "min", "tot", "std", "med", "tmn", "tmx", "wvc", ""])
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """header_line (or None) and unit_lines count from 0; data_line is the first row of readings."""
+
+    encoding: str
+    delimiter: str
+    decimal: str
+    header_line: int | None
+    unit_lines: tuple[int, ...]
+    data_line: int
+    width: int
+
+    def describe(self) -> str:
+        header = f"header in line {self.header_line + 1}" if self.header_line is not None else "no header"
+        mark = "decimal comma" if self.decimal == "," else "decimal point"
+        return f"{NAMES.get(self.delimiter, repr(self.delimiter))}-separated, {mark}, {header}, {self.encoding}"
+
+
+def is_missing(cell: str, more: frozenset[str] = frozenset()) -> bool:
+    """Whether a cell says 'no reading'."""
+    cell = cell.strip().lower()
+    return cell in MISSING or cell in more
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER[decimal].match(cell.strip()))
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """Cells of one line; quotes are understood, a run of blanks is one delimiter."""
+    if delimiter == " ":
+        return line.split()
+    return next(csv.reader([line], delimiter=delimiter), [])
+
+
+def to_number(cell: str, decimal: str) -> float:
+    """A cell that :func:`is_number` accepts; signs between thousands are dropped."""
+    text = cell.strip()
+    return float(text.replace(",", "")) if decimal == "." else float(text.replace(".", "").replace(",", "."))
+
+
+def _data_like(cells: list[str], decimal: str) -> bool:
+    cells = cells[:SAMPLE_CELLS]
+    told = [c for c in cells if not is_missing(c)]
+    numbers = sum(is_number(c, decimal) for c in told)
+    stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
+    # Cells as "21.3 °C" hold readings too, but a row of them alone decides nothing.
+    carried = sum(number_within(c, decimal) is not None for c in told) if numbers + stamps else 0
+    return numbers + stamps > 0 and numbers + stamps + carried >= 0.5 * len(told)
+
+
+_WITHIN = {
+    d: re.compile(rf"([A-Za-z_]{{1,12}}[=:]\s*)?([+-]?(?:\d+(?:[{re.escape(d)}]\d*)?|[{re.escape(d)}]\d+))\s*([^\d\s].{{0,7}})?$")
+    for d in ".,"
+}
+
+
+def number_within(cell: str, decimal: str) -> tuple[str, str, str] | None:
+    """(before, number, after) of a cell that carries its unit or its name, as ``21.3 °C``, ``12.3s`` or ``temp=47.2'C``."""
+    found = _WITHIN[decimal].match(cell.strip())
+    if not found or not (found[1] or found[3]) or (found[3] and re.search(r"[\d:/]", found[3])):
+        return None
+    return (found[1] or "").strip(), found[2], (found[3] or "").strip()
+
+
+def detect_dialect(lines: list[str], encoding: str, name: str, options: Options) -> Dialect:
+    """Layout of the first lines of a table (without line ends).
+
+    Raises
+    ------
+    InputError: empty, no rows of readings.
+    """
+    lines = lines[:SAMPLE_LINES]
+    if not any(line.strip() for line in lines):
+        raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
+    best: tuple[float, Dialect] | None = None
+    for delimiter in (options.delimiter,) if options.delimiter else DELIMITERS:
+        decimals = (options.decimal,) if options.decimal else (".", ",")
+        for decimal in decimals:
+            found = _layout(lines, delimiter, decimal, encoding, options)
+            # Prefer more numbers read, then a delimiter that leaves nothing inside its cells.
+            if found and (best is None or found[0] > best[0] + 1e-9):
+                best = found
+    if best is None:
+        alone = sum(bool(line.strip()) for line in lines) == 1
+        raise InputError(
+            f"{name}: a header and no row of readings" if alone else f"{name}: no row of readings",
+            found=f"first line: {next(x for x in lines if x.strip())[:80]!r}",
+            allowed="rows with a time and at least one number",
+            do="check the export, or say --delimiter, --decimal and --header-line",
+        )
+    return best[1]
+
+
+def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, options: Options) -> tuple[float, Dialect] | None:
+    rows = [split(line, delimiter) if line.strip() and not line.startswith("#") else [] for line in lines]
+    labels = next((i for i, row in enumerate(rows) if row and row[0].strip() == "Y_Unit_Label"), None)
+    # A LabVIEW measurement file says where its header ends; the numbers above are settings.
+    ends = max((i for i, line in enumerate(lines) if line.startswith("***End_of_Header***")), default=-1)
+    data = [i for i, row in enumerate(rows) if i > ends and len(row) > 1 and _data_like(row, decimal)]
+    if options.header_line is not None:
+        data = [i for i in data if i >= options.header_line]
+    if not data:
+        return None
+    first, width = _block(rows, data)
+    data = [i for i in data if i >= first and len(rows[i]) == width]
+    header: int | None = None
+    units: tuple[int, ...] = ()
+    if options.header_line is not None:
+        header = options.header_line - 1 if options.header_line > 0 else None
+    else:
+        header, units = _header([[] if i <= ends else row for i, row in enumerate(rows)], first, width, decimal)
+    if header is None and options.header_line is None:
+        header = next(
+            (i for i in range(first - 1, -1, -1) if lines[i].startswith("#") and len(split(lines[i], delimiter)) == width), None
+        )
+    if labels is not None and not units:
+        units = (labels,)
+    if header is not None:  # rows of another width between the names and the block are readings all the same
+        first = next(
+            (i for i in range(max((header, *units)) + 1, first) if len(rows[i]) > 1 and _data_like(rows[i], decimal)), first
+        )
+    explained = len(data) / max(sum(1 for row in rows if row), 1)
+    cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
+    told_cells = [c for c in cells if not is_missing(c)]
+    numbers = sum(is_number(c, decimal) or looks_like_stamp(c) or number_within(c, decimal) is not None for c in told_cells)
+    share = numbers / max(len(told_cells), 1)
+    score = share * explained * min(width, 1000) ** 0.25 + (
+        0.1 if header is not None and len(split(lines[header], delimiter)) == width else 0.0
+    )
+    return score, Dialect(encoding, delimiter, decimal, header, units, first, width)
+
+
+def _block(rows: list[list[str]], data: list[int]) -> tuple[int, int]:
+    """First row and width of the readings: numbers in a preamble are none, those come in an unbroken block."""
+    longest: dict[int, int] = {}
+    at = 0
+    while at < len(data):
+        width, end = len(rows[data[at]]), at
+        while end + 1 < len(data) and len(rows[data[end + 1]]) == width and not any(rows[data[end] + 1 : data[end + 1]]):
+            end += 1
+        longest[width] = max(longest.get(width, 0), end - at + 1)
+        at = end + 1
+    count = {w: sum(len(rows[i]) == w for i in data) for w in longest}
+    width = max(longest, key=lambda w: (longest[w], count[w]))
+    mine = [i for i in data if len(rows[i]) == width]
+    if len(mine) < 3:
+        return mine[0], width
+    return next((a for a, b in pairwise(mine) if b == a + 1 or not any(rows[a + 1 : b])), mine[0]), width
+
+
+def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tuple[int | None, tuple[int, ...]]:
+    """Line of the names and lines of the units above the first row of readings, as far as there are any."""
+    above = [i for i in range(first) if rows[i]]
+    while above and len(rows[above[-1]]) > 1 and _data_like(rows[above[-1]], decimal):
+        above.pop()  # readings too, though of another width
+    near = above[-4:]
+    named = [i for i in near if abs(len(rows[i]) - width) <= 1 and not _data_like(rows[i], decimal)]
+    if above and above[-1] not in named and len(rows[above[-1]]) > 1 and not _data_like(rows[above[-1]], decimal):
+        # Names right above the readings, though not as many: whoever reads on must say so.
+        return (above[-1], ()) if not named else (named[-1], ())
+    if not named:
+        return None, ()
+    header, units = named[-1], list[int]()
+    while (
+        len(named) > 1
+        and len(rows[named[-2]]) == len(rows[header])
+        and (_is_unit_line(rows[header]) or _is_process_line(rows[header]))
+    ):
+        if not _is_process_line(rows[header]):
+            units.append(header)
+        named.pop()
+        header = named[-1]
+    return header, tuple(units)
+
+
+def _is_unit_line(cells: list[str]) -> bool:
+    known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
+    return known >= 0.5 * len(cells) and any(c.strip() for c in cells)
+
+
+def _is_process_line(cells: list[str]) -> bool:
+    return all(c.strip().lower() in _PROCESS for c in cells) and sum(bool(c.strip()) for c in cells) >= 0.5 * len(cells)

@@ -1,0 +1,128 @@
+"""Bytes of a text file to UTF-8, by rule: marks, the pattern of NULs, strict UTF-8, then what the vendor's machines write."""
+
+import codecs
+
+from ...errors import InputError
+
+#: Kinds of files that are no text, by their first bytes: what they are and what to do with them.
+KINDS: tuple[tuple[bytes, str, str], ...] = (
+    (b"PK\x03\x04", "an Excel workbook (.xlsx) or another zip archive", "save the sheet as CSV, or unpack the archive"),
+    (b"\xd0\xcf\x11\xe0", "an old Excel workbook (.xls)", "save the sheet as CSV"),
+    (b"TDSm", "a National Instruments TDMS file", "export it as text, from LabVIEW, DIAdem or the TDMS importer of Excel"),
+    (b"\x89HDF", "an HDF5 or new MATLAB file", "export the record as CSV"),
+    (b"MATLAB 5.0", "a MATLAB file", "export the record as CSV, as with writetable"),
+    (b"\x1f\x8b", "a gzip archive", "unpack it first"),
+    (b"\x28\xb5\x2f\xfd", "a zstd archive", "unpack it first"),
+    (b"BZh", "a bzip2 archive", "unpack it first"),
+    (b"SQLite format 3", "an SQLite database", "export the table as CSV"),
+    (b"%PDF", "a PDF document", "export the record as CSV from the logger's software"),
+    (b"ARROW1", "an Arrow (Feather) file", "save it as Parquet"),
+)
+
+
+def kind_of(data: bytes) -> tuple[str, str] | None:
+    """(what, do) of a file of a known kind that is no text table, by its first bytes."""
+    return next(((what, do) for mark, what, do in KINDS if data.startswith(mark)), None)
+
+
+def binary(name: str, data: bytes = b"") -> InputError:
+    """The error of a file that is no text; it names the kind where it is known."""
+    kind = kind_of(data)
+    return InputError(
+        f"{name}: {kind[0] if kind else 'not a text table'}",
+        found="" if kind else "binary data",
+        allowed="CSV text, or Parquet",
+        do=kind[1] if kind else "export the record as CSV from the logger's software",
+    )
+
+
+def detect_encoding(data: bytes, name: str) -> str:
+    """BOM, then the pattern of NULs, then strict UTF-8, then Windows-1252.
+
+    Raises
+    ------
+    InputError: the file is binary.
+    """
+    head = data[:65536]
+    if kind_of(data):
+        raise binary(name, data)
+    if head.startswith(codecs.BOM_UTF8):
+        return "utf-8-sig"
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    if b"\0" in head:
+        even, odd = head[0::2].count(0), head[1::2].count(0)
+        if odd > 0.3 * len(head) / 2 and even < 0.02 * len(head):
+            return "utf-16-le"
+        if even > 0.3 * len(head) / 2 and odd < 0.02 * len(head):
+            return "utf-16-be"
+    control = sum(head.count(bytes([c])) for c in range(32) if c not in (0, 9, 10, 12, 13, 26))
+    # A card pulled out of a logger leaves blocks of NULs in a file that is text otherwise.
+    if control > 0.01 * len(head) or (b"\0" in head and head.count(0) > 0.5 * len(head)):
+        raise binary(name)
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[str]]:
+    """(UTF-8 without mark, encoding, notes) of a text file.
+
+    Raises
+    ------
+    InputError: binary, or not in the encoding that the user told.
+    """
+    notes: list[str] = []
+    encoding = told or detect_encoding(data, name)
+    if told or encoding.startswith("utf-16"):
+        try:
+            text = data.decode(encoding)
+        except (UnicodeError, LookupError) as error:
+            raise InputError(
+                f"{name}: cannot be decoded as {encoding}", found=str(error), do="say another --encoding, or none"
+            ) from None
+        if sum(ord(c) < 32 and c not in "\t\n\r" for c in text[:20000]) > 0.01 * len(text[:20000]):
+            raise binary(name)
+        return text.lstrip("\ufeff").encode("utf-8"), encoding, notes
+    if b"\0" in data:
+        notes.append(f"{data.count(0)} NUL bytes left out (the logger lost power?)")
+        data = data.replace(b"\0", b"")
+    if encoding in ("utf-8", "utf-8-sig"):
+        data = data.removeprefix(codecs.BOM_UTF8)
+        try:
+            data.decode("utf-8")
+            return data, encoding, notes
+        except UnicodeDecodeError:
+            pass
+    return *_mixed(data, encoding), notes
+
+
+def _mixed(data: bytes, encoding: str) -> tuple[bytes, str]:
+    """Line by line: strict UTF-8 where a line is, else Chinese (GB 18030) beside Chinese UTF-8, else Windows-1252."""
+    lines = data.split(b"\n")
+    whole: list[bytes] = []
+    odd: list[int] = []
+    chinese = False
+    for i, line in enumerate(lines):
+        try:
+            chinese |= any("\u4e00" <= c <= "\u9fff" for c in line.decode("utf-8")) if not line.isascii() else False
+        except UnicodeDecodeError:
+            odd.append(i)
+        whole.append(line)
+    fallback = (
+        "gb18030" if (chinese or encoding == "utf-8-sig") and _decodes(b"".join(lines[i] for i in odd), "gb18030") else "cp1252"
+    )
+    for i in odd:
+        whole[i] = lines[i].decode(fallback, errors="replace").encode("utf-8")
+    mixed = encoding == "utf-8-sig" or len(odd) < sum(not line.isascii() for line in lines)
+    return b"\n".join(whole), f"utf-8 with lines in {fallback}" if mixed else fallback
+
+
+def _decodes(data: bytes, encoding: str) -> bool:
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    return True

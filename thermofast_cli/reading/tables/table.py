@@ -1,0 +1,71 @@
+"""A table as it stands in a file: columns of numbers and of words, before anyone says what they mean."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as papq
+
+from ...errors import InputError
+from ..run import Array, Guess
+
+
+@dataclass(frozen=True)
+class Table:
+    """columns: name -> numbers (N,) with nan for none, or cells (N,) as text. first_line: line of the first row, from 0.
+
+    faults: what is wrong with a column that is mostly numbers, raised where it is used; header: whether the columns are named.
+    """
+
+    name: str
+    names: list[str]
+    columns: dict[str, Array | list[str]]
+    units: dict[str, str]
+    first_line: int
+    notes: tuple[str, ...]
+    faults: dict[str, InputError] = field(default_factory=dict)
+    guesses: tuple[Guess, ...] = ()
+    header: bool = True
+
+
+def to_floats(column: pa.ChunkedArray) -> Array:
+    """A float64 column as an array (N,) with nan for null; pyarrow's own way there would import pandas."""
+    filled = pc.fill_null(column, float("nan")) if column.null_count else column
+    parts = [np.frombuffer(c.buffers()[1], dtype=float, count=len(c), offset=8 * c.offset) for c in filled.chunks if len(c)]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def read_parquet(data: bytes, name: str) -> Table:
+    """A table from the bytes of a Parquet file; time stamps become seconds from the first.
+
+    Raises
+    ------
+    InputError: not Parquet, or cut short.
+    """
+    try:
+        table = papq.read_table(pa.BufferReader(data))
+    except (pa.ArrowInvalid, pa.ArrowException, OSError) as error:
+        raise InputError(
+            f"{name}: not a readable Parquet file",
+            found=str(error).splitlines()[0][:120],
+            allowed="a whole Parquet file",
+            do="copy or export the file again",
+        ) from None
+    columns: dict[str, Array | list[str]] = {}
+    notes = [f"Parquet, {table.num_rows} rows"]
+    for column_name in table.column_names:
+        column = table.column(column_name)
+        kind = column.type
+        if pa.types.is_timestamp(kind):
+            whole = column.cast(pa.timestamp("us", tz=kind.tz), safe=False).cast(pa.int64()).to_pylist()
+            columns[column_name] = [str(np.datetime64(v, "us")) if v is not None else "" for v in whole]
+        elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
+            columns[column_name] = to_floats(column.cast(pa.float64(), safe=False))
+        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
+            columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
+        else:
+            notes.append(f"column {column_name!r} of type {kind} left out")
+    if not columns:
+        raise InputError(f"{name}: no column of numbers or stamps", found="; ".join(notes), do="export the record with its columns")
+    return Table(name, list(columns), columns, dict.fromkeys(columns, ""), 0, tuple(notes))

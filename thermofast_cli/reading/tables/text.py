@@ -1,0 +1,312 @@
+"""Text tables: header and dialect by our own rules, the body by pyarrow with declared types."""
+
+import io
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+
+from ...errors import InputError, listed
+from ..run import Array, Guess, Options
+from ..stamps import looks_like_stamp
+from ..units import parse_unit
+from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
+from .encoding import to_utf8
+from .table import Table, to_floats
+
+SAMPLE_BYTES = 1 << 18
+LINE_END = re.compile(r"\r\n|\n|\r")
+#: Share of a column's cells that must be numbers for it to be one of numbers.
+MOSTLY = 0.5
+
+
+def read_text(data: bytes, name: str, options: Options) -> Table:
+    """A table from the bytes of a text file. A column with cells that are no numbers is a fault told only where it is used.
+
+    Raises
+    ------
+    InputError: empty, binary, no rows, ragged rows.
+    """
+    if not data.strip():
+        raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
+    data, encoding, notes = to_utf8(data, name, options.encoding)
+    data = re.sub(rb"\r\r\n", b"\r\n", data)  # written twice through a text layer
+    data, separator = _without_separator_line(data)
+    head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
+    told = options if options.delimiter or not separator else _with_delimiter(options, separator)
+    dialect = detect_dialect(head, encoding, name, told)
+    start = _offset(data, dialect.data_line)
+    body = data[start:]
+    if dialect.delimiter == " ":
+        body = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
+        body = re.sub(rb"[ \t]+", b"\t", body)
+    guesses: list[Guess] = []
+    lines = head[dialect.data_line :]
+    joined = _decimal_commas(body, head, dialect)
+    if joined is not None:
+        body, dialect = joined
+        lines = body.decode().splitlines()
+        text = "decimal commas in a comma-separated file: every second comma taken for a decimal sign"
+        guesses.append(Guess("layout", text, "export with semicolons to be sure"))
+    names, units = _names(head, dialect, name)
+    more = frozenset(m.lower() for m in options.missing)
+    columns, faults, carried, told_notes = _parse_body(body, lines, names, dialect, name, more, set(options.exclude))
+    notes = [dialect.describe(), *notes, *told_notes]
+    unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
+    return Table(
+        name, names, columns, unit_of, dialect.data_line, tuple(notes), faults, tuple(guesses), dialect.header_line is not None
+    )
+
+
+def _with_delimiter(options: Options, delimiter: str) -> Options:
+    return replace(options, delimiter=delimiter)
+
+
+def _without_separator_line(data: bytes) -> tuple[bytes, str]:
+    """Excel's first line ``sep=;`` tells the delimiter; an empty line stays in its place so that line numbers hold."""
+    found = re.match(rb'"?sep=(.)"?(?=\r|\n)', data)
+    return (data[found.end() :], found.group(1).decode("latin-1")) if found else (data, "")
+
+
+def _sample_end(data: bytes) -> int:
+    """Where the sample ends that tells the layout: at a line's end, after SAMPLE_BYTES and at least eight lines."""
+    for count, found in enumerate(re.finditer(rb"\r\n|\n|\r", data)):
+        if found.end() >= SAMPLE_BYTES and count >= 8:
+            return found.end()
+    return len(data)
+
+
+def _offset(data: bytes, line: int) -> int:
+    position = 0
+    for _ in range(line):
+        found = re.compile(rb"\r\n|\n|\r").search(data, position)
+        position = found.end() if found else len(data)
+    return position
+
+
+def _decimal_commas(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, Dialect] | None:
+    """Body and dialect where numbers with decimal commas stand in a comma-separated file and only one reading is possible.
+
+    There are then twice as many cells as names (each number has a fraction), or one less (the time has none).
+    """
+    if dialect.delimiter != "," or dialect.header_line is None:
+        return None
+    count = len(split(head[dialect.header_line], ","))
+    if count < 2 or dialect.width not in (2 * count, 2 * count - 1):
+        return None
+    whole = dialect.width == 2 * count - 1  # the first column without a fraction
+    pair = r"\s*[+-]?\d+,\d+\s*"
+    row = re.compile((r"\s*[+-]?\d+\s*" if whole else pair) + f"(?:,{pair}){{{count - 1}}}$")
+    lines = [line for line in LINE_END.split(body.decode("utf-8", errors="replace")) if line.strip()]
+    if not all(row.match(line) for line in lines):
+        return None
+    parts = [line.split(",") for line in lines]
+    first = 1 if whole else 0
+    rows = [p[:first] + [f"{p[i].strip()},{p[i + 1].strip()}" for i in range(first, len(p), 2)] for p in parts]
+    text = "\n".join(";".join(r) for r in rows) + "\n"
+    return text.encode(), replace(dialect, delimiter=";", decimal=",", width=count)
+
+
+def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
+    width = dialect.width
+    header = head[dialect.header_line] if dialect.header_line is not None else ""
+    # Decimal commas that were joined stand under a header of commas.
+    delimiter = dialect.delimiter
+    if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
+        delimiter = ","
+    cells = split(header, delimiter) if header else []
+    rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
+    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
+        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
+    while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
+        cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
+    if cells and len(cells) != width:
+        commas = dialect.delimiter == "," and width > len(cells)
+        raise InputError(
+            f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
+            found="numbers with decimal commas in a comma-separated file?" if commas else "",
+            allowed="as many names as cells",
+            do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
+        )
+    units = [""] * width
+    for line in dialect.unit_lines[::-1]:
+        for i, cell in enumerate(split(head[line], dialect.delimiter)[:width]):
+            if cell.strip() and (parse_unit(cell) or not units[i]):
+                units[i] = cell.strip()
+    names: list[str] = []
+    taken: set[str] = set()
+    for i in range(width):
+        cell = cells[i].strip().lstrip("#").strip() if i < len(cells) else ""
+        if i < len(cells) and not cell and cells[i].strip():
+            cell = cells[i].strip()  # the name is the sign itself: "#"
+        base = unique = cell or f"column {i + 1}"
+        count = 2
+        while unique in taken:
+            unique = f"{base} ({count})"
+            count += 1
+        names.append(unique)
+        taken.add(unique)
+    return names, units
+
+
+Cells = Array | list[str]
+
+
+def _parse_body(
+    body: bytes, lines: list[str], names: list[str], dialect: Dialect, name: str, more: frozenset[str], excluded: set[str]
+) -> tuple[dict[str, Cells], dict[str, InputError], dict[str, str], list[str]]:
+    """(columns, what is wrong with some, units that stand in the cells, notes); lines are the first of the body."""
+    ragged: list[str] = []
+
+    def ragged_row(row: pacsv.InvalidRow) -> str:
+        ragged.append(row.text)
+        return "skip"
+
+    delimiter = "\t" if dialect.delimiter == " " else dialect.delimiter
+
+    def parse(types: dict[str, pa.DataType]) -> pa.Table:
+        ragged.clear()
+        return pacsv.read_csv(
+            io.BytesIO(body),
+            # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
+            read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20), use_threads=False),
+            parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=ragged_row),
+            convert_options=pacsv.ConvertOptions(
+                column_types=types, null_values=[""], decimal_point=dialect.decimal, strings_can_be_null=False
+            ),
+        )
+
+    if not body.strip():
+        raise InputError(f"{name}: a header and no rows", allowed="rows of readings", do="export the record again")
+    sample = [row for row in (split(line, dialect.delimiter) for line in lines[:200] if line.strip()) if len(row) == len(names)]
+    texts = {n for i, n in enumerate(names) if n in excluded or _is_text([r[i] for r in sample], dialect.decimal, more)}
+    try:
+        table, slow = parse({n: pa.string() if n in texts else pa.float64() for n in names}), False
+    except pa.ArrowInvalid:
+        # Some cell is no number: look at each, for the words that mean 'no reading' and to name the others. The words are not
+        # given to pyarrow, which would look for each of them in every column of every record.
+        table, slow = parse(dict.fromkeys(names, pa.string())), True
+    notes = _check_ragged(body, len(names), delimiter, dialect, name) if ragged else []
+    columns: dict[str, Cells] = {}
+    faults: dict[str, InputError] = {}
+    carried: dict[str, str] = {}
+    for n in names:
+        column = table.column(n)
+        if n in texts or slow:
+            columns[n], fault, unit = _cells(column.to_pylist(), n, dialect, name, more, n in texts)
+            if fault is not None:
+                faults[n] = fault
+            if unit:
+                carried[n] = unit
+        else:
+            columns[n] = _without(to_floats(column), more)
+    return columns, faults, carried, notes
+
+
+def _is_text(cells: list[str], decimal: str, more: frozenset[str]) -> bool:
+    if decimal == "." and _all_floats(cells):
+        return False
+    told = [c for c in cells if not is_missing(c, more)]
+    return bool(told) and sum(is_number(c, decimal) for c in told) < MOSTLY * len(told)
+
+
+def _all_floats(cells: list[str]) -> bool:
+    try:
+        for c in cells:
+            float(c)
+    except ValueError:
+        return False
+    return True
+
+
+def _without(values: Array, missing: frozenset[str]) -> Array:
+    """Numbers that the user said mean 'no reading' (85, -999) as nan."""
+    numbers = [float(m) for m in missing if is_number(m, ".")]
+    return np.where(np.isin(values, numbers), np.nan, values) if numbers else values
+
+
+def _check_ragged(body: bytes, width: int, delimiter: str, dialect: Dialect, name: str) -> list[str]:
+    """Notes where rows of another width are a footer or a last line cut short.
+
+    Raises
+    ------
+    InputError: any other row, by its line.
+    """
+    lines = LINE_END.split(body.decode("utf-8", errors="replace"))
+    counts = [(i, split(line, delimiter)) for i, line in enumerate(lines) if line.strip()]
+    bad = [(i, cells) for i, cells in counts if len(cells) != width]
+    good = [i for i, cells in counts if len(cells) == width]
+    last = good[-1] if good else -1
+    tail = [i for i, _ in bad if i > last]
+    if bad and not [i for i, _ in bad if i <= last]:
+        first, cells = bad[0]
+        if len(bad) == 1 and len(cells) < width and any(is_number(c, dialect.decimal) for c in cells):
+            return [f"the last line ({dialect.data_line + first + 1}) is cut short and was left out"]
+        if all(not _reads(cells, dialect.decimal) for _, cells in bad):
+            return [f"{len(tail)} lines below the readings left out ({lines[first].strip()[:40]!r})"]
+    first, cells = bad[0] if bad else (0, [])
+    line = dialect.data_line + first + 1
+    raise InputError(
+        f"{name}, line {line}: the row has {len(cells)} cells, the others {width}",
+        found=lines[first][:80],
+        allowed=f"{width} cells in each row",
+        do=f"mend the row{f' and {len(bad) - 1} more like it' if len(bad) > 1 else ''}, or check --delimiter and --decimal",
+    )
+
+
+def _reads(cells: list[str], decimal: str) -> bool:
+    """Whether a row holds readings: at least two numbers, or a stamp and a number."""
+    told = [c for c in cells if c.strip()]
+    numbers = sum(is_number(c, decimal) for c in told)
+    return numbers >= 2 or (numbers >= 1 and any(looks_like_stamp(c) for c in told))
+
+
+def _cells(
+    cells: list[str], column: str, dialect: Dialect, name: str, more: frozenset[str], is_text: bool
+) -> tuple[Cells, InputError | None, str]:
+    """(numbers or the cells themselves, what is wrong with the few that are none, unit that each cell carries)."""
+    unit = ""
+    if is_text:
+        cells, unit = _with_unit(cells, dialect.decimal, more)
+        if not unit:
+            return cells, None, ""
+    values = np.full(len(cells), np.nan)
+    bad: list[int] = []
+    for i, cell in enumerate(cells):
+        if is_missing(cell, more):
+            continue
+        if is_number(cell, dialect.decimal):
+            values[i] = to_number(cell, dialect.decimal)
+        else:
+            bad.append(i)
+    if not bad:
+        return _without(values, more), None, unit
+    if len(bad) > MOSTLY * np.count_nonzero(np.isfinite(values)) + len(bad) * MOSTLY:
+        return cells, None, ""
+    found = listed(dict.fromkeys(repr(cells[i]) for i in bad), 3)
+    fault = InputError(
+        f"{name}, line {dialect.data_line + bad[0] + 1}, column {column!r}: not a number",
+        found=found + (f" in {len(bad)} rows" if len(bad) > 1 else ""),
+        allowed="a number, an empty cell, or a known word for 'no reading' (NaN, OL, ---, ...)",
+        do=f"mend the cell, say --missing {cells[bad[0]].strip()!r} if it means 'no reading', or --exclude {column!r}",
+    )
+    return values, fault, unit
+
+
+def _with_unit(cells: list[str], decimal: str, more: frozenset[str]) -> tuple[list[str], str]:
+    """The numbers of cells that all carry one unit (``21.3 °C``, ``temp=47.2'C``), and that unit; else the cells as they are."""
+    told = [c for c in cells if not is_missing(c, more) and not is_number(c, decimal)]
+    if not told or looks_like_stamp(told[0]):
+        return cells, ""
+    found = {c: number_within(c, decimal) for c in dict.fromkeys(told)}
+    forms = Counter((f[0], f[2]) for f in found.values() if f)
+    if len(forms) != 1 or sum(f is None for f in found.values()) > 0:
+        return cells, ""
+    (before, after), _ = forms.most_common(1)[0]
+    unit = after or before.rstrip("=: ")
+    if not (parse_unit(after) or (before and not after)):
+        return cells, ""
+    return [f[1] if (f := found.get(c)) else c for c in cells], unit

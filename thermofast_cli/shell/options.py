@@ -1,0 +1,217 @@
+"""Options that commands share, each said once. Imports Click only: ``--help`` must not wait for numpy."""
+
+import math
+import textwrap
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from ..errors import UsageError
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+FILTERS = "afukf, fading_ukf, ukf, ekf, svd_ukf, ckf, cqkf, ast_cqkf, crpf, acrpf, rls, least_squares"
+
+
+def _together(*options: Decorator) -> Decorator:
+    def wrap(function: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return wrap
+
+
+def _hidden(*names: str, **settings: Any) -> Decorator:
+    """An option that ``thermofast help reading`` explains once for all commands."""
+    return click.option(*names, hidden=True, **settings)
+
+
+class RunCommand(click.Command):
+    """A command that reads runs: its help names the reading options in a line."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_options(ctx, formatter)
+        told = [p.opts[0] for p in self.params if isinstance(p, click.Option) and p.hidden]
+        with formatter.section("How files are read ('thermofast help reading' explains them)"):
+            room = max(formatter.width - formatter.current_indent, 20)
+            for line in textwrap.wrap(" ".join(told), room, break_on_hyphens=False):
+                formatter.write(" " * formatter.current_indent + line + "\n")
+
+
+class Finite(click.FloatRange):
+    """A number in a range; unlike Click's own it refuses nan and infinity."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
+
+
+runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())
+
+filter_options = _together(
+    click.option("--filter", "filter_name", default="afukf", show_default=True, metavar="NAME", help=f"One of {FILTERS}."),
+    click.option("--preset", type=click.Choice(["paper"]), help="The filter as the spindle paper prints it."),
+    click.option(
+        "--set", "settings", multiple=True, metavar="FILTER.KEY=VALUE", help="A filter's setting; see 'thermofast filters NAME'."
+    ),
+)
+
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."
+)
+
+table_options = _together(
+    click.option(
+        "--format",
+        "form",
+        type=click.Choice(["table", "csv", "json", "jsonl", "md"]),
+        help="Table on a terminal, else CSV, by default.",
+    ),
+    click.option(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="Write to FILE: .csv .json .jsonl .parquet .md; with --format the screen shows it too.",
+    ),
+    click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error but errors."),
+)
+
+output_options = _together(table_options, jobs_option)
+
+reading_options = _together(
+    _hidden("--time", metavar="COLUMN", help="The time column."),
+    _hidden("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
+    _hidden("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
+    _hidden(
+        "--interval",
+        type=Finite(0, min_open=True),
+        metavar="SECONDS",
+        help="Rows are this far apart: there is no time column.",
+    ),
+    _hidden(
+        "--start",
+        default="auto",
+        show_default=True,
+        metavar="MIN|auto",
+        help="When the rise begins, minutes from the first reading.",
+    ),
+    _hidden("--ambient", metavar="COLUMN", help="The column of the surroundings."),
+    _hidden("--inputs", metavar="A,B", help="Columns that are inputs, not sensors."),
+    _hidden("--channels", metavar="A,B", help="Use these sensors only."),
+    _hidden("--exclude", metavar="A,B", help="Leave these columns out."),
+    _hidden("--missing", metavar="A,B", help="More words that mean 'no reading'."),
+    _hidden("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
+    _hidden("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
+    _hidden("--encoding", metavar="NAME", help="Text encoding."),
+    _hidden("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
+    _hidden(
+        "--long",
+        metavar="SENSOR,VALUE",
+        help="One row per sensor and time: the columns that name the sensor (A+B for two) and read it.",
+    ),
+    _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
+    _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
+)
+
+loop_options = _together(
+    click.option(
+        "--until",
+        type=Finite(0, min_open=True),
+        metavar="MIN",
+        help="Fit the first MIN minutes only; the rest shows the error ahead.",
+    ),
+    click.option(
+        "--effect",
+        "extra",
+        multiple=True,
+        metavar="FILE.py[:CLASS]",
+        help="An effect of your own, beside the catalogue; may be repeated.",
+    ),
+    click.option("--drive", metavar="COLUMN", help="A logged column that is the heat of the base model."),
+)
+
+false_alarm_option = click.option(
+    "--false-alarm",
+    type=Finite(0, 0.5, min_open=True),
+    default=0.01,
+    show_default=True,
+    metavar="P",
+    help="Chance per run, over all that is tried, of naming an effect that is not there.",
+)
+
+model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve', in place of the base model.")
+
+#: Names of the parameters that ``reading_options`` adds.
+READING = [
+    "time",
+    "time_unit",
+    "time_format",
+    "interval",
+    "start",
+    "ambient",
+    "inputs",
+    "channels",
+    "exclude",
+    "missing",
+    "delimiter",
+    "decimal",
+    "encoding",
+    "header_line",
+    "long",
+    "units",
+    "strict",
+]
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """'A, B' as ('A', 'B')."""
+    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
+
+
+def numbers(text: str, option: str) -> tuple[float, ...]:
+    """'40,45' or '5:55:1' (ends included) as ascending numbers.
+
+    Raises
+    ------
+    UsageError: not numbers, not above zero, or a step that never ends.
+    """
+    try:
+        if ":" in text:
+            parts = [float(p) for p in text.split(":")]
+            first, last = parts[0], parts[1]
+            step = parts[2] if len(parts) > 2 else 1.0
+            if len(parts) > 3 or step <= 0 or last < first or (last - first) / step > 100_000:
+                raise ValueError
+            found = [first + i * step for i in range(int((last - first) / step + 1e-9) + 1)]
+        else:
+            found = [float(p) for p in text.split(",") if p.strip()]
+        if not found or any(not 0 < v < 1e7 for v in found):
+            raise ValueError
+    except (ValueError, IndexError):
+        raise UsageError(
+            f"{option}: not a list of minutes", found=repr(text), allowed="numbers above zero as 40,45,50 or FIRST:LAST:STEP"
+        ) from None
+    return tuple(sorted({round(v, 9) for v in found}))
+
+
+def ranges(texts: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
+    """'ambient=0.5' as ('ambient', 0.5).
+
+    Raises
+    ------
+    UsageError: not of that form, or not a number above zero.
+    """
+    found = []
+    for text in texts:
+        name, _, value = text.rpartition("=")
+        try:
+            reach = float(value)
+        except ValueError:
+            reach = math.nan
+        if not name or not 0.0 < reach < math.inf:
+            raise UsageError("--input-range: not of the form COLUMN=X", found=repr(text), allowed="X above zero, as in ambient=0.5")
+        found.append((name.strip(), reach))
+    return tuple(found)
