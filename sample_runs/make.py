@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from thermofast.output.files import write_columns, write_json
 from thermofast.analysis.simulation import Probe, simulate
+from thermofast.output.files import write_columns, write_json
 
 ROOM = 17.9
 #: Steady state [degC] and t95 [min] of ten probes on a vertical machine; T5 is the paper's sensor 5.

@@ -160,8 +160,8 @@ def test_pictures_without_matplotlib_say_what_to_install(tool, tmp_path, monkeyp
 def test_no_sensor_to_draw_is_said(tool, tmp_path):
     path = tmp_path / "flat.csv"
     path.write_text("time_min,T1\n" + "".join(f"{i},20\n" for i in range(60)))
-    assert "no sensor to draw" in tool("identify", path, "-q", "--save-plot", tmp_path / "a.png").err
-    assert "no sensor to draw" in tool("sweep", path, "-q", "--save-plot", tmp_path / "a.png").err
+    assert "nothing to draw" in tool("identify", path, "-q", "--save-plot", tmp_path / "a.png").err
+    assert "nothing to draw" in tool("sweep", path, "-q", "--save-plot", tmp_path / "a.png").err
 
 
 def test_a_parquet_without_rows_or_with_odd_columns(tool, tmp_path):

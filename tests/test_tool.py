@@ -279,7 +279,7 @@ def test_an_interrupt_keeps_what_is_finished(tmp_path):
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert b"Traceback" not in err
-    finished = int(re.search(rb"interrupted: (\d+) sensors", err).group(1))
+    finished = int(re.search(rb"interrupted: (\d+) records", err).group(1))
     assert len(out.splitlines()) == finished < 12000
     for line in out.splitlines()[:5]:
         assert json.loads(line)["status"] == "ok"

@@ -23,7 +23,7 @@ from ..estimation.estimate import Estimate, FilterError, estimate_at, track_of
 from ..estimation.identify import Method, refusal
 from ..estimation.sensor import Sensor, prepare
 from ..machine.learnt import carry
-from ..machine.modelfile import ModelFile, read_model
+from ..machine.modelfile import ModelFile
 from ..machine.settle import covariance_root, reference_of, settling_point
 from ..records import SensitivityRecord
 
@@ -204,7 +204,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     observed, prepared = ready(loop)
     if prepared is None:
         return refused_records(SensitivityRecord, loop.run.name, observed)
-    file, whole, sizes = read_model(loop.model), prepared.whole, task.sizes
+    file, source, whole, sizes = loop.model.file, loop.model.source, prepared.whole, task.sizes
     until = loop.until_min if loop.until_min is not None else whole.span
     constants = [(owner, n) for owner, n in _shared_constants(file) if n.standard_error]
     factors = [
@@ -216,7 +216,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
         Factor("identification time", sizes.until, "min"),
         *[Factor(f"{owner}.{n.name}" if owner else n.name, float(n.standard_error or 0.0), n.unit) for owner, n in constants],
     ]
-    centre = carry(file, prepared.seen, loop.run.name, loop.model).fit
+    centre = carry(file, prepared.seen, loop.run.name, loop.model.source).fit
     slope = np.gradient(centre.curve, whole.time, axis=1)
     noise_of = _level_roots(centre, np.broadcast_to(centre.noise[:, None], centre.curve.shape))
     stamps_of = _level_roots(centre, np.abs(slope) * sizes.jitter / 60.0)
@@ -236,7 +236,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
             ambient={n: c + room * sizes.room * follows for n, c in whole.ambient.items()},
         )
         seen = changed.until(until + minutes * sizes.until)
-        fit = carry(_moved(file, constants, moved), seen, loop.run.name, loop.model or "").fit
+        fit = carry(_moved(file, constants, moved), seen, loop.run.name, source).fit
         reference = reference_of(seen)
         return np.asarray([settling_point(fit, i, reference) for i in range(whole.sensors)])
 

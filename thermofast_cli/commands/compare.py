@@ -5,7 +5,6 @@ from typing import Any
 import click
 
 from ..shell.options import (
-    READING,
     RunCommand,
     loop_options,
     model_option,
@@ -56,42 +55,20 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..discovery.compare import compare_lost, compare_task
-    from ..errors import UsageError
+    from ..machine.model import Model
     from ..output.screen import interval, number, text
+    from ..pipeline import compare_runs
     from ..records import CompareRecord
-    from ..shell.loop_session import loop_tasks, run_loop
-    from ..shell.session import deliver, exit_code
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, draw, read_all, working
 
-    if save_plot:
-        from ..output.plots import check_picture
-
-        check_picture(save_plot)
-    if model and effects:
-        raise UsageError("--effects adds to the base model, and --model takes its place", do="leave one of them out")
-    given = {k: reading[k] for k in READING}
-    tasks, unreadable = loop_tasks(
-        runs,
-        given,
-        quiet,
-        [output, save_plot],
-        until_min=until,
-        extra=extra,
-        drive=drive,
-        names=names(effects),
-        model=model,
-        input_ranges=ranges(input_ranges),
-        want_curves=bool(save_plot),
-    )
-    for task in tasks:
-        for name, _ in task.input_ranges:
-            known = [*task.run.ambient, *task.run.inputs]
-            if name not in known:
-                allowed = ", ".join(known) or "this run logs none"
-                raise UsageError(f"{task.run.name}: --input-range {name!r} is no logged input", allowed=allowed)
-    found, interrupted = run_loop(compare_task, tasks, jobs, compare_lost, quiet)
-    records = [r for c in found for r in c.records]
-    records += [CompareRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
+    check_outputs([output], save_plot)
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": Model.load(model) if model else None}
+    chosen, allowed = names(effects), ranges(input_ranges)
+    compare_runs([], chosen, (), **options)  # what is wrong with the options is said before any file is read
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
+    with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
+        result = compare_runs(readings.runs, chosen, allowed, bool(save_plot), how, **options)
     drawn = [
         ("sensor", text("channel")),
         ("effects", text("effects")),
@@ -104,9 +81,6 @@ def command(
         ("by K", number("worst_error_c", 2)),
         ("status", text("status")),
     ]
-    deliver("compare", records, CompareRecord, output, form, quiet, drawn, [t.run for t in tasks])
-    if save_plot:
-        from ..output.loop_plots import plot_comparison
-
-        plot_comparison(save_plot, [p for c in found for p in c.pictures])
-    return exit_code(records, interrupted)
+    code = deliver(result, failed(CompareRecord, readings.unreadable), output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code

@@ -5,7 +5,6 @@ from typing import Any
 import click
 
 from ..shell.options import (
-    READING,
     RunCommand,
     false_alarm_option,
     loop_options,
@@ -47,25 +46,20 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..discovery.diagnose import diagnose_lost, diagnose_task
+    from ..machine.model import Model
     from ..output.screen import number, text
+    from ..pipeline import diagnose_runs
     from ..records import DiagnoseRecord
-    from ..shell.loop_session import loop_tasks, run_loop
-    from ..shell.session import deliver, exit_code
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, read_all, working
 
-    given = {k: reading[k] for k in READING}
-    options: dict[str, Any] = {
-        "until_min": until,
-        "extra": extra,
-        "drive": drive,
-        "false_alarm": false_alarm,
-        "names": names(effects),
-        "model": model,
-    }
-    tasks, unreadable = loop_tasks(runs, given, quiet, [output], **options)
-    found, interrupted = run_loop(diagnose_task, tasks, jobs, diagnose_lost, quiet, shares=True)
-    records = [r for rs in found for r in rs]
-    records += [DiagnoseRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
+    check_outputs([output])
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
+    options["model"] = Model.load(model) if model else None
+    diagnose_runs([], names(effects), **options)  # what is wrong with the options is said before any file is read
+    readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
+    with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:
+        result = diagnose_runs(readings.runs, names(effects), how, **options)
     drawn = [
         ("sensor", text("channel")),
         ("verdict", text("verdict")),
@@ -76,5 +70,5 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    deliver("diagnose", records, DiagnoseRecord, output, form, quiet, drawn, [t.run for t in tasks], beneath=("message", "advice"))
-    return exit_code(records, interrupted)
+    unreadable = failed(DiagnoseRecord, readings.unreadable)
+    return deliver(result, unreadable, output, form, quiet, drawn, beneath=("message", "advice"))

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..shell.options import READING, RunCommand, names, reading_options, runs_argument, table_options
+from ..shell.options import RunCommand, names, reading_options, runs_argument, table_options
 
 
 @click.command(
@@ -32,32 +32,15 @@ def command(
     turn. 'without' is the error there of the better of their mean and a straight line in time: a model that is not clearly
     below it has learnt nothing.
     """
-    from ..analysis.displacement import displacement_run
-    from ..errors import UsageError
-    from ..output.files import TABLE_SUFFIXES, check_target, check_targets
     from ..output.screen import number, text
+    from ..pipeline import displacement_runs
     from ..records import DisplacementRecord
-    from ..shell.session import choose_sources, deliver, exit_code, read_all
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, draw, read_all
 
-    if output:
-        check_target(output, TABLE_SUFFIXES)
-    if save_plot:
-        from ..output.plots import check_picture
-
-        check_picture(save_plot)
-    sources = choose_sources(runs)
-    check_targets([output, save_plot], sources)
-    readings = read_all(sources, {k: reading[k] for k in READING}, quiet, 1)
-    told = []
-    for run, start in readings.runs:
-        known = {**run.displacements, **run.channels}
-        chosen = names(displacements) or tuple(run.displacements)
-        missing = [c for c in chosen if c not in known]
-        if missing:
-            raise UsageError(f"{run.name}: --displacements {missing[0]!r} is no column of this record", allowed=", ".join(known))
-        told.append(displacement_run(run, chosen, start if reading["start"] != "auto" else 0.0))
-    records = [r for t in told for r in t.records]
-    records += [DisplacementRecord(name, "", status="unreadable", message=why) for name, why in readings.unreadable]
+    check_outputs([output], save_plot)
+    readings = read_all(runs, reading, quiet, [output, save_plot], 1, from_rise=False)
+    result = displacement_runs(readings.runs, names(displacements))
     drawn = [
         ("displacement", text("channel")),
         ("by", text("method")),
@@ -68,9 +51,6 @@ def command(
         ("trust", text("trusted")),
         ("status", text("status")),
     ]
-    deliver("displacement", records, DisplacementRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
-    if save_plot:
-        from ..output.displacement_plots import plot_displacement
-
-        plot_displacement(save_plot, [p for t in told for p in t.panels])
-    return exit_code(records, False)
+    code = deliver(result, failed(DisplacementRecord, readings.unreadable), output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code

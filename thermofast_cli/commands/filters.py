@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..shell.options import READING, Finite, RunCommand, reading_options, runs_argument, table_options
+from ..shell.options import Finite, RunCommand, reading_options, runs_argument, table_options
 
 
 class Catalogue(click.Group):
@@ -92,31 +92,17 @@ def bench(
     One record per filter: errors inside and ahead over all sensors, the median width of the steady state's 95 % interval, readings
     filtered per second on this machine in one process, and on how many sensors the filter broke.
     """
-    from ..errors import UsageError
-    from ..estimation.bench import bench_run
     from ..estimation.methods import known_filters
-    from ..output.files import TABLE_SUFFIXES, check_target, check_targets
-    from ..output.screen import number, progress, text
+    from ..output.screen import number, text
+    from ..pipeline import bench_runs
     from ..records import BenchRecord
-    from ..shell.session import choose_sources, deliver, exit_code, read_all
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, read_all, working
 
-    if output:
-        check_target(output, TABLE_SUFFIXES)
-    sources = choose_sources(runs)
-    check_targets([output], sources)
-    readings = read_all(sources, {k: reading[k] for k in READING}, quiet, 1)
-    records = []
-    for run, start in readings.runs:
-        if until is not None and not start < until < run.time_s[-1] / 60.0:
-            raise UsageError(
-                f"{run.name}: --until {until:g} leaves nothing ahead of it, or nothing before it",
-                allowed=f"{start:.4g} to {run.time_s[-1] / 60.0:.4g} min",
-            )
-    known = known_filters()
-    with progress(len(readings.runs) * len(known), "filters tried", quiet) as advance:
-        for run, start in readings.runs:
-            records += bench_run(run, start, until, known, advance)
-    records += [BenchRecord(name, "", status="unreadable", message=why) for name, why in readings.unreadable]
+    check_outputs([output])
+    readings = read_all(runs, reading, quiet, [output], 1)
+    with working(readings, len(readings.runs) * len(known_filters()), "filters tried", quiet, 1) as how:
+        result = bench_runs(readings.runs, until, how)
     drawn = [
         ("filter", text("filter")),
         ("inside K", number("rmse_fit_c", 4)),
@@ -127,5 +113,6 @@ def bench(
         ("readings/s", number("steps_per_s", 0)),
         ("use", text("chosen")),
     ]
-    deliver("filters bench", records, BenchRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
-    return exit_code([r for r in records if r.status in ("unreadable", "no_data")], False)
+    deliver(result, failed(BenchRecord, readings.unreadable), output, form, quiet, drawn)
+    # A filter that breaks on a record is what the table is for; only a run without readings is a failure.
+    return 1 if readings.unreadable or any(r.status == "no_data" for r in result.records) else 0

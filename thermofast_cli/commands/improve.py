@@ -5,7 +5,6 @@ from typing import Any
 import click
 
 from ..shell.options import (
-    READING,
     RunCommand,
     false_alarm_option,
     loop_options,
@@ -49,33 +48,25 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..discovery.improve import improve_lost, improve_task
     from ..errors import UsageError
-    from ..machine.modelfile import write_model
     from ..output.files import check_target
     from ..output.screen import number, say, text
+    from ..pipeline import improve_runs
     from ..records import ImproveRecord
-    from ..shell.loop_session import loop_tasks, run_loop
-    from ..shell.session import deliver, exit_code
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, draw, read_all, working
 
-    if add and auto:
-        raise UsageError("--add and --auto exclude each other", do="name the effects, or let the search name them")
     learns = output is not None and output.lower().endswith(".toml")
-    if save_plot:
-        from ..output.plots import check_picture
-
-        check_picture(save_plot)
+    check_outputs([None if learns else output], save_plot)
     if learns:
         check_target(output or "", (".toml",))
-    given = {k: reading[k] for k in READING}
-    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "names": names(add)}
-    options |= {"auto": auto, "false_alarm": false_alarm}
-    tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], check_table=not learns, **options)
-    if learns and len(tasks) > 1:
-        raise UsageError(f"{output}: one model file for {len(tasks)} runs", do="learn from one run, or name another output")
-    found, interrupted = run_loop(improve_task, tasks, jobs, improve_lost, quiet, shares=True)
-    records = [r for i in found for r in i.records]
-    records += [ImproveRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
+    improve_runs([], names(add), auto, **options)  # what is wrong with the options is said before any file is read
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
+    if learns and len(readings.runs) > 1:
+        raise UsageError(f"{output}: one model file for {len(readings.runs)} runs", do="learn from one run, or name another output")
+    with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:
+        result = improve_runs(readings.runs, names(add), auto, how, **options)
     drawn = [
         ("step", text("step")),
         ("sensor", text("channel")),
@@ -85,15 +76,11 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    table = None if learns else output
-    runs_read = [t.run for t in tasks]
-    deliver("improve", records, ImproveRecord, table, form, quiet, drawn, runs_read, beneath=("stopped_because", "message"))
-    if learns and found and found[0].model is not None:
-        write_model(output or "", found[0].model)
+    table, unreadable = None if learns else output, failed(ImproveRecord, readings.unreadable)
+    code = deliver(result, unreadable, table, form, quiet, drawn, beneath=("stopped_because", "message"))
+    if learns and result.models and result.models[0] is not None:
+        result.model.save(output or "")
         if not quiet:
             say(f"model in {output}")
-    if save_plot:
-        from ..output.loop_plots import plot_staircase
-
-        plot_staircase(save_plot, found)
-    return exit_code(records, interrupted)
+    draw(result, save_plot)
+    return code

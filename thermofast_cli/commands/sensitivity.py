@@ -5,7 +5,6 @@ from typing import Any
 import click
 
 from ..shell.options import (
-    READING,
     Finite,
     RunCommand,
     filter_options,
@@ -71,28 +70,25 @@ def command(
     standard errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in
     all' that with what it does together with others. --limit is about the steady state's distance from its mean.
     """
-    from ..analysis.sensitivity import SensitivityTask, Sizes, sensitivity_lost, sensitivity_task
+    from ..analysis.sensitivity import Sizes
     from ..errors import UsageError
     from ..estimation.methods import choose
+    from ..machine.model import Model
     from ..output.screen import number, text
+    from ..pipeline import sensitivity_runs
     from ..records import SensitivityRecord
-    from ..shell.loop_session import loop_tasks, run_loop
-    from ..shell.session import deliver, exit_code
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, draw, read_all, working
 
     method = choose(filter_name, preset, settings)
     if model and (filter_name != "afukf" or preset or settings):
         raise UsageError("--model puts a joint fit in the filter's place", do="leave --filter, --preset and --set out")
-    if save_plot:
-        from ..output.plots import check_picture
-
-        check_picture(save_plot)
-    given = {k: reading[k] for k in READING}
+    check_outputs([output], save_plot)
+    learnt = Model.load(model) if model else None
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
     sizes = Sizes(offset, start_level, room, jitter, until_spread, limit)
-    tasks, unreadable = loop_tasks(runs, given, quiet, [output, save_plot], from_rise=model is None, until_min=until, model=model)
-    work = [SensitivityTask(task, method, sizes) for task in tasks]
-    found, interrupted = run_loop(sensitivity_task, work, jobs, sensitivity_lost, quiet)
-    records = [r for rs in found for r in rs]
-    records += [SensitivityRecord(name, "", status="unreadable", message=why) for name, why in unreadable]
+    with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
+        result = sensitivity_runs(readings.runs, method, sizes, until, learnt, how)
     drawn = [
         ("sensor", text("channel")),
         ("of", text("quantity")),
@@ -105,9 +101,6 @@ def command(
         ("p(error > limit)", number("exceed_p_mc", 4)),
         ("status", text("status")),
     ]
-    deliver("sensitivity", records, SensitivityRecord, output, form, quiet, drawn, [t.run for t in tasks])
-    if save_plot:
-        from ..output.share_plots import plot_shares
-
-        plot_shares(save_plot, records)
-    return exit_code(records, interrupted)
+    code = deliver(result, failed(SensitivityRecord, readings.unreadable), output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code

@@ -5,7 +5,6 @@ from typing import Any
 import click
 
 from ..shell.options import (
-    READING,
     Finite,
     RunCommand,
     filter_options,
@@ -59,63 +58,23 @@ def command(
     its RMSE is least, shortest_time_min the time from which it stays within the noise of that in every window, and
     tolerance_time_min the time from which the interval of the steady state is narrower than --tolerance.
     """
-    from ..errors import UsageError
     from ..estimation.methods import choose
-    from ..estimation.work import SweepTask, sweep_lost, sweep_task
-    from ..output.files import TABLE_SUFFIXES, check_target, check_targets
+    from ..machine.model import Model
     from ..output.screen import number, text
+    from ..pipeline import sweep_runs
     from ..records import SweepRecord
+    from ..results import failed
     from ..shell.options import numbers
-    from ..shell.session import choose_sources, collect, deliver, exit_code, read_all, share_out
+    from ..shell.session import check_outputs, deliver, draw, read_all, working
 
     method = choose(filter_name, preset, settings)
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
-    for span in spans:
-        if not any(t < span - 1e-9 for t in grid):
-            raise UsageError(
-                f"no identification time lies below the window of {span:g} min",
-                found=f"times from {grid[0]:g} to {grid[-1]:g} min",
-                allowed="at least one time below each window",
-                do="say --times FIRST:LAST:STEP",
-            )
-    if output:
-        check_target(output, TABLE_SUFFIXES)
-    if save_plot:
-        from ..output.plots import SUFFIXES, require_matplotlib
-
-        require_matplotlib()
-        check_target(save_plot, SUFFIXES)
-    sources = choose_sources(runs)
-    check_targets([output, save_plot], sources)
-    readings = read_all(sources, {k: reading[k] for k in READING}, quiet, jobs)
-    for run, _ in readings.runs:
-        length = run.time_s[-1] / 60.0
-        if spans[-1] > length * 1.001:
-            raise UsageError(
-                f"{run.name}: the window of {spans[-1]:g} min is longer than the record",
-                found=f"{length:.4g} min",
-                allowed="windows inside the record",
-                do="say --windows",
-            )
-
-    def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
-        return SweepTask(name, minutes, part, values, notes, method, start, spans, grid, tolerance, bool(save_plot))
-
-    if model:
-        from ..discovery.loop import LoopTask
-        from ..machine.modelfile import read_model
-        from ..machine.settle import sweep_with_model
-
-        learnt, interrupted = read_model(model), False
-        told = reading["start"] != "auto"
-        loops = [LoopTask(r, s if told else 0.0, model=model, drive=learnt.learnt_from.drive) for r, s in readings.runs]
-        found = [swept for task in loops for swept in sweep_with_model(task, spans, grid, tolerance)]
-    else:
-        tasks, processes = share_out(readings, jobs, 1.0 + 0.02 * len(grid), make)
-        found, interrupted = collect(sweep_task, tasks, processes, sweep_lost, quiet, readings.warm)
-    records = [record for result in found for record in result.records]
-    records += [SweepRecord(name, "", filter_name, status="unreadable", message=why) for name, why in readings.unreadable]
+    check_outputs([output], save_plot)
+    learnt = Model.load(model) if model else None
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
+    with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
+        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, bool(save_plot), how)
     drawn = [
         ("sensor", text("channel")),
         ("window min", number("window_min", 0)),
@@ -127,12 +86,10 @@ def command(
         ("agreed", text("agreed")),
         ("status", text("status")),
     ]
-    deliver("sweep", records, SweepRecord, output, form, quiet, drawn, [r for r, _ in readings.runs])
-    if save_plot:
-        from ..output.plots import plot_sweep
-
-        plot_sweep(save_plot, found)
-    return exit_code(records, interrupted)
+    name = "joint_fit" if learnt else filter_name
+    code = deliver(result, failed(SweepRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code
 
 
 def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:

@@ -55,9 +55,8 @@ def search_run(task: LoopTask, prepared: Ready, spread: Spread = map) -> Told:
     known = None
     if task.model is not None:
         from ..machine.learnt import carry
-        from ..machine.modelfile import read_model
 
-        known = carry(read_model(task.model), prepared.seen, task.run.name, task.model).fit
+        known = carry(task.model.file, prepared.seen, task.run.name, task.model.source).fit
         effects = [e for e in effects if e.id not in ids_of(known.model.parts)]
     while True:
         try:

@@ -13,7 +13,7 @@ from thermofast.models.search.discover import FALSE_ALARM
 
 from ..errors import ThermofastError, UsageError, nearest
 from ..machine.learnt import carry
-from ..machine.modelfile import read_model
+from ..machine.model import Model
 from ..reading import Run
 from ..records import Record
 from .observe import Note, Observed, observe
@@ -31,7 +31,7 @@ class LoopTask:
     until_min: float | None = None
     names: tuple[str, ...] = ()
     extra: tuple[str, ...] = ()
-    model: str | None = None
+    model: Model | None = None
     drive: str | None = None
     auto: bool = False
     false_alarm: float = FALSE_ALARM
@@ -104,7 +104,7 @@ def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
     from thermofast.models.search.candidates import try_add
 
     if task.model is not None:
-        carried = carry(read_model(task.model), prepared.seen, task.run.name, task.model)
+        carried = carry(task.model.file, prepared.seen, task.run.name, task.model.source)
         return carried.fit, list(carried.notes)
     fit = fit_model(prepared.seen)
     notes = []

@@ -18,7 +18,6 @@ from ..estimation.measured import measured_equilibrium
 from ..estimation.sweep import Swept, sweep_records
 from ..records import IdentifyRecord, SweepRecord, finite
 from .learnt import carry
-from .modelfile import read_model
 
 Array = NDArray[np.float64]
 
@@ -52,7 +51,7 @@ def _identify(task: LoopTask) -> list[Identified]:
     if prepared is None:
         return refused
     whole, seen = prepared.whole, prepared.seen
-    carried = carry(read_model(task.model), seen, task.run.name, task.model)
+    carried = carry(task.model.file, seen, task.run.name, task.model.source)
     fit = carried.fit
     floor = noise_floor(fit)
     reference = reference_of(seen)
@@ -68,7 +67,7 @@ def _identify(task: LoopTask) -> list[Identified]:
             notes.insert(0, f"at surroundings of {reference:.4g} degC")
         if seen.drive is not None:
             notes.append(f"with {seen.drive} as last logged")
-        notes.append(f"with {', '.join(ids_of(fit.model.parts)) or 'no effect'} of {task.model}")
+        notes.append(f"with {', '.join(ids_of(fit.model.parts)) or 'no effect'} of {task.model.source}")
         status = "ok"
         if floor[i] < PATTERN:
             status = "model_doubtful"
@@ -222,19 +221,31 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
     return replace(alone, reading=curves, weight=np.ones_like(curves))
 
 
-def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[Swept]:
+def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[list[Swept]]:
+    """A run swept with a learnt model; whatever is wrong with it is a record."""
+    try:
+        return [_sweep(task, windows, times, tolerance_c)]
+    except ThermofastError as error:
+        return [[_no_sweep(SweepRecord(task.run.name, "", NAME, windows[0], status="unreadable", message=str(error)))]]
+
+
+def sweep_model_lost(task: LoopTask) -> list[list[Swept]]:
+    """The record of a run whose worker died."""
+    return [[_no_sweep(SweepRecord(task.run.name, "", NAME, status="diverged", message="the worker process died"))]]
+
+
+def _no_sweep(record: SweepRecord) -> Swept:
+    return Swept((record,), np.empty(0), np.empty((0, 0)), np.empty(0))
+
+
+def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[Swept]:
     """RMSE of the learnt model over each window against identification time, all sensors of a run."""
     assert task.model is not None
     observed, prepared = ready(task)
     if prepared is None:
-        return [
-            Swept(
-                (SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w),), np.empty(0), np.empty((0, 0)), np.empty(0)
-            )
-            for c, s, w in observed.refused
-        ]
+        return [_no_sweep(SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w)) for c, s, w in observed.refused]
     whole = prepared.whole
-    model = read_model(task.model)
+    model = task.model.file
     n = whole.sensors
     rmse = np.full((n, len(windows), len(times)), np.nan)
     width = np.full((n, len(times)), np.nan)
@@ -244,7 +255,7 @@ def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[fl
         seen = whole.until(until)
         if seen.used.sum(axis=1).min() < 6:
             continue
-        fit = carry(model, seen, task.run.name, task.model).fit
+        fit = carry(model, seen, task.run.name, task.model.source).fit
         error = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, 0.0)
         for j, window in enumerate(windows):
             inside = (whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used

@@ -2,21 +2,20 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..analysis.displacement import Panel
-from .plots import MARK, MEASURED, MODEL, new_figure, save_figure
-from .screen import say
+from .plots import MARK, MEASURED, MODEL, new_figure
 
 MOST = 6
 COLOURS = {"least squares": MODEL, "network": MARK}
 
 
-def plot_displacement(path: str, panels: Sequence[Panel]) -> None:
+def draw_displacement(panels: Sequence[Panel]) -> Any:
     """A panel for each displacement: what was measured, and what each model says of blocks that it had not seen."""
     shown = panels[:MOST]
     if not shown:
-        say("no displacement to draw: see the status of each record")
-        return
+        return None
     figure = new_figure(7.5, 3.0 * len(shown) + 0.5)
     axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
     for axis, panel in zip(axes, shown, strict=True):
@@ -31,4 +30,4 @@ def plot_displacement(path: str, panels: Sequence[Panel]) -> None:
         axis.tick_params(labelsize=8)
     axes[0].legend(fontsize=7, frameon=False)
     axes[-1].set_xlabel("time, min", fontsize=8)
-    save_figure(path, figure)
+    return figure

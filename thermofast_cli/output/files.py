@@ -118,11 +118,16 @@ def write_json(path: str, document: Any) -> None:
 
 
 def _parquet(path: str, columns: Sequence[str], rows: Sequence[Row]) -> None:
-    import pyarrow as pa
     import pyarrow.parquet as papq
 
-    arrays = {c: _arrow([plain(row[c]) for row in rows]) for c in columns}
-    papq.write_table(pa.table(arrays), path)
+    papq.write_table(to_arrow(columns, rows), path)
+
+
+def to_arrow(columns: Sequence[str], rows: Sequence[Row]) -> Any:
+    """Records as an Arrow table: the columns of the Parquet file."""
+    import pyarrow as pa
+
+    return pa.table({c: _arrow([plain(row[c]) for row in rows]) for c in columns})
 
 
 def _arrow(values: list[Any]) -> Any:

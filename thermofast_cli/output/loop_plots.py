@@ -8,19 +8,17 @@ import numpy as np
 
 from ..discovery.compare import Panel
 from ..discovery.improve import Improved
-from .plots import MARK, MEASURED, MODEL, new_figure, save_figure
-from .screen import say
+from .plots import MARK, MEASURED, MODEL, new_figure
 
 MOST = 6
 FAILING = "#fbbf24"
 INPUTS = ("#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
 
 
-def plot_comparison(path: str, panels: Sequence[Panel]) -> None:
+def draw_comparison(panels: Sequence[Panel]) -> Any:
     """Per sensor: measurement and model above, residual below with failing stretches shaded, inputs in a strip under it."""
     if not panels:
-        say("no sensor to draw: see the status of each record")
-        return
+        return None
     worst = sorted(panels, key=lambda p: -max((abs(s[2]) / p.noise for s in p.failing), default=0.0))[:MOST]
     shown = [p for p in panels if any(p is w for w in worst)]
     inputs = {n: c for n, c in shown[0].inputs.items() if np.ptp(c) > 0.0}
@@ -43,7 +41,7 @@ def plot_comparison(path: str, panels: Sequence[Panel]) -> None:
         _inputs(lower, shown[0].time, inputs)
     more = f"  ({len(shown)} of {len(panels)} sensors, the worst)" if len(panels) > len(shown) else ""
     figure.suptitle(f"{Path(shown[0].run).name}: {shown[0].effects}{more}", fontsize=11)
-    save_figure(path, figure)
+    return figure
 
 
 def _legend(figure: Any, axes: Any) -> None:
@@ -86,12 +84,11 @@ def _inputs(figure: Any, time: Any, inputs: dict[str, Any]) -> None:
     axes[-1].set_xlabel("time, min", fontsize=8)
 
 
-def plot_staircase(path: str, runs: Sequence[Improved]) -> None:
+def draw_staircase(runs: Sequence[Improved]) -> Any:
     """Error of each step, fitted and ahead, one line per sensor, the noise beneath."""
     shown = [r for r in runs if r.labels][:MOST]
     if not shown:
-        say("no step to draw: see the status of each record")
-        return
+        return None
     figure = new_figure(max(4.8, 1.7 * max(len(r.labels) for r in shown)) * len(shown), 3.6)
     axes = figure.subplots(1, len(shown), squeeze=False)[0]
     for axis, run in zip(axes, shown, strict=True):
@@ -108,4 +105,4 @@ def plot_staircase(path: str, runs: Sequence[Improved]) -> None:
         axis.set_title(Path(run.run).name, fontsize=9)
         axis.tick_params(labelsize=8, which="both")
         axis.legend(fontsize=7, frameon=False)
-    save_figure(path, figure)
+    return figure

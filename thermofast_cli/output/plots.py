@@ -10,7 +10,6 @@ from ..errors import UsageError
 from ..estimation.identify import Curves
 from ..estimation.sweep import Swept
 from .files import check_target, write_whole
-from .screen import say
 
 SUFFIXES = (".png", ".pdf", ".svg")
 MOST_PANELS = 24
@@ -42,7 +41,13 @@ def new_figure(width: float, height: float) -> Any:
 
 
 def save_figure(path: str, figure: Any) -> None:
-    """The figure, whole or not at all."""
+    """The figure, whole or not at all.
+
+    Raises
+    ------
+    UsageError: an unknown suffix, or a place that cannot be written.
+    """
+    check_target(path, SUFFIXES)
     write_whole(path, lambda p: figure.savefig(p, dpi=110))
 
 
@@ -52,12 +57,11 @@ def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
-def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = False) -> None:
+def draw_prediction(curves: Sequence[Curves], with_trace: bool = False) -> Any:
     """One panel per sensor: measurement, model, 95 % band, identification time; beside it, on request, rate and T_inf."""
     shown = curves[:MOST_PANELS]
     if not shown:
-        say("no sensor to draw: see the status of each record")
-        return
+        return None
     across = 3 if with_trace else min(3, len(shown))
     panels = 3 * len(shown) if with_trace else len(shown)
     figure, axes = _figure(panels, across, 4.6, 3.0)
@@ -75,7 +79,7 @@ def plot_prediction(path: str, curves: Sequence[Curves], with_trace: bool = Fals
     left_out = len(curves) - len(shown)
     more = f"  (first {len(shown)} of {len(curves)} sensors)" if left_out else ""
     figure.suptitle(f"{Path(shown[0].run).name if not several else 'thermofast identify'}{more}", fontsize=11)
-    save_figure(path, figure)
+    return figure
 
 
 def _prediction(axis: Any, c: Curves, title: str) -> None:
@@ -117,12 +121,11 @@ def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) ->
     axis.tick_params(labelsize=8)
 
 
-def plot_sweep(path: str, results: Sequence[Swept]) -> None:
+def draw_sweep(results: Sequence[Swept]) -> Any:
     """RMSE against identification time, one curve per window, one panel per sensor; the paper's figure 6."""
     shown = [r for r in results if np.isfinite(r.rmse).any()][:MOST_PANELS]
     if not shown:
-        say("no sensor to draw: see the status of each record")
-        return
+        return None
     figure, axes = _figure(len(shown), min(3, len(shown)), 4.6, 3.0)
     flat = axes.ravel()
     several = len({r.records[0].run for r in shown}) > 1
@@ -144,4 +147,4 @@ def plot_sweep(path: str, results: Sequence[Swept]) -> None:
         axis.set_visible(False)
     flat[0].legend(fontsize=8, frameon=False, title="window", title_fontsize=8)
     figure.suptitle("thermofast sweep" if several else Path(shown[0].records[0].run).name, fontsize=11)
-    save_figure(path, figure)
+    return figure

@@ -2,23 +2,22 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..records import SensitivityRecord
-from .plots import MEASURED, MODEL, new_figure, save_figure
-from .screen import say
+from .plots import MEASURED, MODEL, new_figure
 
 MOST = 6
 TITLES = {"steady_state_c": "steady state", "t95_min": "settling time"}
 
 
-def plot_shares(path: str, records: Sequence[SensitivityRecord]) -> None:
+def draw_shares(records: Sequence[SensitivityRecord]) -> Any:
     """A row for each sensor, a panel for each quantity: the share of the variance alone, and with what goes together."""
     sensors = list(dict.fromkeys((r.run, r.channel) for r in records if r.total is not None))
     if not sensors:
-        say("no share to draw: see the status of each record")
-        return
+        return None
     shown = sensors[:MOST]
     figure = new_figure(9.5, 2.4 * len(shown) + 0.6)
     axes = figure.subplots(len(shown), 2, squeeze=False)
@@ -42,4 +41,4 @@ def plot_shares(path: str, records: Sequence[SensitivityRecord]) -> None:
     figure.legend(handles, labels, fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     more = f"  (first {len(shown)} of {len(sensors)} sensors)" if len(sensors) > len(shown) else ""
     figure.suptitle(f"{Path(shown[0][0]).name}{more}", fontsize=11)
-    save_figure(path, figure)
+    return figure

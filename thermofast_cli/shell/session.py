@@ -3,40 +3,45 @@
 import os
 import stat
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 from click.core import ParameterSource
 
+from ..engine import Work
 from ..errors import InputError, ThermofastError, UsageError
 from ..estimation.sensor import run_start
-from ..output.files import write_table
+from ..output.files import TABLE_SUFFIXES, check_target, check_targets
 from ..output.screen import progress, say, show_records
-from ..pool import map_tasks, warm_pool, worth
-from ..reading import Options, Run, read_runs, told
-from ..records import FAILURES, Record
-from .options import names
-
-#: Sensors per task: enough to make the way to a worker worth it, few enough to share out evenly.
-MOST_PER_TASK = 250
+from ..pool import warm_pool
+from ..reading import Options, Run, read_runs
+from ..records import FAILURES
+from ..results import Result
+from .options import READING, names
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Runs read, with the start of each one's rise [min], and (name, why) of those that could not be."""
+    """Runs read, with the start of each [min], and (name, why) of those that could not be."""
 
     runs: list[tuple[Run, float]]
     unreadable: list[tuple[str, str]]
     warm: ProcessPoolExecutor | None = None
 
+    @property
+    def sensors(self) -> int:
+        """How many there are, for a progress bar."""
+        return sum(len(run.channels) for run, _ in self.runs)
+
 
 def read_options(given: dict[str, Any]) -> Options:
-    """The user's word on reading, from the command's options."""
+    """The user's word on reading, from the command's options, those of reading among them."""
+    given = {name: given[name] for name in READING}
     delimiter = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}.get(given["delimiter"] or "", given["delimiter"])
     if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
         raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
@@ -74,13 +79,27 @@ def _long(text: str | None) -> tuple[str, ...]:
     return parts
 
 
-def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: int | None = None) -> Readings:
+def read_all(
+    runs: tuple[str, ...],
+    given: dict[str, Any],
+    quiet: bool,
+    targets: Sequence[str | None] = (),
+    jobs: int | None = None,
+    from_rise: bool = True,
+) -> Readings:
     """Read every run; what was taken for what goes to standard error.
+
+    ``from_rise``: without --start a record counts from where its rise begins, else from its first reading: an idle beginning is
+    itself a finding of the discovery loop. targets are the files to be written, which may be no run.
 
     Raises
     ------
     ThermofastError: there is one run and it cannot be read, or none of several can.
     """
+    sources = choose_sources(runs)
+    check_targets(targets, sources)
+    if not from_rise and given["start"] == "auto":
+        given = {**given, "start": "0"}
     if not sources:
         raise UsageError(
             "no RUN given",
@@ -91,16 +110,16 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
     options, start = read_options(given), _start(given["start"])
     warm = warm_pool(jobs, sum(Path(s).stat().st_size for s in sources if Path(s).is_file()))
-    runs, unreadable = [], []
+    found, unreadable = [], []
     last: ThermofastError | None = None
     for source in sources:
         try:
-            found = read_runs(source, options)
+            read = read_runs(source, options)
         except ThermofastError as error:
             unreadable.append((source, str(error)))
             last = error
             continue
-        for run in found:
+        for run in read:
             minutes = run.time_s / 60.0
             begins = start if start is not None else run_start(minutes, list(run.channels.values()))
             if begins >= minutes[-1]:
@@ -109,8 +128,8 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
                 say(f"{run.name}: {'; '.join([*run.notes, *map(str, run.guesses)])}")
                 if start is None and begins > 0.0:
                     say(f"{run.name}: the rise begins at {begins:.4g} min (--start to say otherwise)")
-            runs.append((run, begins))
-    if not runs and last is not None:
+            found.append((run, begins))
+    if not found and last is not None:
         if warm is not None:
             warm.shutdown(cancel_futures=True)
         if len(unreadable) == 1:
@@ -118,7 +137,7 @@ def read_all(sources: Sequence[str], given: dict[str, Any], quiet: bool, jobs: i
         raise InputError("none of the runs could be read", found="\n  ".join(why for _, why in unreadable))
     for _, why in unreadable:
         say(why)
-    return Readings(runs, unreadable, warm)
+    return Readings(found, unreadable, warm)
 
 
 def _start(text: str) -> float | None:
@@ -133,86 +152,63 @@ def _start(text: str) -> float | None:
     return value
 
 
-def share_out(
-    readings: Readings, jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False
-) -> tuple[list[Any], int]:
-    """Tasks over all sensors of all runs, `whole` runs or parts of them, and the number of processes that they pay for."""
-    sensors = sum(len(run.channels) for run, _ in readings.runs)
-    longest = max(len(run.time_s) for run, _ in readings.runs)
-    processes = jobs if jobs is not None else worth(sensors, longest, weight)
-    tasks = []
-    for run, start in readings.runs:
-        channels = list(run.channels)
-        size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
-        size = len(channels) if whole else size
-        for i in range(0, len(channels), size):
-            part = tuple(channels[i : i + size])
-            values = np.stack([run.channels[c] for c in part])
-            notes = tuple(run.channel_notes.get(c, "") for c in part)
-            tasks.append(make(run.name, run.time_s / 60.0, part, values, notes, start))
-    return tasks, processes
+def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> None:
+    """Refuses outputs that cannot be written before any work is done for them.
+
+    Raises
+    ------
+    UsageError: an unknown suffix, no such folder, or no matplotlib for a picture.
+    """
+    for target in tables:
+        if target:
+            check_target(target, TABLE_SUFFIXES)
+    if picture:
+        from ..output.plots import check_picture
+
+        check_picture(picture)
 
 
-def collect(
-    work: Callable[[Any], list[Any]],
-    tasks: list[Any],
-    jobs: int,
-    lost: Callable[[Any], list[Any]],
-    quiet: bool,
-    warm: Executor | None = None,
-) -> tuple[list[Any], bool]:
-    """Results in order of the sensors, and whether the user interrupted the work; what was finished by then is kept."""
-    found: list[Any] = []
-    with progress(sum(len(t.channels) for t in tasks), "sensors", quiet) as advance:
+@contextmanager
+def working(readings: Readings, total: int, what: str, quiet: bool, jobs: int | None) -> Iterator[Work]:
+    """How the library is to work for a command: progress on a terminal, what is finished kept where the user interrupts."""
+    with progress(total, what, quiet) as advance:
         try:
-            for results in map_tasks(work, tasks, jobs, lambda task: task.singles(), lost, warm if jobs > 1 else None):
-                advance(len(results))
-                found += results
-        except KeyboardInterrupt:
-            say(f"interrupted: {len(found)} sensors were finished")
-            return found, True
+            yield Work(jobs, readings.warm, advance, keep=True)
         finally:
-            if warm is not None:
-                warm.shutdown(cancel_futures=True)
-    return found, False
+            if readings.warm is not None:
+                readings.warm.shutdown(cancel_futures=True)
 
 
 def deliver(
-    command: str,
-    records: Sequence[Record],
-    kind: type[Record],
+    result: Result,
+    unreadable: Sequence[Any],
     output: str | None,
     form: str | None,
     quiet: bool,
     drawn: Sequence[Any],
-    runs: Sequence[Run],
     beneath: tuple[str, ...] = ("message",),
-) -> None:
-    """Records to the file named, or to standard output; `beneath` are the texts under a drawn table.
+) -> int:
+    """A result, and records of what could not be read, to the file named or to standard output; the exit code.
 
-    What was guessed of a run stands in the message of each of its records, and with the reader's notes in JSON's ``input``.
+    `beneath` are the texts under a drawn table. Exit code: 0 done, 1 some sensor failed, 130 interrupted.
     """
-    guessed = {run.name: told(run.guesses) for run in runs if run.guesses}
-    rows = [_with_guesses(record.as_dict(), guessed) for record in records]
-    input_ = [{"run": r.name, "notes": list(r.notes), "guesses": [g.as_dict() for g in r.guesses]} for r in runs]
+    whole = replace(result, records=(*result.records, *unreadable))
     if output:
-        write_table(output, command, kind.columns(), rows, input_)
+        whole.save(output)
         if not quiet:
-            say(f"{len(rows)} records in {output}")
+            say(f"{len(whole)} records in {output}")
     if form or not output:
-        show_records(command, kind.columns(), rows, form, drawn, beneath, input_)
-
-
-def _with_guesses(row: dict[str, Any], guessed: dict[str, str]) -> dict[str, Any]:
-    words = guessed.get(row["run"])
-    return row if not words else {**row, "message": "; ".join(m for m in (row["message"], words) if m)}
-
-
-def exit_code(records: Sequence[Any], interrupted: bool) -> int:
-    """0 done, 1 some sensor failed, 130 interrupted."""
-    if interrupted:
+        show_records(whole.command, whole.kind.columns(), whole.rows(), form, drawn, beneath, whole.input())
+    if result.interrupted:
+        say(f"interrupted: {len(result)} records were finished")
         return 130
-    return 1 if any(record.status in FAILURES for record in records) else 0
+    return 1 if any(record.status in FAILURES for record in whole.records) else 0
+
+
+def draw(result: Any, path: str | None, **more: Any) -> None:
+    """The picture of a result, where one is asked for."""
+    if path and result.plot(path, **more) is None:
+        say("nothing to draw: see the status of each record")
 
 
 def choose_sources(given: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,0 +1,122 @@
+"""Work over processes: runs into tasks, tasks into results in order. Knows no screen and no command."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from thermofast.models.search.discover import Spread
+
+from .pool import Shared, cores, map_tasks, worth
+from .reading import Run
+
+#: A run and when its rise begins [min].
+Started = tuple[Run, float]
+#: Sensors per task: enough to make the way to a worker worth it, few enough to share out evenly.
+MOST_PER_TASK = 250
+#: Runs from which on a pool of processes pays.
+POOL_FROM = 3
+#: Readings of all sensors together from which on a single run is worth sharing.
+SHARED_FROM = 1500
+
+
+@dataclass(frozen=True)
+class Work:
+    """How work is done: processes (None: as many as it pays for), somebody's executor, who is told of progress.
+
+    keep: what is finished when the user interrupts is given back, marked as interrupted; else the interrupt goes on its way.
+    """
+
+    jobs: int | None = None
+    executor: Executor | None = None
+    advance: Callable[[int], None] = lambda _steps: None
+    keep: bool = False
+
+
+def share_out(
+    started: Sequence[Started], jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False
+) -> tuple[list[Any], int]:
+    """Tasks over all sensors of all runs, `whole` runs or parts of them, and the number of processes that they pay for."""
+    sensors = sum(len(run.channels) for run, _ in started)
+    longest = max(len(run.time_s) for run, _ in started)
+    processes = jobs if jobs is not None else worth(sensors, longest, weight)
+    tasks = []
+    for run, start in started:
+        channels = list(run.channels)
+        size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
+        size = len(channels) if whole else size
+        for i in range(0, len(channels), size):
+            part = tuple(channels[i : i + size])
+            values = np.stack([run.channels[c] for c in part])
+            notes = tuple(run.channel_notes.get(c, "") for c in part)
+            tasks.append(make(run.name, run.time_s / 60.0, part, values, notes, start))
+    return tasks, processes
+
+
+def over_sensors(
+    work: Callable[[Any], list[Any]], tasks: Sequence[Any], processes: int, lost: Callable[[Any], list[Any]], how: Work
+) -> tuple[list[Any], bool]:
+    """Results in the order of the sensors, and whether the user interrupted the work."""
+    found: list[Any] = []
+    try:
+        for results in map_tasks(work, tasks, processes, lambda task: task.singles(), lost, how.executor):
+            how.advance(len(results))
+            found += results
+    except KeyboardInterrupt:
+        if not how.keep:
+            raise
+        return found, True
+    return found, False
+
+
+def over_runs(
+    work: Callable[..., list[Any]], tasks: Sequence[Any], lost: Callable[[Any], list[Any]], how: Work, shares: bool = False
+) -> tuple[list[Any], bool]:
+    """Results in the order of the runs, and whether the user interrupted.
+
+    Many runs are spread over processes, a run each. ``shares``: the work takes a keyword `spread` and shares out a single large
+    run by it.
+    """
+    wanted = how.jobs if how.jobs is not None else cores()
+    several = len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or how.executor is not None
+    single = len(tasks) == 1
+    found: list[Any] = []
+    with _sharing(tasks, 1 if several or not shares else wanted) as spread:
+        doing = partial(work, spread=_counted(spread, how.advance) if single and not several else spread) if shares else work
+        try:
+            processes = min(wanted, len(tasks)) if several else 1
+            for results in map_tasks(doing, tasks, processes, lambda task: task.singles(), lost, how.executor):
+                how.advance(0 if single and shares else 1)
+                found += results
+        except KeyboardInterrupt:
+            if not how.keep:
+                raise
+            return found, True
+    return found, False
+
+
+@contextmanager
+def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator[Spread]:
+    if jobs < 2 or max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) < SHARED_FROM:
+        yield map
+        return
+    shared = Shared(jobs)
+    try:
+        yield shared
+    finally:
+        shared.close()
+
+
+def _counted(spread: Spread, advance: Callable[[int], None]) -> Spread:
+    """The same sharing out, telling each piece of work that is done."""
+
+    def counting(work: Callable[[Any], Any], items: Any) -> Iterator[Any]:
+        for result in spread(work, items):
+            advance(1)
+            yield result
+
+    return counting

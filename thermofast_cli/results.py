@@ -1,0 +1,273 @@
+"""What a command found: its records with ways to look at them, save them and draw them. Frozen; nothing is computed here."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from .reading import Run, told
+from .records import (
+    BenchRecord,
+    CompareRecord,
+    DiagnoseRecord,
+    DisplacementRecord,
+    IdentifyRecord,
+    ImproveRecord,
+    Record,
+    SensitivityRecord,
+    SweepRecord,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+    from matplotlib.figure import Figure
+
+    from .analysis.displacement import Panel as DisplacementPanel
+    from .discovery.compare import Panel
+    from .discovery.improve import Improved
+    from .estimation.identify import Curves
+    from .estimation.sweep import Swept
+    from .machine.model import Model
+
+
+@dataclass(frozen=True)
+class Result:
+    """Records in the order of the runs and their sensors; `interrupted` where the user stopped the work and the rest is missing."""
+
+    command: ClassVar[str] = ""
+    kind: ClassVar[type[Record]] = Record
+    records: tuple[Any, ...]
+    runs: tuple[Run, ...] = ()
+    interrupted: bool = False
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.records)
+
+    def __getitem__(self, key: int | str) -> Any:
+        """The record at a place, or the first one of a sensor.
+
+        Raises
+        ------
+        KeyError: no sensor of that name; the message lists those there are.
+        """
+        if isinstance(key, int):
+            return self.records[key]
+        for record in self.records:
+            if record.channel == key:
+                return record
+        raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(r.channel for r in self.records))}")
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The records as dictionaries; what was guessed of a run stands in the message of each of its records."""
+        guessed = {run.name: told(run.guesses) for run in self.runs if run.guesses}
+        return [_with_guesses(record.as_dict(), guessed) for record in self.records]
+
+    def input(self) -> list[dict[str, Any]]:
+        """How each run was read: notes and guesses."""
+        return [{"run": r.name, "notes": list(r.notes), "guesses": [g.as_dict() for g in r.guesses]} for r in self.runs]
+
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each record; absent numbers are nan, lists stay lists."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows(), columns=list(self.kind.columns()))
+
+    def to_arrow(self) -> "pa.Table":
+        """As the Parquet file of ``save``."""
+        from .output.files import to_arrow
+
+        return to_arrow(self.kind.columns(), self.rows())
+
+    def to_json(self) -> str:
+        """The document that ``--format json`` prints."""
+        from .output.text import to_json
+
+        return to_json(self.command, self.rows(), self.input())
+
+    def save(self, path: str | Path) -> None:
+        """Write the records, whole or not at all: .csv .json .jsonl .parquet .md.
+
+        Raises
+        ------
+        UsageError: an unknown suffix, or a place that cannot be written.
+        """
+        from .output.files import TABLE_SUFFIXES, check_target, write_table
+
+        check_target(str(path), TABLE_SUFFIXES)
+        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input())
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the table without columns that are empty throughout; names stay text."""
+        frame = self.to_frame().dropna(axis=1, how="all")
+        return str(frame.to_html(index=False, float_format=lambda v: f"{v:.4g}", escape=True))
+
+
+def _with_guesses(row: dict[str, Any], guessed: dict[str, str]) -> dict[str, Any]:
+    words = guessed.get(row["run"])
+    return row if not words else {**row, "message": "; ".join(m for m in (row["message"], words) if m)}
+
+
+def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
+    """The figure, saved where a path is given."""
+    if path is not None and figure is not None:
+        from .output.plots import save_figure
+
+        save_figure(str(path), figure)
+    return figure
+
+
+@dataclass(frozen=True)
+class Identification(Result):
+    """What ``identify`` found; `curves` and `traces` only where details were asked for."""
+
+    command: ClassVar[str] = "identify"
+    kind: ClassVar[type[Record]] = IdentifyRecord
+    curves: tuple["Curves", ...] = ()
+    traces: tuple[dict[str, Any] | None, ...] = ()
+
+    def trace_rows(self) -> list[dict[str, Any]]:
+        """What the filter did, reading by reading: columns of ``--trace``."""
+        return [
+            {"run": r.run, "channel": r.channel, **{c: float(v[i]) for c, v in trace.items()}}
+            for r, trace in zip(self.records, self.traces, strict=False)
+            if trace is not None
+            for i in range(len(trace["time_min"]))
+        ]
+
+    def plot(self, path: str | Path | None = None, trace: bool = False) -> "Figure | None":
+        """Measurement, model and band of each sensor, with the filter's convergence beside it; None where there is nothing."""
+        from .output.plots import draw_prediction
+
+        return _drawn(draw_prediction(self.curves, trace), path)
+
+
+@dataclass(frozen=True)
+class Sweeping(Result):
+    """What ``sweep`` found; `curves` only where they were asked for."""
+
+    command: ClassVar[str] = "sweep"
+    kind: ClassVar[type[Record]] = SweepRecord
+    curves: tuple["Swept", ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """RMSE against identification time, one curve per window."""
+        from .output.plots import draw_sweep
+
+        return _drawn(draw_sweep(self.curves), path)
+
+
+@dataclass(frozen=True)
+class Comparison(Result):
+    """What ``compare`` found; `panels` only where details were asked for."""
+
+    command: ClassVar[str] = "compare"
+    kind: ClassVar[type[Record]] = CompareRecord
+    panels: tuple["Panel", ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """Measurement and model, residual with failing stretches, logged inputs."""
+        from .output.loop_plots import draw_comparison
+
+        return _drawn(draw_comparison(self.panels), path)
+
+
+@dataclass(frozen=True)
+class Diagnosis(Result):
+    """What ``diagnose`` found."""
+
+    command: ClassVar[str] = "diagnose"
+    kind: ClassVar[type[Record]] = DiagnoseRecord
+
+
+@dataclass(frozen=True)
+class Improvement(Result):
+    """What ``improve`` found: a record for each step and sensor, and the model learnt of each run."""
+
+    command: ClassVar[str] = "improve"
+    kind: ClassVar[type[Record]] = ImproveRecord
+    steps: tuple["Improved", ...] = ()
+    models: tuple["Model | None", ...] = ()
+
+    @property
+    def model(self) -> "Model":
+        """The model learnt, where there is one run.
+
+        Raises
+        ------
+        ValueError: several runs, or none was learnt from.
+        """
+        if len(self.models) != 1 or self.models[0] is None:
+            raise ValueError(f"{len([m for m in self.models if m])} models of {len(self.models)} runs: take one of .models")
+        return self.models[0]
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """The error of each step, fitted and on readings not fitted."""
+        from .output.loop_plots import draw_staircase
+
+        return _drawn(draw_staircase(self.steps), path)
+
+
+@dataclass(frozen=True)
+class Bench(Result):
+    """What ``filters bench`` found."""
+
+    command: ClassVar[str] = "filters bench"
+    kind: ClassVar[type[Record]] = BenchRecord
+
+
+@dataclass(frozen=True)
+class Sensitivity(Result):
+    """What ``sensitivity`` found."""
+
+    command: ClassVar[str] = "sensitivity"
+    kind: ClassVar[type[Record]] = SensitivityRecord
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """The shares as bars."""
+        from .output.share_plots import draw_shares
+
+        return _drawn(draw_shares(self.records), path)
+
+
+@dataclass(frozen=True)
+class Displacement(Result):
+    """What ``displacement`` found."""
+
+    command: ClassVar[str] = "displacement"
+    kind: ClassVar[type[Record]] = DisplacementRecord
+    panels: tuple["DisplacementPanel", ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """Measured and predicted displacement of readings left out."""
+        from .output.displacement_plots import draw_displacement
+
+        return _drawn(draw_displacement(self.panels), path)
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A simulated record: the run as the reader would give it, its columns (N,) by name, and the truth behind it."""
+
+    run: Run
+    columns: dict[str, Any] = field(default_factory=dict)
+    truth: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, path: str | Path, key: str | Path | None = None) -> None:
+        """Write the record (.csv, .parquet) and the truth (.json), each whole or not at all."""
+        from .output.files import check_target, write_columns, write_json
+
+        check_target(str(path), (".csv", ".parquet"))
+        if key is not None:
+            check_target(str(key), (".json",))
+        write_columns(str(path), self.columns)
+        if key is not None:
+            write_json(str(key), self.truth)
+
+
+def failed(kind: type[Record], unreadable: Sequence[tuple[str, str]], **more: Any) -> list[Any]:
+    """Records of runs that could not be read: (name, why)."""
+    return [kind(run=name, channel="", status="unreadable", message=why, **more) for name, why in unreadable]  # type: ignore[call-arg]
