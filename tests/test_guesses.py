@@ -110,7 +110,12 @@ def test_readings_of_one_stamp_that_are_not_one_sensors_are_not_averaged(tmp_pat
     rng = np.random.default_rng(1)
     noisy = [v + 0.05 * rng.standard_normal() for v in FRONT for _ in range(2)]
     (run,) = read_runs(written(tmp_path, table("time_min,T1", twice, values(noisy))))
-    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.15)
+    assert run.time_s == pytest.approx(30.0 * np.arange(2 * N))
+    assert about(run) == ["time"]
+    doubled = [v for v in FRONT for _ in range(2)]
+    (run,) = read_runs(written(tmp_path, table("time_min,T1", twice, values(doubled))))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    assert run.guesses == ()
 
 
 def test_two_runs_in_one_file(tmp_path, tool):
@@ -185,7 +190,7 @@ def test_time_is_understood(name, tmp_path):
 @pytest.mark.parametrize(
     ("cells", "do"),
     [
-        ([2 * i for i in range(1000)], "--time-unit s, min or h"),  # 33 min or 33 h
+        ([2 * i for i in range(1000)], "--time-unit ms, s, min, h or d"),  # 33 min or 33 h
         ([clock(120 * i, "{h:02d}:{m:02d}") for i in range(700)], "--time-format"),  # 23 h or 23 min
     ],
 )
@@ -282,7 +287,7 @@ ROLES = {
     "Solltemperatur": "input", "sv_temp": "input", "sample index": "left out", "Coolant temp": "sensor", "Load cell temp": "sensor",
     "T_flow_out": "sensor", "T1 Last (C)": "sensor", "Hallentemperatur": "ambient", "Raumtemp.": "ambient", "amb_temp": "ambient",
     "T_ref": "input", "CJC": "input", "spindle speed": "input", "Vibration mm/s": "input", "val3": "left out", "R1": "left out",
-    "front bearing": "sensor", "气温 温度": "sensor", "Air pressure": "input", "Temp (°C)": "sensor", "Z (um)": "displacement",
+    "front bearing": "left out", "气温 温度": "sensor", "Air pressure": "input", "Temp (°C)": "sensor", "Z (um)": "displacement",
 }  # fmt: skip
 
 
@@ -383,9 +388,148 @@ def test_footers_and_a_header_with_one_name_too_many(tmp_path):
     )
     (run,) = read_runs(written(tmp_path, text))
     assert list(run.channels) == ["T1", "T2"]
-    assert any("2 lines below the readings" in n for n in run.notes)
+    assert sum("left out" in n for n in run.notes) >= 1
+    assert len(run.time_s) == N
     with pytest.raises(InputError, match="line 243: the row has 2 cells"):
         read_runs(written(tmp_path, text.replace("\nTotal", "\n5\t7\nTotal").replace("\n\n", "\n")))
+
+
+def test_what_stands_between_the_readings_is_left_out_and_told(tmp_path):
+    rows = [f"{i};{a:.2f};{b:.2f}" for i, (a, b) in enumerate(zip(FRONT, REAR, strict=True))]
+    rows[100:100] = ["time_min;T1;T2", "# door opened", "Event: pump on"]
+    rows += ["Min;18,00;19,00", "Max;26,40;31,20"]
+    (run,) = read_runs(written(tmp_path, "time_min;T1;T2\n" + "\n".join(rows).replace(".", ",") + "\n"))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    notes = " ".join(run.notes)
+    for told in (
+        "1 repeated headers",
+        "1 comment lines",
+        "1 lines without readings",
+        "2 lines below the readings left out (Min, Max)",
+    ):
+        assert told in notes
+
+
+def test_numbers_as_loggers_pad_them(tmp_path):
+    rows = "".join(
+        f"{i};+  {a:.1f};+++++++\n" if i % 50 == 7 else f"{i};+  {a:.1f};-   {b:.1f}\n"
+        for i, (a, b) in enumerate(zip(FRONT, REAR, strict=True))
+    )
+    (run,) = read_runs(written(tmp_path, "time_min;T1;T2\n" + rows))
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.06)
+    assert np.isnan(run.channels["T2"]).sum() == 5
+    assert run.channels["T2"][0] == -19.0
+    (run,) = read_runs(
+        written(tmp_path, table("time_min;T1", [f"{1000 + i:,}".replace(",", "'") for i in range(N)], values(FRONT), delimiter=";"))
+    )
+    assert run.time_s[-1] == 60.0 * (N - 1)
+
+
+FULL = {
+    "Excel's mm:ss.0 past the hour": ("Time", [f"{(2287 + 10 * i) // 60 % 60:02d}:{(2287 + 10 * i) % 60:02d}.0" for i in range(N)], 10.0),
+    "twelve hours without AM": ("Time", stamps("2026-05-03 12:40:07", 10.0, form="%I:%M:%S"), 10.0),
+    "a counter of 32 bits in ms": ("millis", [(4294000000 + 10000 * i) % 2**32 for i in range(N)], 10.0),
+    "newest first past midnight": ("clock", stamps("2026-05-03 23:40:07", 10.0, form="%H:%M:%S")[::-1], 10.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_a_clock_that_is_full_goes_on(name, tmp_path):
+    column, cells, step = FULL[name]
+    readings = values(FRONT[::-1] if "newest" in name else FRONT)
+    (run,) = read_runs(
+        written(tmp_path, table(f"{column};T1", cells, readings, delimiter=";")),
+        Options(time_unit="ms" if column == "millis" else None),
+    )
+    assert run.time_s == pytest.approx(step * np.arange(N), abs=1e-3)
+    assert run.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    assert about(run) == ([] if "newest" in name else ["time"])
+
+
+def test_an_elapsed_time_that_falls_back_without_overlap_is_another_run(tmp_path):
+    time = [*range(500, 500 + N), *range(N)]
+    first, second = read_runs(written(tmp_path, table("time_min,T1", time, values([*FRONT, *REAR]))))
+    assert first.channels["T1"] == pytest.approx(FRONT, abs=0.006)
+    assert second.channels["T1"] == pytest.approx(REAR, abs=0.006)
+
+
+def test_a_date_is_written_where_it_changes_and_a_half_of_the_day_beside(tmp_path):
+    rows = "".join(
+        f"{'03.05.26' if i == 0 else ''};{c};{v}\n"
+        for i, (c, v) in enumerate(zip(stamps(form="%H:%M:%S")[:190], values(FRONT), strict=False))
+    )
+    (run,) = read_runs(written(tmp_path, "DATUM:;ZEIT:;M00: °C\n" + rows))
+    assert run.time_s == pytest.approx(60.0 * np.arange(190))
+    cells = [(datetime(2026, 5, 13, 11, 0) + timedelta(minutes=i)) for i in range(N)]
+    text = "Date,Time,AM/PM,T1\n" + "".join(
+        f"{c:%m/%d/%Y},{c:%I:%M:%S},{c:%p},{v}\n" for c, v in zip(cells, values(FRONT), strict=True)
+    )
+    (run,) = read_runs(written(tmp_path, text))
+    assert run.time_s == pytest.approx(60.0 * MINUTES)
+    assert run.guesses == ()
+
+
+def test_segments_of_a_labview_file_are_joined(tmp_path):
+    head = "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\n\n"
+    part = "Channels\t1\nSamples\t80\nY_Unit_Label\tDeg C\n***End_of_Header***\nX_Value\tfront\tComment\n"
+    rows = [f"{60 * i:.6f}\t{v:.6f}\n" for i, v in enumerate(FRONT)]
+    text = head + part + "".join(rows[:80]) + "\n" + part + "".join(rows[80:160]) + "\n" + part + "".join(rows[160:])
+    (run,) = read_runs(written(tmp_path, text))
+    assert run.channels["front"] == pytest.approx(FRONT, abs=1e-5)
+    with pytest.raises(InputError, match="segment 2 has other channels"):
+        read_runs(
+            written(tmp_path, text.replace("X_Value\tfront", "X_Value\trear", 2).replace("X_Value\trear", "X_Value\tfront", 1))
+        )
+
+
+def test_two_clocks_are_refused(tmp_path):
+    path = written(tmp_path, table("Time (s),a [°C],Time (s),b [°C]", 10 * MINUTES, values(FRONT), 30 * MINUTES, values(REAR)))
+    with pytest.raises(InputError, match="two clocks") as refused:
+        read_runs(path)
+    assert "--time 'Time (s) (2)'" in str(refused.value)
+    (run,) = read_runs(path, Options(time="Time (s) (2)", channels=("b [°C]",)))
+    assert run.time_s[-1] == 30.0 * (N - 1)
+
+
+def test_units_in_tenths_a_common_letter_and_what_cannot_be_degc(tmp_path):
+    (run,) = read_runs(
+        written(
+            tmp_path,
+            table(
+                "time_min;front [0.1°C];rear [1/10 °C]",
+                MINUTES,
+                [f"{10 * v:.0f}" for v in FRONT],
+                [f"{10 * v:.0f}" for v in REAR],
+                delimiter=";",
+            ),
+        )
+    )
+    assert run.channels["front [0.1°C]"] == pytest.approx(FRONT, abs=0.06)
+    (run,) = read_runs(
+        written(
+            tmp_path,
+            table("time_min,front_F,rear_F,room_F", MINUTES, values(FRONT * 1.8 + 32), values(REAR * 1.8 + 32), [66.2] * N),
+        )
+    )
+    assert run.channels["front_F"] == pytest.approx(FRONT, abs=0.006)
+    assert run.ambient["room_F"] == pytest.approx([19.0] * N)
+    assert about(run) == ["unit"]
+    for header, cells, what in (
+        ("bearing,room", [values(FRONT), [71.0] * N], "degF"),
+        ("Pt100 front", [values(FRONT * 0.39 + 100)], "ohms"),
+    ):
+        with pytest.raises(InputError, match=what) as refused:
+            read_runs(written(tmp_path, table(f"time_min,{header}", MINUTES, *cells)))
+        assert "--units" in str(refused.value)
+
+
+def test_a_probe_that_was_open_for_long_is_not_left_out_in_silence(tmp_path):
+    cells = ["KAPUTT" if i < 150 else v for i, v in enumerate(values(REAR))]
+    path = written(tmp_path, table("time_min,front [°C],rear [°C]", MINUTES, values(FRONT), cells))
+    with pytest.raises(InputError, match="--missing 'KAPUTT'"):
+        read_runs(path)
+    (run,) = read_runs(path, Options(missing=("KAPUTT",)))
+    assert np.isnan(run.channels["rear [°C]"]).sum() == 150
 
 
 def test_strict_refuses_what_was_guessed_and_a_sure_record_passes(tmp_path, tool):

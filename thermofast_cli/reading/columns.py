@@ -12,12 +12,20 @@ from .run import Array, Guess, Options
 from .units import Unit, parse_unit, unit_in_name
 from .vocabulary import (
     AMBIENT,
+    AMBIENT_PARTS,
     AMBIENT_STEMS,
+    BESIDE,
     COUNTERS,
+    DERIVED,
     DISPLACEMENTS,
+    FLAGS,
+    INPUT_ENDINGS,
+    INPUT_PARTS,
     INPUTS,
     NAMELESS,
+    NOT_TEMPERATURE,
     OTHER,
+    PLACES,
     REFERENCE,
     TEMPERATURE,
     WANTED,
@@ -74,24 +82,28 @@ def sign_of(name: str, unit_cell: str) -> Sign:
 
 @lru_cache(maxsize=4096)
 def _sign(name: str, unit_cell: str) -> Sign:
+    core = re.sub(r"[\[(].*", "", name).split(", ")[0]
     said = set(words(name)) | ({name} if not name.isascii() else set())
+    first = set(words(core)) or said
     unit = parse_unit(unit_cell) or unit_in_name(name)
-    spoken = _speaks_of_temperature(name, said)
+    spoken = _speaks_of_temperature(core or name, said)
     if unit is not None and unit.symbol in _PLACES and spoken:
         unit = None
     degrees = unit is not None and unit.temperature
     temperature = degrees or (spoken and unit is None)
-    if said & WANTED or (said & REFERENCE and not said & AMBIENT):
+    if said & FLAGS and unit is None:
+        kind = "other"
+    elif _wanted(name, first) or first & DERIVED or re.match(r"[dDΔ]_?T(?![a-z])|u\(", name) or _is_reference(first):
         kind = "input"
     elif (said | set(words(unit_cell))) & DISPLACEMENTS and (unit is None or unit.kind == "length"):
         kind = "displacement"
-    elif (said & AMBIENT or _names_the_room(said)) and (degrees or (unit is None and (spoken or not said & INPUTS))):
+    elif _is_ambient(name, first, spoken or degrees) and (unit is None or degrees):
         kind = "ambient"
     elif temperature:
         kind = "sensor"
     elif unit is not None and unit.kind in ("number", "time"):
         kind = "other"
-    elif unit is not None or _BOARD.fullmatch(name.strip()) or said & INPUTS:
+    elif unit is not None or _BOARD.fullmatch(name.strip()) or _is_input(name, said):
         kind = "input"
     elif said & OTHER:
         kind = "other"
@@ -100,11 +112,44 @@ def _sign(name: str, unit_cell: str) -> Sign:
     return Sign(kind, unit, temperature)
 
 
+def _is_input(name: str, said: set[str]) -> bool:
+    """Whether a name without unit is that of a load, a supply, ...; the bearing of a pump is a place on the machine."""
+    told = said & INPUTS
+    if told and told <= WARM_INPUTS and said & PLACES:
+        return False
+    return bool(told or any(w.endswith(INPUT_ENDINGS) for w in said) or any(part in name for part in INPUT_PARTS))
+
+
+def _wanted(name: str, said: set[str]) -> bool:
+    asked = said & WANTED
+    return bool(asked - {"sp"} or (asked and not re.search(r"(?i)\bsp\d", name)))
+
+
+def _is_reference(said: set[str]) -> bool:
+    """Whether a name is that of the instrument's own temperature: CJC, T_ref, Cold junction; not the machine's Reference block."""
+    if {"cold", "junction"} <= said:
+        return True
+    loose = {"ref", "reference", "referenz", "internal", "panel", "board", "logger"}
+    if said & (REFERENCE - loose) or any(w.startswith(("vergleichsstell", "klemmentemp", "kaltstell")) for w in said):
+        return True
+    return bool(said & loose) and said - loose <= BESIDE
+
+
+def _is_ambient(name: str, said: set[str], spoken: bool) -> bool:
+    """Whether a name is that of the surroundings; air and hall only where no part of the machine is named beside them."""
+    if _names_the_room(said) or any(part in name for part in AMBIENT_PARTS):
+        return True
+    loose = {"air", "luft", "hall", "tu", "outside", "klima"}
+    if said & (AMBIENT - loose):
+        return spoken or not said & INPUTS
+    return bool(said & loose) and said - AMBIENT <= BESIDE
+
+
 def _speaks_of_temperature(name: str, said: set[str]) -> bool:
     bare = name.strip(" _")
     return bool(
         said & TEMPERATURE
-        or any("temp" in w for w in said)
+        or any("temperat" in w or ((w.startswith("temp") or w.endswith("temp")) and w not in NOT_TEMPERATURE) for w in said)
         or any("温度" in w for w in said)
         or (
             re.fullmatch(r"[Tt]|[Tt][ _].*|T[A-Z][a-z]*|T[a-z]{1,3}", bare) is not None
@@ -142,13 +187,14 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(n, units.get(n, "")) for n in names}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
+    by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
     roles: dict[str, list[str]] = {
         k: [] for k in ("ambient", "input", "sensor", "displacement", "counter", "empty", "other", "silent")
     }
     for n in names:
         if n in options.exclude:
             continue
-        roles[_role(n, signs[n], values[n], options, said_somewhere, n in told)].append(n)
+        roles[_role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)].append(n)
     return _with_words(roles, signs, values, options, origin)
 
 
@@ -157,7 +203,7 @@ def _bare(name: str, sign: Sign) -> bool:
     return sign.unit is None and re.fullmatch(r"[Tt]_?\d*( \(\d+\))?", name) is not None
 
 
-def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere: bool, unit_told: bool) -> str:
+def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere: bool, by_unit: bool, unit_told: bool) -> str:
     if name == options.ambient:
         return "ambient"
     if name in options.inputs:
@@ -182,7 +228,11 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
         return "empty"
     if _counts(name, sign, column):
         return "counter"
-    if sign.kind == "other" or (sign.kind == "nameless" and (said_somewhere or _code(column))):
+    if (
+        sign.kind == "other"
+        or (sign.kind == "nameless" and (said_somewhere or _code(column)))
+        or (sign.kind == "named" and by_unit)
+    ):
         return "silent"
     if said_somewhere and not empty and not readings.any():
         return "empty"
@@ -191,11 +241,14 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
 
 def _counts(name: str, sign: Sign, column: Array) -> bool:
     """Whether a column counts the rows: whole numbers one apart, under a name that says so or none."""
-    counting = set(words(name)) & COUNTERS or name.strip().lower() in ("#", "n") or name == "column 1"
-    if not counting or sign.temperature or len(column) < 2:
+    unit = sign.unit is not None and sign.unit.kind != "number"
+    if sign.temperature or unit or len(column) < 2 or not np.isfinite(column).all() or (column % 1.0 != 0.0).any():
         return False
     step = np.diff(column)
-    return bool((step > 0).all() and (column % 1.0 == 0.0).all() and np.median(step) == 1.0)
+    if len(column) > 5 and (step == 1.0).all() and column[0] in (0.0, 1.0):
+        return True  # whatever it is called
+    counting = set(words(name)) & COUNTERS or "#" in name or name.strip().lower() == "n" or name == "column 1"
+    return bool(counting and (step > 0).all() and np.median(step) == 1.0)
 
 
 def _code(column: Array) -> bool:

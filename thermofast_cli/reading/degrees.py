@@ -1,6 +1,7 @@
 """Temperatures in degC, whatever unit they were logged in; and what had to be guessed of it."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,22 +10,32 @@ from .columns import sign_of
 from .run import Array, Guess, Options
 from .tables.table import Table
 from .units import parse_unit, to_celsius
+from .vocabulary import words
 
 #: Nothing in a test lab is colder [K]: a smaller number under a (K) is degC from a thermocouple of type K.
 COLDEST_K = 170.0
 #: A room in kelvin: a column without unit that begins here may be kelvin, or degC of something hot.
 ROOM_K = (278.0, 318.0)
+#: A room in degF.
+ROOM_F = (55.0, 95.0)
+#: Names and values of platinum resistors that were logged in ohms.
+RESISTORS = frozenset(["pt", "rtd"])
+OHMS = ((100.0, 130.0), (1000.0, 1300.0))
+#: A column without unit that begins above this [degC] is told.
+HOT_C = 120.0
 
 
 class Temperatures:
     """Converts the columns of one table and keeps what there is to say."""
 
-    def __init__(self, table: Table, units: dict[str, str], options: Options) -> None:
+    def __init__(self, table: Table, units: dict[str, str], options: Options, names: Sequence[str]) -> None:
         self._table, self._units = table, units
         self._all, self._own = _told(options.units, table)
         self._turned: dict[str, list[str]] = {}
         self._by_letter: dict[str, list[str]] = {}
+        self._hot: list[str] = []
         self._channels = frozenset(options.channels)
+        self._common = _common_letter(names)
 
     def of(self, name: str, values: Array, is_input: bool = False) -> Array:
         """The column (N,) in degC.
@@ -33,9 +44,11 @@ class Temperatures:
         ------
         InputError: its unit cannot be told.
         """
-        symbol = self._own.get(name, self._all)
+        symbol, scale = self._own.get(name, self._all), 1.0
         if symbol is None:
-            unit = sign_of(name, self._units.get(name, "")).unit
+            sign = sign_of(name, self._units.get(name, ""))
+            unit = sign.unit
+            scale = unit.scale if unit is not None else 1.0
             symbol = unit.symbol if unit is not None and unit.temperature else None
             if unit is not None and symbol is not None and not unit.sure:
                 if self._is_place(name):
@@ -44,11 +57,14 @@ class Temperatures:
                     self._by_letter.setdefault(symbol, []).append(name)
             if symbol == "K" and not (np.isfinite(values).any() and float(np.nanmedian(values)) > COLDEST_K):
                 symbol = "C"
+            if unit is None and self._common is not None and not is_input:
+                symbol = self._common
+                self._by_letter.setdefault(symbol, []).append(name)
             if symbol is None and not is_input:
-                self._not_kelvin(name, values)
+                self._plausible(name, values, sign.kind == "ambient")
         if symbol in ("K", "F"):
             self._turned.setdefault(symbol, []).append(name)
-        return to_celsius(values, symbol or "C")
+        return to_celsius(values, symbol or "C", scale)
 
     def _is_place(self, name: str) -> bool:
         """Whether T_F stands beside T_R, so that its letter is a place."""
@@ -56,28 +72,53 @@ class Temperatures:
             return False
         return any(re.fullmatch(r"[Tt][ _][A-Z]\d*", n) and n[2] not in "CKF" for n in self._table.names)
 
-    def _not_kelvin(self, name: str, values: Array) -> None:
+    def _plausible(self, name: str, values: Array, ambient: bool) -> None:
+        """Refuses a column without unit that begins where only another unit makes sense; tells one that begins very hot."""
         good = values[np.isfinite(values)]
-        first = sorted(good[:3].tolist())[len(good[:3]) // 2] if len(good) else 0.0
+        if not len(good):
+            return
+        first = sorted(good[:3].tolist())[len(good[:3]) // 2]
+        said = set(words(name))
+        what = ""
         if ROOM_K[0] <= first <= ROOM_K[1]:
+            what = "a room in kelvin or something hot in degC"
+        elif ambient and ROOM_F[0] <= first <= ROOM_F[1]:
+            what = "a room in degF or a hot chamber in degC"
+        elif said & RESISTORS and any(low <= first <= high for low, high in OHMS):
+            what = "ohms of a platinum resistor or something hot in degC"
+        if what:
             raise InputError(
                 f"{self._table.name}: the unit of column {name!r} cannot be told",
-                found=f"{first:g} to {good[-1]:g}, a room in kelvin or something hot in degC",
+                found=f"{first:g} to {good[-1]:g}, {what}",
                 allowed="a unit in the name, as in 'T [K]', or a unit line",
-                do="say --units K or --units C"
+                do="say --units K, F or C"
                 + ("" if self._table.header or self._channels else " (and --channels with the columns that are temperatures)"),
             )
+        if first > HOT_C:
+            self._hot.append(f"{name} begins at {first:g}")
 
     def notes(self) -> list[str]:
-        words = {"K": "kelvin", "F": "degF"}
-        return [f"{listed(who, 6)}: {words[s]}, turned into degC" for s, who in self._turned.items()]
+        """What was turned into degC."""
+        names = {"K": "kelvin", "F": "degF"}
+        return [f"{listed(who, 6)}: {names[s]}, turned into degC" for s, who in self._turned.items()]
 
     def guesses(self) -> list[Guess]:
-        words = {"K": "kelvin", "F": "degF"}
-        return [
-            Guess("unit", f"{listed(who, 6)} read as {words[s]}, by the letter behind the name", "--units says otherwise")
+        """What had to be guessed of the units."""
+        names = {"K": "kelvin", "F": "degF", "C": "degC"}
+        found = [
+            Guess("unit", f"{listed(who, 6)} read as {names[s]}, by the letter behind the name", "--units says otherwise")
             for s, who in self._by_letter.items()
         ]
+        if self._hot:
+            found.append(Guess("unit", f"no unit, taken for degC: {listed(self._hot, 3)}", "--units C confirms it"))
+        return found
+
+
+def _common_letter(names: Sequence[str]) -> str | None:
+    """F or K where all temperatures, the room among them, end in it (``front_F``, ``rear_F``, ``room_F``): then it is no place."""
+    ends = {m[1] if (m := re.fullmatch(r".*[A-Za-z][ _]([FK])", n.rstrip("0123456789_ "))) else "" for n in names}
+    letter = ends.pop() if len(ends) == 1 else ""
+    return letter if letter and len(names) >= 2 else None
 
 
 def _told(units: tuple[str, ...], table: Table) -> tuple[str | None, dict[str, str]]:

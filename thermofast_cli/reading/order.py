@@ -28,53 +28,63 @@ class Stretch:
     guesses: tuple[Guess, ...] = ()
 
 
+#: What clocks fall back by when they are full [s]: an hour, half a day, a day, and counters of 32 and 16 bits in ms and us.
+FULL_S = (3600.0, 43200.0, 86400.0, 2**32 / 1e3, 2**32 / 1e6, 2**16 / 1e3, 2.0**16)
+
+
 def in_order(
-    time: Array, columns: dict[str, Array], name: str, wall: float | None, first_line: int, mixed: bool = False
+    time: Array,
+    columns: dict[str, Array],
+    name: str,
+    first_line: int,
+    starts: tuple[float, ...] = (),
+    dated: bool = False,
+    mixed: bool = False,
 ) -> list[Stretch]:
     """The runs that a table holds, mostly one.
 
-    wall is the moment of the first row [s since 1970] where time is a wall clock without zone. ``mixed``: rows of several
-    sensors follow each other, so that time may fall back between them.
+    starts are the moments that the first row may have [s since 1970] where time is a wall clock without zone; ``dated``: times are
+    moments of a calendar. ``mixed``: rows of several sensors follow each other, so that time may fall back between them.
 
     Raises
     ------
     InputError: readings at one stamp that differ by far more than the noise: averaging them would be wrong.
     UsageError: all rows carry one time stamp.
     """
-    notes: list[str] = []
     guesses: list[Guess] = []
-    if wall is not None and not mixed:
-        time, changed = clock_change(time, wall)
+    if mixed:
+        return [_one(time, columns, name, first_line, guesses, mixed)]
+    if starts:
+        time, changed = clock_change(time, starts)
         guesses += [changed] if changed else []
-    starts = [] if mixed else restarts(time)
-    if not starts:
-        return [_one(time, columns, name, first_line, notes, guesses, mixed)]
-    lines = ", ".join(str(first_line + i + 1) for i in starts[:6])
-    guesses.append(
-        Guess(
-            "runs",
-            f"the time begins anew at line {lines}: {len(starts) + 1} runs, #1 to #{len(starts) + 1}",
-            "one file a run is sure",
-        )
-    )
-    edges = [0, *starts, len(time)]
+    begins = restarts(time)
+    if not begins and not (np.diff(time) <= 0).all():
+        time, wrapped = unwrapped(time)
+        guesses += [wrapped] if wrapped else []
+        begins = earlier_stretches(time) if not dated else []
+    if not begins:
+        return [_one(time, columns, name, first_line, guesses, mixed)]
+    lines = ", ".join(str(first_line + i + 1) for i in begins[:6])
+    text = f"the time begins anew at line {lines}: {len(begins) + 1} runs, #1 to #{len(begins) + 1}"
+    guesses.append(Guess("runs", text, "one file a run is sure"))
+    edges = [0, *begins, len(time)]
     return [
-        _one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, first_line + a, notes, guesses, mixed)
-        for a, b in pairwise(edges)
+        _one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, first_line + a, guesses, mixed) for a, b in pairwise(edges)
     ]
 
 
-def _one(
-    time: Array, columns: dict[str, Array], name: str, first_line: int, notes: list[str], guesses: list[Guess], mixed: bool
-) -> Stretch:
-    notes = list(notes)
+def _one(time: Array, columns: dict[str, Array], name: str, first_line: int, told: list[Guess], mixed: bool) -> Stretch:
+    notes: list[str] = []
+    guesses = list(told)
     step = np.diff(time)
+    lines = np.arange(first_line, first_line + len(time))
     if (step < 0).any():
         if not mixed:
             backwards = "newest first" if (step <= 0).all() else f"{int((step < 0).sum())} rows out of order"
             notes.append(f"{backwards}: sorted by time")
-        order = np.argsort(time, kind="stable")
-        time, columns = time[order], {n: c[order] for n, c in columns.items()}
+        order = np.argsort(time[::-1], kind="stable")[::1] if (step <= 0).all() else np.argsort(time, kind="stable")
+        order = len(time) - 1 - order if (step <= 0).all() else order
+        time, columns, lines = time[order], {n: c[order] for n, c in columns.items()}, lines[order]
         step = np.diff(time)
     if (step == 0).any():
         edges = np.flatnonzero(np.concatenate([[True], step > 0]))
@@ -86,18 +96,43 @@ def _one(
             at = int(edges[np.argmax(np.diff(np.append(edges, len(time))) > 1)])
             raise InputError(
                 f"{name}: readings at one time stamp differ by far more than their noise",
-                found=f"{listed(odd, 3)}, as at line {first_line + at + 1} and the next"
-                if not (np.diff(time) < 0).any()
-                else listed(odd, 3),
+                found=f"{listed(odd, 3)}, as at lines {lines[at] + 1} and {lines[at + 1] + 1}",
                 allowed="one reading of each sensor at a time",
                 do="say --long SENSOR,VALUE if a column tells the sensor, or name another column with --time",
             )
-        if not mixed:
-            notes.append(f"{int((step == 0).sum())} repeated time stamps: readings of one stamp averaged")
-        time, columns = time[edges], merged
+        spread = _spread(time, columns, edges) if not mixed else None
+        if spread is not None:
+            time = spread
+            text = "several readings at each stamp, put evenly between it and the next"
+            guesses.append(Guess("time", text, "log finer stamps to be sure"))
+        else:
+            if not mixed:
+                notes.append(f"{int((step == 0).sum())} repeated time stamps: readings of one stamp averaged")
+            time, columns = time[edges], merged
     if len(time) < FEWEST_ROWS:
         raise UsageError(f"{name}: all rows carry the same time stamp", do="name another column with --time, or say --interval")
     return Stretch(time - time[0], columns, tuple(notes), tuple(guesses))
+
+
+def _spread(time: Array, columns: dict[str, Array], edges: NDArray[np.intp]) -> Array | None:
+    """Times (n,) [s] put evenly within the stamps where each holds as many different readings; None where they do not."""
+    size = np.diff(np.append(edges, len(time)))
+    inner = size[1:-1]
+    if len(inner) < 3:
+        return None
+    usual = float(np.median(inner))
+    twins = np.flatnonzero(np.diff(time) == 0)
+    different = any(bool((np.abs(np.diff(c)[twins]) > 0).any()) for c in columns.values())
+    if usual < 2.0 or (np.abs(inner - usual) <= 1).mean() < 0.9 or not different:
+        return None
+    stamps = time[edges]
+    gap = np.append(np.diff(stamps), np.median(np.diff(stamps)))
+    place = np.arange(len(time)) - np.repeat(edges, size)
+    # The first stamp may have begun before the record did: its readings are the last of it.
+    late = np.zeros(len(edges))
+    late[0] = max(usual - size[0], 0.0)
+    whole = np.maximum(size, usual)
+    return np.asarray(np.repeat(stamps, size) + np.repeat(gap / whole, size) * (place + np.repeat(late, size)))
 
 
 def _mean(column: Array, edges: NDArray[np.intp]) -> Array:
@@ -150,11 +185,38 @@ def restarts(time: Array) -> list[int]:
     return found
 
 
-def clock_change(time: Array, wall: float) -> tuple[Array, Guess | None]:
+def earlier_stretches(time: Array) -> list[int]:
+    """Rows at which an elapsed time falls back so far that the whole stretch lies before the one above it: another run."""
+    back = np.flatnonzero(np.diff(time) < 0) + 1
+    edges = [0, *back.tolist(), len(time)]
+    if not len(back) or min(b - a for a, b in pairwise(edges)) < RUN_ROWS:
+        return []
+    parts = [time[a:b] for a, b in pairwise(edges)]
+    return back.tolist() if all(float(after.max()) <= float(before.min()) for before, after in pairwise(parts)) else []
+
+
+def unwrapped(time: Array) -> tuple[Array, Guess | None]:
+    """Time (n,) [s] of a clock that went on from its start when it was full: minutes of an hour, twelve hours, a counter."""
+    step = np.diff(time)
+    back = np.flatnonzero(step < 0)
+    forward = step[step > 0]
+    if not len(back) or not len(forward) or len(back) > 50:
+        return time, None
+    usual = float(np.median(forward))
+    for full in FULL_S:
+        if usual < 0.1 * full and (np.abs(step[back] + full - usual) <= 2.0 * usual + 1e-6 * full).all():
+            shift = np.zeros(len(time))
+            shift[1:] = full * np.cumsum(step < 0)
+            text = f"the clock falls back by {full:.6g} s {len(back)} time{'s' if len(back) > 1 else ''}: full, and gone on"
+            return time + shift, Guess("time", text, "log whole moments to be sure")
+    return time, None
+
+
+def clock_change(time: Array, starts: tuple[float, ...]) -> tuple[Array, Guess | None]:
     """Time (n,) [s] with the hour taken out by which a wall clock was set back or forward, and what was done.
 
     Daylight saving: on a Sunday of March, April, September, October or November the clock jumps by an hour between two rows that
-    are otherwise evenly apart.
+    are otherwise evenly apart. starts are the moments that the first row may have [s since 1970]: day and month may be unsure.
     """
     step = np.diff(time)
     if len(step) < 8:
@@ -167,9 +229,11 @@ def clock_change(time: Array, wall: float) -> tuple[Array, Guess | None]:
     words = []
     for i in np.flatnonzero(np.abs(np.abs(step - usual) - HOUR_S) <= near):
         set_back = step[i] < usual
-        moment = datetime(1970, 1, 1) + timedelta(seconds=wall + float(time[i + 1]))
-        if not set_back and not (moment.weekday() == 6 and moment.month in (3, 4, 9, 10, 11) and 1 <= moment.hour <= 4):
+        moments = [datetime(1970, 1, 1) + timedelta(seconds=start + float(time[i + 1])) for start in starts]
+        likely = [m for m in moments if m.weekday() == 6 and m.month in (3, 4, 9, 10, 11) and 0 <= m.hour <= 4]
+        if not set_back and not likely:
             continue  # a gap of an hour on any other day is a gap
+        moment = (likely or moments)[0]
         shift[i + 1 :] += HOUR_S if set_back else -HOUR_S
         words.append(f"{moment:%Y-%m-%d %H:%M} ({'set back' if set_back else 'put forward'})")
     if not words or len(words) > 4:

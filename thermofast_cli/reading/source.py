@@ -1,6 +1,7 @@
 """The one module that opens a user's records, and the steps from a table to its runs."""
 
 import hashlib
+import re
 import sys
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,7 +16,9 @@ from .order import in_order
 from .run import Options, Run
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
-from .times import find_time, is_time_name
+from .times import Time, find_time, is_time_name
+from .vocabulary import UNITS
+from .vocabulary import words as words_of
 
 PARQUET_MAGIC = b"PAR1"
 
@@ -113,10 +116,21 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     notes, guesses = [*table.notes, time.note], [*table.guesses, *time.guesses]
     numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
     spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
+    other = _other_clock(table, time, spare, options)
+    if other:
+        raise other
     if spare:
         notes.append(f"other columns of time left out: {listed(spare, 6)}")
     named = [n for n in numbers if n not in spare and not (n.startswith("column ") and np.isnan(numbers[n]).all())]
     words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray)]
+    for n in words:
+        if (
+            n in table.faults
+            and sign_of(n, table.units.get(n, "")).kind == "sensor"
+            and n not in options.exclude
+            and not options.channels
+        ):
+            raise table.faults[n]
     if words:
         notes.append(f"columns of words left out: {listed(words, 6)}")
     if options.channels:
@@ -136,7 +150,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         if n in table.faults:
             raise table.faults[n]
     used = (*roles.sensors, *roles.ambient, *roles.inputs, *roles.displacements)
-    degrees, channel_notes = Temperatures(table, units, options), {}
+    degrees, channel_notes = Temperatures(table, units, options, (*roles.sensors, *roles.ambient)), {}
     columns = {n: numbers[n] for n in used}
     for n in (*roles.sensors, *roles.ambient, *[n for n in roles.inputs if sign_of(n, units.get(n, "")).temperature]):
         columns[n], impossible = without_impossible(degrees.of(n, numbers[n], n in roles.inputs))
@@ -151,7 +165,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     for n in roles.displacements:
         columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
         notes += [unit_note] if unit_note else []
-    stretches = in_order(time.seconds, columns, table.name, time.wall, table.first_line, layout is not None)
+    stretches = in_order(time.seconds, columns, table.name, table.first_line, time.wall, time.dated, layout is not None)
     return [
         Run(
             table.name if len(stretches) == 1 else f"{table.name}#{k + 1}",
@@ -179,8 +193,33 @@ def _no_sensor(table: Table, roles: Roles, words: list[str], named: list[str]) -
 
 
 def _with_unit_column(table: Table, named: list[str]) -> dict[str, str]:
-    """Units of the columns; where a column of words tells one unit in every row, it is that of the columns without."""
-    for n, cells in table.columns.items():
-        if n.strip().lower() in ("unit", "units", "einheit") and not isinstance(cells, np.ndarray) and len(set(cells)) == 1:
-            return {**table.units, **{c: table.units.get(c) or cells[0] for c in named}}
-    return table.units
+    """Units of the columns; a column of words that tells one unit in every row is that of the number beside it."""
+    units = dict(table.units)
+    for at, (n, cells) in enumerate(table.columns.items()):
+        if not (set(words_of(n)) & UNITS) or isinstance(cells, np.ndarray):
+            continue
+        told = {c.strip() for c in cells if c.strip()}
+        order = list(table.columns)
+        beside = [order[k] for k in (at - 1, at + 1) if 0 <= k < len(order) and order[k] in named]
+        if len(told) == 1 and beside:
+            units[beside[0]] = units.get(beside[0]) or told.pop()
+    return units
+
+
+def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -> InputError | None:
+    """Whether columns have a clock of their own: a second column of time of the same name that runs otherwise."""
+    used = next(iter(time.used), "")
+    if options.channels and options.time:
+        return None
+    for n in spare:
+        alike = words_of(re.sub(r" \(\d+\)$", "", n)) == words_of(re.sub(r" \(\d+\)$", "", used))
+        own, main = table.columns[n], table.columns.get(used, [])
+        if not (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)):
+            continue
+        if not np.array_equal(own, main, equal_nan=True):
+            return InputError(
+                f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
+                allowed="one time for all columns read together",
+                do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns",
+            )
+    return None

@@ -34,11 +34,15 @@ ALLOWED = "2026-05-03 20:38:07, 03.05.2026 20:38:07, 5/3/2026 8:38:07 PM, 20:38:
 
 @dataclass(frozen=True)
 class Stamps:
-    """seconds (n,) from the first stamp; start [s] since 1970 of a wall clock without zone, None for elapsed or zoned time."""
+    """seconds (n,) from the first stamp; starts: moments [s since 1970] that the first row of a wall clock without zone may be.
+
+    dated: the stamps are moments of a calendar, not of an elapsed or daily clock.
+    """
 
     seconds: Array
-    start: float | None
+    starts: tuple[float, ...] = ()
     guess: Guess | None = None
+    dated: bool = False
 
 
 def looks_like_stamp(cell: str) -> bool:
@@ -71,7 +75,7 @@ def parse_stamps(cells: Sequence[str], place: str, first_line: int, name: str = 
             whole = np.array([], dtype="datetime64[us]")
         if len(whole) and not np.isnat(whole).any():
             seconds = (whole - whole[0]).astype(np.float64) / 1e6
-            return Stamps(seconds, float(whole[0].astype(np.int64)) / 1e6)
+            return Stamps(seconds, (float(whole[0].astype(np.int64)) / 1e6,), None, True)
     found = [_CELL.match(c) if c else None for c in cells]
     bad = next((i for i, m in enumerate(found) if m is None or not _holds(m)), None)
     if bad is not None:
@@ -169,7 +173,8 @@ def _dated(
         raise _unreadable(cells, _first_bad_date(matches, name), place, first_line)
     order, guess = _decide(readings, cells, place, name)
     seconds = readings[order]
-    return Stamps(seconds - seconds[0], None if zoned else float(seconds[0]), guess)
+    alike = [float(r[0]) for r in readings.values() if np.allclose(r - r[0], seconds - seconds[0])]
+    return Stamps(seconds - seconds[0], () if zoned else (float(seconds[0]), *alike), guess, True)
 
 
 def _orders(matches: Sequence[re.Match[str]], name: str) -> dict[str, Array | None]:
@@ -183,6 +188,8 @@ def _orders(matches: Sequence[re.Match[str]], name: str) -> dict[str, Array | No
         if first[month]:
             months = np.array([float(_MONTHS.get((m[month] or "")[:3].lower(), 0)) for m in matches])
             return {"dmy": _days(_numbers(matches, year), months, _numbers(matches, day))}
+    if not first["a"]:
+        return {}
     a, b, c = (_numbers(matches, g) for g in "abc")
     ways = {"ymd": (a, b, c), "dmy": (c, b, a), "mdy": (c, a, b)}
     if len(first["a"]) > 2:
@@ -253,14 +260,17 @@ def _undated(
     if invalid.any():
         raise _unreadable(cells, int(np.argmax(invalid)), place, first_line)
     if elapsed or bool((clock >= DAY_S).any()):
-        return Stamps(clock - clock[0], None, guess)
+        return Stamps(clock - clock[0], (), guess)
+    newest_first = len(clock) > 2 and float((np.diff(clock) < 0).mean()) > 0.5
+    clock = clock[::-1] if newest_first else clock
     step = np.diff(clock)
     usual = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
     # Past midnight the clock falls back by a day less a step; a run that begins anew falls back to its start.
     midnight = (step < -0.5 * DAY_S) & (step + DAY_S <= max(20.0 * usual, 3600.0))
     days = np.concatenate([[0.0], np.cumsum(midnight)])
     seconds = clock + DAY_S * days
-    return Stamps(seconds - seconds[0], None, guess)
+    seconds = seconds[::-1] if newest_first else seconds
+    return Stamps(seconds - seconds[0], (), guess)
 
 
 def _said(name: str) -> str:
@@ -318,7 +328,7 @@ def _told_format(cells: Sequence[str], place: str, first_line: int, time_format:
             clock = numbers @ np.array(scale)
             wrapped = np.concatenate([[0.0], np.cumsum(np.diff(clock) < -0.5 * DAY_S)])
             clock = clock + (DAY_S * wrapped if time_format != "%M:%S" else 0.0)
-            return Stamps(clock - clock[0], None)
+            return Stamps(clock - clock[0])
     seconds = np.empty(len(cells))
     origin: datetime | None = None
     dated = any(d in time_format for d in ("%d", "%j", "%x", "%c", "%D"))
@@ -350,4 +360,4 @@ def _told_format(cells: Sequence[str], place: str, first_line: int, time_format:
         seconds[i] = value
     assert origin is not None
     wall = dated and origin.tzinfo is None
-    return Stamps(seconds, (origin - datetime(1970, 1, 1)).total_seconds() if wall else None)
+    return Stamps(seconds, ((origin - datetime(1970, 1, 1)).total_seconds(),) if wall else (), None, dated)

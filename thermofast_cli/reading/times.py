@@ -17,7 +17,7 @@ UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0,
 _UNIT_WORDS = {
     "ns": ("ns", "nanoseconds"),
     "us": ("us", "µs", "μs", "microseconds"),
-    "ms": ("ms", "msec", "msecs", "millis", "milliseconds"),
+    "ms": ("ms", "msec", "millis", "msecs", "millis", "milliseconds"),
     "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒"),
     "min": ("min", "mins", "minute", "minutes", "minuten", "分钟"),
     "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时"),
@@ -31,18 +31,22 @@ FEWEST_ROWS = 2
 
 @dataclass(frozen=True)
 class Time:
-    """seconds (n,), the columns it was read from, how in words, and what was guessed; wall: start of a wall clock without zone."""
+    """seconds (n,), the columns it was read from, how in words, and what was guessed; wall: starts of a wall clock without zone."""
 
     seconds: Array
     used: frozenset[str]
     note: str
     guesses: tuple[Guess, ...] = ()
-    wall: float | None = None
+    wall: tuple[float, ...] = ()
+    #: Whether the moments are those of a calendar, so that an earlier one was earlier.
+    dated: bool = False
 
 
 def unit_of(name: str, unit_cell: str = "") -> str | None:
     """Unit that a time column's name, or its cell in the unit line, tells: ``time_min`` -> ``min``."""
-    for word in [w.strip("[](){} ") for w in (unit_cell.lower(),)] + words(name)[::-1]:
+    said = words(name)
+    said = said[: said.index("of")] if "of" in said else said  # seconds of the day are seconds
+    for word in [w.strip("[](){} ") for w in (unit_cell.lower(),)] + said[::-1]:
         for unit, known in _UNIT_WORDS.items():
             if word in known:
                 return unit
@@ -59,7 +63,7 @@ def is_time_name(name: str) -> bool:
         return any(w in TIME for w in told)
     if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name):
         return True
-    return any(w in TIME for w in told) or whole in TIME_NAMES or whole.lower() in TIME_NAMES - {"t", "h", "s"}
+    return any(w in TIME for w in told) or whole in TIME_NAMES or (len(whole) > 3 and whole.lower() in TIME_NAMES)
 
 
 def find_time(table: Table, options: Options) -> Time:
@@ -116,6 +120,7 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
         # Of several stamps the one with most different values: the others tell when a step or the query began.
         return max(ordered[:8], key=lambda n: (len(set(table.columns[n])), n in named)), None
     timed = [n for n in numeric if n in named and np.isfinite(np.asarray(table.columns[n])).any()]
+    timed = [n for n in timed if not _is_date_number(table.columns[n])] or timed
     epochs = [n for n in timed if _epoch(_values(table, n)) and unit_of(n) is None]
     ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5]
     for group in (
@@ -151,12 +156,26 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
     if clock is not None:
         second = table.columns[clock]
         assert not isinstance(second, np.ndarray)
-        cells = [f"{d} {c}" for d, c in zip(column, second, strict=True)]
+        days: list[str] = []
+        for cell in column:  # a date is written where it changes
+            days.append(cell.strip() or (days[-1] if days else ""))
+        cells = [f"{d} {c}" for d, c in zip(days, second, strict=True)]
+    halves = _halves_of_day(table)
+    if halves and not any(c[-1:].lower() == "m" for c in cells[:3]):
+        cells = [f"{c} {h}" for c, h in zip(cells, table.columns[halves], strict=True)]
     label = f"{name} {clock}" if clock else name
     stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.first_line, label, options.time_format)
-    used = frozenset({name} | ({clock} if clock else set()))
+    used = frozenset({name} | ({clock} if clock else set()) | ({halves} if halves else set()))
     note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
-    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.start)
+    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated)
+
+
+def _halves_of_day(table: Table) -> str | None:
+    """A column whose cells all are AM or PM."""
+    for n, column in table.columns.items():
+        if not isinstance(column, np.ndarray) and {c.strip().upper() for c in column} <= {"AM", "PM"}:
+            return n
+    return None
 
 
 def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
@@ -169,17 +188,43 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
             do="mend or remove the rows",
         )
     unit = options.time_unit or unit_of(name, table.units.get(name, ""))
+    written = _written_moments(table, name, column) if not options.time_unit else None
+    if written is not None:
+        return written
     epoch = _epoch(column)
     if unit and not (epoch and not options.time_unit):
         return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}")
     if epoch:
         # 1.7e18 less 1.7e18 has lost its last digits once it is multiplied: take the start away first.
-        return Time((column - column[0]) * UNITS[epoch], frozenset({name}), f"time: {name!r}, an epoch in {epoch}")
+        return Time((column - column[0]) * UNITS[epoch], frozenset({name}), f"time: {name!r}, an epoch in {epoch}", dated=True)
     if _serial(column):
         text = f"{name!r} read as serial days of a spreadsheet (one is {column[0]:.6g})"
         seconds = np.round((column - column[0]) * DAY_S, 3)
         return Time(seconds, frozenset({name}), f"time: {name!r} in days", (Guess("time", text, "--time-unit says otherwise"),))
     return _without_unit(table, name, column)
+
+
+def _written_moments(table: Table, name: str, column: Array) -> Time | None:
+    """Numbers that are moments written without signs: 20260503203807, or 20260503 beside 203807."""
+    if (column % 1.0 != 0.0).any():
+        return None
+    if column.min() >= 1.9e13 and column.max() < 2.2e13:
+        cells, used = [f"{v:014.0f}" for v in column], frozenset({name})
+    else:
+        date = next((n for n in table.names if n != name and _is_date_number(table.columns[n]) and is_time_name(n)), None)
+        if date is None or not is_time_name(name) or column.min() < 0 or column.max() >= 240000:
+            return None
+        cells = [f"{d:08.0f}{v:06.0f}" for d, v in zip(table.columns[date], column, strict=True)]
+        used = frozenset({name, date})
+    try:
+        stamps = parse_stamps([f"{c[:8]} {c[8:]}" for c in cells], f"{table.name}, column {name!r}", table.first_line, name)
+    except InputError:
+        return None
+    return Time(stamps.seconds, used, f"time: moments in {' and '.join(map(repr, sorted(used)))}", (), stamps.starts, True)
+
+
+def _is_date_number(column: Array | list[str]) -> bool:
+    return isinstance(column, np.ndarray) and bool(np.isfinite(column).all() and column.min() >= 1.9e7 and column.max() < 2.2e7)
 
 
 def _epoch(values: Array) -> str | None:
@@ -214,7 +259,7 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
             f"{table.name}: column {name!r} does not say its unit of time",
             found=f"{column[0]:g} to {column[-1]:g}: {lengths}",
             allowed="a name as time_s, time_min, 'Time [h]', or a unit line",
-            do=f"say --time-unit s, min or h{'' if is_time_name(name) else ', or --time with the right column'}",
+            do=f"say --time-unit ms, s, min, h or d{'' if is_time_name(name) else ', or --time with the right column'}",
         )
     unit = likely[0]
     text = f"{name!r} has no unit, taken as {unit}: the record is then {_length(float(np.ptp(column)) * UNITS[unit])} long"

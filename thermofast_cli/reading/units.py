@@ -10,7 +10,7 @@ from .vocabulary import UNIT_SUFFIXES
 ABSOLUTE_ZERO_C = -273.15
 #: Units that are no temperature, by the quantity they measure; compared as they stand, then in lower case.
 QUANTITIES: dict[str, tuple[str, ...]] = {
-    "voltage": ("V", "mV", "µV", "μV", "uV", "kV", "volt", "volts", "millivolt", "millivolts", "vdc", "vac"),
+    "voltage": ("V", "VDC", "VAC", "mV", "µV", "μV", "uV", "kV", "volt", "volts", "millivolt", "millivolts", "vdc", "vac"),
     "current": ("A", "mA", "µA", "μA", "uA", "amp", "amps", "ampere", "amperes"),
     "resistance": ("Ω", "kΩ", "mΩ", "ohm", "ohms", "kohm", "mohm", "kohms"),
     "power": ("W", "mW", "kW", "watt", "watts", "kilowatt", "W/m2", "W/m²"),
@@ -35,8 +35,12 @@ _LOWER = {symbol.lower(): kind for symbol, kind in _EXACT.items() if len(symbol)
 _MARK = r"(?:°|º|˚|\*|'|�|Â°|deg(?:rees?|\.)?|grad|degr)"
 _MARKED = re.compile(rf"{_MARK}[ _]?(c|k|f|celsius|kelvin|fahrenheit)$", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
+_SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s*[x×*]?\s*(.+)$")
+#: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
+_UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
+_ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")
 _BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
-_ANYWHERE = re.compile(r"°[ ]?([CFK])\b|(℃)|(℉)|(?i:\bdeg[ _]?([CFK])\b)|(?i:(celsius|kelvin|fahrenheit))")
+_ANYWHERE = re.compile(r"°[ ]?([CFK])\b(?!\s*/)|(℃)|(℉)|(?i:(?<![a-z])deg[ _]?([CFK])(?![a-z]))|(?i:(celsius|kelvin|fahrenheit))")
 _LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
 
 
@@ -47,6 +51,8 @@ class Unit:
     symbol: str
     kind: str
     sure: bool = True
+    #: A reading times this is in the unit: 0.1 for tenths of a degree.
+    scale: float = 1.0
 
     @property
     def temperature(self) -> bool:
@@ -66,7 +72,16 @@ def parse_unit(text: str) -> Unit | None:
         letter = marked.group(1).lower()
         return Unit(_LETTER.get(letter, letter.upper()), "temperature")
     kind = _EXACT.get(text) or _LOWER.get(text.lower())
-    return Unit(text, kind) if kind else None
+    if kind:
+        return Unit(text, kind)
+    scaled = _SCALED.fullmatch(text)
+    inner = parse_unit(scaled.group(2)) if scaled else None
+    if scaled and inner is not None and inner.temperature:
+        part = scaled.group(1).replace(",", ".")
+        size = {"1/10": 0.1, "1/100": 0.01, "1/1000": 0.001}.get(part)
+        size = size or (10.0 ** float(part.replace("^", "")[2:]) if part.startswith("10") else float(part))
+        return Unit(inner.symbol, "temperature", scale=size)
+    return None
 
 
 @lru_cache(maxsize=4096)
@@ -100,11 +115,24 @@ def unit_in_name(name: str) -> Unit | None:
     letter = re.fullmatch(r"(?i:.*(?:temp|temperatur|temperature))[ _]?([CFK])|[Tt][ _]([CFK])", stem)
     if letter:
         return Unit(letter.group(1) or letter.group(2), "temperature", sure=False)
+    return _unknown_unit(name)
+
+
+def _unknown_unit(name: str) -> Unit | None:
+    """A bracket that holds a unit, though none that is known here: what it measures is no temperature."""
+    for whole in _BRACKET.finditer(name):
+        inside = whole.group(1).strip()
+        square = whole.group(0).startswith("[") and re.search(r"[^\W\d]", inside) and len(inside) <= 8 and " " not in inside
+        signs = len(inside) <= 14 and ":" not in inside and _UNIT_SIGNS.search(inside)
+        if signs or (square and not inside.islower()) or _ODD.fullmatch(inside):
+            return Unit(inside, "unknown")
     return None
 
 
-def to_celsius(values: Array, symbol: str) -> Array:
-    """Temperatures (n,) in the unit C, K or F as degC."""
+def to_celsius(values: Array, symbol: str, scale: float = 1.0) -> Array:
+    """Temperatures (n,) in the unit C, K or F, or `scale` parts of it, as degC."""
+    if scale != 1.0:
+        values = values * scale
     if symbol == "K":
         return values + ABSOLUTE_ZERO_C
     return (values - 32.0) / 1.8 if symbol == "F" else values

@@ -20,32 +20,77 @@ def _set(text: str) -> frozenset[str]:
 
 
 AMBIENT = _set(
-    "ambient amb room air surroundings surrounding environment env umgebung umg raum raumluft luft hall halle hallen tamb "
-    "troom tair 环境 室温"
+    "lab labor shop ambiance ambiant ambiante ambiente werkstatt outdoor outside klima surr tsurr otoczenie oat tumg tamb tu "
+    "ambient amb room air surroundings surrounding environment env umgebung umg raum raumluft luft hall halle hallen troom "
+    "tair 环境 室温"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
 AMBIENT_STEMS = ("umgebung", "raum", "hallen", "luft", "aussen", "außen")
 INPUTS = _set(
-    "speed rpm load power duty heater voltage current curr coolant fan flow torque humidity rh pressure pump door valve feed "
-    "drehzahl last leistung spannung strom druck feuchte luftfeuchte durchfluss vorschub volt volts battery batt batterie "
-    "resistance widerstand ohm force kraft energy energie capacity watt frequency freq utilization light lux lamp lamps co"
+    "vibration feedrate override drehmoment torque betriebsstunden auslastung zyklus vbat soc level accel acceleration strain "
+    "summe sum pos axis tool uptime heap relais relay relays pumpe heizung feedback angle winkel conductivity leitwert gas "
+    "gps altitude rotation spindel_drehzahl turns travel position stroke debit vitesse couple enthalpy conc concentration "
+    "dust noise pm ph orp turbidity irradiance radiation speed rpm load power duty heater voltage current curr coolant fan "
+    "flow humidity rh pressure pump door valve feed drehzahl last leistung spannung strom druck feuchte luftfeuchte "
+    "durchfluss vorschub volt volts battery batt batterie resistance widerstand ohm force kraft energy energie capacity watt "
+    "frequency freq utilization light lux lamp lamps co"
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
 #: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.
-WANTED = _set("set setpoint setpt sp sv soll sollwert solltemperatur target command cmd")
-REFERENCE = _set("cjc cj ref reference referenz vergleichsstelle ptemp coldjunction kaltstelle")
-COUNTERS = _set("no nr index idx sample scan record count counter row number id rec anz point")
+WANTED = _set(
+    "tset tsoll tsp preset grenzwert limit limits threshold schwelle führungsgröße offset tolerance uncertainty alarm set "
+    "setpoint setpt sp sv soll sollwert solltemperatur target command cmd"
+)
+REFERENCE = _set(
+    "cjt tcj coldjunction internal logger panel board klemmentemperatur vergleichsstellentemperatur cjc cj ref reference "
+    "referenz vergleichsstelle ptemp kaltstelle"
+)
+COUNTERS = _set("sweep frame place part no nr index idx sample scan record count counter row number id rec anz point")
 #: Words of what is logged beside temperatures and means nothing for them.
 OTHER = _set(
-    "index idx id serial status state code alarm flag error checksum crc counter cycle cyc step rssi signal lat lon latitude "
-    "longitude altitude depth seq sequence quality valid validity marker mode result table millisecond millitm msec position "
-    "cell rack shelf test lot batch tvoc tds type"
+    "relay program segment loop frame sweep place part free ok valid sign bit bits sum checksum battery_low output index idx "
+    "id serial status state code alarm flag error crc counter cycle cyc step rssi signal lat lon latitude longitude altitude "
+    "depth seq sequence quality validity marker mode result table millisecond millitm msec position cell rack shelf test lot "
+    "batch tvoc tds type"
 )
 TEMPERATURE = _set(
     "temp temps temperature temperatures temperatur temperaturen tmp tc thermocouple thermo pt rtd ntc thermistor therm dewpt "
     "dewpoint probe fühler 温度"
 )
+#: Words that a name may have beside the one that decides, and is still that.
+BESIDE = _set("t c f k degc temp temps temperature temperatur avg ave average mean last max min inside indoor")
+#: Places on a machine, which have a temperature whatever stands beside them.
+PLACES = _set(
+    "bearing lager motor housing gehäuse winding wicklung casing stator rotor coil spule nut flange block body outlet inlet "
+    "pipe rohr"
+)
+#: A temperature made from others: their difference, scatter or rate.
+DERIVED = _set(
+    "delta std stdev stddev sigma diff difference differenz deviation abweichung gradient rate slope deltat dt spread uncertainty"
+)
+#: Marks of a reading, one for each row, whatever else the name says.
+FLAGS = _set("ok valid validity status state error quality flag")
+#: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.
+INPUT_ENDINGS = (
+    "drehzahl",
+    "druck",
+    "spannung",
+    "strom",
+    "leistung",
+    "moment",
+    "kraft",
+    "feuchte",
+    "durchfluss",
+    "ventil",
+    "pumpe",
+    "stunden",
+)
+#: Parts of words of languages that are written without blanks.
+AMBIENT_PARTS = ("环境", "室温", "室内", "周囲", "실내")
+INPUT_PARTS = ("转速", "回転", "电流", "电压", "功率", "湿度", "压力")
+#: Names that begin so are no temperature though "temp" stands in them.
+NOT_TEMPERATURE = _set("attempts attempt template templates tempo tempus contempt temporary temporal")
 #: Names that name nothing: a column called so beside columns that say they are temperatures is none.
 NAMELESS = _set(
     "value values val wert data channel chan kanal reading measurement column analog input output dev untitled var series "
@@ -56,8 +101,9 @@ DISPLACEMENTS = _set("mm um µm μm micron microns disp displacement displacemen
 
 #: Columns of a long table: what names the sensor, what holds the reading, and what only remarks on it.
 SENSOR_NAMES = _set(
-    "sensor channel series name probe location tag field metric kanal messstelle entity device variable parameter signal "
-    "topic label measurement host fühler sensorname messpunkt ort point"
+    "ch chan itemid tagid tag_id slot node address addr varname sensor channel series name probe location tag field metric "
+    "kanal messstelle entity device variable parameter signal topic label measurement host fühler sensorname messpunkt ort "
+    "point"
 )
 READINGS = _set("value val wert messwert reading state temperature temp temperatur mean")
 REMARKS = _set(
@@ -67,10 +113,10 @@ UNITS = _set("unit units einheit")
 
 TIME = _set(
     "time times timestamp timestamps datetime date elapsed clock zeit uhrzeit datum zeitstempel stamp zeitpunkt temps heure "
-    "fecha hora 时间 日期"
+    "fecha hora 时间 日期 tiempo czas время 経過時間 時刻 시간 millis uptime"
 )
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
-TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time")
+TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
 
 #: Units that may follow a name after a blank or underline: single letters may be the front (V, vorn) or the rear of a machine.
 UNIT_SUFFIXES = _set(

@@ -13,63 +13,35 @@ from ..units import parse_unit
 #: Cells that loggers write where there is no reading (compared in lower case).
 MISSING = frozenset(
     [
-        "",
-        "nan",
-        "na",
-        "n/a",
-        "n.a.",
-        "null",
-        "none",
-        "nil",
-        "-",
-        "--",
-        "---",
-        "----",
-        "ol",
-        "o.l",
-        "o.l.",
-        "0l",
-        "+ol",
-        "-ol",
-        "over",
-        "overload",
-        "overflow",
-        "ovfl",
-        "open",
-        "short",
-        "err",
-        "error",
-        "#n/a",
-        "#num!",
-        "#value!",
-        "#div/0!",
-        "inf",
-        "+inf",
-        "-inf",
-        "infinity",
-        "bad",
-        "fault",
-        "fail",
-        "invalid",
-        "no data",
-        "nodata",
-        "?",
-        "*",
-        "***",
-        "****",
-        "*****",
+        "", "nan", "na", "n/a", "n.a.", "null", "none", "nil", "-",
+        "--", "---", "----", "ol", "o.l", "o.l.", "0l", "+ol", "-ol",
+        "over", "overload", "overflow", "ovfl", "open", "short", "err", "error", "#n/a",
+        "#num!", "#value!", "#div/0!", "inf", "+inf", "-inf", "infinity", "bad", "fault",
+        "fail", "invalid", "no data", "nodata", "?", "*", "***", "****", "*****",
+        "#nv", "#wert!", "#valeur!", "#zahl!", "1.#qnan", "-1.#ind", "1.#inf", "<null>", "\\n",
+        "unavailable", "unknown", "i/o timeout", "bad input", "n.c.", "fehler", "bruch", "burnout", "+burnout",
+        "-burnout", "open tc", "open circuit", "over range", "overrange", "+over", "-over", "under", "underrange",
+        "n. def.", "not connected", "disconnected", "timeout", "lo", "hi", "-----", "------", "---.-",
+        "--.-", "+++++++", "-------", "######", "#######", "########", "no probe", "sensor break", "#name?",
+        "#ref!", "#div/0", "*.*",
     ]
-)
+)  # fmt: skip
 DELIMITERS = ("\t", ";", ",", "|", " ")
 SAMPLE_LINES = 400
 csv.field_size_limit(1 << 30)  # a row of thirty thousand cells, read with the wrong delimiter, is one cell
 #: Cells of a row that are looked at to tell what it is: a row of ten thousand is known by its first hundred.
 SAMPLE_CELLS = 100
 NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
-_NUMBER = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+|\d{1,3}((,\d{3})+\.\d+|(,\d{3}){2,}))([eE][+-]?\d+)?$"),
-    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+|\d{1,3}((\.\d{3})+,\d+|(\.\d{3}){2,}))([eE][+-]?\d+)?$"),
-}
+_GAP = "[' \u00a0\u202f\u2009’]"
+
+
+def _number(point: str, comma: str) -> re.Pattern[str]:
+    """A number with its decimal sign, thousands set apart by the other one, by an apostrophe or a gap."""
+    grouped = rf"(?:[{comma}]\d{{3}})+[{point}]\d+|(?:[{comma}]\d{{3}}){{2,}}|(?:{_GAP}\d{{3}})+(?:[{point}]\d+)?"
+    return re.compile(rf"[+-]? *(?:\d+[{point}]?\d*|[{point}]\d+|\d{{1,3}}(?:{grouped}))(?:[eE][+-]?\d+)?$")
+
+
+_NUMBER = {".": _number(".", ","), ",": _number(",", ".")}
 #: A word in a header's units line that is no unit of a quantity: a form of stamps, or nothing.
 _FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
 #: What a Campbell logger says of how a column was made, in the line under the units.
@@ -112,8 +84,8 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def to_number(cell: str, decimal: str) -> float:
-    """A cell that :func:`is_number` accepts; signs between thousands are dropped."""
-    text = cell.strip()
+    """A cell that :func:`is_number` accepts; signs and gaps between thousands are dropped."""
+    text = re.sub(_GAP, "", cell.strip())
     return float(text.replace(",", "")) if decimal == "." else float(text.replace(".", "").replace(",", "."))
 
 

@@ -35,6 +35,8 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     data, encoding, notes = to_utf8(data, name, options.encoding)
     data = re.sub(rb"\r\r\n", b"\r\n", data)  # written twice through a text layer
     data, separator = _without_separator_line(data)
+    data, joined_segments = _joined_segments(data, name)
+    notes += joined_segments
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else _with_delimiter(options, separator)
     dialect = detect_dialect(head, encoding, name, told)
@@ -44,6 +46,9 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
         body = re.sub(rb"[ \t]+", b"\t", body)
     guesses: list[Guess] = []
+    body, cut = _without_cut_end(body, dialect)
+    body, footer = _without_footer(body, head, dialect)
+    notes += [*cut, *footer]
     lines = head[dialect.data_line :]
     joined = _decimal_commas(body, head, dialect)
     if joined is not None:
@@ -53,7 +58,9 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         guesses.append(Guess("layout", text, "export with semicolons to be sure"))
     names, units = _names(head, dialect, name)
     more = frozenset(m.lower() for m in options.missing)
-    columns, faults, carried, told_notes = _parse_body(body, lines, names, dialect, name, more, set(options.exclude))
+    clean, strangers = _without_strangers(body, head, dialect) if _in_trouble(body, names, dialect) else (body, [])
+    notes += strangers
+    columns, faults, carried, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
     return Table(
@@ -63,6 +70,40 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
 
 def _with_delimiter(options: Options, delimiter: str) -> Options:
     return replace(options, delimiter=delimiter)
+
+
+#: Lines above the readings of each segment of a LabVIEW measurement file.
+_SEGMENT_HEAD = re.compile(
+    rb"(Channels|Samples|Date|Time|X_Dimension|X0|Delta_X|Y_Dimension|Y_Unit_Label|Notes|Test_\w+|UUT_\w+|Units_\w+)\t"
+)
+_SEGMENT_END = b"***End_of_Header***"
+
+
+def _joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
+    """A LabVIEW measurement file of several segments with the readings of all of them under the first header.
+
+    Raises
+    ------
+    InputError: the segments have different channels.
+    """
+    if not data.startswith(b"LabVIEW Measurement") or data.count(_SEGMENT_END) <= 2:
+        return data, []
+    ending = b"\r\n" if b"\r\n" in data else b"\n"
+    lines = data.split(ending)
+    ends = [i for i, line in enumerate(lines) if line.startswith(_SEGMENT_END)]
+    head, names = lines[: ends[1] + 2], lines[ends[1] + 1]
+    rows = list(head)
+    for number, end in enumerate(ends[1:]):
+        if lines[end + 1] != names:
+            raise InputError(
+                f"{name}, line {end + 2}: segment {number + 1} has other channels than the first",
+                found=lines[end + 1].decode("latin-1")[:80],
+                allowed="the same channels in all segments",
+                do="export each segment to a file of its own",
+            )
+        until = ends[number + 2] if number + 2 < len(ends) else len(lines)
+        rows += [r for r in lines[end + 2 : until] if r.strip() and not _SEGMENT_HEAD.match(r)]
+    return ending.join(rows) + ending, [f"{len(ends) - 1} segments joined"]
 
 
 def _without_separator_line(data: bytes) -> tuple[bytes, str]:
@@ -85,6 +126,79 @@ def _offset(data: bytes, line: int) -> int:
         found = re.compile(rb"\r\n|\n|\r").search(data, position)
         position = found.end() if found else len(data)
     return position
+
+
+def _without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
+    """Without a last line that stops in mid-number, as when a logger is switched off: fewer decimals than in every row before."""
+    if body.endswith((b"\n", b"\r")):
+        return body, []
+    tail = LINE_END.split(body[-20000:].decode("utf-8", errors="replace"))[-12:]
+    rows = [split(line, dialect.delimiter) for line in tail if line.strip()]
+    if len(rows) < 6 or len(rows[-1]) != dialect.width:
+        return body, []
+
+    def decimals(cell: str) -> int:
+        return len(cell.strip().partition(dialect.decimal)[2])
+
+    usual = {decimals(row[-1]) for row in rows[1:-1] if row}
+    if len(usual) == 1 and decimals(rows[-1][-1]) < usual.pop():
+        at = max(body.rfind(b"\n"), body.rfind(b"\r"))
+        return body[: at + 1], [f"the last line stops in mid-number ({rows[-1][-1]!r}) and was left out"]
+    return body, []
+
+
+def _kind(cell: str, decimal: str) -> str:
+    """What the first cell of a row is: a number, a stamp, nothing, or words."""
+    cell = cell.strip()
+    if not cell:
+        return "nothing"
+    return "number" if is_number(cell, decimal) else "stamp" if looks_like_stamp(cell) else "words"
+
+
+def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str]]:
+    """Without rows at the end, as wide as the others, that begin with words where the others begin with a number or a stamp."""
+    rows = [split(line, dialect.delimiter) for line in head[dialect.data_line : dialect.data_line + 60] if line.strip()]
+    first = {_kind(row[0], dialect.decimal) for row in rows[:40] if len(row) == dialect.width}
+    if not first <= {"number", "stamp"} or not first:
+        return body, []
+    end, dropped = len(body), []
+    for _ in range(40):
+        stop = len(body[:end].rstrip(b"\r\n"))
+        at = max(body.rfind(b"\n", 0, stop), body.rfind(b"\r", 0, stop)) + 1
+        cells = split(body[at:stop].decode("utf-8", errors="replace"), dialect.delimiter)
+        if at == 0 or len(cells) != dialect.width or _kind(cells[0], dialect.decimal) != "words":
+            break
+        end = at
+        dropped.append(cells[0].strip())
+    return (
+        (body[:end], [f"{len(dropped)} lines below the readings left out ({listed(dropped[::-1], 3)})"]) if dropped else (body, [])
+    )
+
+
+def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str]]:
+    """Without lines in the middle that hold no readings: the header again, comments, events; and how many there were."""
+    names = {head[i].strip() for i in (dialect.header_line, *dialect.unit_lines) if i is not None}
+    lines = body.split(b"\n")
+    kept, comments, headers, events = [], 0, 0, 0
+    last = max((i for i, line in enumerate(lines) if line.strip()), default=0)
+    for i, line in enumerate(lines):
+        text = line.decode("utf-8", errors="replace").strip()
+        if text and text in names:
+            headers += 1
+        elif text.startswith(("#", "%", "//")):
+            comments += 1
+        elif text and i < last and _is_event(split(text, dialect.delimiter), dialect):
+            events += 1
+        else:
+            kept.append(line)
+    told = [(headers, "repeated headers"), (comments, "comment lines"), (events, "lines without readings")]
+    notes = [f"{n} {what} left out" for n, what in told if n]
+    return (b"\n".join(kept), notes) if notes else (body, [])
+
+
+def _is_event(cells: list[str], dialect: Dialect) -> bool:
+    """Whether a line of another width tells of something instead of readings."""
+    return len(cells) != dialect.width and not _reads(cells, dialect.decimal)
 
 
 def _decimal_commas(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, Dialect] | None:
@@ -153,6 +267,15 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
 
 
 Cells = Array | list[str]
+
+
+def _in_trouble(body: bytes, names: list[str], dialect: Dialect) -> bool:
+    """Whether some line looks as if it held no readings: a quick look for letters or signs at the beginning of lines."""
+    if not body.translate(None, b"0123456789.,;:|\t \"'+-eE\r\n"):
+        return False  # nothing but numbers
+    if dialect.header_line is None:
+        return bool(re.search(rb"(?m)^[#%/]", body))
+    return bool(re.search(rb"[A-Za-z]{4}|(?m:^\W?[A-Za-z#%/])", body))
 
 
 def _parse_body(
@@ -272,7 +395,7 @@ def _cells(
     if is_text:
         cells, unit = _with_unit(cells, dialect.decimal, more)
         if not unit:
-            return cells, None, ""
+            return cells, _wordy(cells, column, dialect, name), ""
     values = np.full(len(cells), np.nan)
     bad: list[int] = []
     for i, cell in enumerate(cells):
@@ -294,6 +417,21 @@ def _cells(
         do=f"mend the cell, say --missing {cells[bad[0]].strip()!r} if it means 'no reading', or --exclude {column!r}",
     )
     return values, fault, unit
+
+
+def _wordy(cells: list[str], column: str, dialect: Dialect, name: str) -> InputError | None:
+    """What is wrong with a column of words that holds numbers too: a probe that was open for most of the record."""
+    numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
+    if not 0.05 * len(cells) <= sum(numbers) < len(cells) or looks_like_stamp(cells[0]):
+        return None
+    first = numbers.index(False)
+    other = listed(dict.fromkeys(repr(c) for c, n in zip(cells, numbers, strict=True) if not n), 3)
+    return InputError(
+        f"{name}, line {dialect.data_line + first + 1}, column {column!r}: not a number",
+        found=f"{other} in {numbers.count(False)} rows",
+        allowed="numbers of one unit, and known words for 'no reading'",
+        do=f"say --missing {cells[first].strip()!r} if it means 'no reading', or --exclude {column!r}",
+    )
 
 
 def _with_unit(cells: list[str], decimal: str, more: frozenset[str]) -> tuple[list[str], str]:
