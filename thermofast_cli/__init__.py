@@ -1,3 +1,70 @@
-"""The command line tool: reads records, joins filters and models, writes tables and pictures."""
+"""Steady state and settling time of a machine from the first part of its temperature record; see docs/api.md.
 
-__version__ = "0.3.0"
+``import thermofast as tf`` gives ``tf.read``, ``tf.identify``, ``tf.sweep``, ``tf.compare``, ``tf.diagnose``, ``tf.improve``,
+``tf.simulate``, ``tf.Model`` and more. Names are imported when they are first used: the import itself is quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.4.0.dev0"
+
+if TYPE_CHECKING:
+    from .api import (
+        bench,
+        compare,
+        diagnose,
+        displacement,
+        identify,
+        improve,
+        read,
+        read_all,
+        sensitivity,
+        simulate,
+        sweep,
+    )
+    from .errors import InputError, ThermofastError, UsageError
+    from .machine.model import Model
+    from .reading import Guess, Run
+
+#: Name -> module that has it; the analyses are all in ``api``.
+_ELSEWHERE = {
+    "Guess": "reading",
+    "InputError": "errors",
+    "Model": "machine.model",
+    "Run": "reading",
+    "ThermofastError": "errors",
+    "UsageError": "errors",
+}
+
+__all__ = [
+    "Guess",
+    "InputError",
+    "Model",
+    "Run",
+    "ThermofastError",
+    "UsageError",
+    "bench",
+    "compare",
+    "diagnose",
+    "displacement",
+    "identify",
+    "improve",
+    "read",
+    "read_all",
+    "sensitivity",
+    "simulate",
+    "sweep",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'thermofast' has no attribute {name!r}; it has {', '.join(__all__)}")
+    found = getattr(import_module(f".{_ELSEWHERE.get(name, 'api')}", __name__), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -1,11 +1,16 @@
 """Each analysis over runs that are read: settings in, a frozen result out. The commands and the library stand on these alike."""
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from .analysis.displacement import displacement_run
+from .analysis.hidden import simulate_hidden
 from .analysis.sensitivity import SensitivityTask, Sizes, sensitivity_lost, sensitivity_task
+from .analysis.simulation import Probe, draw_probes, simulate
 from .discovery.compare import compare_lost, compare_task
 from .discovery.diagnose import diagnose_lost, diagnose_task
 from .discovery.improve import improve_lost, improve_task
@@ -29,6 +34,7 @@ from .results import (
     Identification,
     Improvement,
     Sensitivity,
+    Simulated,
     Sweeping,
 )
 
@@ -292,3 +298,55 @@ def displacement_runs(started: Sequence[Started], columns: tuple[str, ...] = ())
         tuple(run for run, _ in started),
         panels=tuple(p for one in found for p in one.panels),
     )
+
+
+def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:
+    """About fifty times from 5 min, or a tenth of the shortest window, up to the longest window."""
+    first = min(5.0, windows[0] / 10.0)
+    step = max(round((windows[-1] - first) / 50.0), 1) if windows[-1] >= 30.0 else (windows[-1] - first) / 50.0
+    count = int((windows[-1] - first) / step + 1e-9) + 1
+    return tuple(round(first + i * step, 9) for i in range(count))
+
+
+def simulate_record(
+    effects: tuple[str, ...] = (),
+    seed: int = 0,
+    sensors: int = 10,
+    duration_min: float = 400.0,
+    interval_s: float = 60.0,
+    ambient_c: float = 17.9,
+    rise_c: float = 9.0,
+    t95_min: float = 195.0,
+    noise_c: float = 0.02,
+    step_c: float = 0.01,
+    cooling: bool = False,
+    fixed: Sequence[tuple[str, float, float]] = (),
+) -> Simulated:
+    """A record of the base model, or with hidden effects, and the truth behind it.
+
+    fixed: (name, steady state [degC], t95 [min]) of sensors that are given and not drawn.
+
+    Raises
+    ------
+    UsageError: too many readings, a name twice or none, an unknown effect, or one that needs more sensors.
+    """
+    if duration_min * 60.0 / interval_s > 1e7:
+        raise UsageError("too many readings", found=f"{duration_min * 60.0 / interval_s:.3g}", allowed="ten million a sensor")
+    for name, _, settle in fixed:
+        plain = name and name.isprintable() and not set(name) & set(',;"=@') and name not in ("ambient", "time_min", "time_s")
+        if not plain or not 0.0 < settle < math.inf:
+            raise UsageError(f"--sensor {name!r}", allowed="NAME=DEGC:MIN, as in --sensor T5=26.7:195")
+    taken = {name for name, _, _ in fixed}
+    if len(taken) < len(fixed):
+        raise UsageError("--sensor: the same name twice", found=", ".join(name for name, _, _ in fixed))
+    drawn = draw_probes(np.random.default_rng([seed, 1]), sensors, ambient_c, rise_c, t95_min, noise_c, cooling)
+    given = [Probe(name, ambient_c, steady, settle, noise_c) for name, steady, settle in fixed]
+    # A drawn sensor makes way for the given one of its name first, then from the end.
+    rest = [p for p in drawn if p.channel not in taken][: max(0, sensors - len(given))]
+    probes = sorted(given + rest, key=lambda p: (len(p.channel), p.channel))
+    if effects:
+        chosen = chosen_effects(effects, ())
+        made = simulate_hidden(probes, duration_min, interval_s, ambient_c, step_c, seed, chosen)
+    else:
+        made = simulate(probes, duration_min, interval_s, ambient_c, step_c, seed)
+    return Simulated(made.columns, made.truth)

@@ -1,11 +1,11 @@
 """What a command found: its records with ways to look at them, save them and draw them. Frozen; nothing is computed here."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from .reading import Run, told
+from .reading import Run, read_runs, told
 from .records import (
     BenchRecord,
     CompareRecord,
@@ -250,11 +250,15 @@ class Displacement(Result):
 
 @dataclass(frozen=True)
 class Simulated:
-    """A simulated record: the run as the reader would give it, its columns (N,) by name, and the truth behind it."""
+    """A simulated record: its columns (N,) by name, the time first, and the truth behind it."""
 
-    run: Run
-    columns: dict[str, Any] = field(default_factory=dict)
-    truth: dict[str, Any] = field(default_factory=dict)
+    columns: dict[str, Any]
+    truth: dict[str, Any]
+
+    def run(self, name: str = "simulated") -> Run:
+        """The record as it is read."""
+        (found,) = read_runs(self.columns, name=name)
+        return found
 
     def save(self, path: str | Path, key: str | Path | None = None) -> None:
         """Write the record (.csv, .parquet) and the truth (.json), each whole or not at all."""

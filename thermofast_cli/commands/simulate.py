@@ -74,45 +74,24 @@ def command(
 
     With --effects the sizes are drawn from the seed, and the key tells them.
     """
-    import numpy as np
-
-    from ..analysis.simulation import Probe, draw_probes, simulate
     from ..errors import UsageError
-    from ..output.files import check_target, write_columns, write_json
+    from ..output.files import check_target
     from ..output.screen import say
+    from ..pipeline import simulate_record
 
     check_target(output, (".csv", ".parquet"))
     if key:
         check_target(key, (".json",))
-    if duration * 60.0 / interval > 1e7:
-        raise UsageError("too many readings", found=f"{duration * 60.0 / interval:.3g}", allowed="ten million a sensor")
-    probes = draw_probes(np.random.default_rng([seed, 1]), sensors, ambient, rise, t95, noise, cooling)
-    given: list[Probe] = []
+    given = []
     for text in fixed:
         name, _, numbers = text.partition("=")
         try:
             steady, settle = (float(part) for part in numbers.split(":"))
-            plain = name and name.isprintable() and not set(name) & set(',;"=@') and name not in ("ambient", "time_min", "time_s")
-            if not (plain and settle > 0.0 and np.isfinite([steady, settle]).all()):
-                raise ValueError
         except ValueError:
             raise UsageError(f"--sensor {text!r}", allowed="NAME=DEGC:MIN, as in --sensor T5=26.7:195") from None
-        given.append(Probe(name, ambient, steady, settle, noise))
-    taken = {p.channel for p in given}
-    if len(taken) < len(given):
-        raise UsageError("--sensor: the same name twice", found=", ".join(p.channel for p in given))
-    # A drawn sensor makes way for the given one of its name first, then from the end.
-    drawn = [p for p in probes if p.channel not in taken]
-    probes = sorted(given + drawn[: max(0, sensors - len(given))], key=lambda p: (len(p.channel), p.channel))
-    if effects:
-        from ..analysis.hidden import simulate_hidden
-        from ..discovery.plugins import chosen_effects
-
-        made = simulate_hidden(probes, duration, interval, ambient, step, seed, chosen_effects(names(effects), ()))
-    else:
-        made = simulate(probes, duration, interval, ambient, step, seed)
-    write_columns(output, made.columns)
-    if key:
-        write_json(key, made.truth)
-    say(f"{len(probes)} sensors, {len(made.columns['ambient'])} readings each in {output}" + (f", truth in {key}" if key else ""))
+        given.append((name, steady, settle))
+    made = simulate_record(names(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling, fixed=given)
+    made.save(output, key)
+    count, readings = len(made.truth["sensors"]), len(made.columns["ambient"])
+    say(f"{count} sensors, {readings} readings each in {output}" + (f", truth in {key}" if key else ""))
     return 0

@@ -61,7 +61,7 @@ def command(
     from ..estimation.methods import choose
     from ..machine.model import Model
     from ..output.screen import number, text
-    from ..pipeline import sweep_runs
+    from ..pipeline import default_times, sweep_runs
     from ..records import SweepRecord
     from ..results import failed
     from ..shell.options import numbers
@@ -90,11 +90,3 @@ def command(
     code = deliver(result, failed(SweepRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
     draw(result, save_plot)
     return code
-
-
-def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:
-    """About fifty times from 5 min, or a tenth of the shortest window, up to the longest window."""
-    first = min(5.0, windows[0] / 10.0)
-    step = max(round((windows[-1] - first) / 50.0), 1) if windows[-1] >= 30.0 else (windows[-1] - first) / 50.0
-    count = int((windows[-1] - first) / step + 1e-9) + 1
-    return tuple(round(first + i * step, 9) for i in range(count))

@@ -5,6 +5,7 @@ import re
 import sys
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from .degrees import Temperatures
 from .long import find_long, to_wide
 from .order import in_order
 from .run import Options, Run
+from .tables.frames import NAME as IN_MEMORY
+from .tables.frames import table_of
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .times import Time, find_time, is_time_name
@@ -23,8 +26,10 @@ from .vocabulary import words as words_of
 PARQUET_MAGIC = b"PAR1"
 
 
-def read_runs(source: str, options: Options | None = None) -> list[Run]:
+def read_runs(source: Any, options: Options | None = None, name: str | None = None) -> list[Run]:
     """Read the runs of a file, mostly one, from a path (``file.csv#2`` for its second), or from standard input for ``-``.
+
+    A pandas DataFrame, an Arrow table or a mapping of names to arrays is read by the same rules.
 
     Raises
     ------
@@ -32,11 +37,15 @@ def read_runs(source: str, options: Options | None = None) -> list[Run]:
     UsageError: an option names a column that is not there.
     """
     options = options or Options()
-    path, number = _numbered(source)
-    data = _bytes(path)
-    name = "stdin" if path == "-" else path
-    parquet = data.startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
-    table = read_parquet(data, name) if parquet else read_text(data, name, options)
+    number = None
+    if isinstance(source, str | Path):
+        path, number = _numbered(str(source))
+        data = _bytes(path)
+        name = name or ("stdin" if path == "-" else path)
+        parquet = data.startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
+        table = read_parquet(data, name) if parquet else read_text(data, name, options)
+    else:
+        table = table_of(source, name or IN_MEMORY)
     runs = runs_from_table(table, options)
     if options.strict:
         for run in runs:

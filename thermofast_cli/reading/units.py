@@ -122,6 +122,8 @@ def _unknown_unit(name: str) -> Unit | None:
     """A bracket that holds a unit, though none that is known here: what it measures is no temperature."""
     for whole in _BRACKET.finditer(name):
         inside = whole.group(1).strip()
+        if whole.group(0)[0] not in "[(":
+            continue
         square = whole.group(0).startswith("[") and re.search(r"[^\W\d]", inside) and len(inside) <= 8 and " " not in inside
         signs = len(inside) <= 14 and ":" not in inside and _UNIT_SIGNS.search(inside)
         if signs or (square and not inside.islower()) or _ODD.fullmatch(inside):

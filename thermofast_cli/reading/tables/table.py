@@ -37,7 +37,7 @@ def to_floats(column: pa.ChunkedArray) -> Array:
 
 
 def read_parquet(data: bytes, name: str) -> Table:
-    """A table from the bytes of a Parquet file; time stamps become seconds from the first.
+    """A table from the bytes of a Parquet file.
 
     Raises
     ------
@@ -52,20 +52,48 @@ def read_parquet(data: bytes, name: str) -> Table:
             allowed="a whole Parquet file",
             do="copy or export the file again",
         ) from None
+    return from_arrow(table, name, [f"Parquet, {table.num_rows} rows"])
+
+
+def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
+    """A table from an Arrow table; time stamps become text, durations seconds, labels their words.
+
+    Raises
+    ------
+    InputError: no column of numbers, stamps or words.
+    """
     columns: dict[str, Array | list[str]] = {}
-    notes = [f"Parquet, {table.num_rows} rows"]
+    units: dict[str, str] = {}
     for column_name in table.column_names:
         column = table.column(column_name)
         kind = column.type
+        if pa.types.is_dictionary(kind):
+            column = column.cast(kind.value_type)
+            kind = column.type
         if pa.types.is_timestamp(kind):
             whole = column.cast(pa.timestamp("us", tz=kind.tz), safe=False).cast(pa.int64()).to_pylist()
-            columns[column_name] = [str(np.datetime64(v, "us")) if v is not None else "" for v in whole]
+            # Arrow keeps moments of a zone in UTC: the mark says so, and no clock change is looked for.
+            zone = "+00:00" if kind.tz else ""
+            columns[column_name] = [str(np.datetime64(v, "us")) + zone if v is not None else "" for v in whole]
+        elif pa.types.is_duration(kind):
+            columns[column_name] = to_floats(column.cast(pa.duration("us"), safe=False).cast(pa.int64()).cast(pa.float64())) / 1e6
+            units[column_name] = "s"
+        elif pa.types.is_date(kind) or pa.types.is_time(kind):
+            columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
         elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
             columns[column_name] = to_floats(column.cast(pa.float64(), safe=False))
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
-            columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
+            columns[column_name] = _words_or_numbers([str(v) if v is not None else "" for v in column.to_pylist()])
         else:
             notes.append(f"column {column_name!r} of type {kind} left out")
     if not columns:
         raise InputError(f"{name}: no column of numbers or stamps", found="; ".join(notes), do="export the record with its columns")
-    return Table(name, list(columns), columns, dict.fromkeys(columns, ""), 0, tuple(notes))
+    return Table(name, list(columns), columns, {**dict.fromkeys(columns, ""), **units}, 0, tuple(notes))
+
+
+def _words_or_numbers(cells: list[str]) -> Array | list[str]:
+    """Numbers that were kept as text, as numbers."""
+    try:
+        return np.array([float(c) if c.strip() else np.nan for c in cells])
+    except ValueError:
+        return cells

@@ -1,0 +1,224 @@
+"""The library: what the commands do, from Python, on what is in memory; and bad input met with words."""
+
+import json
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+from conftest import ROOT
+
+import thermofast as tf
+
+SPINDLE, HIDDEN = ROOT / "sample_runs" / "spindle.csv", ROOT / "sample_runs" / "hidden.csv"
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return pd.read_csv(SPINDLE)
+
+
+@pytest.fixture(scope="module")
+def told():
+    return tf.identify(SPINDLE, until=60)
+
+
+def test_the_import_is_quick_and_lists_what_there_is():
+    code = "import sys, thermofast as tf; print(dir(tf)); print([m for m in ('numpy', 'scipy', 'pandas', 'pyarrow', 'click') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    names, heavy = done.stdout.splitlines()
+    assert heavy == "[]"
+    assert "'identify'" in names
+    for name in tf.__all__:
+        assert getattr(tf, name) is not None
+    with pytest.raises(AttributeError, match="it has Guess, InputError"):
+        tf.identfy  # noqa: B018
+
+
+def test_identify_gives_what_the_command_prints(tool, told):
+    printed = json.loads(tool("identify", SPINDLE, "--until", 60, "--format", "json", "-q").out)
+    assert json.loads(told.to_json()) == printed
+    assert len(told) == 10
+    assert told["T5"] is told[4]
+    assert [r.channel for r in told] == [f"T{i}" for i in range(1, 11)]
+    with pytest.raises(KeyError, match="there are T1, T2"):
+        told["T77"]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        lambda f: f,
+        lambda f: pa.Table.from_pandas(f),
+        lambda f: {n: f[n].to_numpy() for n in f},
+        lambda f: {n: list(f[n]) for n in f},
+        lambda f: f.drop(columns="time_min").set_index(pd.to_timedelta(f["time_min"], unit="min")),
+        lambda f: f.drop(columns="time_min").set_index(
+            pd.date_range("2026-03-29 00:30", periods=401, freq="min", tz="Europe/Berlin")
+        ),
+        lambda f: f.drop(columns="time_min").set_index(pd.date_range("2026-05-01 00:30", periods=401, freq="min")),
+        lambda f: f.astype({"T5": "Float64"}).assign(T5=lambda g: g["T5"].astype(object)),
+        lambda f: f.iloc[::-1],
+        lambda f: {**{n: f[n].to_numpy() for n in f}, "T5": np.ma.masked_array(f["T5"], mask=np.zeros(401, dtype=bool))},
+    ],
+    ids=[
+        "frame",
+        "arrow",
+        "arrays",
+        "lists",
+        "durations",
+        "zone over a clock change",
+        "stamps",
+        "objects",
+        "newest first",
+        "masked",
+    ],
+)
+def test_every_kind_of_table_gives_the_same(given, frame, told):
+    run = tf.read(given(frame), name="here")
+    assert run.name == "here"
+    assert run.guesses == ()
+    found = tf.identify(run, until=60)
+    assert found["T5"].steady_state_c == pytest.approx(told["T5"].steady_state_c, abs=1e-9)
+    assert list(run.ambient) == ["ambient"]
+
+
+def test_missing_values_are_gaps_and_repeated_times_are_met(frame):
+    holes = frame.copy()
+    holes.loc[10:20, "T5"] = np.nan
+    masked = np.ma.masked_array(frame["T5"].to_numpy(), mask=(frame.index >= 10) & (frame.index <= 20))
+    for given in (holes, {"time_min": frame["time_min"].to_numpy(), "T5": masked}, holes.astype({"T5": "Float64"})):
+        assert np.isnan(tf.read(given).channels["T5"]).sum() == 11
+    twice = pd.concat([frame, frame.iloc[[50]]])
+    assert len(tf.read(twice).time_s) == 401
+
+
+BAD = {
+    "two dimensions": ({"time_min": np.arange(9.0), "T1": np.zeros((9, 2))}, "not one-dimensional"),
+    "an array": (np.zeros((9, 2)), "ndarray of shape (9, 2)"),
+    "a number": (7, "found: int"),
+    "other lengths": ({"time_min": np.arange(9.0), "T1": np.arange(8.0)}, "'T1' has 8 readings, 'time_min' 9"),
+    "a mixture": ({"time_min": np.arange(4.0), "T1": [1.0, "OL?", 2.0, 3.0]}, "row 2, column 'T1'"),
+    "nothing": (pd.DataFrame(), "no columns"),
+    "no sensor": ({"time_min": np.arange(9.0)}, "no sensor column"),
+    "no time": ({"T1": np.arange(9.0) ** 0.5, "T2": np.arange(9.0)}, "no time column"),
+    "names that are numbers": (pd.DataFrame(np.zeros((9, 2))), "a column is called 0"),
+    "a name twice": (pd.DataFrame(np.zeros((9, 2)), columns=["T1", "T1"]), "'T1' twice"),
+    "levels": (pd.DataFrame(np.zeros((9, 2)), columns=pd.MultiIndex.from_tuples([("a", "b"), ("a", "c")])), "several levels"),
+    "complex": ({"time_min": np.arange(4.0), "T1": np.arange(4.0) * 1j}, "not a number"),
+    "no file": ("nowhere.csv", "no such file"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_an_error_with_words(name):
+    given, words = BAD[name]
+    with pytest.raises(tf.InputError) as refused:
+        tf.read(given)
+    assert words in str(refused.value)
+
+
+def test_bad_settings_are_errors_with_words(frame):
+    run = tf.read(frame)
+    for call, words in (
+        (lambda: tf.identify([]), "no run given"),
+        (lambda: tf.identify([run, run]), "two runs are called"),
+        (lambda: tf.identify(run, channels="T5"), "read already"),
+        (lambda: tf.identify(frame, chanels="T5"), "unknown option of reading 'chanels'"),
+        (lambda: tf.identify(run, until=999), "longer than the record"),
+        (lambda: tf.identify(run, filter="afuk"), "did you mean 'afukf'"),
+        (lambda: tf.identify(run, settings={"gaet": 3}), "no setting 'gaet'"),
+        (lambda: tf.identify(run, start=500), "outside the record"),
+        (lambda: tf.sweep(run, windows=[]), "not a list of minutes"),
+        (lambda: tf.sweep(run, windows=[500], times=[10]), "longer than the record"),
+        (lambda: tf.improve(run, add="second_mode", auto=True), "exclude each other"),
+        (lambda: tf.sensitivity(run, sizes={"rom": 1.0}), "unknown size 'rom'"),
+        (lambda: tf.Model.load("nowhere.toml"), "no such model file"),
+    ):
+        with pytest.raises(tf.ThermofastError, match=words.replace("(", r"\(")):
+            call()
+
+
+def test_results_can_be_looked_at_saved_and_drawn(told, tmp_path):
+    table = told.to_frame()
+    assert table.shape == (10, 25)
+    assert table["steady_state_c"].tolist() == [r.steady_state_c for r in told]
+    assert told.to_arrow().column("channel").to_pylist() == table["channel"].tolist()
+    for suffix in (".csv", ".json", ".jsonl", ".parquet", ".md"):
+        told.save(tmp_path / f"out{suffix}")
+    assert pd.read_csv(tmp_path / "out.csv")["t95_min"].tolist() == table["t95_min"].tolist()
+    with pytest.raises(tf.UsageError, match="cannot tell the format"):
+        told.save(tmp_path / "out.doc")
+    html = told._repr_html_()
+    assert "<table" in html
+    assert "T10" in html
+    figure = told.plot(tmp_path / "a.png")
+    assert figure is not None
+    assert (tmp_path / "a.png").stat().st_size > 20_000
+    named = tf.identify(tf.read({"time_min": np.arange(60.0), "<b>T1</b> temp": 20 + np.arange(60.0) ** 0.5}))
+    assert "<b>T1" not in named._repr_html_()
+    assert pickle.loads(pickle.dumps(told.records)) == told.records
+
+
+def test_guesses_stand_in_the_rows_and_strict_refuses_them(frame):
+    given = frame.rename(columns={"time_min": "Time"})
+    found = tf.identify(given, until=60)
+    assert all("'Time' has no unit, taken as min" in row["message"] for row in found.rows())
+    with pytest.raises(tf.InputError, match="--strict refuses"):
+        tf.identify(given, strict=True)
+
+
+def test_any_executor_carries_the_work(told):
+    with ThreadPoolExecutor(2) as pool:
+        done = []
+        found = tf.identify(SPINDLE, until=60, executor=pool, jobs=2, progress=done.append)
+    assert found.records == told.records
+    assert sum(done) == 10
+
+
+def test_the_loop_from_python(tmp_path):
+    found = tf.improve(HIDDEN, auto=True)
+    assert found.model.effects == ("second_mode",)
+    assert found.model.channels == ("T1", "T2", "T3", "T4")
+    assert {p["effect"] for p in found.model.parameters()} == {"", "second_mode"}
+    found.model.save(tmp_path / "m.toml")
+    loaded = tf.Model.load(tmp_path / "m.toml")
+    assert loaded.file == found.model.file
+    second = ROOT / "sample_runs" / "hidden_second_run.csv"
+    for model in (found.model, loaded, tmp_path / "m.toml"):
+        assert tf.compare(second, until=60, model=model)["T1"].rmse_ahead_c < 0.06
+    assert tf.diagnose(second, model=loaded, effects=["load_step", "ambient"])[0].verdict == "none"
+    assert tf.identify(second, until=60, model=loaded)["T1"].status == "ok"
+    swept = tf.sweep(second, windows=[60], times=[30, 40, 50], model=loaded)
+    assert swept[0].filter == "joint_fit"
+    with pytest.raises(tf.UsageError, match=r"\.toml"):
+        found.model.save(tmp_path / "m.json")
+
+
+def test_the_other_analyses(frame):
+    run = tf.read(frame)
+    swept = tf.sweep(run, windows=[40, 45], times=range(10, 40))
+    assert len(swept) == 20
+    assert swept.plot() is not None
+    assert tf.compare(run, until=60).plot() is not None
+    assert [r.filter for r in tf.bench(tf.read(frame, channels=["T1", "T5"]), until=60) if r.chosen]
+    made = tf.simulate(effects="second_mode", sensors=2, seed=3)
+    assert made.truth["effects"][0]["id"] == "second_mode"
+    assert made.run().channels["T1"].tolist() == made.columns["T1"].tolist()
+    assert tf.displacement(ROOT / "sample_runs" / "displacement.csv")[0].trusted in (True, False)
+    spread = tf.sensitivity(tf.read(frame, channels=["T5"]), until=60)
+    assert spread[0].channel == "T5"
+
+
+def test_a_file_of_several_runs(tmp_path, frame):
+    two = pd.concat([frame, frame])
+    two.to_csv(tmp_path / "two.csv", index=False)
+    assert len(tf.read_all(tmp_path / "two.csv")) == 2
+    with pytest.raises(tf.InputError, match="2 runs"):
+        tf.read(tmp_path / "two.csv")
+    assert tf.read(f"{tmp_path / 'two.csv'}#2").channels["T1"].tolist() == frame["T1"].tolist()
+    assert len(tf.identify(tmp_path / "two.csv", until=60)) == 20

@@ -1,0 +1,395 @@
+"""The library: ``import thermofast as tf``. Each function does what the command of its name does and gives a frozen result."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Literal
+
+from .analysis.sensitivity import Sizes
+from .engine import Started, Work
+from .errors import InputError, UsageError
+from .estimation.methods import choose, paces
+from .estimation.sensor import run_start
+from .machine.model import Model
+from .pipeline import (
+    bench_runs,
+    compare_runs,
+    default_times,
+    diagnose_runs,
+    displacement_runs,
+    identify_runs,
+    improve_runs,
+    sensitivity_runs,
+    simulate_record,
+    sweep_runs,
+)
+from .reading import Options, Run, read_runs
+from .results import (
+    Bench,
+    Comparison,
+    Diagnosis,
+    Displacement,
+    Identification,
+    Improvement,
+    Sensitivity,
+    Simulated,
+    Sweeping,
+)
+
+#: A run, a path (``file.csv#2``: its second run), a DataFrame, an Arrow table or a mapping of names to arrays; or a list of them.
+Source = Any
+Start = float | Literal["auto"]
+#: Sensors up to which details for pictures are kept where it is left to the library.
+DETAILS_UP_TO = 100
+
+
+def read(source: Source, *, name: str | None = None, **reading: Any) -> Run:
+    """One run from a file or from memory; `reading` are the options of ``thermofast help reading``, with underlines.
+
+    Raises
+    ------
+    InputError: it cannot be read, or holds several runs; the message says what, where and what to do.
+    UsageError: an option that is not known, or that names a column that is not there.
+    """
+    runs = read_all(source, name=name, **reading)
+    if len(runs) > 1:
+        raise InputError(
+            f"{runs[0].name.rpartition('#')[0]}: {len(runs)} runs",
+            allowed="one",
+            do="take one of them, as in tf.read('run.csv#2'), or all with tf.read_all",
+        )
+    return runs[0]
+
+
+def read_all(source: Source, *, name: str | None = None, **reading: Any) -> list[Run]:
+    """The runs of a file or table, mostly one.
+
+    Raises
+    ------
+    InputError, UsageError: as :func:`read`.
+    """
+    return read_runs(source, reading_options(**reading), name)
+
+
+def reading_options(**reading: Any) -> Options:
+    """The options of reading; lists may be given where the command line takes them separated by commas.
+
+    Raises
+    ------
+    UsageError: an option that is not known.
+    """
+    known = [f.name for f in fields(Options)]
+    if "interval" in reading:
+        reading["interval_s"] = reading.pop("interval")
+    for key in reading:
+        if key not in known:
+            raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
+    several = ("inputs", "channels", "exclude", "missing", "units", "long")
+    for key in several:
+        if isinstance(reading.get(key), str):
+            reading[key] = (reading[key],)
+        elif key in reading:
+            reading[key] = tuple(reading[key])
+    return Options(**reading)
+
+
+def _started(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any]) -> list[Started]:
+    """Runs with their starts [min]; those that are read already stay as they are."""
+    several = runs if isinstance(runs, list | tuple) else [runs]
+    found: list[Run] = []
+    for one in several:
+        if isinstance(one, Run):
+            if reading:
+                raise UsageError(f"{one.name}: read already", found=", ".join(reading), do="give the options of reading to tf.read")
+            found.append(one)
+        else:
+            found += read_all(one, **reading)
+    if not found:
+        raise UsageError(
+            "no run given", allowed="a run, a path, a DataFrame, an Arrow table, a mapping of arrays, or a list of them"
+        )
+    names = [run.name for run in found]
+    if len(set(names)) < len(names):
+        twice = next(n for n in names if names.count(n) > 1)
+        raise UsageError(f"two runs are called {twice!r}", do="give each its own: tf.read(..., name='warm up')")
+    started = []
+    for run in found:
+        begins = float(start) if start != "auto" else 0.0
+        if start == "auto" and from_rise:
+            begins = run_start(run.time_s / 60.0, list(run.channels.values()))
+        if not 0.0 <= begins < run.time_s[-1] / 60.0:
+            raise UsageError(f"{run.name}: start {begins:g} min is outside the record", found=f"{run.time_s[-1] / 60.0:.4g} min")
+        started.append((run, begins))
+    return started
+
+
+def _work(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
+    return Work(jobs, executor, progress or (lambda _steps: None))
+
+
+def _keep(details: bool | None, started: Sequence[Started]) -> bool:
+    return details if details is not None else sum(len(run.channels) for run, _ in started) <= DETAILS_UP_TO
+
+
+def _texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, ...]:
+    return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
+
+
+def _model(model: Model | str | Path | None) -> Model | None:
+    return Model.load(model) if model is not None else None
+
+
+def _several(names: str | Iterable[str]) -> tuple[str, ...]:
+    return tuple(n.strip() for n in names.split(",") if n.strip()) if isinstance(names, str) else tuple(names)
+
+
+def _minutes(values: Iterable[float], name: str) -> tuple[float, ...]:
+    """Ascending minutes, each once."""
+    found = tuple(sorted({round(float(v), 9) for v in values}))
+    if not found or not all(0.0 < v < 1e7 for v in found):
+        raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero")
+    return found
+
+
+def identify(
+    runs: Source,
+    until: float | None = None,
+    *,
+    filter: str = "afukf",  # noqa: A002 - the name of the option
+    preset: Literal["paper"] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    model: Model | str | Path | None = None,
+    joint: bool = False,
+    pace: str | None = None,
+    start: Start = "auto",
+    details: bool | None = None,
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Identification:
+    """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
+
+    settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes,
+    or anybody's executor, share the sensors; progress is told how many are done; reading as for :func:`read`.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from dataclasses import replace
+
+    learnt = _model(model)
+    method = replace(choose(filter, preset, _texts(filter, settings)), paces=paces(pace))
+    started = _started(runs, start, learnt is None, reading)
+    return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress))
+
+
+def sweep(
+    runs: Source,
+    windows: Sequence[float] = (40.0, 45.0, 50.0, 55.0),
+    times: Sequence[float] | None = None,
+    *,
+    tolerance: float = 0.1,
+    filter: str = "afukf",  # noqa: A002 - the name of the option
+    preset: Literal["paper"] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    model: Model | str | Path | None = None,
+    start: Start = "auto",
+    details: bool | None = None,
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Sweeping:
+    """The shortest identification time that serves, over sampling windows and identification times [min].
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    learnt = _model(model)
+    method = choose(filter, preset, _texts(filter, settings))
+    spans = _minutes(windows, "windows")
+    grid = _minutes(times, "times") if times is not None else default_times(spans)
+    started = _started(runs, start, learnt is None, reading)
+    return sweep_runs(started, method, spans, grid, tolerance, learnt, _keep(details, started), _work(jobs, executor, progress))
+
+
+def compare(
+    runs: Source,
+    until: float | None = None,
+    *,
+    effects: str | Iterable[str] = (),
+    model: Model | str | Path | None = None,
+    drive: str | None = None,
+    extra: Iterable[str] = (),
+    input_range: Mapping[str, float] | None = None,
+    start: Start = "auto",
+    details: bool | None = None,
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Comparison:
+    """Model beside measurement: the base model, with effects, or one that was learnt.
+
+    extra are files with effects of your own, as with ``--effect``.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    started = _started(runs, start, False, reading)
+    return compare_runs(
+        started,
+        _several(effects),
+        tuple((input_range or {}).items()),
+        _keep(details, started),
+        _work(jobs, executor, progress),
+        until_min=until,
+        extra=tuple(extra),
+        drive=drive,
+        model=_model(model),
+    )
+
+
+def diagnose(
+    runs: Source,
+    until: float | None = None,
+    *,
+    effects: str | Iterable[str] = (),
+    model: Model | str | Path | None = None,
+    drive: str | None = None,
+    extra: Iterable[str] = (),
+    false_alarm: float = 0.01,
+    start: Start = "auto",
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Diagnosis:
+    """Which physical effect is missing.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    started = _started(runs, start, False, reading)
+    return diagnose_runs(
+        started,
+        _several(effects),
+        _work(jobs, executor, progress),
+        until_min=until,
+        extra=tuple(extra),
+        drive=drive,
+        model=_model(model),
+        false_alarm=false_alarm,
+    )
+
+
+def improve(
+    runs: Source,
+    until: float | None = None,
+    *,
+    add: str | Iterable[str] = (),
+    auto: bool = False,
+    drive: str | None = None,
+    extra: Iterable[str] = (),
+    false_alarm: float = 0.01,
+    start: Start = "auto",
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Improvement:
+    """Effects added, the error falling; ``.model`` is what was learnt.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    started = _started(runs, start, False, reading)
+    return improve_runs(
+        started,
+        _several(add),
+        auto,
+        _work(jobs, executor, progress),
+        until_min=until,
+        extra=tuple(extra),
+        drive=drive,
+        false_alarm=false_alarm,
+    )
+
+
+def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **reading: Any) -> Bench:
+    """Every filter on each run, and which one to use there: ``thermofast filters bench``.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    return bench_runs(_started(runs, start, True, reading), until)
+
+
+def sensitivity(
+    runs: Source,
+    until: float | None = None,
+    *,
+    sizes: Mapping[str, float] | None = None,
+    filter: str = "afukf",  # noqa: A002 - the name of the option
+    settings: Mapping[str, Any] | None = None,
+    model: Model | str | Path | None = None,
+    start: Start = "auto",
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    **reading: Any,
+) -> Sensitivity:
+    """How much each uncertain thing contributes to the spread; sizes: offset, start, room [K], jitter [s], until [min], limit [K].
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    known = [f.name for f in fields(Sizes)]
+    for key in sizes or {}:
+        if key not in known:
+            raise UsageError(f"unknown size {key!r}", allowed=", ".join(known))
+    learnt = _model(model)
+    method = choose(filter, None, _texts(filter, settings))
+    started = _started(runs, start, learnt is None, reading)
+    return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, _work(jobs, executor, None))
+
+
+def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Start = "auto", **reading: Any) -> Displacement:
+    """Thermal displacement from the temperatures, and which way to trust.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    return displacement_runs(_started(runs, start, False, reading), _several(columns))
+
+
+def simulate(
+    *,
+    effects: str | Iterable[str] = (),
+    seed: int = 0,
+    sensors: int = 10,
+    duration: float = 400.0,
+    interval: float = 60.0,
+    ambient: float = 17.9,
+    rise: float = 9.0,
+    t95: float = 195.0,
+    noise: float = 0.02,
+    step: float = 0.01,
+    cooling: bool = False,
+) -> Simulated:
+    """A record with known truth: duration and t95 [min], interval [s], temperatures degC, noise and step K; ``.run()`` reads it.
+
+    Raises
+    ------
+    UsageError: an unknown effect, or more readings than memory should hold.
+    """
+    return simulate_record(_several(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling)

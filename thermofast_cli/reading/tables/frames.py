@@ -1,0 +1,154 @@
+"""Tables from what is in memory: a pandas DataFrame, an Arrow table, arrays by name. Read by the same rules as a file."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ..run import Array
+from .dialect import is_missing
+from .table import Table, from_arrow
+
+NAME = "in memory"
+
+
+def table_of(data: Any, name: str = NAME) -> Table:
+    """A table from a pandas DataFrame, an Arrow table or a mapping of names to arrays (N,).
+
+    An index of time of a DataFrame is its column of time. Masked and missing values are nan.
+
+    Raises
+    ------
+    InputError: another kind of object, columns of different length or more than one dimension, names that are no names.
+    """
+    if type(data).__module__.startswith("pyarrow") and hasattr(data, "column_names"):
+        return from_arrow(data, name, [f"Arrow table, {data.num_rows} rows"])
+    if type(data).__module__.startswith("pandas"):
+        data = _columns_of_frame(data, name)
+    if not isinstance(data, Mapping):
+        shape = getattr(data, "shape", None)
+        raise InputError(
+            f"{name}: not a record",
+            found=type(data).__name__ + (f" of shape {shape}" if shape is not None else ""),
+            allowed="a path, a pandas DataFrame, an Arrow table, or a mapping of names to arrays",
+            do="name the columns, as in {'time_min': t, 'T1': readings}",
+        )
+    return _from_arrays(data, name)
+
+
+def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
+    import pandas as pd
+
+    if isinstance(frame, pd.Series):
+        frame = frame.to_frame(frame.name if frame.name is not None else "T1")
+    if not isinstance(frame, pd.DataFrame):
+        raise InputError(f"{name}: not a record", found=type(frame).__name__, allowed="a pandas DataFrame or Series")
+    if isinstance(frame.columns, pd.MultiIndex):
+        raise InputError(
+            f"{name}: columns of several levels",
+            found=str(frame.columns[0]),
+            allowed="one name a column",
+            do="join the levels first",
+        )
+    if frame.columns.duplicated().any():
+        twice = frame.columns[frame.columns.duplicated()][0]
+        raise InputError(f"{name}: the column {twice!r} twice", allowed="one column of each name", do="rename one of them")
+    columns: dict[Any, Any] = {column: frame[column] for column in frame.columns}
+    index = frame.index
+    if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
+        title = "time" if index.name is None else str(index.name)
+        while title in columns:
+            title += " (index)"
+        columns = {title: index.to_series(), **columns}
+    elif index.name is not None and index.name not in columns:
+        columns = {index.name: index.to_series(), **columns}
+    return columns
+
+
+def _from_arrays(data: Mapping[Any, Any], name: str) -> Table:
+    columns: dict[str, Array | list[str]] = {}
+    units: dict[str, str] = {}
+    for key, values in data.items():
+        if not isinstance(key, str):
+            raise InputError(f"{name}: a column is called {key!r}", found=type(key).__name__, allowed="a name of letters")
+        columns[key], units[key] = _column(key, values, name)
+    sizes = {key: len(column) for key, column in columns.items()}
+    if not sizes:
+        raise InputError(f"{name}: no columns", allowed="a column of time and at least one sensor")
+    if len(set(sizes.values())) > 1:
+        short, long = min(sizes, key=lambda k: sizes[k]), max(sizes, key=lambda k: sizes[k])
+        raise InputError(
+            f"{name}: columns of different length",
+            found=f"{short!r} has {sizes[short]} readings, {long!r} {sizes[long]}",
+            allowed="one length for all columns",
+        )
+    return Table(name, list(columns), columns, units, 0, (f"{len(columns)} columns of {next(iter(sizes.values()))} rows",))
+
+
+def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
+    """(numbers (N,) with nan for none, or cells as text; unit) of one column."""
+    if type(values).__module__.startswith("pandas"):
+        return _series(key, values, name)
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(float), np.nan)
+    if isinstance(values, list | tuple) and any(isinstance(v, str) for v in values):
+        return _objects(key, list(values), name), ""
+    array = np.asarray(values)
+    if array.ndim != 1:
+        raise InputError(
+            f"{name}, column {key!r}: not one-dimensional",
+            found=f"shape {array.shape}",
+            allowed="(N,)",
+            do="one name for each column",
+        )
+    if array.dtype.kind in "fiub":
+        return np.ascontiguousarray(array, dtype=np.float64), ""
+    if array.dtype.kind == "m":
+        return array / np.timedelta64(1, "s"), "s"
+    if array.dtype.kind == "M":
+        return ["" if np.isnat(v) else str(v) for v in array.astype("datetime64[us]")], ""
+    if array.dtype.kind == "U":
+        return array.tolist(), ""
+    return _objects(key, array.tolist(), name), ""
+
+
+def _series(key: str, series: Any, name: str) -> tuple[Array | list[str], str]:
+    import pandas as pd
+
+    if isinstance(series.dtype, pd.DatetimeTZDtype):
+        series = series.dt.tz_convert("UTC")
+        return ["" if pd.isna(v) else v.isoformat() for v in series], ""
+    if pd.api.types.is_timedelta64_dtype(series.dtype):
+        return series.dt.total_seconds().to_numpy(dtype=np.float64), "s"
+    if pd.api.types.is_datetime64_dtype(series.dtype):
+        return _column(key, series.to_numpy(), name)
+    if pd.api.types.is_numeric_dtype(series.dtype) or pd.api.types.is_bool_dtype(series.dtype):
+        return series.to_numpy(dtype=np.float64, na_value=np.nan), ""
+    return _objects(key, series.tolist(), name), ""
+
+
+def _objects(key: str, cells: list[Any], name: str) -> Array | list[str]:
+    """A column of Python objects: numbers where all are, words where all are; a mixture is refused."""
+    missing = [c is None or (isinstance(c, float) and np.isnan(c)) or type(c).__name__ in ("NAType", "NaTType") for c in cells]
+    if not all(isinstance(c, str) for c in cells):  # words for no reading among numbers
+        missing = [none or (isinstance(c, str) and is_missing(c)) for c, none in zip(cells, missing, strict=True)]
+    told = [c for c, none in zip(cells, missing, strict=True) if not none]
+    if all(isinstance(c, int | float | np.number) or type(c).__name__ == "Decimal" for c in told):
+        return np.array([np.nan if none else float(c) for c, none in zip(cells, missing, strict=True)])
+    if all(hasattr(c, "isoformat") for c in told):
+        return ["" if none else _stamp(c) for c, none in zip(cells, missing, strict=True)]
+    if all(isinstance(c, str) for c in told):
+        return ["" if none else str(c) for c, none in zip(cells, missing, strict=True)]
+    first = next(i for i, c in enumerate(cells) if not missing[i] and not isinstance(c, int | float | np.number))
+    raise InputError(
+        f"{name}, row {first + 1}, column {key!r}: not a number",
+        found=repr(cells[first]),
+        allowed="numbers, stamps or words throughout",
+        do="turn the column into numbers first, with nan for no reading",
+    )
+
+
+def _stamp(moment: Any) -> str:
+    """A date, a clock time or both as text."""
+    return str(moment.isoformat(" ") if hasattr(moment, "hour") and hasattr(moment, "year") else moment.isoformat())
