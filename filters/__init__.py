@@ -2,7 +2,7 @@
 
 from .afukf import Afukf
 from .ast_cqkf import AstCqkf
-from .base import Closing, Compiled, Filter, Start, StateModel, Track
+from .base import Closing, Compiled, Filter, Start, StateModel, Track, setting
 from .ckf import Ckf
 from .cost_reference import AdaptiveCostReference, CostReference
 from .cqkf import Cqkf
@@ -57,4 +57,5 @@ __all__ = [
     "SvdUkf",
     "Track",
     "Ukf",
+    "setting",
 ]

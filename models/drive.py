@@ -13,7 +13,7 @@ from .core.kernel import Array
 from .observations import Observations
 
 
-@dataclass
+@dataclass(slots=True)
 class Drive:
     """Drive of B rows (one lump each) over N readings; an effect replaces what it changes.
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermofast.discovery.plugins import load_effect
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import Model, Part, fit_model
+from thermofast.plugins.effects import load_effect
 
 ROOT = Path(__file__).resolve().parents[1]
 OWN = load_effect(str(ROOT / "sample_runs" / "my_effect.py"))

@@ -8,7 +8,6 @@ import pytest
 from simulator import spindle
 
 from thermofast.estimation.estimate import estimate_at
-from thermofast.estimation.methods import check_filter
 from thermofast.filters import BUILT_IN, PRINTED, Ekf, FadingUkf, Filter, LeastSquares, Ukf
 from thermofast.filters.fading import AdaptiveFading, InnovationFading, NoFading
 from thermofast.filters.loop import GaussianFilter
@@ -16,6 +15,7 @@ from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import Linearised, ScaledPoints, SymmetricPoints, semidefinite_root
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.lump import LumpStart
+from thermofast.plugins.filters import declaration_problem as check_filter
 
 GAUSSIAN = [f() for f in BUILT_IN if issubclass(f, GaussianFilter)]
 
@@ -200,9 +200,9 @@ def test_the_check_of_a_plug_in_explains_what_is_wrong():
         name, summary, reference = "trackless", "x", "y"
         closing = "never"
 
-    assert "derived from filters.Filter" in check_filter(42)
+    assert "derived from thermofast.filters.Filter" in check_filter(42)
     assert "name must be" in check_filter(Nameless)
-    assert "default for every setting" in check_filter(Needy)
+    assert "must say its meaning and range" in check_filter(Needy)
     assert "no track" in check_filter(Trackless)
     assert check_filter(type("Mine", (Ukf,), {"name": "mine"})) is None
     assert replace(BUILT_IN[0](), gate=4.0).gate == 4.0

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermofast.discovery import plugins
 from thermofast.errors import UsageError
 from thermofast.machine.modelfile import read_model
+from thermofast.plugins import effects as plugins
 
 ROOT = Path(__file__).resolve().parents[1]
 HIDDEN = ROOT / "sample_runs" / "hidden.csv"
@@ -243,7 +243,7 @@ def test_what_is_wrong_with_an_effect_is_explained(tool, tmp_path, change, words
 
 
 def test_an_effect_that_never_ends_is_stopped(tool, tmp_path, monkeypatch):
-    monkeypatch.setattr(plugins, "PATIENCE_S", 0.3)
+    monkeypatch.setattr("thermofast.plugins.guard.PATIENCE_S", 0.3)
     path = tmp_path / "endless.py"
     path.write_text(GOOD.replace("        drive.heat =", "        while True:\n            pass\n        drive.heat ="))
     done = tool("effects", "--effect", path)
@@ -402,7 +402,7 @@ def test_an_installed_package_brings_an_effect(tool, monkeypatch):
     kind = next(v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__)
     module.HeatGrows = kind
     monkeypatch.setitem(sys.modules, "thermofast_installed_effect", module)
-    monkeypatch.setattr("thermofast.entrypoints.entry_points", lambda group: [spec] if group == plugins.GROUP else [])
+    monkeypatch.setattr("thermofast.plugins.entrypoints.entry_points", lambda group: [spec] if group == plugins.GROUP else [])
     assert kind.id in tool("effects").out
     ramp = ROOT / "sample_runs" / "hidden_ramp.csv"
     found = records(tool("diagnose", ramp, "--format", "json", "-q", "--jobs", 1))

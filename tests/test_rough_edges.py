@@ -68,7 +68,7 @@ class Wild(Angry):
 def test_a_filter_that_raises_costs_a_row():
     time = np.arange(60.0)
     reading = 20 + 5 * (1 - np.exp(-0.03 * time))
-    for kind, words in ((Angry, "angry raised KeyError: 'gain'"), (Wild, "its track is not one row")):
+    for kind, words in ((Angry, "angry raised KeyError: 'gain'"), (Wild, "track() gave list, needed thermofast.filters.Track")):
         record = identify_sensor("run", "T1", time, reading, Method(Lump(), kind())).record
         assert record.status == "diverged"
         assert words in record.message
@@ -87,7 +87,7 @@ class Point:
 
 def test_broken_plug_ins_are_lines_in_the_catalogue_and_stop_nothing(tool, monkeypatch):
     wrong = EntryPoint("path", "pathlib:Path", "thermofast.effects")
-    monkeypatch.setattr("thermofast.entrypoints.entry_points", lambda group: [Point(), wrong])
+    monkeypatch.setattr("thermofast.plugins.entrypoints.entry_points", lambda group: [Point(), wrong])
     for catalogue in ("effects", "filters"):
         shown = tool(catalogue)
         assert shown.code == 0

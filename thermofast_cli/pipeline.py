@@ -15,16 +15,16 @@ from .discovery.compare import compare_lost, compare_task
 from .discovery.diagnose import diagnose_lost, diagnose_task
 from .discovery.improve import improve_lost, improve_task
 from .discovery.loop import LoopTask, check_drive
-from .discovery.plugins import chosen_effects
 from .engine import Started, Work, over_runs, over_sensors, share_out
 from .errors import UsageError, listed
 from .estimation.bench import bench_run
 from .estimation.identify import Method
-from .estimation.methods import known_filters
 from .estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task
 from .machine.learnt import check_effects
 from .machine.model import Model
 from .machine.settle import identify_model_lost, identify_with_model, sweep_model_lost, sweep_with_model
+from .plugins.effects import chosen_effects
+from .plugins.filters import known_filters
 from .reading import Run
 from .results import (
     Bench,

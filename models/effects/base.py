@@ -120,6 +120,8 @@ class Effect:
     choice_costs: ClassVar[float] = 0.0
     amplitude: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    #: The user's own file that it was loaded from; empty for the catalogue's and those of installed packages.
+    file: ClassVar[str] = ""
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         """Change the drive. p.<name> are arrays (B, 1), one row per lump; run.time, run.middle are (N,) [min]."""

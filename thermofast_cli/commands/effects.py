@@ -8,9 +8,9 @@ import click
 @click.option("--effect", "extra", multiple=True, metavar="FILE.py[:CLASS]", help="An effect of your own, checked and shown too.")
 def command(name: str | None, extra: tuple[str, ...]) -> int:
     """List the effects, or show one: equation, parameters, what its absence looks like, and what it is mistaken for."""
-    from ..discovery.plugins import broken_effects, known_effects, load_effect
     from ..errors import UsageError, nearest
     from ..output.screen import show_text
+    from ..plugins.effects import broken_effects, known_effects, load_effect
 
     if name is not None and name.partition(":")[0].endswith(".py"):
         extra = (*extra, name)

@@ -34,8 +34,8 @@ class Catalogue(click.Group):
 def command(ctx: click.Context) -> int:
     """List the filters; show the settings of the one called NAME; or run all of them on a record of yours: bench."""
     if ctx.invoked_subcommand is None:
-        from ..estimation.methods import broken_filters, known_filters
         from ..output.screen import show_text
+        from ..plugins.filters import broken_filters, known_filters
 
         known = known_filters()
         width = max(map(len, known))
@@ -49,15 +49,16 @@ def show(name: str) -> int:
     from dataclasses import fields
 
     from ..errors import UsageError, nearest
-    from ..estimation.methods import known_filters
     from ..output.screen import show_text
+    from ..plugins.filters import filter_class, known_filters
 
     known = known_filters()
-    if name not in known:
-        raise UsageError(
-            f"unknown filter {name!r}", allowed=", ".join(known) + "; or bench RUN to try them all", do=nearest(name, known)
-        )
-    chosen = known[name]()
+    kind = filter_class(name, known)
+    if kind is None:
+        allowed = ", ".join(known) + "; my_filter.py; or bench RUN to try them all"
+        raise UsageError(f"unknown filter {name!r}", allowed=allowed, do=nearest(name, known))
+    chosen = kind()
+    name = chosen.name
     show_text(f"{name}: {chosen.summary}\nreference: {chosen.reference}\n")
     show_text(f"closing likelihood step: {chosen.closing}\n")
     for f in fields(chosen):
@@ -92,9 +93,9 @@ def bench(
     One record per filter: errors inside and ahead over all sensors, the median width of the steady state's 95 % interval, readings
     filtered per second on this machine in one process, and on how many sensors the filter broke.
     """
-    from ..estimation.methods import known_filters
     from ..output.screen import number, text
     from ..pipeline import bench_runs
+    from ..plugins.filters import known_filters
     from ..records import BenchRecord
     from ..results import failed
     from ..shell.session import check_outputs, deliver, read_all, working

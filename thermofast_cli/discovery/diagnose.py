@@ -15,6 +15,8 @@ from thermofast.models.search.discover import Discovery, Spread, discover, total
 from thermofast.models.search.judge import PATTERN
 
 from ..errors import ThermofastError
+from ..plugins.effects import chosen_effects
+from ..plugins.guard import PluginError
 from ..records import DiagnoseRecord, finite
 from .logged_steps import steps_near
 from .loop import (
@@ -30,7 +32,6 @@ from .loop import (
     ready,
     refused_records,
 )
-from .plugins import EffectError, Guarded, chosen_effects
 
 #: Error ahead, in deviations of the noise, beyond which the first minutes did not show all.
 BEYOND = 5.0
@@ -62,7 +63,7 @@ def search_run(task: LoopTask, prepared: Ready, spread: Spread = map) -> Told:
         try:
             found = discover(prepared.seen, effects, task.false_alarm, known=known, spread=spread)
             return Told(_ahead_of(found, prepared, task.until_min), tuple(broken))
-        except EffectError as error:
+        except PluginError as error:
             at_fault = [e for e in effects if f"effect {e.id!r}" in str(error)]
             if not at_fault:
                 raise
@@ -296,9 +297,7 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         advice = f"as good: {', '.join('+'.join(c.ids) for c in also)}. To tell them apart: {hints}"
     else:
         source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
-        own = "".join(
-            f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if isinstance(p.effect, Guarded) and p.effect.file
-        )
+        own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if p.effect.file)
         new = [p.id for p in named.parts if p not in found.base.model.parts]
         advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
     if any(p.id == "transport_delay" for p in named.parts):

@@ -16,6 +16,7 @@ from thermofast.models.search.judge import PATTERN, least_p, noise_floor
 
 from ..errors import ThermofastError
 from ..machine.modelfile import ModelFile, model_file
+from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, unlogged_room, words
 from .loop import (
@@ -32,7 +33,6 @@ from .loop import (
     refused_records,
 )
 from .observe import Observed
-from .plugins import chosen_effects, load_effect
 
 Array = NDArray[np.float64]
 

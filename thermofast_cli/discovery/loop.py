@@ -14,10 +14,10 @@ from thermofast.models.search.discover import FALSE_ALARM
 from ..errors import ThermofastError, UsageError, nearest
 from ..machine.learnt import carry
 from ..machine.model import Model
+from ..plugins.effects import chosen_effects
 from ..reading import Run
 from ..records import Record
 from .observe import Note, Observed, observe
-from .plugins import chosen_effects
 
 Array = NDArray[np.float64]
 

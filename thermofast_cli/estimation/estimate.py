@@ -27,6 +27,7 @@ from thermofast.models import (
     widened_intervals,
 )
 
+from ..plugins.filters import track_problem
 from .contradiction import contradiction
 
 Array = NDArray[np.float64]
@@ -124,9 +125,9 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{last.filename}, line {last.lineno}"
         raise FilterError(f"{method.name} raised {type(error).__name__}: {error} ({place})") from None
-    n = len(time)
-    if not isinstance(track, Track) or len(track.state) != n or len(track.weight) != n or track.state.shape[1:] != (3,):
-        raise FilterError(f"{method.name}: its track is not one row of three states for each of {n} readings")
+    problem = track_problem(track, len(time))
+    if problem:
+        raise FilterError(f"{method.name}: {problem}")
     return track
 
 

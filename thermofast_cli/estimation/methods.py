@@ -3,53 +3,13 @@
 from dataclasses import fields, replace
 from typing import Any
 
-from thermofast.filters import BUILT_IN, PRINTED, Filter
+from thermofast.filters import PRINTED, Filter
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.uncertainty.first_passage import Pace
 
-from ..entrypoints import Broken, installed
 from ..errors import UsageError, listed, nearest
+from ..plugins.filters import filter_class, known_filters
 from .identify import Method
-
-GROUP = "thermofast.filters"
-
-
-def known_filters() -> dict[str, type[Filter]]:
-    """Built-in filters by name, then those of installed plug-ins."""
-    known: dict[str, type[Filter]] = {f.name: f for f in BUILT_IN}
-    for plugin in installed(GROUP, _checked)[0]:
-        known.setdefault(plugin.name, plugin)
-    return known
-
-
-def broken_filters() -> list[Broken]:
-    """Installed plug-ins that cannot be used."""
-    return installed(GROUP, _checked)[1]
-
-
-def _checked(candidate: Any, origin: str) -> type[Filter]:
-    problem = check_filter(candidate)
-    if problem:
-        raise UsageError(f"{origin}: {problem}")
-    found: type[Filter] = candidate
-    return found
-
-
-def check_filter(candidate: Any) -> str | None:
-    """What is wrong with a would-be filter class, or None."""
-    if not (isinstance(candidate, type) and issubclass(candidate, Filter)):
-        return f"found {candidate!r}, needed a class derived from filters.Filter"
-    for attribute in ("name", "summary", "reference"):
-        value = getattr(candidate, attribute, None)
-        if not isinstance(value, str) or not value or value == "abstract":
-            return f"its {attribute} must be a non-empty string"
-    if candidate.track is Filter.track:
-        return "it has no track(model, time, reading, resolution)"
-    try:
-        candidate()
-    except Exception as error:  # whatever a stranger's class does when it is made
-        return f"it must have a default for every setting ({error})"
-    return None
 
 
 def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
@@ -60,8 +20,14 @@ def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
     UsageError: an unknown filter, preset, setting or value; the message lists the known ones.
     """
     known = known_filters()
-    if name not in known:
-        raise UsageError(f"unknown filter {name!r}", allowed=", ".join(known), do=nearest(name, known) or "see thermofast filters")
+    kind = filter_class(name, known)
+    if kind is None:
+        raise UsageError(
+            f"unknown filter {name!r}",
+            allowed=", ".join(known) + "; or a file, as in my_filter.py:MyFilter",
+            do=nearest(name, known) or "see thermofast filters",
+        )
+    known = {**known, kind.name: kind}
     if preset == "paper":
         printed = {f.name: f for f in PRINTED}
         if name not in printed:
@@ -70,7 +36,7 @@ def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
             )
         chosen: Filter = printed[name]()
     else:
-        chosen = known[name]()
+        chosen = kind()
     for text in settings:
         chosen = _set(chosen, text, known)
     return Method(PrintedLump() if preset == "paper" else Lump(), chosen)

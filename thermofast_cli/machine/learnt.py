@@ -12,8 +12,8 @@ from thermofast.models.greybox import Column
 from thermofast.models.joint import BASE, Fit, Model, Part, Prior, search, start_values
 from thermofast.models.search.candidates import try_add
 
-from ..discovery.plugins import known_effects
 from ..errors import UsageError
+from ..plugins.effects import known_effects
 from ..reading.source import sha256_of
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
 

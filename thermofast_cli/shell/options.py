@@ -52,7 +52,9 @@ class Finite(click.FloatRange):
 runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())
 
 filter_options = _together(
-    click.option("--filter", "filter_name", default="afukf", show_default=True, metavar="NAME", help=f"One of {FILTERS}."),
+    click.option(
+        "--filter", "filter_name", default="afukf", show_default=True, metavar="NAME", help=f"One of {FILTERS}; or FILE.py[:CLASS]."
+    ),
     click.option("--preset", type=click.Choice(["paper"]), help="The filter as the spindle paper prints it."),
     click.option(
         "--set", "settings", multiple=True, metavar="FILTER.KEY=VALUE", help="A filter's setting; see 'thermofast filters NAME'."

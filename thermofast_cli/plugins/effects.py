@@ -1,15 +1,8 @@
-"""A user's own effect: loaded from a file or an installed package, checked with a message that explains what is wrong."""
+"""Effects: built in, of installed packages, of a user's own file. All pass one check, which says what to write instead."""
 
-import hashlib
-import importlib.util
-import inspect
-import signal
-import sys
-import threading
-import traceback
 from collections.abc import Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from functools import wraps
+from inspect import isgenerator
 from typing import Any
 
 import numpy as np
@@ -17,63 +10,24 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.drive import Drive
 from thermofast.models.effects import BUILT_IN, Effect, Parameter, Values
+from thermofast.models.effects.base import Choice
 
-from ..entrypoints import Broken, installed
-from ..errors import ThermofastError, UsageError, listed, nearest
+from ..errors import UsageError, nearest
+from .entrypoints import Broken, installed
+from .files import class_in, is_file
+from .guard import PluginError, source_of, watched
 
+GUIDE = "docs/add-an-effect.md"
+#: What the search may ask of an effect beside ``apply``.
+HOOKS = ("choices", "grid", "starts", "response", "borrowed_noise", "physical", "mirrored", "equivalent", "large_starts")
 GROUP = "thermofast.effects"
-#: Seconds after which an effect's ``apply`` is taken to loop for ever.
-PATIENCE_S = 10.0
 SCOPES = ("run", "sensor", "one")
-
-
-class EffectError(ThermofastError):
-    """An effect that raised, took too long or returned nonsense; it names the file and the line."""
-
-
-class Guarded(Effect):
-    """A user's effect behind a guard: what it raises is told with its line, and it may not run for ever."""
-
-    def __init__(self, inner: Effect, by_row: bool, file: str = "") -> None:
-        self.inner, self.by_row, self.file = inner, by_row, file
-        for name in ("id", "scope", "event", "uses_sink", "changes_heat", "amplitude", "parameters", "mistaken_for", "separate"):
-            setattr(self, name, getattr(inner, name))
-        for name in ("summary", "equation", "tell_tale", "needs", "reference"):
-            setattr(self, name, getattr(inner, name))
-
-    def __reduce__(self) -> Any:
-        """Another process loads the file or the plug-in itself."""
-        return _again, (self.file, self.id)
-
-    def choices(self, run: Observations) -> Any:
-        with _watched(self.inner):
-            return tuple(self.inner.choices(run))
-
-    def grid(self, run: Observations, choice: Any) -> Any:
-        with _watched(self.inner):
-            return self.inner.grid(run, choice)
-
-    def large_starts(self) -> tuple[float, ...]:
-        with _watched(self.inner):
-            return tuple(self.inner.large_starts())
-
-    def apply(self, drive: Drive, run: Observations, p: Any) -> None:
-        with _watched(self.inner):
-            if not self.by_row:
-                self.inner.apply(drive, run, p)
-            else:
-                _row_by_row(self.inner, drive, run, p)
-        _check_shapes(self.inner, drive, run)
-
-
-def _again(file: str, name: str) -> Effect:
-    return load_effect(file) if file else known_effects()[name]
 
 
 def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:
     """Built-in effects by id, then those of installed plug-ins, then the user's own from `extra` (file.py[:Class])."""
     known: dict[str, Effect] = {kind.id: kind() for kind in BUILT_IN}
-    for effect in installed(GROUP, _checked)[0]:
+    for effect in installed(GROUP, checked)[0]:
         known.setdefault(effect.id, effect)
     for spec in extra:
         effect = load_effect(spec)
@@ -85,7 +39,7 @@ def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:
 
 def broken_effects() -> list[Broken]:
     """Installed plug-ins that cannot be used."""
-    return installed(GROUP, _checked)[1]
+    return installed(GROUP, checked)[1]
 
 
 def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
@@ -95,7 +49,7 @@ def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
     ------
     UsageError: an unknown id; the message lists the known ones.
     """
-    files = [n for n in names if _is_file(n)]
+    files = [n for n in names if is_file(n)]
     known = known_effects([*extra, *files])
     by_file = {spec: load_effect(spec).id for spec in files}
     if not names:
@@ -115,76 +69,69 @@ def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
     return found
 
 
-def _is_file(name: str) -> bool:
-    return name.partition(":")[0].endswith(".py")
-
-
 _LOADED: dict[str, Effect] = {}
 
 
 def load_effect(spec: str) -> Effect:
     """The effect of ``path/to/file.py`` or ``path/to/file.py:Class``; the same module name in every process."""
-    if spec in _LOADED:
-        return _LOADED[spec]
-    path, _, wanted = spec.partition(":")
-    file = Path(path)
-    if not file.is_file():
-        raise UsageError(f"{path}: no such file", do="name a Python file with one effect class, as in my_effect.py:MyEffect")
-    name = f"thermofast_user_{file.stem}_{hashlib.sha256(str(file.resolve()).encode()).hexdigest()[:8]}"
-    module_spec = importlib.util.spec_from_file_location(name, file)
-    assert module_spec is not None
-    assert module_spec.loader is not None
-    module = importlib.util.module_from_spec(module_spec)
-    sys.modules[name] = module
-    try:
-        with _alarm(f"{path}: still importing"):
-            module_spec.loader.exec_module(module)
-    except EffectError:
-        raise
-    except BaseException as error:
-        renamed = new_name(error)
-        do = f"write {renamed}: the packages were renamed" if renamed else "run it with python to see more"
-        raise EffectError(f"{path}: cannot be imported", found=_where(error, path), do=do) from None
-    kinds = [
-        v
-        for v in vars(module).values()
-        if inspect.isclass(v) and issubclass(v, Effect) and v.__module__ == name and v is not Effect
-    ]
-    if wanted:
-        kinds = [k for k in kinds if k.__name__ == wanted]
-    if len(kinds) != 1:
-        have = listed(
-            [k.__name__ for k in vars(module).values() if inspect.isclass(k) and issubclass(k, Effect) and k is not Effect]
-        )
-        raise UsageError(
-            f"{spec}: {'no' if not kinds else 'more than one'} effect class {wanted or ''}".rstrip(),
-            found=have or "no class derived from thermofast.models.effects.Effect",
-            allowed="one class, or its name after a colon",
-            do="see docs/add-an-effect.md",
-        )
-    _LOADED[spec] = _checked(kinds[0], spec, spec)
+    if spec not in _LOADED:
+        _LOADED[spec] = checked(class_in(spec, Effect, "effect", GUIDE), spec, spec)
     return _LOADED[spec]
 
 
-def new_name(error: BaseException) -> str:
-    """What to import in the place of a name that thermofast up to 0.3 had at the top level; empty for any other error."""
-    first, _, rest = (getattr(error, "name", None) or "").partition(".")
-    new = {"models": "thermofast.models", "filters": "thermofast.filters", "thermofast_cli": "thermofast"}.get(first)
-    if not isinstance(error, ModuleNotFoundError) or new is None:
-        return ""
-    return f"'from {new}.{rest} import ...'" if rest else f"'from {new} import ...'"
+def checked(kind: Any, origin: str, file: str = "") -> Effect:
+    """An effect that passed the check, guarded where it is called; `file` is the user's file it came from.
 
-
-def _checked(kind: Any, origin: str, file: str = "") -> Effect:
-    problem = _declaration_problem(kind)
+    Raises
+    ------
+    PluginError: what is wrong with it, and what to write instead.
+    """
+    problem = declaration_problem(kind)
     if problem:
-        raise EffectError(f"{origin}: {problem}", do="see docs/add-an-effect.md")
-    effect = kind()
-    by_row = _try(effect, origin)
-    return Guarded(effect, by_row, file)
+        raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
+    by_row = check(kind(), origin)
+    return guarded(kind, by_row, file)()
 
 
-def _declaration_problem(kind: Any) -> str | None:
+def guarded(kind: type[Effect], by_row: bool, file: str) -> type[Effect]:
+    """The class of a user with every hook behind the guard: derived from it, so that it keeps all that it says and does."""
+
+    def hook(name: str) -> Any:
+        inner = getattr(kind, name)
+
+        @wraps(inner)
+        def call(self: Effect, *args: Any) -> Any:
+            with _guarded(self):
+                result = inner(self, *args)
+                return tuple(result) if isgenerator(result) else result
+
+        return call
+
+    def apply(self: Effect, drive: Drive, run: Observations, p: Any) -> None:
+        with _guarded(self):
+            if by_row:
+                _row_by_row(kind.apply, self, drive, run, p)
+            else:
+                kind.apply(self, drive, run, p)
+        _check_shapes(self, drive, run)
+
+    def reduce(self: Effect) -> Any:  # another process loads the file or the plug-in itself
+        return _again, (file, self.id)
+
+    own = {name: hook(name) for name in HOOKS if getattr(kind, name) is not getattr(Effect, name)}
+    said = {"file": file, "by_row": by_row, "__guard__": True, "__module__": kind.__module__, "__doc__": kind.__doc__}
+    return type(kind.__name__, (kind,), {**own, **said, "apply": apply, "__reduce__": reduce})
+
+
+def _again(file: str, name: str) -> Effect:
+    return load_effect(file) if file else known_effects()[name]
+
+
+def _guarded(effect: Effect) -> Any:
+    return watched(effect, f"effect {effect.id!r}")
+
+
+def declaration_problem(kind: Any) -> str | None:
     """What is wrong with the data of a would-be effect, or None."""
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
         return f"found {kind!r}, needed a class derived from thermofast.models.effects.Effect"
@@ -212,7 +159,7 @@ def _declaration_problem(kind: Any) -> str | None:
     for p in parameters:
         if not (p.low < p.high and p.low <= p.start <= p.high):
             return f"parameter {p.name!r}: needed low < high and start between them (found {p.low}, {p.high}, {p.start})"
-        if p.log and p.low <= 0.0:
+        if p.log and p.low <= 0.0 and not p.least_steps:
             return f"parameter {p.name!r}: a logarithmic scale needs low > 0 (found {p.low})"
         if p.belongs not in ("machine", "run") or p.each not in ("run", "sensor"):
             return f"parameter {p.name!r}: belongs is 'machine' or 'run', each is 'run' or 'sensor'"
@@ -221,12 +168,12 @@ def _declaration_problem(kind: Any) -> str | None:
     return None
 
 
-def _try(effect: Effect, origin: str) -> bool:
-    """Runs an effect on a small made-up record; True if it must be called row by row.
+def check(effect: Effect, origin: str) -> bool:
+    """Runs an effect, built in or not, on a small made-up record; True if it must be called row by row.
 
     Raises
     ------
-    EffectError: it raises, never ends, or gives arrays of the wrong shape or with nan; or its null changes something.
+    PluginError: it raises, never ends, or gives arrays of the wrong shape or with nan; or its null changes something.
     """
     time = np.linspace(0.0, 120.0, 61)
     reading = np.array([20.0 + 5.0 * (1.0 - np.exp(-0.02 * time)), 20.0 + 3.0 * (1.0 - np.exp(-0.03 * time))])
@@ -234,7 +181,7 @@ def _try(effect: Effect, origin: str) -> bool:
     columns: dict[str, Any] = dict.fromkeys(("speed", "power", "coolant", "duty", "fan"), 1.0 + (time > 60.0))
     full = np.full(2, 0.01)
     run = Observations("trial", ("T1", "T2"), time, reading, np.ones_like(reading), full, full * 0.0, plenty, columns)
-    with _watched(effect):
+    with _guarded(effect):
         choices = list(effect.choices(run))
     for choice in choices[:1]:
         values = {p.name: np.array([[p.start], [p.start]]) * (run.span if p.share else 1.0) for p in effect.active(choice)}
@@ -245,30 +192,57 @@ def _try(effect: Effect, origin: str) -> bool:
             both = _curves(effect, run, values, choice.constants, False)
             one = _curves(effect, run, values, choice.constants, True)
             by_row = not np.allclose(both, one, atol=1e-9)
-        except EffectError:
+        except PluginError:
             one = _curves(effect, run, values, choice.constants, True)
             by_row = True
         if not np.isfinite(one).all():
-            raise EffectError(f"{origin}: with its start values the curve is not finite", do="check apply for 0/0 and overflow")
+            raise PluginError(f"{origin}: with its start values the curve is not finite", do="check apply for 0/0 and overflow")
         nothing = _curves(effect, run, still, choice.constants, by_row)
         plain = Drive.plain(run, np.array([0, 1]), np.full((2, 1), 20.0))
         base = plain.forward(run, np.array([0.02, 0.03]), np.array([5.0, 3.0]), np.array([20.0, 20.0]))
         if np.abs(nothing - base).max() > 1e-6:
-            raise EffectError(
+            raise PluginError(
                 f"{origin}: at {main.name} = {main.null:g} it must change nothing",
                 found=f"a change of {np.abs(nothing - base).max():.3g} K",
                 do="declare the null of the amplitude, or write apply so",
             )
+        _has_derivatives(effect, run, choice, values, by_row, origin)
         return by_row
     return False
+
+
+def _has_derivatives(effect: Effect, run: Observations, choice: Choice, values: dict[str, Any], by_row: bool, origin: str) -> None:
+    """Raises PluginError where a parameter moves the curve in jumps only, so that no search can follow it."""
+    strong = dict(values)
+    main = effect.parameter(effect.amplitude)
+    if np.allclose(strong[main.name], (main.null or 0.0) * (run.span if main.share else 1.0)):
+        low, high = main.bounds(run)
+        strong[main.name] = np.full((2, 1), 0.5 * (low + high))
+    at = _curves(effect, run, strong, choice.constants, by_row)
+    for p in effect.active(choice):
+        low, high = p.bounds(run)
+
+        def moved(share: float, p: Parameter = p, low: float = low, high: float = high) -> float:
+            value = float(strong[p.name][0, 0])
+            step = share * (high - low) * (1.0 if value + share * (high - low) <= high else -1.0)
+            changed = {**strong, p.name: np.full((2, 1), value + step)}
+            return float(np.abs(_curves(effect, run, changed, choice.constants, by_row) - at).max())
+
+        if moved(0.2) > 1e-3 and moved(1e-4) == 0.0 and moved(2e-4) == 0.0:
+            raise PluginError(
+                f"{origin}: parameter {p.name!r} has no derivative: a small change of it changes nothing, a large one does",
+                found="a condition such as run.time > p.event",
+                allowed="what moves smoothly with the parameter",
+                do=f"write run.after(p.{p.name}), the share of each interval after that time, for a step",
+            )
 
 
 def _curves(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> Any:
     drive = Drive.plain(run, np.array([0, 1]), np.full((2, 1), 20.0))
     p = Values(values, constants)
-    with _watched(effect):
+    with _guarded(effect):
         if by_row:
-            _row_by_row(effect, drive, run, p)
+            _row_by_row(type(effect).apply, effect, drive, run, p)
         else:
             effect.apply(drive, run, p)
     _check_shapes(effect, drive, run)
@@ -279,7 +253,7 @@ FIELDS = ("heat", "loss", "sink", "offset")
 NUMBERS = ("exponent", "hidden", "hidden_rate", "lag", "delay")
 
 
-def _row_by_row(effect: Effect, drive: Drive, run: Observations, p: Any) -> None:
+def _row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: Any) -> None:
     """Calls an effect that is written for one sensor once for each row, with plain numbers."""
     rows, n = len(drive.sensor), len(run.time)
     wide = {f: np.array(np.broadcast_to(getattr(drive, f), (rows, n))) for f in FIELDS}
@@ -293,7 +267,7 @@ def _row_by_row(effect: Effect, drive: Drive, run: Observations, p: Any) -> None
             *(float(tall[f][i, 0]) for f in NUMBERS),
         )
         named = {k: float(v[i, 0]) if isinstance(v, np.ndarray) and v.shape == (rows, 1) else v for k, v in vars(p).items()}
-        effect.apply(single, run, Values(named, {}))
+        apply(effect, single, run, Values(named, {}))
         for f in FIELDS:
             wide[f][i] = getattr(single, f)
         for f in NUMBERS:
@@ -317,53 +291,9 @@ def _check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
             np.broadcast_to(np.asarray(value, dtype=float), shape)
         except (ValueError, TypeError):
             found = np.shape(value)
-            place = inspect.getsourcefile(type(effect)) or "?"
-            raise EffectError(
+            place = source_of(effect)
+            raise PluginError(
                 f"effect {effect.id!r} ({place}): drive.{f} has the wrong shape",
                 found=str(found),
                 allowed=f"what broadcasts to (rows, readings) = {shape}: p.<name> are (rows, 1), run.time is (readings,)",
             ) from None
-
-
-@contextmanager
-def _watched(effect: Effect) -> Any:
-    """Turns whatever an effect raises into an :class:`EffectError` that names its line."""
-    file = inspect.getsourcefile(type(effect)) or "?"
-    try:
-        with _alarm(f"effect {effect.id!r} ({file})"):
-            yield
-    except EffectError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise EffectError(f"effect {effect.id!r} raised {type(error).__name__}", found=_where(error, file)) from None
-
-
-@contextmanager
-def _alarm(what: str) -> Any:
-    """An EffectError after PATIENCE_S seconds, where the system can (not on Windows, not outside the main thread)."""
-    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def ring(*_: Any) -> None:
-        frames = traceback.extract_stack()
-        user = [f for f in frames if "thermofast_user_" in (f.name or "") or f.filename.endswith(".py")]
-        line = f"line {user[-2].lineno} of {user[-2].filename}" if len(user) > 1 else ""
-        raise EffectError(f"{what}: did not come back within {PATIENCE_S:g} s", found=line, do="look for a loop without end")
-
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
-
-
-def _where(error: BaseException, file: str) -> str:
-    """'line 12: message', the line in the user's file where it can be told."""
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).name == Path(file).name]
-    place = f"{Path(file).name}, line {lines[-1]}: " if lines else f"{Path(file).name}: "
-    if isinstance(error, SyntaxError) and error.lineno:
-        place = f"{Path(file).name}, line {error.lineno}: "
-    return f"{place}{type(error).__name__}: {error}"

@@ -1,0 +1,141 @@
+"""Effects and filters of users: as good as built-in ones, and unable to hurt."""
+
+import json
+import pickle
+import re
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import thermofast as tf
+from thermofast.filters import BUILT_IN as FILTERS
+from thermofast.models.effects import BUILT_IN as EFFECTS
+from thermofast.plugins import effects, filters
+from thermofast.plugins.guard import PluginError
+
+HIDDEN, SPINDLE = ROOT / "sample_runs" / "hidden.csv", ROOT / "sample_runs" / "spindle.csv"
+EFFECT = (ROOT / "sample_runs" / "my_effect.py").read_text()
+FILTER = (ROOT / "sample_runs" / "my_filter.py").read_text()
+
+
+@pytest.mark.parametrize("kind", EFFECTS, ids=lambda k: k.id)
+def test_built_in_effects_pass_the_check_that_everyones_do(kind):
+    assert effects.declaration_problem(kind) is None
+    effects.check(kind(), kind.id)
+
+
+@pytest.mark.parametrize("kind", FILTERS, ids=lambda k: k.name)
+def test_built_in_filters_pass_the_check_that_everyones_do(kind):
+    assert filters.declaration_problem(kind) is None
+    if kind.name != "rls":  # it asks for more readings than the check has
+        filters.check(kind(), kind.name)
+
+
+def test_a_copy_of_a_built_in_effect_is_as_good_as_it(tmp_path):
+    source = (ROOT / "models" / "effects" / "sensor_lag.py").read_text()
+    text = re.sub(
+        r"from \.+([\w.]*) import",
+        lambda m: f"from thermofast.models.{'' if m[0].startswith('from ..') else 'effects.'}{m[1]} import",
+        source,
+    )
+    path = tmp_path / "mine.py"
+    path.write_text(text.replace('id = "sensor_lag"', 'id = "my_lag"'))
+    made = tf.simulate(effects="sensor_lag", seed=5, sensors=3).run()
+    own = tf.diagnose(made, effects=[f"{path}"])[0].ranking[0]
+    built_in = tf.diagnose(made, effects=["sensor_lag"])[0].ranking[0]
+    assert own["effect"] == "my_lag"
+    for key in ("gain", "p", "rmse_fit_c", "identifiable", "at_noise"):
+        assert own[key] == built_in[key], key
+    loaded = effects.load_effect(str(path))
+    for name in ("places", "choice_costs", "logged", "uses_sink", "scope", "event"):
+        assert getattr(loaded, name) == getattr(next(k for k in EFFECTS if k.id == "sensor_lag"), name)
+    assert pickle.loads(pickle.dumps(loaded)).id == "my_lag"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("drive.heat = drive.heat + p", "drive.heet = drive.heat + p"), ["'Drive' object has no attribute 'heet'", "did you mean 'heat'?", "line 24"]),
+        (("run.middle", "run.midle"), ["'midle'", "did you mean 'middle'?"]),
+        (
+            ("np.clip((run.middle - p.begin) / p.length, 0.0, 1.0)", "(run.time > p.begin)"),
+            ["'begin' has no derivative", "run.after(p.begin)"],
+        ),
+        (("from thermofast.models.effects", "from models.effects"), ["from thermofast.models.effects import"]),
+    ],
+)  # fmt: skip
+def test_the_check_of_an_effect_says_what_to_write_instead(change, words, tmp_path, tool):
+    text = EFFECT.replace(*change)
+    assert text != EFFECT
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    done = tool("effects", "--effect", path)
+    assert (done.code, done.out) == (2, "")
+    for word in words:
+        assert word in done.err
+
+
+def test_a_step_written_with_the_share_of_the_interval_is_accepted(tmp_path, tool):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        EFFECT.replace("np.clip((run.middle - p.begin) / p.length, 0.0, 1.0)", "run.after(p.begin) * (1.0 + 0.0 * p.length)")
+    )
+    assert tool("effects", "--effect", path).code == 0
+
+
+def test_a_filter_of_a_file_runs_in_every_process(tool, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(FILTER)
+    common = ("identify", SPINDLE, "--until", 60, "--filter", path, "--format", "json", "-q")
+    one, two = (json.loads(tool(*common, "--jobs", jobs).out)["records"] for jobs in (1, 2))
+    assert one == two
+    assert {r["filter"] for r in one} == {"tight_ukf"}
+    assert abs(one[4]["steady_state_c"] - 26.7) < 0.5
+    set_ = json.loads(tool(*common, "--set", "tight_ukf.spread=0.9").out)["records"]
+    assert set_ != one
+    assert "spread" in tool("filters", path).out
+    assert tf.identify(SPINDLE, until=60, filter=str(path))["T5"].steady_state_c == one[4]["steady_state_c"]
+    assert tool("sweep", SPINDLE, "--filter", path, "--channels", "T5", "-q").code == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("setting(0.1, ", "0.1  # ("), "must say its meaning and range"),
+        (("0.001, 1.0)", "0.5, 1.0)"), "has a default outside 0.5 to 1"),
+        (('closing = "never"', 'closing = "later"'), "closing must be one of"),
+        (('summary = "unscented filter with sigma points close to the mean"', 'summary = ""'), "summary must be a non-empty text"),
+        (("ScaledPoints(self.spread)", "ScaledPoint(self.spread)"), "NameError"),
+        (("ScaledPoints(self.spread)", "ScaledPoints(self.spred)"), "did you mean 'spread'?"),
+        (("class TightUkf(GaussianFilter)", "class TightUkf"), "no filter class"),
+        (("from thermofast.filters import", "from filters import"), "from thermofast.filters import"),
+    ],
+)  # fmt: skip
+def test_the_check_of_a_filter_says_what_to_write_instead(change, words, tmp_path, tool):
+    text = FILTER.replace(*change)
+    assert text != FILTER
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    done = tool("identify", SPINDLE, "--filter", path)
+    assert (done.code, done.out) == (2, "")
+    assert words in done.err
+
+
+def test_what_a_filter_gives_back_is_looked_at():
+    track = FILTERS[0]().track(__import__("thermofast.models").models.Lump(), np.arange(60.0), 20 + np.arange(60.0) ** 0.5, 0.0)
+    assert filters.track_problem(track, 60) is None
+    assert "shape (60, 3), needed (61, 3)" in filters.track_problem(track, 61)
+    assert "gave int" in filters.track_problem(7, 60)
+    with pytest.raises(PluginError, match="needed a class derived from"):
+        filters.checked(int, "mine")
+
+
+def test_the_guides_are_what_is_run():
+    for page, code in (("add-an-effect.md", EFFECT), ("add-a-filter.md", FILTER)):
+        shown = re.search(r"```python\n(.*?)```", (ROOT / "docs" / page).read_text(), re.S)[1]
+        # What the page shows stands in the file, docstrings aside.
+        lines = [line for line in shown.splitlines() if line.strip()]
+        assert [line for line in lines if line not in code] == []
+        body = [line for line in lines if not line.startswith(("from ", "import ", "@", '    """'))]
+        assert len(body) <= (25 if "effect" in page else 40)

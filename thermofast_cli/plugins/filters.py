@@ -1,0 +1,145 @@
+"""Filters: built in, of installed packages, of a user's own file. All pass one check, which says what to write instead."""
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from thermofast.filters import BUILT_IN, Filter, Track
+from thermofast.models import Lump
+
+from .entrypoints import Broken, installed
+from .files import class_in, is_file
+from .guard import PluginError, watched
+
+GROUP = "thermofast.filters"
+GUIDE = "docs/add-a-filter.md"
+PER_READING = (
+    "noise_variance",
+    "innovation",
+    "innovation_variance",
+    "fading",
+    "process_noise",
+    "noise_factor",
+    "weight",
+    "forgotten",
+)
+CLOSINGS = ("never", "when consistent", "always")
+
+
+def known_filters() -> dict[str, type[Filter]]:
+    """Built-in filters by name, then those of installed plug-ins."""
+    known: dict[str, type[Filter]] = {f.name: f for f in BUILT_IN}
+    for plugin in installed(GROUP, checked)[0]:
+        known.setdefault(plugin.name, plugin)
+    return known
+
+
+def broken_filters() -> list[Broken]:
+    """Installed plug-ins that cannot be used."""
+    return installed(GROUP, checked)[1]
+
+
+_LOADED: dict[str, type[Filter]] = {}
+
+
+def load_filter(spec: str) -> type[Filter]:
+    """The filter class of ``path/to/file.py`` or ``path/to/file.py:Class``; another process loads the file itself.
+
+    Raises
+    ------
+    UsageError: no such file or class. PluginError: it cannot be imported, or does not pass the check.
+    """
+    if spec not in _LOADED:
+        kind = checked(class_in(spec, Filter, "filter", GUIDE), spec)
+        extra = {"__reduce__": _reduce, "spec": spec, "__guard__": True, "__module__": kind.__module__, "__doc__": kind.__doc__}
+        _LOADED[spec] = type(kind.__name__, (kind,), extra)
+    return _LOADED[spec]
+
+
+def _reduce(own: Any) -> Any:
+    return _again, (own.spec, {f.name: getattr(own, f.name) for f in fields(own)})
+
+
+def _again(spec: str, settings: dict[str, Any]) -> Filter:
+    return load_filter(spec)(**settings)
+
+
+def checked(candidate: Any, origin: str) -> type[Filter]:
+    """A filter class that passed the check.
+
+    Raises
+    ------
+    PluginError: what is wrong with it, and what to write instead.
+    """
+    problem = declaration_problem(candidate)
+    if problem:
+        raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
+    check(candidate(), origin)
+    found: type[Filter] = candidate
+    return found
+
+
+def declaration_problem(candidate: Any) -> str | None:
+    """What is wrong with what a would-be filter class says of itself, or None."""
+    if not (isinstance(candidate, type) and issubclass(candidate, Filter)):
+        return f"found {candidate!r}, needed a class derived from thermofast.filters.Filter"
+    for attribute in ("name", "summary", "reference"):
+        value = getattr(candidate, attribute, None)
+        if not isinstance(value, str) or not value or value == "abstract":
+            return f"its {attribute} must be a non-empty text"
+    if candidate.track is Filter.track:
+        return "it has no track(self, model, time, reading, resolution)"
+    if candidate.__init__ is not object.__init__ and not is_dataclass(candidate):
+        return "its settings must be fields of a frozen dataclass: @dataclass(frozen=True) above the class"
+    for f in fields(candidate):
+        if isinstance(f.default, bool):
+            continue
+        if not {"meaning", "low", "high"} <= set(f.metadata):
+            return f"its setting {f.name!r} must say its meaning and range: {f.name}: float = setting(DEFAULT, MEANING, LOW, HIGH)"
+        low, high = f.metadata["low"], f.metadata["high"]
+        if not low <= f.default <= high:
+            return f"its setting {f.name!r} has a default outside {low:g} to {high:g} (found {f.default!r})"
+    try:
+        made = candidate()
+    except Exception as error:  # whatever a stranger's class does when it is made
+        return f"it must have a default for every setting ({error})"
+    if made.closing not in CLOSINGS:
+        return f"its closing must be one of {', '.join(map(repr, CLOSINGS))} (found {made.closing!r})"
+    return None
+
+
+def check(method: Filter, origin: str) -> None:
+    """Runs a filter, built in or not, on a small made-up record.
+
+    Raises
+    ------
+    PluginError: it raises, never ends, or what it gives back is no track of the record.
+    """
+    time = np.arange(60.0)
+    reading = 20.0 + 5.0 * -np.expm1(-0.03 * time) + 0.01 * np.sin(7.0 * time)
+    with watched(method, f"filter {method.name!r}"):
+        track = method.track(Lump(), time, reading, 0.0)
+    problem = track_problem(track, len(time))
+    if problem:
+        raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
+
+
+def track_problem(track: Any, count: int) -> str | None:
+    """What is wrong with what a filter gave back for `count` readings, or None."""
+    if not isinstance(track, Track):
+        return f"track() gave {type(track).__name__}, needed thermofast.filters.Track"
+    shapes: dict[str, tuple[int, ...]] = {"state": (count, 3), "covariance": (count, 3, 3)}
+    for name in PER_READING:
+        shapes[name] = (count,)
+    for name, shape in shapes.items():
+        if np.shape(getattr(track, name)) != shape:
+            return f"its track's {name} has the shape {np.shape(getattr(track, name))}, needed {shape}"
+    if not 0 <= track.first <= count:
+        return f"its track begins at reading {track.first} of {count}"
+    return None
+
+
+def filter_class(name: str, known: dict[str, type[Filter]]) -> type[Filter] | None:
+    """The class of a filter's name, or of a user's own file; None for an unknown name."""
+    return load_filter(name) if is_file(name) else known.get(name)

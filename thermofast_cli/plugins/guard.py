@@ -1,0 +1,88 @@
+"""The one place where foreign code is called: what it raises is told with its line, and it may not run for ever."""
+
+import inspect
+import re
+import signal
+import threading
+import traceback
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from thermofast.models import Observations
+from thermofast.models.drive import Drive
+
+from ..errors import ThermofastError, nearest
+
+#: Seconds after which foreign code is taken to loop for ever.
+PATIENCE_S = 10.0
+
+
+class PluginError(ThermofastError):
+    """Foreign code that cannot be imported, raised, took too long or returned nonsense; it names the file and the line."""
+
+
+@contextmanager
+def watched(member: Any, what: str) -> Any:
+    """Turns whatever a plug-in raises into a :class:`PluginError` that names its line; `what` is it in words, as ``effect 'x'``."""
+    file = source_of(member)
+    try:
+        with alarm(f"{what} ({file})"):
+            yield
+    except PluginError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"{what} raised {type(error).__name__}", found=where(error, file), do=advice(error)) from None
+
+
+@contextmanager
+def alarm(what: str) -> Any:
+    """An PluginError after PATIENCE_S seconds, where the system can (not on Windows, not outside the main thread)."""
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ring(*_: Any) -> None:
+        frames = traceback.extract_stack()
+        user = [f for f in frames if "thermofast_user_" in (f.name or "") or f.filename.endswith(".py")]
+        line = f"line {user[-2].lineno} of {user[-2].filename}" if len(user) > 1 else ""
+        raise PluginError(f"{what}: did not come back within {PATIENCE_S:g} s", found=line, do="look for a loop without end")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def where(error: BaseException, file: str) -> str:
+    """'line 12: message', the line in the user's file where it can be told."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).name == Path(file).name]
+    place = f"{Path(file).name}, line {lines[-1]}: " if lines else f"{Path(file).name}: "
+    if isinstance(error, SyntaxError) and error.lineno:
+        place = f"{Path(file).name}, line {error.lineno}: "
+    return f"{place}{type(error).__name__}: {error}"
+
+
+def source_of(member: Any) -> str:
+    """The file in which a plug-in's own class is written."""
+    for kind in type(member).__mro__ if not isinstance(member, type) else member.__mro__:
+        try:
+            file = inspect.getsourcefile(kind)
+        except (TypeError, OSError):
+            continue
+        if file and not kind.__dict__.get("__guard__", False):
+            return file
+    return "?"
+
+
+def advice(error: BaseException) -> str:
+    """What to write instead, where that can be told: the nearest attribute of what was misspelt."""
+    found = re.search(r"'(\w+)' object has no attribute '(\w+)'", str(error))
+    if not isinstance(error, AttributeError) or not found:
+        return ""
+    owner = getattr(error, "obj", None) or {"Drive": Drive, "Observations": Observations}.get(found.group(1))
+    known = [n for n in dir(owner) if not n.startswith("_")] if owner is not None else []
+    return nearest(found.group(2), known) or (f"{found.group(1)} has {', '.join(known[:20])}" if known else "")
