@@ -187,14 +187,7 @@ def check(effect: Effect, origin: str) -> bool:
         values = {p.name: np.array([[p.start], [p.start]]) * (run.span if p.share else 1.0) for p in effect.active(choice)}
         main = effect.parameter(effect.amplitude)
         still = {**values, main.name: np.full((2, 1), main.null) * (run.span if main.share else 1.0)}
-        by_row = False
-        try:
-            both = _curves(effect, run, values, choice.constants, False)
-            one = _curves(effect, run, values, choice.constants, True)
-            by_row = not np.allclose(both, one, atol=1e-9)
-        except PluginError:
-            one = _curves(effect, run, values, choice.constants, True)
-            by_row = True
+        one, by_row = _either_way(effect, run, values, choice.constants)
         if not np.isfinite(one).all():
             raise PluginError(f"{origin}: with its start values the curve is not finite", do="check apply for 0/0 and overflow")
         nothing = _curves(effect, run, still, choice.constants, by_row)
@@ -209,6 +202,20 @@ def check(effect: Effect, origin: str) -> bool:
         _has_derivatives(effect, run, choice, values, by_row, origin)
         return by_row
     return False
+
+
+def _either_way(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any]) -> tuple[Any, bool]:
+    """(curves, whether it must be called row by row): all rows at once where that is right, else with plain numbers."""
+    try:
+        both = _curves(effect, run, values, constants, False)
+    except PluginError:
+        return _curves(effect, run, values, constants, True), True
+    try:
+        one = _curves(effect, run, values, constants, True)
+    except PluginError:  # written for arrays, as it should be
+        return both, False
+    by_row = not np.allclose(both, one, atol=1e-9)
+    return one if by_row else both, by_row
 
 
 def _has_derivatives(effect: Effect, run: Observations, choice: Choice, values: dict[str, Any], by_row: bool, origin: str) -> None:
