@@ -36,6 +36,8 @@ proof: $(STAMP)  ## how often the discovery loop is right, on simulated machines
 docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m benchmarks.pictures
 	$(BIN)/python -m benchmarks.tutorial
+	$(BIN)/python -m pip install --quiet nbclient ipykernel
+	$(BIN)/python -m benchmarks.notebook
 
 clean:
 	rm -rf .venv build dist out *.egg-info models/core/*.so filters/*.so models/core/_lump.c models/core/_forward.c filters/_loop.c

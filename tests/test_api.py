@@ -222,3 +222,32 @@ def test_a_file_of_several_runs(tmp_path, frame):
         tf.read(tmp_path / "two.csv")
     assert tf.read(f"{tmp_path / 'two.csv'}#2").channels["T1"].tolist() == frame["T1"].tolist()
     assert len(tf.identify(tmp_path / "two.csv", until=60)) == 20
+
+
+def test_the_page_of_the_library_is_run(tmp_path, monkeypatch):
+    import re
+
+    (tmp_path / "sample_runs").symlink_to(ROOT / "sample_runs")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "api.md").read_text(), re.S)
+    assert len(blocks) >= 4
+    for block in blocks:
+        exec(compile(block, "docs/api.md", "exec"), names)
+    assert names["learnt"].model.effects == ("second_mode",)
+    assert names["same"].records == names["result"].records or names["same"]["T5"].steady_state_c == names["result"]["T5"].steady_state_c
+
+
+def test_the_notebook_runs(tmp_path, monkeypatch):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    book = json.loads((ROOT / "docs" / "notebook.ipynb").read_text())
+    (tmp_path / "sample_runs").symlink_to(ROOT / "sample_runs")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    cells = ["".join(c["source"]).replace("%matplotlib inline", "") for c in book["cells"] if c["cell_type"] == "code"]
+    assert len(cells) >= 5
+    for cell in cells:
+        exec(compile(cell, "docs/notebook.ipynb", "exec"), names)
+    assert names["ahead"]["T1"].rmse_ahead_c < 0.06
