@@ -235,7 +235,10 @@ def test_the_page_of_the_library_is_run(tmp_path, monkeypatch):
     for block in blocks:
         exec(compile(block, "docs/api.md", "exec"), names)
     assert names["learnt"].model.effects == ("second_mode",)
-    assert names["same"].records == names["result"].records or names["same"]["T5"].steady_state_c == names["result"]["T5"].steady_state_c
+    assert (
+        names["same"].records == names["result"].records
+        or names["same"]["T5"].steady_state_c == names["result"]["T5"].steady_state_c
+    )
 
 
 def test_the_notebook_runs(tmp_path, monkeypatch):
