@@ -46,3 +46,8 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"no folder {SHARED}: the measured records are not part of this repository")
     return SHARED
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The long ones first, so that no worker is left with one at the end."""
+    items.sort(key=lambda item: not item.nodeid.startswith(("tests/test_tutorial", "tests/test_discovery", "tests/published")))

@@ -21,7 +21,6 @@ def same(shown, printed):
     )
 
 
-@pytest.mark.xdist_group("tutorial")
 def test_every_command_prints_what_the_page_shows():
     folder = workplace()
     blocks = BLOCK.findall(PAGE.read_text())
