@@ -294,7 +294,7 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                     d = d * d if d * d < gate * gate else gate * gate
                     woke = False
                     if gated and fabs(m.gated_run) < 2.0:
-                        pass                     # one stray reading teaches nothing
+                        pass                     # one outlier teaches nothing
                     else:
                         m.spread = settings[1] * m.spread + (1.0 - settings[1]) * d
                         # A mean counts against the spread of the moment: grown noise is no news of the physics.
@@ -307,7 +307,7 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                         m.gated_run = 0.0
                     r = m.spread if m.spread > noise_threshold else 1.0
                     if gated and fabs(m.gated_run) >= settings[7]:
-                        alpha = 100.0           # not stray: the reading has moved for good
+                        alpha = 100.0           # not outlier: the reading has moved for good
                         m.gated_run = 0.0
                         m.mean = 0.0
                         m.spread = 1.0

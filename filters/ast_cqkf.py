@@ -25,7 +25,7 @@ class AstCqkf(GaussianFilter):
     noise_least: float = setting(0.1, "least noise variance, per that of the start", 1e-6, 1.0)
     noise_most: float = setting(100.0, "largest noise variance, per that of the start", 1.0, 1e6)
     fading_most: float = setting(1.5, "largest fading factor of one reading", 1.0, 1e3)
-    stray: float = setting(5.0, "standard deviations at which a reading says no more about noise and model", 2.0, 100.0)
+    outlier: float = setting(5.0, "standard deviations at which a reading says no more about noise and model", 2.0, 100.0)
 
     closing_step: bool = True
 
@@ -42,7 +42,7 @@ class AstCqkf(GaussianFilter):
             self.noise_least,
             self.noise_most,
             self.fading_most,
-            self.stray,
+            self.outlier,
         )
 
     @property

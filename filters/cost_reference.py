@@ -23,7 +23,7 @@ Measure = Callable[[Array], Array]
 
 #: Fixed, so that a filter repeats itself.
 SEED = 20180505
-#: Most that one reading counts in the running noise variance, in variances: a stray one teaches little.
+#: Most that one reading counts in the running noise variance, in variances: an outlier one teaches little.
 MOST_SURPRISE = 9.0
 #: Least noise variance [K^2] that cost is counted in: readings without noise still have a scale.
 LEAST_VARIANCE = 1e-12
@@ -163,7 +163,7 @@ def agreement(innovation: Array) -> float:
 def anew(covariance: Array, most: Array, innovation: float) -> Array:
     """Covariance (n, n) of a cloud drawn anew: JUMP times wider, no state wider than in `most` (n, n), and the reading is news.
 
-    Equation (12) widens a cloud only by as much as its own particles already stray, which after a jump is by nothing.
+    Equation (12) widens a cloud only by as much as its own particles already outlier, which after a jump is by nothing.
     """
     now = np.maximum(np.diag(covariance), 1e-300)
     factor = np.sqrt(np.clip(np.diag(most) / now, 1.0, JUMP))
@@ -206,7 +206,7 @@ class CostReference(Filter):
 
         A reading's cost acts at 1 / (1 - lambda) selections in a row, each worth about exp(-beta cost / delta). With delta =
         2 softness beta / (1 - lambda) they come to exp(-e^q / (2 softness)) in all: for q = 1 and a softness of 0.5 the law of
-        Laplace, on which a stray reading has little hold, for q = 2 and a softness of 1 that of Gauss. With much less the
+        Laplace, on which an outlier has little hold, for q = 2 and a softness of 1 that of Gauss. With much less the
         cloud falls in on the noise of the last readings.
         """
         softness = self.softness * 2.0 * self.sharpness / (1.0 - self.forgetting)

@@ -147,10 +147,10 @@ class Evidence:
 
 @dataclass(frozen=True)
 class AdaptiveFading(FadingRule):
-    """Adaptive fading in a form that stays stable: noise that grew, a stray reading and a wrong model are told apart.
+    """Adaptive fading in a form that stays stable: noise that grew, an outlier and a wrong model are told apart.
 
     The paper moves Q and R by the signs of the prior and posterior residual (figure 1). Here the same three causes are
-    told apart by what each does to the innovations: a stray reading is one far outside (gate), grown noise widens
+    told apart by what each does to the innovations: an outlier is one far outside (gate), grown noise widens
     their spread (R follows it), a wrong model gives them a mean (the covariance fades, which is Q). Below the
     thresholds nothing moves, so that with a right model this is the plain filter.
     """
@@ -180,7 +180,7 @@ class AdaptiveFading(FadingRule):
         if gated:
             m.gated_run = m.gated_run + math.copysign(1.0, nu) if m.gated_run * nu > 0.0 else math.copysign(1.0, nu)
         mean_c, z = 0.0, 0.0
-        if not (gated and abs(m.gated_run) < 2.0):  # one stray reading teaches nothing
+        if not (gated and abs(m.gated_run) < 2.0):  # one outlier teaches nothing
             deviation = nu - m.mean
             m.spread = self.spread_forgetting * m.spread + (1.0 - self.spread_forgetting) * min(deviation**2, gate**2)
             # A mean counts against the spread of the moment: grown noise is no news of the physics.
@@ -199,7 +199,7 @@ class AdaptiveFading(FadingRule):
         s = p[0, 0] + 1.0
         r = m.spread if m.spread > noise_threshold else 1.0
         alpha, weight = 1.0, 1.0
-        if gated and abs(m.gated_run) >= self.jump_readings:  # not stray: the reading has moved for good
+        if gated and abs(m.gated_run) >= self.jump_readings:  # not outlier: the reading has moved for good
             alpha, r = JUMP, 1.0
             m.gated_run, m.mean, m.spread = 0.0, 0.0, 1.0
         else:

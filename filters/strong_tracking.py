@@ -114,7 +114,7 @@ class StrongTracking(FadingRule):
     Fading scales the covariance from both sides, which keeps it definite. R is a multiple (``noise_factor``) of the noise
     found at the start, which counts as the readings it rests on. R follows the innovations about their running mean,
     as (44) does for the noise: a wrong model gives them a mean, which R would swallow before the covariance fades. An
-    innovation beyond `stray` standard deviations counts as one at the edge, and its R is as wide as that takes. A record
+    innovation beyond `outlier` standard deviations counts as one at the edge, and its R is as wide as that takes. A record
     that jumps for good therefore goes into R: :class:`filters.fading.AdaptiveFading` is the rule for that.
     """
 
@@ -126,13 +126,13 @@ class StrongTracking(FadingRule):
     noise_least: float = 0.1
     noise_most: float = 100.0
     fading_most: float = 1.5
-    stray: float = 5.0
+    outlier: float = 5.0
 
     def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
         one = np.eye(1)
         noise, predicted = m.spread * one, p[:1, :1]
-        # One stray reading must not move the filter or make it forget: beyond the reach it says no more than at the edge.
-        reach = self.stray * math.sqrt(float(p[0, 0]) + m.spread)
+        # One outlier must not move the filter or make it forget: beyond the reach it says no more than at the edge.
+        reach = self.outlier * math.sqrt(float(p[0, 0]) + m.spread)
         innovation = np.clip(np.array([e / math.sqrt(m.scale)]), -reach, reach)
         spread = innovation_spread(None if math.isnan(m.v) else m.v * one, innovation, self.forgetting)
         m.v = float(spread[0, 0])
@@ -145,7 +145,7 @@ class StrongTracking(FadingRule):
             p = p * np.outer(factor, factor)
             added = float(p[0, 0] - predicted[0, 0])
             m.forgotten += math.log(alpha)
-        s = max(float(p[0, 0]) + m.spread, e * e / (m.scale * self.stray**2))
+        s = max(float(p[0, 0]) + m.spread, e * e / (m.scale * self.outlier**2))
         r = s - float(p[0, 0])
         state, posterior = joseph(state, p, e, s, r)
         m.seen += 1.0

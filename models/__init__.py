@@ -2,7 +2,7 @@
 
 from .core.kernel import COMPILED, growth, growth_slope
 from .core.tails import t_quantile
-from .decay import LOG_TWENTY, STRAY, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
+from .decay import LOG_TWENTY, OUTLIER, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
 from .lump import Lump, PrintedLump
 from .noise.spikes import difference_noise, spike_weights, third_difference_noise
 from .noise.whiteness import pattern_p_value, variance_inflation
@@ -11,7 +11,7 @@ from .observations import Observations
 __all__ = [
     "COMPILED",
     "LOG_TWENTY",
-    "STRAY",
+    "OUTLIER",
     "DecayFit",
     "Interval",
     "Likelihood",

@@ -25,7 +25,7 @@ LOG_TWENTY = math.log(20.0)
 SETTLED = 0.12
 FEWEST_READINGS = 10
 GROWTH = 1.25
-STRAY = 6.0
+OUTLIER = 6.0
 
 
 @dataclass(frozen=True)
@@ -159,9 +159,9 @@ def _intervals(fit: DecayFit, rate_low: float, rate_high: float, low: float, hig
     )
 
 
-def start_rule(resolution: float, stray: float = STRAY) -> kernel.StartRule:
+def start_rule(resolution: float, outlier: float = OUTLIER) -> kernel.StartRule:
     """How a filter is started on a record with the logger's step `resolution` [K]; see :meth:`models.lump.Lump.start`."""
-    return resolution, SETTLED, FEWEST_READINGS, GROWTH, stray
+    return resolution, SETTLED, FEWEST_READINGS, GROWTH, outlier
 
 
 def _likelihood_table(
@@ -171,7 +171,7 @@ def _likelihood_table(
     counts: Sequence[int] | NDArray[np.intp],
     first: int,
     resolution: float,
-    stray: float,
+    outlier: float,
     wide: float = math.inf,
 ) -> Array:
     number = np.asarray(counts, dtype=np.intp)
@@ -179,21 +179,21 @@ def _likelihood_table(
     quantiles = t_quantile(np.maximum(usable - 3, 1))
     out = np.empty((len(number), 18))
     arrays = np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, number
-    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, stray), wide, out)
+    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, outlier), wide, out)
     return out
 
 
 def likelihood(
-    time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0, stray: float = STRAY
+    time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0, outlier: float = OUTLIER
 ) -> Likelihood | None:
     """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
 
-    weight (n,) as in :func:`fit_decay`; readings `stray` deviations outside the fit are left out of it (inf: none), and with no
+    weight (n,) as in :func:`fit_decay`; readings `outlier` deviations outside the fit are left out of it (inf: none), and with no
     more than `first` readings the weights are those of a start. The limit of the residual sum of squares is that of Student's
     t for one parameter, the noise being estimated from the same readings.
     """
     weight = np.array(weight, dtype=float)
-    values = _likelihood_table(time, reading, weight, [len(time)], first, resolution, stray)[0].tolist()
+    values = _likelihood_table(time, reading, weight, [len(time)], first, resolution, outlier)[0].tolist()
     if math.isnan(values[0]):
         return None
     fit = told_fit(float(time[0]), values)
@@ -213,7 +213,7 @@ def likelihood_sweep(
     counts: Sequence[int] | NDArray[np.intp],
     first: int,
     resolution: float = 0.0,
-    stray: float = STRAY,
+    outlier: float = OUTLIER,
     narrow: float = math.inf,
 ) -> tuple[Array, Array, DecayFit | None]:
     """As :func:`likelihood` for several first stretches of one record, in one call.
@@ -222,7 +222,7 @@ def likelihood_sweep(
     the steady state's interval (m,), nan where a side is open, and the fit of the longest stretch. Only a width that may
     come near `narrow` is looked for on the likelihood; a far larger one is to first order, whatever its shape.
     """
-    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, stray, 2.0 * narrow)
+    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, outlier, 2.0 * narrow)
     rate, slope, level, phi_mean = out[:, :4].T
     since = time[np.asarray(counts) - 1] - time[0]
     temperature = level + slope * (kernel.growth(rate, since) - phi_mean)

@@ -22,7 +22,7 @@ def spindle(noise: float) -> list[Probe]:
 
 
 def bad_cells(columns: dict[str, np.ndarray], rng: np.random.Generator) -> str:
-    """A German logger's file: semicolons, decimal commas, a preamble, OL, an overload, gaps, stray rows and spikes."""
+    """A German logger's file: semicolons, decimal commas, a preamble, OL, an overload, gaps, outlier rows and spikes."""
     names = list(columns)
     keep = np.ones(len(columns["ambient"]), dtype=bool)
     keep[55:63] = False

@@ -66,7 +66,7 @@ def test_spikes_are_told():
     time, y = spindle(np.random.default_rng(4), 120.0)
     y[[20, 70]] += 5.0
     r = record(time, y)
-    assert "2 stray readings left out" in r.message
+    assert "2 outliers left out" in r.message
     assert r.steady_state_lo_c < 26.7 < r.steady_state_hi_c
 
 
@@ -105,7 +105,7 @@ def test_a_sweep_is_identify_at_every_time(method):
             assert swept.width[i] == pytest.approx(alone.steady_state_hi_c - alone.steady_state_lo_c, rel=1e-6)
         if minutes < 40:
             model = Lump().free_run(progress.state[i], time[:41] - minutes)
-            kept = np.arange(41) != 12  # the stray reading counts in no window
+            kept = np.arange(41) != 12  # the outlier counts in no window
             assert swept.rmse[0, i] == pytest.approx(np.sqrt(((model - y[:41])[kept] ** 2).sum() / 39), rel=1e-6)
         else:
             assert np.isnan(swept.rmse[0, i])

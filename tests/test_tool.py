@@ -87,7 +87,7 @@ def test_one_bad_sensor_is_a_row_and_exit_one(tool):
     assert rows["T5"]["steady_state_c"] is None
     for name, truth in {"T1": 25.4, "T2": 25.9, "T3": 26.3, "T4": 26.1}.items():
         assert rows[name]["steady_state_c"] == pytest.approx(truth, abs=0.03)
-    assert "stray" in rows["T3"]["message"]
+    assert "outlier" in rows["T3"]["message"]
     assert "overload" in rows["T2"]["message"]
 
 
@@ -321,16 +321,16 @@ def test_python_m_is_the_same_tool():
     assert Path(ROOT / "pyproject.toml").read_text().count(f'version = "{done.stdout.split()[-1]}"') == 1
 
 
-def test_one_stray_reading_does_not_move_the_sweep(tool, tmp_path):
+def test_one_outlier_does_not_move_the_sweep(tool, tmp_path):
     frame = pd.read_csv(SPINDLE)[["time_min", "T5"]]
     frame.to_csv(tmp_path / "clean.csv", index=False)
     frame.loc[[10, 48], "T5"] += 15.0
-    frame.to_csv(tmp_path / "stray.csv", index=False)
-    clean, stray = (
+    frame.to_csv(tmp_path / "outlier.csv", index=False)
+    clean, outlier = (
         [json.loads(x) for x in tool("sweep", tmp_path / f"{name}.csv", "--format", "jsonl", "-q").out.splitlines()]
-        for name in ("clean", "stray")
+        for name in ("clean", "outlier")
     )
-    for a, b in zip(clean, stray, strict=True):
+    for a, b in zip(clean, outlier, strict=True):
         assert b["rmse_c"] == pytest.approx(a["rmse_c"], rel=0.15)
         assert abs(b["shortest_time_min"] - a["shortest_time_min"]) <= 12
 

@@ -2,28 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from .analysis.sensitivity import Sizes
 from .engine import Started, Work
 from .errors import InputError, UsageError
-from .estimation.methods import choose, paces
 from .estimation.sensor import run_start
-from .machine.model import Model
-from .pipeline import (
-    bench_runs,
-    compare_runs,
-    default_times,
-    diagnose_runs,
-    displacement_runs,
-    identify_runs,
-    improve_runs,
-    sensitivity_runs,
-    simulate_record,
-    sweep_runs,
-)
 from .reading import Options, Run, read_runs
 from .results import (
     Bench,
@@ -36,6 +21,9 @@ from .results import (
     Simulated,
     Sweeping,
 )
+
+if TYPE_CHECKING:
+    from .machine.model import Model
 
 #: A run, a path (``file.csv#2``: its second run), a DataFrame, an Arrow table or a mapping of names to arrays; or a list of them.
 Source = Any
@@ -136,8 +124,12 @@ def _texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, ...]:
     return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
 
 
-def _model(model: Model | str | Path | None) -> Model | None:
-    return Model.load(model) if model is not None else None
+def _model(model: "Model | str | Path | None") -> "Model | None":
+    if model is None:
+        return None
+    from .machine.model import Model
+
+    return Model.load(model)
 
 
 def _several(names: str | Iterable[str]) -> tuple[str, ...]:
@@ -159,7 +151,7 @@ def identify(
     filter: str = "afukf",  # noqa: A002 - the name of the option
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
-    model: Model | str | Path | None = None,
+    model: "Model | str | Path | None" = None,
     joint: bool = False,
     pace: str | None = None,
     start: Start = "auto",
@@ -178,7 +170,8 @@ def identify(
     ------
     ThermofastError: as the command would refuse.
     """
-    from dataclasses import replace
+    from .estimation.methods import choose, paces
+    from .pipeline.sensors import identify_runs
 
     learnt = _model(model)
     method = replace(choose(filter, preset, _texts(filter, settings)), paces=paces(pace))
@@ -195,7 +188,7 @@ def sweep(
     filter: str = "afukf",  # noqa: A002 - the name of the option
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
-    model: Model | str | Path | None = None,
+    model: "Model | str | Path | None" = None,
     start: Start = "auto",
     details: bool | None = None,
     jobs: int | None = 1,
@@ -209,6 +202,9 @@ def sweep(
     ------
     ThermofastError: as the command would refuse.
     """
+    from .estimation.methods import choose
+    from .pipeline.sensors import default_times, sweep_runs
+
     learnt = _model(model)
     method = choose(filter, preset, _texts(filter, settings))
     spans = _minutes(windows, "windows")
@@ -222,7 +218,7 @@ def compare(
     until: float | None = None,
     *,
     effects: str | Iterable[str] = (),
-    model: Model | str | Path | None = None,
+    model: "Model | str | Path | None" = None,
     drive: str | None = None,
     extra: Iterable[str] = (),
     input_range: Mapping[str, float] | None = None,
@@ -241,6 +237,8 @@ def compare(
     ------
     ThermofastError: as the command would refuse.
     """
+    from .pipeline.loop import compare_runs
+
     started = _started(runs, start, False, reading)
     return compare_runs(
         started,
@@ -260,7 +258,7 @@ def diagnose(
     until: float | None = None,
     *,
     effects: str | Iterable[str] = (),
-    model: Model | str | Path | None = None,
+    model: "Model | str | Path | None" = None,
     drive: str | None = None,
     extra: Iterable[str] = (),
     false_alarm: float = 0.01,
@@ -276,6 +274,8 @@ def diagnose(
     ------
     ThermofastError: as the command would refuse.
     """
+    from .pipeline.loop import diagnose_runs
+
     started = _started(runs, start, False, reading)
     return diagnose_runs(
         started,
@@ -310,6 +310,8 @@ def improve(
     ------
     ThermofastError: as the command would refuse.
     """
+    from .pipeline.loop import improve_runs
+
     started = _started(runs, start, False, reading)
     return improve_runs(
         started,
@@ -330,6 +332,8 @@ def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **
     ------
     ThermofastError: as the command would refuse.
     """
+    from .pipeline.around import bench_runs
+
     return bench_runs(_started(runs, start, True, reading), until)
 
 
@@ -340,7 +344,7 @@ def sensitivity(
     sizes: Mapping[str, float] | None = None,
     filter: str = "afukf",  # noqa: A002 - the name of the option
     settings: Mapping[str, Any] | None = None,
-    model: Model | str | Path | None = None,
+    model: "Model | str | Path | None" = None,
     start: Start = "auto",
     jobs: int | None = 1,
     executor: Executor | None = None,
@@ -352,6 +356,10 @@ def sensitivity(
     ------
     ThermofastError: as the command would refuse.
     """
+    from .analysis.sensitivity import Sizes
+    from .estimation.methods import choose
+    from .pipeline.around import sensitivity_runs
+
     known = [f.name for f in fields(Sizes)]
     for key in sizes or {}:
         if key not in known:
@@ -369,6 +377,8 @@ def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Star
     ------
     ThermofastError: as the command would refuse.
     """
+    from .pipeline.around import displacement_runs
+
     return displacement_runs(_started(runs, start, False, reading), _several(columns))
 
 
@@ -392,4 +402,6 @@ def simulate(
     ------
     UsageError: an unknown effect, or more readings than memory should hold.
     """
+    from .pipeline.around import simulate_record
+
     return simulate_record(_several(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling)

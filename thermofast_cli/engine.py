@@ -5,14 +5,15 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermofast.models.search.discover import Spread
-
 from .pool import Shared, cores, map_tasks, worth
 from .reading import Run
+
+if TYPE_CHECKING:
+    from thermofast.models.search.discover import Spread
 
 #: A run and when its rise begins [min].
 Started = tuple[Run, float]
@@ -100,7 +101,7 @@ def over_runs(
 
 
 @contextmanager
-def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator[Spread]:
+def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator["Spread"]:
     if jobs < 2 or max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) < SHARED_FROM:
         yield map
         return
@@ -111,7 +112,7 @@ def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator[Spread]:
         shared.close()
 
 
-def _counted(spread: Spread, advance: Callable[[int], None]) -> Spread:
+def _counted(spread: "Spread", advance: Callable[[int], None]) -> "Spread":
     """The same sharing out, telling each piece of work that is done."""
 
     def counting(work: Callable[[Any], Any], items: Any) -> Iterator[Any]:

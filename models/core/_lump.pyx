@@ -501,22 +501,22 @@ def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w,
         free(p.t)
 
 
-cdef Py_ssize_t drop_strays(Problem* p, Sums* s, const double* t, const double* y, double* w, Py_ssize_t size,
-                            double stray, double resolution, double* scratch) noexcept nogil:
+cdef Py_ssize_t drop_outliers(Problem* p, Sums* s, const double* t, const double* y, double* w, Py_ssize_t size,
+                            double outlier, double resolution, double* scratch) noexcept nogil:
     """Take the weight of readings far outside the fit; returns how many, 0 where so many stand out that the fit is wrong.
 
-    Far is `stray` deviations by the median absolute residual, which outliers do not widen.
+    Far is `outlier` deviations by the median absolute residual, which outliers do not widen.
     """
     cdef Py_ssize_t i, count = 0
     cdef double dof = p.n - 3, limit, r
-    if dof < 3 or not stray < INFINITY:
+    if dof < 3 or not outlier < INFINITY:
         return 0
     for i in range(size):
         if w[i] > 0.0:
             r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
             scratch[count] = fabs(r) * sqrt(w[i])
             count += 1
-    limit = stray * (1.0 + 3.0 / dof) * 1.4826 * median_of(scratch, count) * sqrt(count / dof) + resolution
+    limit = outlier * (1.0 + 3.0 / dof) * 1.4826 * median_of(scratch, count) * sqrt(count / dof) + resolution
     count = 0
     for i in range(size):
         if w[i] > 0.0:
@@ -619,7 +619,7 @@ cdef struct StartRule:
     double settled
     Py_ssize_t fewest
     double growing
-    double stray
+    double outlier
 
 
 cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const double* t, const double* y, Py_ssize_t size,
@@ -646,7 +646,7 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
                         worst = i
             dof = p.n - 3
             rest = (s.rss - largest * largest if s.rss > largest * largest else 0.0) / (dof - 1 if dof > 2 else 1)
-            if dof < 3 or not largest > max2(rule.stray * sqrt(rest), rule.resolution):
+            if dof < 3 or not largest > max2(rule.outlier * sqrt(rest), rule.resolution):
                 break
             # Against the spread of the others: with the worst one in, ten readings hide any outlier.
             w[worst] = 0.0
@@ -657,7 +657,7 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
             search(p, thin, True, &without)
             refine(p, &without)
             gap = fabs(y[worst] - without.level - without.slope * (growth(without.rate, t[worst] - t[0]) - without.phi_mean))
-            if not gap > rule.stray * (1.0 + 3.0 / (p.n - 3)) * sqrt(without.rss / (p.n - 3)) + rule.resolution:
+            if not gap > rule.outlier * (1.0 + 3.0 / (p.n - 3)) * sqrt(without.rss / (p.n - 3)) + rule.resolution:
                 w[worst] = 1.0
                 fill(p, t, y, w, used, True)
                 break
@@ -686,7 +686,7 @@ def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1
     cdef Sums s
     cdef double noise = 0.0
     cdef bint done = False
-    r.resolution, r.settled, r.fewest, r.growing, r.stray = rule
+    r.resolution, r.settled, r.fewest, r.growing, r.outlier = rule
     try:
         if scratch == NULL:
             raise MemoryError()
@@ -714,7 +714,7 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
     cdef bint done
     if weights == NULL or scratch == NULL:
         raise MemoryError()
-    r.resolution, r.settled, r.fewest, r.growing, r.stray = rule
+    r.resolution, r.settled, r.fewest, r.growing, r.outlier = rule
     with nogil:
         for i in range(counts.shape[0]):
             n = counts[i]
@@ -736,7 +736,7 @@ def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const P
                 search(&p, &thin, False, &s)
             refine(&p, &s)
             for round_ in range(2):
-                if drop_strays(&p, &s, &t[0], &y[0], weights, n, r.stray, r.resolution, scratch) == 0:
+                if drop_outliers(&p, &s, &t[0], &y[0], weights, n, r.outlier, r.resolution, scratch) == 0:
                     break
                 if fill(&p, &t[0], &y[0], weights, n, False):
                     break

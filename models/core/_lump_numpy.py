@@ -311,14 +311,14 @@ def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float) -> tu
     return _profile(p, p.evaluate(rate), limit)
 
 
-def _drop_strays(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, stray: float, resolution: float) -> bool:
+def _drop_outliers(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, outlier: float, resolution: float) -> bool:
     dof = p.n - 3
-    if dof < 3 or not stray < math.inf:
+    if dof < 3 or not outlier < math.inf:
         return False
     size = np.abs(y - s.predict(t - t[0])) * np.sqrt(w)
     used = w > 0.0
     # By the median absolute residual, which outliers do not widen.
-    limit = stray * (1.0 + 3.0 / dof) * 1.4826 * float(np.median(size[used])) * math.sqrt(p.n / dof) + resolution
+    limit = outlier * (1.0 + 3.0 / dof) * 1.4826 * float(np.median(size[used])) * math.sqrt(p.n / dof) + resolution
     out = (size > limit) & used
     if not out.any() or out.sum() > len(t) // 10:
         return False
@@ -340,7 +340,7 @@ def spike_weights(y: Array, resolution: float, out: Array) -> None:
 
 
 #: (logger's step, spread of rate times span at which a start is settled, fewest readings, growth of their number, deviations
-#: at which a reading is stray)
+#: at which a reading is outlier)
 StartRule = tuple[float, float, int, float, float]
 
 
@@ -348,10 +348,10 @@ def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, flo
     """Fit of the first readings, as few as fix the rate; see :meth:`models.lump.Lump.start`.
 
     The number of readings grows by `growing` from `fewest` until rate times span is known to `settled`. `w` (n,) becomes
-    their weights, 0 for isolated spikes and for readings that stand out of the rest by `stray` deviations.
+    their weights, 0 for isolated spikes and for readings that stand out of the rest by `outlier` deviations.
     Returns (readings used, noise variance, whether it settled, the fit as :func:`fit_decay` tells it).
     """
-    resolution, settled, fewest, growing, stray = rule
+    resolution, settled, fewest, growing, outlier = rule
     size = len(t)
     used = min(fewest, size)
     while True:
@@ -363,7 +363,7 @@ def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, flo
             worst = int(np.argmax(residual))
             dof, largest = p.n - 3, float(residual[worst])
             rest = max(s.rss - largest**2, 0.0) / (dof - 1 if dof > 2 else 1)
-            if dof < 3 or not largest > max(stray * math.sqrt(rest), resolution):
+            if dof < 3 or not largest > max(outlier * math.sqrt(rest), resolution):
                 break
             # Against the spread of the others: with the worst one in, ten readings hide any outlier.
             w[worst] = 0.0
@@ -375,7 +375,7 @@ def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, flo
             without = without_p.best()
             gap = abs(float(y[worst] - without.predict(t[worst : worst + 1] - t[0])[0]))
             dof = without_p.n - 3
-            if not gap > stray * (1.0 + 3.0 / dof) * math.sqrt(without.rss / dof) + resolution:
+            if not gap > outlier * (1.0 + 3.0 / dof) * math.sqrt(without.rss / dof) + resolution:
                 w[worst] = 1.0
                 break
             p, s = without_p, without
@@ -420,7 +420,7 @@ def likelihoods(
             # The start has searched the same readings already.
             s = _refine(p, p.evaluate(begun)) if begun > p.low else p.best()
             for _ in range(2):
-                if not _drop_strays(p, s, t[:n], y[:n], weights, rule[4], rule[0]):
+                if not _drop_outliers(p, s, t[:n], y[:n], weights, rule[4], rule[0]):
                     break
                 p = _Problem(t[:n], y[:n], weights, False)
                 s = p.best()

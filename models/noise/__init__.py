@@ -1,1 +1,1 @@
-"""What is noise in a record, and what is not: stray readings, patterns, colour, rounding."""
+"""What is noise in a record, and what is not: outliers, patterns, colour, rounding."""

@@ -1,4 +1,4 @@
-"""Stray readings: those that leave their two neighbours on one side and come straight back; and the noise of a record."""
+"""Outliers: those that leave their two neighbours on one side and come straight back; and the noise of a record."""
 
 import math
 

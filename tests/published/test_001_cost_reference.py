@@ -370,13 +370,13 @@ def test_on_the_lump_a_filter_comes_to_its_truth_with_a_fair_covariance(method):
     assert 0.5 < deviation / root_mean_square < 4.0
 
 
-def test_on_the_lump_stray_readings_have_little_hold_and_a_jump_is_followed_by_the_adaptive_filter_alone():
+def test_on_the_lump_outlier_readings_have_little_hold_and_a_jump_is_followed_by_the_adaptive_filter_alone():
     time = np.arange(0.0, 201.0)
     reading = 26.7 - 8.8 * np.exp(-0.01536 * time) + 0.02 * np.random.default_rng(6).standard_normal(201)
-    stray, jumped = reading.copy(), reading + np.where(time >= 120, 1.0, 0.0)
-    stray[[40, 90]] += 5.0
+    outlier, jumped = reading.copy(), reading + np.where(time >= 120, 1.0, 0.0)
+    outlier[[40, 90]] += 5.0
     for method in PRODUCT:
-        assert np.abs(method.track(Lump(), time, stray, 0.0).state[100:, 0] - reading[100:]).mean() < 0.05
+        assert np.abs(method.track(Lump(), time, outlier, 0.0).state[100:, 0] - reading[100:]).mean() < 0.05
     left = [np.abs(m.track(Lump(), time, jumped, 0.0).state[150:, 0] - jumped[150:]).mean() for m in PRODUCT]
     assert left[0] > 0.5
     assert left[1] < 0.05

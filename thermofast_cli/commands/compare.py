@@ -55,15 +55,14 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..machine.model import Model
     from ..output.screen import interval, number, text
-    from ..pipeline import compare_runs
+    from ..pipeline.loop import compare_runs
     from ..records import CompareRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
 
     check_outputs([output], save_plot)
-    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": Model.load(model) if model else None}
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model)}
     chosen, allowed = names(effects), ranges(input_ranges)
     compare_runs([], chosen, (), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)

@@ -46,16 +46,15 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..machine.model import Model
     from ..output.screen import number, text
-    from ..pipeline import diagnose_runs
+    from ..pipeline.loop import diagnose_runs
     from ..records import DiagnoseRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, read_all, working
+    from ..shell.session import check_outputs, deliver, load_model, read_all, working
 
     check_outputs([output])
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
-    options["model"] = Model.load(model) if model else None
+    options["model"] = load_model(model)
     diagnose_runs([], names(effects), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
     with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:

@@ -33,7 +33,7 @@ def command(
     below it has learnt nothing.
     """
     from ..output.screen import number, text
-    from ..pipeline import displacement_runs
+    from ..pipeline.around import displacement_runs
     from ..records import DisplacementRecord
     from ..results import failed
     from ..shell.session import check_outputs, deliver, draw, read_all

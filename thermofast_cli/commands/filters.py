@@ -94,7 +94,7 @@ def bench(
     filtered per second on this machine in one process, and on how many sensors the filter broke.
     """
     from ..output.screen import number, text
-    from ..pipeline import bench_runs
+    from ..pipeline.around import bench_runs
     from ..plugins.filters import known_filters
     from ..records import BenchRecord
     from ..results import failed

@@ -65,13 +65,12 @@ def command(
 
     from ..errors import UsageError
     from ..estimation.methods import choose, paces
-    from ..machine.model import Model
     from ..output.files import write_table
     from ..output.screen import interval, number, text
-    from ..pipeline import identify_runs
+    from ..pipeline.sensors import identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
 
     method = replace(choose(filter_name, preset, settings), paces=paces(pace))
     if plot_trace and not save_plot:
@@ -82,7 +81,7 @@ def command(
         found = f"--model {model}" if model else f"--preset {preset}"
         raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
     check_outputs([output, trace], save_plot)
-    learnt = Model.load(model) if model else None
+    learnt = load_model(model)
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None)
     with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
         result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how)

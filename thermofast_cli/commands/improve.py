@@ -51,7 +51,7 @@ def command(
     from ..errors import UsageError
     from ..output.files import check_target
     from ..output.screen import number, say, text
-    from ..pipeline import improve_runs
+    from ..pipeline.loop import improve_runs
     from ..records import ImproveRecord
     from ..results import failed
     from ..shell.session import check_outputs, deliver, draw, read_all, working

@@ -73,18 +73,17 @@ def command(
     from ..analysis.sensitivity import Sizes
     from ..errors import UsageError
     from ..estimation.methods import choose
-    from ..machine.model import Model
     from ..output.screen import number, text
-    from ..pipeline import sensitivity_runs
+    from ..pipeline.around import sensitivity_runs
     from ..records import SensitivityRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
 
     method = choose(filter_name, preset, settings)
     if model and (filter_name != "afukf" or preset or settings):
         raise UsageError("--model puts a joint fit in the filter's place", do="leave --filter, --preset and --set out")
     check_outputs([output], save_plot)
-    learnt = Model.load(model) if model else None
+    learnt = load_model(model)
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
     sizes = Sizes(offset, start_level, room, jitter, until_spread, limit)
     with working(readings, len(readings.runs), "runs", quiet, jobs) as how:

@@ -77,7 +77,7 @@ def command(
     from ..errors import UsageError
     from ..output.files import check_target
     from ..output.screen import say
-    from ..pipeline import simulate_record
+    from ..pipeline.around import simulate_record
 
     check_target(output, (".csv", ".parquet"))
     if key:

@@ -59,19 +59,18 @@ def command(
     tolerance_time_min the time from which the interval of the steady state is narrower than --tolerance.
     """
     from ..estimation.methods import choose
-    from ..machine.model import Model
     from ..output.screen import number, text
-    from ..pipeline import default_times, sweep_runs
+    from ..pipeline.sensors import default_times, sweep_runs
     from ..records import SweepRecord
     from ..results import failed
     from ..shell.options import numbers
-    from ..shell.session import check_outputs, deliver, draw, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
 
     method = choose(filter_name, preset, settings)
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
     check_outputs([output], save_plot)
-    learnt = Model.load(model) if model else None
+    learnt = load_model(model)
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
     with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
         result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, bool(save_plot), how)

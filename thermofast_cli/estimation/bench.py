@@ -115,7 +115,7 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
 
 
 def _error(estimate: Estimate, sensor: Sensor, first: int, last: int) -> Array:
-    """Free run minus readings first..last [K], stray readings left out; empty where the estimate has no rate."""
+    """Free run minus readings first..last [K], outliers left out; empty where the estimate has no rate."""
     kept = spike_weights(sensor.reading, sensor.resolution)[first:last] > 0.0
     if not kept.any() or not np.isfinite(estimate.state).all():
         return np.empty(0)
@@ -160,7 +160,7 @@ def choose_among(trials: list[Trial]) -> list[BenchRecord]:
     if others:
         why += f"; within {100 * AS_GOOD:.0f} %: {', '.join(others)}"
     if best.record.filter == DEFAULT:
-        why += "; it also leaves stray readings out and tells when the model fails"
+        why += "; it also leaves outliers out and tells when the model fails"
     return [replace(t.record, chosen=True, message=why) if t is best else t.record for t in trials]
 
 

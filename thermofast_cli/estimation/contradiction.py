@@ -7,7 +7,7 @@ Array = NDArray[np.float64]
 
 #: The 95 % band is this many times wider at one in a thousand, beside as many deviations of the noise.
 WIDER, NOISES = 3.29 / 1.96, 3.29
-#: Share of the readings ahead, and how many of them, that must lie outside: one stray reading is no evidence.
+#: Share of the readings ahead, and how many of them, that must lie outside: one outlier is no evidence.
 SHARE, FEWEST = 0.05, 3
 
 

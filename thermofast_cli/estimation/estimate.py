@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Filter, Track
 from thermofast.models import (
     LOG_TWENTY,
-    STRAY,
+    OUTLIER,
     DecayFit,
     Interval,
     Likelihood,
@@ -131,7 +131,7 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
     return track
 
 
-def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float, stray: float) -> Estimate:
+def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float, outlier: float) -> Estimate:
     """Maximum likelihood over the readings (n,) with weights (n,): the closing step.
 
     Asks whether the residuals are noise, and widens the intervals where they are not.
@@ -140,7 +140,7 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
     ------
     ValueError: fewer than three usable readings.
     """
-    found = likelihood(time, reading, weights, resolution, first, stray)
+    found = likelihood(time, reading, weights, resolution, first, outlier)
     if found is None:
         raise ValueError("a likelihood needs three usable readings")
     fit, weights = found.fit, found.weights
@@ -301,9 +301,9 @@ def _closes(method: Filter, track: Track, k: int) -> bool:
     return method.closing == "always" or (method.closing == "when consistent" and (consistent or k < track.first))
 
 
-def _stray(method: Filter) -> float:
-    """Deviations at which a reading is stray: none where the method counts each reading alike."""
-    return math.inf if method.closing == "always" else STRAY
+def _outlier(method: Filter) -> float:
+    """Deviations at which a reading is outlier: none where the method counts each reading alike."""
+    return math.inf if method.closing == "always" else OUTLIER
 
 
 def _first(method: Filter, track: Track) -> int:
@@ -320,12 +320,12 @@ def estimate_at(model: Model, method: Filter, track: Track, time: Array, reading
     faded = method.closing == "when consistent" and not _closes(method, track, k)
     if faded:
         weights = track.likelihood_weight[: k + 1]
-        whole = likelihood_estimate(time[: k + 1], reading[: k + 1], weights, track.first, resolution, STRAY)
+        whole = likelihood_estimate(time[: k + 1], reading[: k + 1], weights, track.first, resolution, OUTLIER)
         if whole.pattern_p >= DOUBT and not whole.too_large:
             return whole
     elif _closes(method, track, k):
         weights = track.likelihood_weight[: k + 1]
-        return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, _first(method, track), resolution, _stray(method))
+        return likelihood_estimate(time[: k + 1], reading[: k + 1], weights, _first(method, track), resolution, _outlier(method))
     return filter_estimate(model, track, time, reading, k, resolution)
 
 
@@ -379,9 +379,9 @@ def estimates_at(
     fit: DecayFit | None = None
     if closes.any():
         weights = track.likelihood_weight
-        first, stray = _first(method, track), _stray(method)
+        first, outlier = _first(method, track), _outlier(method)
         states[closes], width[closes], fit = likelihood_sweep(
-            time, reading, weights, at[closes] + 1, first, resolution, stray, narrow
+            time, reading, weights, at[closes] + 1, first, resolution, outlier, narrow
         )
     faded = np.zeros(len(indices), dtype=bool)
     # Intervals that pass for narrow are judged one by one: where residuals are not noise they are wider than they look.

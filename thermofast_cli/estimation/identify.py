@@ -236,7 +236,7 @@ def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, lis
     status = "model_doubtful" if messages else "ok"
     out = int((estimate.weights == 0.0).sum())
     if out:
-        messages.append(f"{out} stray reading{'s' if out > 1 else ''} left out")
+        messages.append(f"{out} outlier{'s' if out > 1 else ''} left out")
     unsure = _too_wide(estimate)
     if unsure and estimate.bounded:
         status = "not_determined"

@@ -70,7 +70,7 @@ def sweep_sensor(
     doubted: list[str] = []
     if usable:
         progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution, tolerance_c)
-        # A stray reading says nothing about the model: it counts in no window.
+        # An outlier says nothing about the model: it counts in no window.
         kept = spike_weights(reading, sensor.resolution) > 0.0
         squares = np.cumsum(window_errors(progress, indices, track.state, time, reading) ** 2 * kept, axis=1)
         counts = np.cumsum(kept)

@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -23,6 +23,9 @@ from ..reading import Options, Run, read_runs
 from ..records import FAILURES
 from ..results import Result
 from .options import READING, names
+
+if TYPE_CHECKING:
+    from ..machine.model import Model
 
 
 @dataclass(frozen=True)
@@ -150,6 +153,20 @@ def _start(text: str) -> float | None:
     except ValueError:
         raise UsageError("--start: not a time", found=repr(text), allowed="minutes from the first reading, or auto") from None
     return value
+
+
+def load_model(path: str | None) -> "Model | None":
+    """The model file named, checked; None where none is. Imported only then: most calls need no model.
+
+    Raises
+    ------
+    UsageError: as :meth:`Model.load`.
+    """
+    if path is None:
+        return None
+    from ..machine.model import Model
+
+    return Model.load(path)
 
 
 def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> None:

@@ -1,0 +1,133 @@
+"""Analyses around the result, and simulated records. What each needs is imported when it is called: some of it is slow to load."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..engine import Started, Work, over_runs
+from ..errors import UsageError, listed
+from ..results import Bench, Displacement, Sensitivity, Simulated
+
+if TYPE_CHECKING:
+    from ..analysis.sensitivity import Sizes
+    from ..estimation.identify import Method
+    from ..machine.model import Model
+
+
+def bench_runs(started: Sequence[Started], until_min: float | None = None, how: Work | None = None) -> Bench:
+    """Every filter on each run, identified on its first `until_min` minutes, half of it by default.
+
+    Raises
+    ------
+    UsageError: an identification time that leaves nothing before or after it.
+    """
+    from ..estimation.bench import bench_run
+    from ..plugins.filters import known_filters
+
+    for run, start in started:
+        length = float(run.time_s[-1]) / 60.0
+        if until_min is not None and not start < until_min < length:
+            raise UsageError(
+                f"{run.name}: --until {until_min:g} leaves nothing ahead of it, or nothing before it",
+                allowed=f"{start:.4g} to {length:.4g} min",
+            )
+    advance = (how or Work()).advance
+    known = known_filters()
+    records = [r for run, start in started for r in bench_run(run, start, until_min, known, advance)]
+    return Bench(tuple(records), tuple(run for run, _ in started))
+
+
+def sensitivity_runs(
+    started: Sequence[Started],
+    method: "Method",
+    sizes: "Sizes",
+    until_min: float | None = None,
+    model: "Model | None" = None,
+    how: Work | None = None,
+) -> Sensitivity:
+    """How much each uncertain thing contributes to the spread of the result.
+
+    Raises
+    ------
+    UsageError: as :func:`loop_tasks`.
+    """
+    from ..analysis.sensitivity import SensitivityTask, sensitivity_lost, sensitivity_task
+    from .loop import loop_tasks
+
+    work = [SensitivityTask(task, method, sizes) for task in loop_tasks(started, until_min=until_min, model=model)]
+    found, interrupted = over_runs(sensitivity_task, work, sensitivity_lost, how or Work())
+    return Sensitivity(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
+
+
+def displacement_runs(started: Sequence[Started], columns: tuple[str, ...] = ()) -> Displacement:
+    """Thermal displacement from the temperatures of each run: the columns named, or those that the reader took for displacements.
+
+    Raises
+    ------
+    UsageError: a name that is no column.
+    """
+    from ..analysis.displacement import displacement_run
+
+    found = []
+    for run, start in started:
+        known = {**run.displacements, **run.channels}
+        chosen = columns or tuple(run.displacements)
+        missing = [c for c in chosen if c not in known]
+        if missing:
+            raise UsageError(f"{run.name}: --displacements {missing[0]!r} is no column of this record", allowed=listed(known))
+        found.append(displacement_run(run, chosen, start))
+    return Displacement(
+        tuple(r for one in found for r in one.records),
+        tuple(run for run, _ in started),
+        panels=tuple(p for one in found for p in one.panels),
+    )
+
+
+def simulate_record(
+    effects: tuple[str, ...] = (),
+    seed: int = 0,
+    sensors: int = 10,
+    duration_min: float = 400.0,
+    interval_s: float = 60.0,
+    ambient_c: float = 17.9,
+    rise_c: float = 9.0,
+    t95_min: float = 195.0,
+    noise_c: float = 0.02,
+    step_c: float = 0.01,
+    cooling: bool = False,
+    fixed: Sequence[tuple[str, float, float]] = (),
+) -> Simulated:
+    """A record of the base model, or with hidden effects, and the truth behind it.
+
+    fixed: (name, steady state [degC], t95 [min]) of sensors that are given and not drawn.
+
+    Raises
+    ------
+    UsageError: too many readings, a name twice or none, an unknown effect, or one that needs more sensors.
+    """
+    import numpy as np
+
+    from ..analysis.hidden import simulate_hidden
+    from ..analysis.simulation import Probe, draw_probes, simulate
+    from ..plugins.effects import chosen_effects
+
+    if duration_min * 60.0 / interval_s > 1e7:
+        raise UsageError("too many readings", found=f"{duration_min * 60.0 / interval_s:.3g}", allowed="ten million a sensor")
+    for name, _, settle in fixed:
+        plain = name and name.isprintable() and not set(name) & set(',;"=@') and name not in ("ambient", "time_min", "time_s")
+        if not plain or not 0.0 < settle < math.inf:
+            raise UsageError(f"--sensor {name!r}", allowed="NAME=DEGC:MIN, as in --sensor T5=26.7:195")
+    taken = {name for name, _, _ in fixed}
+    if len(taken) < len(fixed):
+        raise UsageError("--sensor: the same name twice", found=", ".join(name for name, _, _ in fixed))
+    drawn = draw_probes(np.random.default_rng([seed, 1]), sensors, ambient_c, rise_c, t95_min, noise_c, cooling)
+    given = [Probe(name, ambient_c, steady, settle, noise_c) for name, steady, settle in fixed]
+    # A drawn sensor makes way for the given one of its name first, then from the end.
+    rest = [p for p in drawn if p.channel not in taken][: max(0, sensors - len(given))]
+    probes = sorted(given + rest, key=lambda p: (len(p.channel), p.channel))
+    if effects:
+        chosen = chosen_effects(effects, ())
+        made = simulate_hidden(probes, duration_min, interval_s, ambient_c, step_c, seed, chosen)
+    else:
+        made = simulate(probes, duration_min, interval_s, ambient_c, step_c, seed)
+    return Simulated(made.columns, made.truth)

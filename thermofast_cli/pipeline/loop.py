@@ -1,0 +1,113 @@
+"""Analyses of all sensors of a run together: compare, diagnose, improve."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..discovery.compare import compare_lost, compare_task
+from ..discovery.diagnose import diagnose_lost, diagnose_task
+from ..discovery.improve import improve_lost, improve_task
+from ..discovery.loop import LoopTask, check_drive
+from ..engine import Started, Work, over_runs
+from ..errors import UsageError
+from ..machine.learnt import check_effects
+from ..machine.model import Model
+from ..plugins.effects import chosen_effects
+from ..results import Comparison, Diagnosis, Improvement
+from .sensors import check_until
+
+
+def loop_tasks(
+    started: Sequence[Started],
+    until_min: float | None = None,
+    names: tuple[str, ...] = (),
+    extra: tuple[str, ...] = (),
+    model: Model | None = None,
+    drive: str | None = None,
+    **more: Any,
+) -> list[LoopTask]:
+    """A task for each run; effects, model, drive and identification time are checked before any work is done.
+
+    Raises
+    ------
+    UsageError: as the catalogue, the model and the run raise them.
+    """
+    chosen_effects(names, extra)
+    if model is not None:
+        check_effects(model.file, model.source)
+        if drive not in (None, model.drive):
+            raise UsageError(
+                f"--drive {drive!r} is not what the model was learnt with",
+                found=f"{model.source}: {model.drive or 'no drive'}",
+                do="leave --drive out: the model file tells it",
+            )
+    for run, _ in started:
+        check_until(run, until_min)
+        if drive is not None:
+            check_drive(run, drive)
+    heat = model.drive if model is not None else drive
+    return [
+        LoopTask(run, start, until_min=until_min, names=names, extra=extra, model=model, drive=heat, **more)
+        for run, start in started
+    ]
+
+
+def compare_runs(
+    started: Sequence[Started],
+    effects: tuple[str, ...] = (),
+    input_ranges: tuple[tuple[str, float], ...] = (),
+    details: bool = False,
+    how: Work | None = None,
+    **options: Any,
+) -> Comparison:
+    """Model beside measurement; options are those of :func:`loop_tasks`.
+
+    Raises
+    ------
+    UsageError: effects beside a model, a range of a column that is not logged, and as :func:`loop_tasks`.
+    """
+    if options.get("model") is not None and effects:
+        raise UsageError("--effects adds to the base model, and --model takes its place", do="leave one of them out")
+    for run, _ in started:
+        for name, _reach in input_ranges:
+            known = [*run.ambient, *run.inputs]
+            if name not in known:
+                allowed = ", ".join(known) or "this run logs none"
+                raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=allowed)
+    tasks = loop_tasks(started, names=effects, input_ranges=input_ranges, want_curves=details, **options)
+    found, interrupted = over_runs(compare_task, tasks, compare_lost, how or Work())
+    records = tuple(r for one in found for r in one.records)
+    return Comparison(records, tuple(run for run, _ in started), interrupted, tuple(p for one in found for p in one.pictures))
+
+
+def diagnose_runs(started: Sequence[Started], effects: tuple[str, ...] = (), how: Work | None = None, **options: Any) -> Diagnosis:
+    """Which effect is missing; options are those of :func:`loop_tasks` and ``false_alarm``.
+
+    Raises
+    ------
+    UsageError: as :func:`loop_tasks`.
+    """
+    tasks = loop_tasks(started, names=effects, **options)
+    found, interrupted = over_runs(diagnose_task, tasks, diagnose_lost, how or Work(), shares=True)
+    return Diagnosis(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
+
+
+def improve_runs(
+    started: Sequence[Started], add: tuple[str, ...] = (), auto: bool = False, how: Work | None = None, **options: Any
+) -> Improvement:
+    """Effects added step by step and the model learnt; options are those of :func:`loop_tasks` and ``false_alarm``.
+
+    Raises
+    ------
+    UsageError: both ``add`` and ``auto``, and as :func:`loop_tasks`.
+    """
+    if add and auto:
+        raise UsageError("--add and --auto exclude each other", do="name the effects, or let the search name them")
+    tasks = loop_tasks(started, names=add, auto=auto, **options)
+    found, interrupted = over_runs(improve_task, tasks, improve_lost, how or Work(), shares=True)
+    return Improvement(
+        tuple(r for one in found for r in one.records),
+        tuple(run for run, _ in started),
+        interrupted,
+        tuple(found),
+        tuple(Model(one.model, run.name) if one.model is not None else None for one, (run, _) in zip(found, started, strict=False)),
+    )

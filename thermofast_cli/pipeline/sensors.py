@@ -1,0 +1,132 @@
+"""Analyses of one sensor at a time: identify and sweep."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from ..engine import Started, Work, over_runs, over_sensors, share_out
+from ..errors import UsageError
+from ..estimation.identify import Method
+from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task
+from ..reading import Run
+from ..results import Identification, Sweeping
+
+if TYPE_CHECKING:
+    from ..machine.model import Model
+
+
+def check_until(run: Run, until_min: float | None) -> None:
+    """Raises UsageError where the identification time lies behind the record's end."""
+    length = float(run.time_s[-1]) / 60.0
+    if until_min is not None and until_min > length * 1.001:
+        raise UsageError(
+            f"{run.name}: --until {until_min:g} is longer than the record",
+            found=f"{length:.4g} min",
+            allowed="a time inside the record, or no --until",
+        )
+
+
+def identify_runs(
+    started: Sequence[Started],
+    method: Method,
+    until_min: float | None = None,
+    model: "Model | None" = None,
+    joint: bool = False,
+    details: bool = False,
+    how: Work | None = None,
+) -> Identification:
+    """Steady state and settling time of every sensor; ``details`` adds curves and traces.
+
+    Raises
+    ------
+    UsageError: an identification time outside a record, or settings that exclude each other.
+    """
+    how = how or Work()
+    if model is not None and method.paces:
+        raise UsageError("--pace changes the rate of the base model", do="leave --pace or --model out")
+    if joint and (model is not None or method.filter.name != "afukf"):
+        found = f"--model {model.source}" if model is not None else f"--filter {method.filter.name}"
+        raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
+    for run, _ in started:
+        check_until(run, until_min)
+    if model is not None:
+        from ..machine.settle import identify_model_lost, identify_with_model
+        from .loop import loop_tasks
+
+        tasks = loop_tasks(started, until_min=until_min, model=model, want_curves=details)
+        by_run, interrupted = over_runs(identify_with_model, tasks, identify_model_lost, how)
+        found_all = [one for results in by_run for one in results]
+    else:
+
+        def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> IdentifyTask:
+            return IdentifyTask(name, minutes, part, values, notes, method, start, until_min, details, joint)
+
+        sensor_tasks, processes = share_out(started, how.jobs, 1.0 if not joint else 100.0, make, whole=joint)
+        found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
+    return Identification(
+        tuple(one.record for one in found_all),
+        tuple(run for run, _ in started),
+        interrupted,
+        tuple(one.curves for one in found_all if one.curves is not None),
+        tuple(one.trace for one in found_all),
+    )
+
+
+def sweep_runs(
+    started: Sequence[Started],
+    method: Method,
+    windows_min: tuple[float, ...],
+    times_min: tuple[float, ...],
+    tolerance_c: float = 0.1,
+    model: "Model | None" = None,
+    details: bool = False,
+    how: Work | None = None,
+) -> Sweeping:
+    """The shortest identification time that serves; windows and times [min] ascending.
+
+    Raises
+    ------
+    UsageError: no time below a window, or a window longer than a record.
+    """
+    how = how or Work()
+    for window in windows_min:
+        if not any(t < window - 1e-9 for t in times_min):
+            raise UsageError(
+                f"no identification time lies below the window of {window:g} min",
+                found=f"times from {times_min[0]:g} to {times_min[-1]:g} min",
+                allowed="at least one time below each window",
+                do="say --times FIRST:LAST:STEP",
+            )
+    for run, _ in started:
+        length = float(run.time_s[-1]) / 60.0
+        if windows_min[-1] > length * 1.001:
+            raise UsageError(
+                f"{run.name}: the window of {windows_min[-1]:g} min is longer than the record",
+                found=f"{length:.4g} min",
+                allowed="windows inside the record",
+                do="say --windows",
+            )
+    if model is not None:
+        from ..machine.settle import sweep_model_lost, sweep_with_model
+        from .loop import loop_tasks
+
+        doing = partial(sweep_with_model, windows=windows_min, times=times_min, tolerance_c=tolerance_c)
+        by_run, interrupted = over_runs(doing, loop_tasks(started, model=model), sweep_model_lost, how)
+        swept = [one for results in by_run for one in results]
+    else:
+
+        def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
+            return SweepTask(name, minutes, part, values, notes, method, start, windows_min, times_min, tolerance_c, details)
+
+        sensor_tasks, processes = share_out(started, how.jobs, 1.0 + 0.02 * len(times_min), make)
+        swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how)
+    records = tuple(record for one in swept for record in one.records)
+    return Sweeping(records, tuple(run for run, _ in started), interrupted, tuple(swept) if details else ())
+
+
+def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:
+    """About fifty times from 5 min, or a tenth of the shortest window, up to the longest window."""
+    first = min(5.0, windows[0] / 10.0)
+    step = max(round((windows[-1] - first) / 50.0), 1) if windows[-1] >= 30.0 else (windows[-1] - first) / 50.0
+    count = int((windows[-1] - first) / step + 1e-9) + 1
+    return tuple(round(first + i * step, 9) for i in range(count))
