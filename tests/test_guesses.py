@@ -388,7 +388,10 @@ def test_footers_and_a_header_with_one_name_too_many(tmp_path):
     )
     (run,) = read_runs(written(tmp_path, text))
     assert list(run.channels) == ["T1", "T2"]
-    assert sum("left out" in n for n in run.notes) >= 1
+    assert [n for n in run.notes if "left out" in n] == [
+        "1 lines without readings left out",
+        "1 lines below the readings left out ('End')",
+    ]
     assert len(run.time_s) == N
     with pytest.raises(InputError, match="line 243: the row has 2 cells"):
         read_runs(written(tmp_path, text.replace("\nTotal", "\n5\t7\nTotal").replace("\n\n", "\n")))
@@ -408,6 +411,22 @@ def test_what_stands_between_the_readings_is_left_out_and_told(tmp_path):
         "2 lines below the readings left out (Min, Max)",
     ):
         assert told in notes
+
+
+def test_errors_name_the_line_of_the_file_whatever_was_left_out_above_it(tmp_path):
+    rows = [f"{i};{a:.2f};{b:.2f}" for i, (a, b) in enumerate(zip(FRONT, REAR, strict=True))]
+    rows[100:100] = ["time_min;T1;T2", "", "# door opened", "Event: pump on"]
+    rows[150] = rows[150].replace(";", ";broken ", 1)  # the header stands above: row 150 is line 152
+    with pytest.raises(InputError, match=r"line 152, column 'T1': not a number"):
+        read_runs(written(tmp_path, "time_min;T1;T2\n" + "\n".join(rows) + "\n"))
+    rows[150] = ";" + rows[150].split(";", 1)[1].replace("broken ", "")
+    with pytest.raises(InputError, match=r"line 152, column 'time_min': no time in this row"):
+        read_runs(written(tmp_path, "time_min;T1;T2\n" + "\n".join(rows) + "\n"))
+    commas = [f"{i},{a:.2f}".replace(".", ",") for i, a in enumerate(FRONT)]
+    commas[7:7] = ["", ""]
+    commas[20] = commas[5]
+    (run,) = read_runs(written(tmp_path, "time_min,T1\n" + "\n".join(commas[:20] + commas[21:]) + "\n"))
+    assert len(run.time_s) == N - 1
 
 
 def test_numbers_as_loggers_pad_them(tmp_path):

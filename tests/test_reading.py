@@ -24,8 +24,8 @@ def read_run(path, options=None):
     return run
 
 
-def stamps_to_seconds(cells, place, first_line, time_format=None):
-    return parse_stamps(cells, place, first_line, "", time_format).seconds
+def stamps_to_seconds(cells, place, time_format=None):
+    return parse_stamps(cells, place, range(1, len(cells) + 1), "", time_format).seconds
 
 
 def written(tmp_path, text, encoding="utf-8", name="run.csv"):
@@ -139,15 +139,15 @@ def test_a_last_line_cut_short_is_left_out_and_told(tmp_path):
 
 def test_ambiguous_days_are_refused_and_others_decided():
     same_day = ["03/04/2026 10:00:00", "03/04/2026 10:01:00"]
-    assert stamps_to_seconds(same_day, "x", 1).tolist() == [0, 60]
+    assert stamps_to_seconds(same_day, "x").tolist() == [0, 60]
     days = ["03/04/2026", "04/04/2026", "05/04/2026"]
     with pytest.raises(InputError, match="day and month"):
-        stamps_to_seconds(["01/02/2026", "02/02/2026", "02/03/2026"], "x", 1)
-    assert stamps_to_seconds(days, "x", 1, "%d/%m/%Y").tolist() == [0, 86400, 172800]
-    assert stamps_to_seconds(["13/04/2026", "14/04/2026"], "x", 1).tolist() == [0, 86400]
-    assert stamps_to_seconds(["2026-01-01 10:00:00.5", "2026-01-01 10:00:01"], "x", 1).tolist() == [0, 0.5]
+        stamps_to_seconds(["01/02/2026", "02/02/2026", "02/03/2026"], "x")
+    assert stamps_to_seconds(days, "x", "%d/%m/%Y").tolist() == [0, 86400, 172800]
+    assert stamps_to_seconds(["13/04/2026", "14/04/2026"], "x").tolist() == [0, 86400]
+    assert stamps_to_seconds(["2026-01-01 10:00:00.5", "2026-01-01 10:00:01"], "x").tolist() == [0, 0.5]
     with pytest.raises(InputError, match=r"line 3.*unreadable time"):
-        stamps_to_seconds(["2026-01-01 10:00:00", "2026-01-01 25:00:00"], "x", 1)
+        stamps_to_seconds(["2026-01-01 10:00:00", "2026-01-01 25:00:00"], "x")
 
 
 def test_names_tell_units_and_words():

@@ -6,10 +6,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .engine import Started, Work
+from .engine import Started, Work, with_start
 from .errors import InputError, UsageError
-from .estimation.sensor import run_start
-from .reading import Options, Run, read_runs
+from .reading import Run, read_runs
+from .reading_options import names, options_from
 from .results import (
     Bench,
     Comparison,
@@ -57,29 +57,7 @@ def read_all(source: Source, *, name: str | None = None, **reading: Any) -> list
     ------
     InputError, UsageError: as :func:`read`.
     """
-    return read_runs(source, reading_options(**reading), name)
-
-
-def reading_options(**reading: Any) -> Options:
-    """The options of reading; lists may be given where the command line takes them separated by commas.
-
-    Raises
-    ------
-    UsageError: an option that is not known.
-    """
-    known = [f.name for f in fields(Options)]
-    if "interval" in reading:
-        reading["interval_s"] = reading.pop("interval")
-    for key in reading:
-        if key not in known:
-            raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
-    several = ("inputs", "channels", "exclude", "missing", "units", "long")
-    for key in several:
-        if isinstance(reading.get(key), str):
-            reading[key] = (reading[key],)
-        elif key in reading:
-            reading[key] = tuple(reading[key])
-    return Options(**reading)
+    return read_runs(source, options_from(reading), name)
 
 
 def _started(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any]) -> list[Started]:
@@ -101,15 +79,7 @@ def _started(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, 
     if len(set(names)) < len(names):
         twice = next(n for n in names if names.count(n) > 1)
         raise UsageError(f"two runs are called {twice!r}", do="give each its own: tf.read(..., name='warm up')")
-    started = []
-    for run in found:
-        begins = float(start) if start != "auto" else 0.0
-        if start == "auto" and from_rise:
-            begins = run_start(run.time_s / 60.0, list(run.channels.values()))
-        if not 0.0 <= begins < run.time_s[-1] / 60.0:
-            raise UsageError(f"{run.name}: start {begins:g} min is outside the record", found=f"{run.time_s[-1] / 60.0:.4g} min")
-        started.append((run, begins))
-    return started
+    return [with_start(run, None if start == "auto" else float(start), from_rise) for run in found]
 
 
 def _work(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
@@ -130,10 +100,6 @@ def _model(model: "Model | str | Path | None") -> "Model | None":
     from .machine.model import Model
 
     return Model.load(model)
-
-
-def _several(names: str | Iterable[str]) -> tuple[str, ...]:
-    return tuple(n.strip() for n in names.split(",") if n.strip()) if isinstance(names, str) else tuple(names)
 
 
 def _minutes(values: Iterable[float], name: str) -> tuple[float, ...]:
@@ -242,7 +208,7 @@ def compare(
     started = _started(runs, start, False, reading)
     return compare_runs(
         started,
-        _several(effects),
+        names(effects),
         tuple((input_range or {}).items()),
         _keep(details, started),
         _work(jobs, executor, progress),
@@ -279,7 +245,7 @@ def diagnose(
     started = _started(runs, start, False, reading)
     return diagnose_runs(
         started,
-        _several(effects),
+        names(effects),
         _work(jobs, executor, progress),
         until_min=until,
         extra=tuple(extra),
@@ -315,7 +281,7 @@ def improve(
     started = _started(runs, start, False, reading)
     return improve_runs(
         started,
-        _several(add),
+        names(add),
         auto,
         _work(jobs, executor, progress),
         until_min=until,
@@ -379,7 +345,7 @@ def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Star
     """
     from .pipeline.around import displacement_runs
 
-    return displacement_runs(_started(runs, start, False, reading), _several(columns))
+    return displacement_runs(_started(runs, start, False, reading), names(columns))
 
 
 def simulate(
@@ -404,4 +370,4 @@ def simulate(
     """
     from .pipeline.around import simulate_record
 
-    return simulate_record(_several(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling)
+    return simulate_record(names(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling)

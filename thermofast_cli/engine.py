@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .errors import UsageError
+from .estimation.sensor import run_start
 from .pool import Shared, cores, map_tasks, worth
 from .reading import Run
 
@@ -23,6 +25,27 @@ MOST_PER_TASK = 250
 POOL_FROM = 3
 #: Readings of all sensors together from which on a single run is worth sharing.
 SHARED_FROM = 1500
+
+
+def with_start(run: Run, start_min: float | None, from_rise: bool) -> Started:
+    """A run with its start [min]: the one given, else where its rise begins, else its first reading.
+
+    from_rise: without it a record counts from its first reading: an idle beginning is itself a finding of the discovery loop.
+
+    Raises
+    ------
+    UsageError: a start outside the record.
+    """
+    minutes = run.time_s / 60.0
+    if start_min is None:
+        return run, run_start(minutes, list(run.channels.values())) if from_rise else 0.0
+    if not 0.0 <= start_min < minutes[-1]:
+        raise UsageError(
+            f"{run.name}: --start {start_min:g} is outside the record",
+            found=f"{minutes[-1]:.4g} min",
+            allowed="a time inside the record",
+        )
+    return run, start_min
 
 
 @dataclass(frozen=True)
@@ -43,7 +66,7 @@ def share_out(
 ) -> tuple[list[Any], int]:
     """Tasks over all sensors of all runs, `whole` runs or parts of them, and the number of processes that they pay for."""
     sensors = sum(len(run.channels) for run, _ in started)
-    longest = max(len(run.time_s) for run, _ in started)
+    longest = max((len(run.time_s) for run, _ in started), default=0)
     processes = jobs if jobs is not None else worth(sensors, longest, weight)
     tasks = []
     for run, start in started:

@@ -28,6 +28,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
+from statsmodels.tools.sm_exceptions import ConvergenceWarning
 from statsmodels.tsa.arima.model import ARIMA
 from statsmodels.tsa.arima_process import ArmaProcess
 from statsmodels.tsa.stattools import acf, adfuller, pacf
@@ -163,7 +164,9 @@ def test_fits_are_those_of_statsmodels(phi, theta, n, gaps):
     problem = ARIMA(x, order=(len(phi), 0, len(theta)), trend="n")
     at_ours = problem.loglike(np.r_[ours.phi, ours.theta, ours.innovation_variance])
     assert ours.aic == pytest.approx(-2.0 * at_ours + 2.0 * (len(phi) + len(theta) + 1), abs=1e-4)  # the same likelihood
-    theirs = problem.fit(method_kwargs={"maxiter": 500, "pgtol": 1e-8, "factr": 10.0})
+    with warnings.catch_warnings():  # asked for the last digits, its search may end on rounding and say so; the figures decide
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        theirs = problem.fit(method_kwargs={"maxiter": 500, "pgtol": 1e-8, "factr": 10.0})
     assert theirs.aic - 5e-3 < ours.aic < theirs.aic + 1e-4  # and no worse a maximum
     # The printed coefficients nearly cancel: there the likelihood is flat (standard errors of 0.1 and more), elsewhere 3 digits.
     flat = len(phi) == 2 and len(theta) == 1 and n == 2000

@@ -4,11 +4,11 @@ from typing import Any
 
 import click
 
+from ..reading_options import names
 from ..shell.options import (
     RunCommand,
     loop_options,
     model_option,
-    names,
     output_options,
     ranges,
     reading_options,

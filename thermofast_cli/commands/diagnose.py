@@ -4,12 +4,12 @@ from typing import Any
 
 import click
 
+from ..reading_options import names
 from ..shell.options import (
     RunCommand,
     false_alarm_option,
     loop_options,
     model_option,
-    names,
     output_options,
     reading_options,
     runs_argument,

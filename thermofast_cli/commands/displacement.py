@@ -4,7 +4,8 @@ from typing import Any
 
 import click
 
-from ..shell.options import RunCommand, names, reading_options, runs_argument, table_options
+from ..reading_options import names
+from ..shell.options import RunCommand, reading_options, runs_argument, table_options
 
 
 @click.command(

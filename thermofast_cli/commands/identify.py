@@ -77,11 +77,9 @@ def command(
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
     if model and (trace or plot_trace):
         raise UsageError("--trace shows a filter at work; with --model a joint fit takes its place", do="leave one of them out")
-    if joint and (preset or model):
-        found = f"--model {model}" if model else f"--preset {preset}"
-        raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
     check_outputs([output, trace], save_plot)
     learnt = load_model(model)
+    identify_runs([], method, model=learnt, joint=joint)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None)
     with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
         result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how)

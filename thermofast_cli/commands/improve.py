@@ -4,11 +4,11 @@ from typing import Any
 
 import click
 
+from ..reading_options import names
 from ..shell.options import (
     RunCommand,
     false_alarm_option,
     loop_options,
-    names,
     output_options,
     reading_options,
     runs_argument,

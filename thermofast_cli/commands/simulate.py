@@ -2,7 +2,8 @@
 
 import click
 
-from ..shell.options import Finite, names
+from ..reading_options import names
+from ..shell.options import Finite
 
 
 @click.command("simulate", epilog="Example: thermofast simulate --seed 7 -o run.csv --key key.json")

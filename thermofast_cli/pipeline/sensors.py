@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from thermofast.filters import Afukf
+
 from ..engine import Started, Work, over_runs, over_sensors, share_out
 from ..errors import UsageError
 from ..estimation.identify import Method
@@ -44,8 +46,9 @@ def identify_runs(
     how = how or Work()
     if model is not None and method.paces:
         raise UsageError("--pace changes the rate of the base model", do="leave --pace or --model out")
-    if joint and (model is not None or method.filter.name != "afukf"):
-        found = f"--model {model.source}" if model is not None else f"--filter {method.filter.name}"
+    if joint and (model is not None or type(method.filter) is not Afukf):
+        other = f"--model {model.source}" if model is not None else "--preset paper"
+        found = other if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
         raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
     for run, _ in started:
         check_until(run, until_min)

@@ -1,6 +1,7 @@
 """Turns a logger's file into runs. Only ``source.py`` opens files; the rest are rules on text and arrays."""
 
-from .run import Guess, Options, Run, told
+from ..reading_options import Options, options_from
+from .run import Guess, Run, told
 from .source import read_runs
 
-__all__ = ["Guess", "Options", "Run", "read_runs", "told"]
+__all__ = ["Guess", "Options", "Run", "options_from", "read_runs", "told"]

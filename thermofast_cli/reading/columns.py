@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import UsageError, listed, nearest
-from .run import Array, Guess, Options
+from ..reading_options import Options
+from .run import Array, Guess
 from .units import Unit, parse_unit, unit_in_name
 from .vocabulary import (
     AMBIENT,

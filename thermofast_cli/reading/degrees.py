@@ -6,8 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError, UsageError, listed
+from ..reading_options import Options
 from .columns import sign_of
-from .run import Array, Guess, Options
+from .run import Array, Guess
 from .tables.table import Table
 from .units import parse_unit, to_celsius
 from .vocabulary import words

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError, UsageError, listed
+from ..reading_options import Options
 from .columns import check_names, sign_of
-from .run import Array, Guess, Options
+from .run import Array, Guess
 from .tables.table import Table
 from .times import Time
 from .units import parse_unit, to_celsius

@@ -1,5 +1,6 @@
 """Rows in the order of time: sorted, split where the time begins anew, clock changes taken out, repeated stamps merged."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
@@ -36,7 +37,7 @@ def in_order(
     time: Array,
     columns: dict[str, Array],
     name: str,
-    first_line: int,
+    lines: Sequence[int],
     starts: tuple[float, ...] = (),
     dated: bool = False,
     mixed: bool = False,
@@ -53,7 +54,7 @@ def in_order(
     """
     guesses: list[Guess] = []
     if mixed:
-        return [_one(time, columns, name, first_line, guesses, mixed)]
+        return [_one(time, columns, name, lines, guesses, mixed)]
     if starts:
         time, changed = clock_change(time, starts)
         guesses += [changed] if changed else []
@@ -63,21 +64,19 @@ def in_order(
         guesses += [wrapped] if wrapped else []
         begins = earlier_stretches(time) if not dated else []
     if not begins:
-        return [_one(time, columns, name, first_line, guesses, mixed)]
-    lines = ", ".join(str(first_line + i + 1) for i in begins[:6])
-    text = f"the time begins anew at line {lines}: {len(begins) + 1} runs, #1 to #{len(begins) + 1}"
+        return [_one(time, columns, name, lines, guesses, mixed)]
+    where = ", ".join(str(lines[i] + 1) for i in begins[:6])
+    text = f"the time begins anew at line {where}: {len(begins) + 1} runs, #1 to #{len(begins) + 1}"
     guesses.append(Guess("runs", text, "one file a run is sure"))
     edges = [0, *begins, len(time)]
-    return [
-        _one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, first_line + a, guesses, mixed) for a, b in pairwise(edges)
-    ]
+    return [_one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, lines[a:b], guesses, mixed) for a, b in pairwise(edges)]
 
 
-def _one(time: Array, columns: dict[str, Array], name: str, first_line: int, told: list[Guess], mixed: bool) -> Stretch:
+def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[int], told: list[Guess], mixed: bool) -> Stretch:
     notes: list[str] = []
     guesses = list(told)
     step = np.diff(time)
-    lines = np.arange(first_line, first_line + len(time))
+    lines = np.asarray(at_lines)
     if (step < 0).any():
         if not mixed:
             backwards = "newest first" if (step <= 0).all() else f"{int((step < 0).sum())} rows out of order"

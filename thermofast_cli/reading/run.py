@@ -1,4 +1,4 @@
-"""What a run is once it is read, what was guessed on the way, and what the user may say about how to read it."""
+"""What a run is once it is read, and what was guessed on the way."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -7,28 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Options:
-    """The user's word against the rules; None leaves a thing to its rule."""
-
-    time: str | None = None
-    time_unit: str | None = None
-    time_format: str | None = None
-    interval_s: float | None = None
-    ambient: str | None = None
-    inputs: tuple[str, ...] = ()
-    channels: tuple[str, ...] = ()
-    exclude: tuple[str, ...] = ()
-    missing: tuple[str, ...] = ()
-    delimiter: str | None = None
-    decimal: str | None = None
-    encoding: str | None = None
-    header_line: int | None = None
-    long: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-    strict: bool = False
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, listed
+from ..reading_options import Options
 from .columns import Roles, check_names, classify, sign_of, to_micrometres, without_impossible
 from .degrees import Temperatures
 from .long import find_long, to_wide
 from .order import in_order
-from .run import Options, Run
+from .run import Run
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.table import Table, read_parquet
@@ -174,7 +175,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     for n in roles.displacements:
         columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
         notes += [unit_note] if unit_note else []
-    stretches = in_order(time.seconds, columns, table.name, table.first_line, time.wall, time.dated, layout is not None)
+    stretches = in_order(time.seconds, columns, table.name, table.lines, time.wall, time.dated, layout is not None)
     return [
         Run(
             table.name if len(stretches) == 1 else f"{table.name}#{k + 1}",

@@ -58,7 +58,7 @@ def looks_like_stamp(cell: str) -> bool:
     return bool(found and (found["h"] or found["a"] or found["mon"] or found["mon2"] or (found["compact"] and found["clock"])))
 
 
-def parse_stamps(cells: Sequence[str], place: str, first_line: int, name: str = "", time_format: str | None = None) -> Stamps:
+def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: str = "", time_format: str | None = None) -> Stamps:
     """Seconds from the first stamp; a clock without date goes on past midnight.
 
     Raises
@@ -67,7 +67,7 @@ def parse_stamps(cells: Sequence[str], place: str, first_line: int, name: str = 
     """
     cells = [c.strip() for c in cells]
     if time_format:
-        return _told_format(cells, place, first_line, time_format)
+        return _told_format(cells, place, lines, time_format)
     if _ISO.match(cells[0]):
         try:
             whole = np.array(cells, dtype="datetime64[us]")
@@ -79,22 +79,22 @@ def parse_stamps(cells: Sequence[str], place: str, first_line: int, name: str = 
     found = [_CELL.match(c) if c else None for c in cells]
     bad = next((i for i, m in enumerate(found) if m is None or not _holds(m)), None)
     if bad is not None:
-        raise _unreadable(cells, bad, place, first_line)
+        raise _unreadable(cells, bad, place, lines)
     matches = [m for m in found if m is not None]
     clock, invalid = _clock(matches)
     dated = any(matches[0][g] for g in ("a", "compact", "mon", "mon2"))
     if dated:
-        return _dated(matches, clock, invalid, cells, place, first_line, name)
-    return _undated(matches, clock, invalid, cells, place, first_line, name)
+        return _dated(matches, clock, invalid, cells, place, lines, name)
+    return _undated(matches, clock, invalid, cells, place, lines, name)
 
 
 def _holds(m: re.Match[str]) -> bool:
     return any(m[g] for g in ("a", "compact", "mon", "mon2", "h", "clock"))
 
 
-def _unreadable(cells: Sequence[str], at: int, place: str, first_line: int) -> InputError:
+def _unreadable(cells: Sequence[str], at: int, place: str, lines: Sequence[int]) -> InputError:
     return InputError(
-        f"{place}, line {first_line + at + 1}: unreadable time",
+        f"{place}, line {lines[at] + 1}: unreadable time",
         found=repr(cells[at]),
         allowed=ALLOWED,
         do="mend the cell or say --time-format, as in '%d.%m.%Y %H:%M:%S'",
@@ -157,20 +157,20 @@ def _dated(
     invalid: NDArray[np.bool_],
     cells: Sequence[str],
     place: str,
-    first_line: int,
+    lines: Sequence[int],
     name: str,
 ) -> Stamps:
     invalid = invalid | (clock >= DAY_S)
     if invalid.any():
-        raise _unreadable(cells, int(np.argmax(invalid)), place, first_line)
+        raise _unreadable(cells, int(np.argmax(invalid)), place, lines)
     offset, zoned, some = _offset(matches)
     if some and not zoned:
         bare = next(i for i, m in enumerate(matches) if not m["zone"])
-        raise _unreadable(cells, bare, place, first_line)
+        raise _unreadable(cells, bare, place, lines)
     orders = _orders(matches, name)
     readings = {o: d * DAY_S + clock - offset for o, d in orders.items() if d is not None}
     if not readings:
-        raise _unreadable(cells, _first_bad_date(matches, name), place, first_line)
+        raise _unreadable(cells, _first_bad_date(matches, name), place, lines)
     order, guess = _decide(readings, cells, place, name)
     seconds = readings[order]
     alike = [float(r[0]) for r in readings.values() if np.allclose(r - r[0], seconds - seconds[0])]
@@ -248,7 +248,7 @@ def _undated(
     invalid: NDArray[np.bool_],
     cells: Sequence[str],
     place: str,
-    first_line: int,
+    lines: Sequence[int],
     name: str,
 ) -> Stamps:
     two_parts = all(m["h"] and m["s"] is None and not m["fm"] and not m["pm"] for m in matches)
@@ -258,7 +258,7 @@ def _undated(
         clock, guess = _two_parts(matches, clock, name, place, cells)
         elapsed = elapsed or "s" in _said(name)
     if invalid.any():
-        raise _unreadable(cells, int(np.argmax(invalid)), place, first_line)
+        raise _unreadable(cells, int(np.argmax(invalid)), place, lines)
     if elapsed or bool((clock >= DAY_S).any()):
         return Stamps(clock - clock[0], (), guess)
     newest_first = len(clock) > 2 and float((np.diff(clock) < 0).mean()) > 0.5
@@ -315,7 +315,7 @@ def plausible(seconds: Array) -> bool:
     )
 
 
-def _told_format(cells: Sequence[str], place: str, first_line: int, time_format: str) -> Stamps:
+def _told_format(cells: Sequence[str], place: str, lines: Sequence[int], time_format: str) -> Stamps:
     """By the user's own format; elapsed clocks may pass 24 hours and 60 minutes."""
     if time_format in ("%M:%S", "%H:%M", "%H:%M:%S"):
         parts = [c.replace(",", ".").split(":") for c in cells]
@@ -342,7 +342,7 @@ def _told_format(cells: Sequence[str], place: str, first_line: int, time_format:
                 stamp = datetime.strptime(cell, plain)
             except (ValueError, re.error):
                 raise InputError(
-                    f"{place}, line {first_line + i + 1}: unreadable time",
+                    f"{place}, line {lines[i] + 1}: unreadable time",
                     found=repr(cell),
                     allowed=f"stamps as --time-format {time_format!r} says",
                     do="mend the cell or the format",
@@ -351,7 +351,7 @@ def _told_format(cells: Sequence[str], place: str, first_line: int, time_format:
         try:
             value = (stamp - origin).total_seconds()
         except TypeError:  # one stamp with a zone, one without
-            raise _unreadable(cells, i, place, first_line) from None
+            raise _unreadable(cells, i, place, lines) from None
         if not dated:
             if value + day < last - 0.5 * DAY_S:
                 day += DAY_S

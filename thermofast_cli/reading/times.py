@@ -7,8 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import InputError, listed
+from ..reading_options import Options
 from .columns import check_names
-from .run import Array, Guess, Options
+from .run import Array, Guess
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plausible
 from .tables.table import Table
 from .vocabulary import TIME, TIME_NAMES, words
@@ -164,7 +165,7 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
     if halves and not any(c[-1:].lower() == "m" for c in cells[:3]):
         cells = [f"{c} {h}" for c, h in zip(cells, table.columns[halves], strict=True)]
     label = f"{name} {clock}" if clock else name
-    stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.first_line, label, options.time_format)
+    stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.lines, label, options.time_format)
     used = frozenset({name} | ({clock} if clock else set()) | ({halves} if halves else set()))
     note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
     return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated)
@@ -182,7 +183,7 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     bad = np.flatnonzero(~np.isfinite(column))
     if len(bad):
         raise InputError(
-            f"{table.name}, line {table.first_line + int(bad[0]) + 1}, column {name!r}: no time in this row",
+            f"{table.name}, line {table.lines[int(bad[0])] + 1}, column {name!r}: no time in this row",
             found=f"{len(bad)} rows without a time",
             allowed="a number in every row",
             do="mend or remove the rows",
@@ -217,7 +218,7 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
         cells = [f"{d:08.0f}{v:06.0f}" for d, v in zip(table.columns[date], column, strict=True)]
         used = frozenset({name, date})
     try:
-        stamps = parse_stamps([f"{c[:8]} {c[8:]}" for c in cells], f"{table.name}, column {name!r}", table.first_line, name)
+        stamps = parse_stamps([f"{c[:8]} {c[8:]}" for c in cells], f"{table.name}, column {name!r}", table.lines, name)
     except InputError:
         return None
     return Time(stamps.seconds, used, f"time: moments in {' and '.join(map(repr, sorted(used)))}", (), stamps.starts, True)
@@ -280,7 +281,7 @@ def _same_time(table: Table, other: str, column: Array) -> str | None:
         if not (second and looks_like_stamp(second[0])):
             return None
         try:
-            seconds = parse_stamps(second, "", 0, other).seconds
+            seconds = parse_stamps(second, "", range(len(second)), other).seconds
         except InputError:
             return None
     span = float(np.ptp(column))

@@ -146,32 +146,6 @@ false_alarm_option = click.option(
 
 model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve', in place of the base model.")
 
-#: Names of the parameters that ``reading_options`` adds.
-READING = [
-    "time",
-    "time_unit",
-    "time_format",
-    "interval",
-    "start",
-    "ambient",
-    "inputs",
-    "channels",
-    "exclude",
-    "missing",
-    "delimiter",
-    "decimal",
-    "encoding",
-    "header_line",
-    "long",
-    "units",
-    "strict",
-]
-
-
-def names(text: str | None) -> tuple[str, ...]:
-    """'A, B' as ('A', 'B')."""
-    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
-
 
 def numbers(text: str, option: str) -> tuple[float, ...]:
     """'40,45' or '5:55:1' (ends included) as ascending numbers.

@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from ..engine import Work
+from ..engine import Started, Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
-from ..estimation.sensor import run_start
 from ..output.files import TABLE_SUFFIXES, check_target, check_targets
 from ..output.screen import progress, say, show_records
 from ..pool import warm_pool
-from ..reading import Options, Run, read_runs
+from ..reading import read_runs
+from ..reading_options import options_from
 from ..records import FAILURES
 from ..results import Result
-from .options import READING, names
 
 if TYPE_CHECKING:
     from ..machine.model import Model
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 class Readings:
     """Runs read, with the start of each [min], and (name, why) of those that could not be."""
 
-    runs: list[tuple[Run, float]]
+    runs: list[Started]
     unreadable: list[tuple[str, str]]
     warm: ProcessPoolExecutor | None = None
 
@@ -40,46 +39,6 @@ class Readings:
     def sensors(self) -> int:
         """How many there are, for a progress bar."""
         return sum(len(run.channels) for run, _ in self.runs)
-
-
-def read_options(given: dict[str, Any]) -> Options:
-    """The user's word on reading, from the command's options, those of reading among them."""
-    given = {name: given[name] for name in READING}
-    delimiter = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}.get(given["delimiter"] or "", given["delimiter"])
-    if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
-        raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
-    return Options(
-        time=given["time"],
-        time_unit=given["time_unit"],
-        time_format=given["time_format"],
-        interval_s=given["interval"],
-        ambient=given["ambient"],
-        inputs=names(given["inputs"]),
-        channels=names(given["channels"]),
-        exclude=names(given["exclude"]),
-        missing=names(given["missing"]),
-        delimiter=delimiter,
-        decimal=given["decimal"],
-        encoding=given["encoding"],
-        header_line=given["header_line"],
-        long=_long(given["long"]),
-        units=names(given["units"]),
-        strict=bool(given["strict"]),
-    )
-
-
-def _long(text: str | None) -> tuple[str, ...]:
-    """``SENSOR,VALUE`` as two names; a comma within one is written in quotes."""
-    if not text:
-        return ()
-    import csv
-
-    parts = tuple(p.strip() for p in next(csv.reader([text])))
-    if len(parts) != 2 or not all(parts):
-        raise UsageError(
-            "--long: not two columns", found=repr(text), allowed="SENSOR,VALUE, or A+B,VALUE where two columns name the sensor"
-        )
-    return parts
 
 
 def read_all(
@@ -92,8 +51,7 @@ def read_all(
 ) -> Readings:
     """Read every run; what was taken for what goes to standard error.
 
-    ``from_rise``: without --start a record counts from where its rise begins, else from its first reading: an idle beginning is
-    itself a finding of the discovery loop. targets are the files to be written, which may be no run.
+    from_rise: as in :func:`~..engine.with_start`. targets are the files to be written, which may be no run.
 
     Raises
     ------
@@ -101,8 +59,6 @@ def read_all(
     """
     sources = choose_sources(runs)
     check_targets(targets, sources)
-    if not from_rise and given["start"] == "auto":
-        given = {**given, "start": "0"}
     if not sources:
         raise UsageError(
             "no RUN given",
@@ -111,7 +67,7 @@ def read_all(
         )
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
-    options, start = read_options(given), _start(given["start"])
+    options, start = options_from({name: value for name, value in given.items() if name != "start"}), _start(given["start"])
     warm = warm_pool(jobs, sum(Path(s).stat().st_size for s in sources if Path(s).is_file()))
     found, unreadable = [], []
     last: ThermofastError | None = None
@@ -123,15 +79,11 @@ def read_all(
             last = error
             continue
         for run in read:
-            minutes = run.time_s / 60.0
-            begins = start if start is not None else run_start(minutes, list(run.channels.values()))
-            if begins >= minutes[-1]:
-                raise UsageError(f"{run.name}: --start {begins:g} is after the end of the record", found=f"{minutes[-1]:.4g} min")
+            found.append(with_start(run, start, from_rise))
             if not quiet:
                 say(f"{run.name}: {'; '.join([*run.notes, *map(str, run.guesses)])}")
-                if start is None and begins > 0.0:
-                    say(f"{run.name}: the rise begins at {begins:.4g} min (--start to say otherwise)")
-            found.append((run, begins))
+                if start is None and found[-1][1] > 0.0:
+                    say(f"{run.name}: the rise begins at {found[-1][1]:.4g} min (--start to say otherwise)")
     if not found and last is not None:
         if warm is not None:
             warm.shutdown(cancel_futures=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from ...errors import InputError
-from ..run import Options
+from ...reading_options import Options
 from ..stamps import looks_like_stamp
 from ..units import parse_unit
 

@@ -83,7 +83,8 @@ def _from_arrays(data: Mapping[Any, Any], name: str) -> Table:
             found=f"{short!r} has {sizes[short]} readings, {long!r} {sizes[long]}",
             allowed="one length for all columns",
         )
-    return Table(name, list(columns), columns, units, 0, (f"{len(columns)} columns of {next(iter(sizes.values()))} rows",))
+    rows = next(iter(sizes.values()))
+    return Table(name, list(columns), columns, units, range(rows), (f"{len(columns)} columns of {rows} rows",))
 
 
 def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:

@@ -1,5 +1,6 @@
 """A table as it stands in a file: columns of numbers and of words, before anyone says what they mean."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..run import Array, Guess
 
 @dataclass(frozen=True)
 class Table:
-    """columns: name -> numbers (N,) with nan for none, or cells (N,) as text. first_line: line of the first row, from 0.
+    """columns: name -> numbers (N,) with nan for none, or cells (N,) as text. lines: of each row its line in the file, from 0.
 
     faults: what is wrong with a column that is mostly numbers, raised where it is used; header: whether the columns are named.
     """
@@ -22,7 +23,7 @@ class Table:
     names: list[str]
     columns: dict[str, Array | list[str]]
     units: dict[str, str]
-    first_line: int
+    lines: Sequence[int]
     notes: tuple[str, ...]
     faults: dict[str, InputError] = field(default_factory=dict)
     guesses: tuple[Guess, ...] = ()
@@ -44,7 +45,8 @@ def read_parquet(data: bytes, name: str) -> Table:
     InputError: not Parquet, or cut short.
     """
     try:
-        table = papq.read_table(pa.BufferReader(data))
+        # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
+        table = papq.read_table(pa.BufferReader(data), use_threads=False, pre_buffer=False)
     except (pa.ArrowInvalid, pa.ArrowException, OSError) as error:
         raise InputError(
             f"{name}: not a readable Parquet file",
@@ -88,7 +90,7 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
             notes.append(f"column {column_name!r} of type {kind} left out")
     if not columns:
         raise InputError(f"{name}: no column of numbers or stamps", found="; ".join(notes), do="export the record with its columns")
-    return Table(name, list(columns), columns, {**dict.fromkeys(columns, ""), **units}, 0, tuple(notes))
+    return Table(name, list(columns), columns, {**dict.fromkeys(columns, ""), **units}, range(table.num_rows), tuple(notes))
 
 
 def _words_or_numbers(cells: list[str]) -> Array | list[str]:

@@ -3,6 +3,7 @@
 import io
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from ...errors import InputError, listed
-from ..run import Array, Guess, Options
+from ...reading_options import Options
+from ..run import Array, Guess
 from ..stamps import looks_like_stamp
 from ..units import parse_unit
 from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
@@ -58,14 +60,12 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         guesses.append(Guess("layout", text, "export with semicolons to be sure"))
     names, units = _names(head, dialect, name)
     more = frozenset(m.lower() for m in options.missing)
-    clean, strangers = _without_strangers(body, head, dialect) if _in_trouble(body, names, dialect) else (body, [])
+    clean, strangers = _without_strangers(body, head, dialect) if _in_trouble(body, dialect) else (body, [])
     notes += strangers
-    columns, faults, carried, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
+    columns, faults, carried, at, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
-    return Table(
-        name, names, columns, unit_of, dialect.data_line, tuple(notes), faults, tuple(guesses), dialect.header_line is not None
-    )
+    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), dialect.header_line is not None)
 
 
 def _with_delimiter(options: Options, delimiter: str) -> Options:
@@ -102,7 +102,8 @@ def _joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
                 do="export each segment to a file of its own",
             )
         until = ends[number + 2] if number + 2 < len(ends) else len(lines)
-        rows += [r for r in lines[end + 2 : until] if r.strip() and not _SEGMENT_HEAD.match(r)]
+        rows += [b""] * (end + 2 - len(rows))  # lines that are left out stay as empty ones: line numbers hold
+        rows += [b"" if _SEGMENT_HEAD.match(r) else r for r in lines[end + 2 : until]]
     return ending.join(rows) + ending, [f"{len(ends) - 1} segments joined"]
 
 
@@ -176,7 +177,7 @@ def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
 
 
 def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str]]:
-    """Without lines in the middle that hold no readings: the header again, comments, events; and how many there were."""
+    """With empty lines for those that hold no readings (the header again, comments, events), and how many there were."""
     names = {head[i].strip() for i in (dialect.header_line, *dialect.unit_lines) if i is not None}
     lines = body.split(b"\n")
     kept, comments, headers, events = [], 0, 0, 0
@@ -185,12 +186,14 @@ def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[
         text = line.decode("utf-8", errors="replace").strip()
         if text and text in names:
             headers += 1
+            line = b""
         elif text.startswith(("#", "%", "//")):
             comments += 1
+            line = b""
         elif text and i < last and _is_event(split(text, dialect.delimiter), dialect):
             events += 1
-        else:
-            kept.append(line)
+            line = b""
+        kept.append(line)
     told = [(headers, "repeated headers"), (comments, "comment lines"), (events, "lines without readings")]
     notes = [f"{n} {what} left out" for n, what in told if n]
     return (b"\n".join(kept), notes) if notes else (body, [])
@@ -214,12 +217,12 @@ def _decimal_commas(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
     whole = dialect.width == 2 * count - 1  # the first column without a fraction
     pair = r"\s*[+-]?\d+,\d+\s*"
     row = re.compile((r"\s*[+-]?\d+\s*" if whole else pair) + f"(?:,{pair}){{{count - 1}}}$")
-    lines = [line for line in LINE_END.split(body.decode("utf-8", errors="replace")) if line.strip()]
-    if not all(row.match(line) for line in lines):
+    lines = LINE_END.split(body.decode("utf-8", errors="replace"))
+    if not all(row.match(line) for line in lines if line.strip()):
         return None
     parts = [line.split(",") for line in lines]
     first = 1 if whole else 0
-    rows = [p[:first] + [f"{p[i].strip()},{p[i + 1].strip()}" for i in range(first, len(p), 2)] for p in parts]
+    rows = [p[:first] + [f"{p[i].strip()},{p[i + 1].strip()}" for i in range(first, len(p) - 1, 2)] for p in parts]
     text = "\n".join(";".join(r) for r in rows) + "\n"
     return text.encode(), replace(dialect, delimiter=";", decimal=",", width=count)
 
@@ -269,7 +272,7 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
 Cells = Array | list[str]
 
 
-def _in_trouble(body: bytes, names: list[str], dialect: Dialect) -> bool:
+def _in_trouble(body: bytes, dialect: Dialect) -> bool:
     """Whether some line looks as if it held no readings: a quick look for letters or signs at the beginning of lines."""
     if not body.translate(None, b"0123456789.,;:|\t \"'+-eE\r\n"):
         return False  # nothing but numbers
@@ -280,8 +283,8 @@ def _in_trouble(body: bytes, names: list[str], dialect: Dialect) -> bool:
 
 def _parse_body(
     body: bytes, lines: list[str], names: list[str], dialect: Dialect, name: str, more: frozenset[str], excluded: set[str]
-) -> tuple[dict[str, Cells], dict[str, InputError], dict[str, str], list[str]]:
-    """(columns, what is wrong with some, units that stand in the cells, notes); lines are the first of the body."""
+) -> tuple[dict[str, Cells], dict[str, InputError], dict[str, str], Sequence[int], list[str]]:
+    """(columns, what is wrong with some, units that stand in the cells, the rows' lines, notes); lines are the body's first."""
     ragged: list[str] = []
 
     def ragged_row(row: pacsv.InvalidRow) -> str:
@@ -313,20 +316,31 @@ def _parse_body(
         # given to pyarrow, which would look for each of them in every column of every record.
         table, slow = parse(dict.fromkeys(names, pa.string())), True
     notes = _check_ragged(body, len(names), delimiter, dialect, name) if ragged else []
+    at = _lines_of_rows(body, table.num_rows, delimiter, dialect)
     columns: dict[str, Cells] = {}
     faults: dict[str, InputError] = {}
     carried: dict[str, str] = {}
     for n in names:
         column = table.column(n)
         if n in texts or slow:
-            columns[n], fault, unit = _cells(column.to_pylist(), n, dialect, name, more, n in texts)
+            columns[n], fault, unit = _cells(column.to_pylist(), n, dialect, name, at, more, n in texts)
             if fault is not None:
                 faults[n] = fault
             if unit:
                 carried[n] = unit
         else:
             columns[n] = _without(to_floats(column), more)
-    return columns, faults, carried, notes
+    return columns, faults, carried, at, notes
+
+
+def _lines_of_rows(body: bytes, rows: int, delimiter: str, dialect: Dialect) -> Sequence[int]:
+    """Of each row its line in the file, from 0; empty lines and rows of another width, left out in reading, count too."""
+    lines = LINE_END.split(body.decode("utf-8", errors="replace")) if body.count(b"\n") > rows else []
+    if not any(not line.strip() for line in lines[:-1]):
+        return range(dialect.data_line, dialect.data_line + rows)
+    full = [i for i, line in enumerate(lines) if line and len(split(line, delimiter)) == dialect.width]
+    found = [dialect.data_line + i for i in full]
+    return found if len(found) == rows else range(dialect.data_line, dialect.data_line + rows)
 
 
 def _is_text(cells: list[str], decimal: str, more: frozenset[str]) -> bool:
@@ -388,14 +402,14 @@ def _reads(cells: list[str], decimal: str) -> bool:
 
 
 def _cells(
-    cells: list[str], column: str, dialect: Dialect, name: str, more: frozenset[str], is_text: bool
+    cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int], more: frozenset[str], is_text: bool
 ) -> tuple[Cells, InputError | None, str]:
     """(numbers or the cells themselves, what is wrong with the few that are none, unit that each cell carries)."""
     unit = ""
     if is_text:
         cells, unit = _with_unit(cells, dialect.decimal, more)
         if not unit:
-            return cells, _wordy(cells, column, dialect, name), ""
+            return cells, _wordy(cells, column, dialect, name, lines), ""
     values = np.full(len(cells), np.nan)
     bad: list[int] = []
     for i, cell in enumerate(cells):
@@ -407,11 +421,11 @@ def _cells(
             bad.append(i)
     if not bad:
         return _without(values, more), None, unit
-    if len(bad) > MOSTLY * np.count_nonzero(np.isfinite(values)) + len(bad) * MOSTLY:
+    if len(bad) > np.count_nonzero(np.isfinite(values)):
         return cells, None, ""
     found = listed(dict.fromkeys(repr(cells[i]) for i in bad), 3)
     fault = InputError(
-        f"{name}, line {dialect.data_line + bad[0] + 1}, column {column!r}: not a number",
+        f"{name}, line {lines[bad[0]] + 1}, column {column!r}: not a number",
         found=found + (f" in {len(bad)} rows" if len(bad) > 1 else ""),
         allowed="a number, an empty cell, or a known word for 'no reading' (NaN, OL, ---, ...)",
         do=f"mend the cell, say --missing {cells[bad[0]].strip()!r} if it means 'no reading', or --exclude {column!r}",
@@ -419,7 +433,7 @@ def _cells(
     return values, fault, unit
 
 
-def _wordy(cells: list[str], column: str, dialect: Dialect, name: str) -> InputError | None:
+def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int]) -> InputError | None:
     """What is wrong with a column of words that holds numbers too: a probe that was open for most of the record."""
     numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
     if not 0.05 * len(cells) <= sum(numbers) < len(cells) or looks_like_stamp(cells[0]):
@@ -427,7 +441,7 @@ def _wordy(cells: list[str], column: str, dialect: Dialect, name: str) -> InputE
     first = numbers.index(False)
     other = listed(dict.fromkeys(repr(c) for c, n in zip(cells, numbers, strict=True) if not n), 3)
     return InputError(
-        f"{name}, line {dialect.data_line + first + 1}, column {column!r}: not a number",
+        f"{name}, line {lines[first] + 1}, column {column!r}: not a number",
         found=f"{other} in {numbers.count(False)} rows",
         allowed="numbers of one unit, and known words for 'no reading'",
         do=f"say --missing {cells[first].strip()!r} if it means 'no reading', or --exclude {column!r}",

@@ -1,0 +1,76 @@
+"""What the user may say about how a file is to be read, from the command line or from Python."""
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from .errors import UsageError
+
+#: Words for delimiters that a shell or a settings file cannot well hold.
+DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
+#: Options that are lists.
+SEVERAL = ("inputs", "channels", "exclude", "missing", "units")
+
+
+@dataclass(frozen=True)
+class Options:
+    """The user's word against the rules; None leaves a thing to its rule."""
+
+    time: str | None = None
+    time_unit: str | None = None
+    time_format: str | None = None
+    interval_s: float | None = None
+    ambient: str | None = None
+    inputs: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    delimiter: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    header_line: int | None = None
+    long: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    strict: bool = False
+
+
+def options_from(given: dict[str, Any]) -> Options:
+    """Options by their names on the command line; a list is a list or one text with commas between.
+
+    Raises
+    ------
+    UsageError: an option that is not known, or a value that cannot be.
+    """
+    given = {"interval_s" if key == "interval" else key: value for key, value in given.items()}
+    known = [f.name for f in fields(Options)]
+    for key in given:
+        if key not in known:
+            raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
+    for key in SEVERAL:
+        given[key] = names(given.get(key))
+    given["long"] = _long(given.get("long"))
+    delimiter = given.get("delimiter")
+    delimiter = DELIMITERS.get(delimiter, delimiter) if delimiter else None
+    if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
+        raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
+    return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict"))})
+
+
+def names(several: str | Iterable[str] | None) -> tuple[str, ...]:
+    """'A, B' or a list as ('A', 'B'); a name that holds a comma is given in a list."""
+    if isinstance(several, str):
+        return tuple(part.strip() for part in several.split(",") if part.strip())
+    return tuple(several or ())
+
+
+def _long(given: str | Iterable[str] | None) -> tuple[str, ...]:
+    """``SENSOR,VALUE`` as two names; a comma within one is written in quotes."""
+    if not given:
+        return ()
+    parts = tuple(p.strip() for p in next(csv.reader([given]))) if isinstance(given, str) else tuple(given)
+    if len(parts) != 2 or not all(parts):
+        raise UsageError(
+            "--long: not two columns", found=repr(given), allowed="SENSOR,VALUE, or A+B,VALUE where two columns name the sensor"
+        )
+    return parts
