@@ -20,7 +20,7 @@ cdef struct Rule:
     bint fading_started
 
 
-cdef int cholesky(const double* p, double* l, Py_ssize_t n) noexcept nogil:
+cdef inline int cholesky(const double* p, double* l, Py_ssize_t n) noexcept nogil:
     """Lower factor of a positive semidefinite matrix; returns 1 where it is indefinite beyond rounding."""
     cdef Py_ssize_t i, j, k
     cdef double s
@@ -49,7 +49,7 @@ cdef int cholesky(const double* p, double* l, Py_ssize_t n) noexcept nogil:
     return 0
 
 
-cdef int predict_points(step_function step, double* x, double* p, Py_ssize_t n, double dt,
+cdef inline int predict_points(step_function step, double* x, double* p, Py_ssize_t n, double dt,
                         double spread, double mean0, double cov0, double each, double scale) noexcept nogil:
     """Unscented transform (3)-(7): points at +- spread times the columns of the root; the centre counts mean0, cov0.
 
@@ -120,7 +120,7 @@ cdef void predict_linear(step_function step, step_function jacobian, double* x, 
         x[i] = moved[i]
 
 
-cdef void joseph(double* x, double* p, Py_ssize_t n, double innovation, double s, double r) noexcept nogil:
+cdef inline void joseph(double* x, double* p, Py_ssize_t n, double innovation, double s, double r) noexcept nogil:
     """Update in the form of Joseph: the covariance of the gain that was really used."""
     cdef double gain[MOST]
     cdef double row[MOST]
@@ -200,8 +200,9 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
             dt = t[k] - t[k - 1]
             if linear:
                 predict_linear(step, jacobian, x, p, n, dt)
-            elif predict_points(step, x, p, n, dt, moments[0], moments[1], moments[2], moments[3], scale):
-                broken = <int> k
+            elif predict_points(step, x, p, 3, dt, moments[0], moments[1], moments[2], moments[3], scale) if n == 3 else \
+                    predict_points(step, x, p, n, dt, moments[0], moments[1], moments[2], moments[3], scale):
+                broken = <int> k        # the size as a constant lets the compiler unroll what a sensor's three states need
                 break
             e = y[k] - x[0]
             alpha = 1.0
@@ -339,7 +340,9 @@ def run(object step_capsule, object jacobian_capsule, const double[::1] t, const
                         d = nu * nu if nu * nu < 9.0 else 9.0
                         if alpha == 1.0:
                             scale += (d * scale - scale) / m.seen
-                if weight > 0.0:
+                if weight > 0.0 and n == 3:
+                    joseph(x, p, 3, e, s, r)
+                elif weight > 0.0:
                     joseph(x, p, n, e, s, r)
                 columns[k, 0] = scale
             if not isfinite(x[0]) or not isfinite(p[0]) or fabs(x[0]) > 1e12:

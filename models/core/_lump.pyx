@@ -11,11 +11,17 @@ from libc.stdlib cimport free, malloc
 cdef inline double growth(double rate, double dt) noexcept nogil:
     """(1 - exp(-rate dt)) / rate, continuous at rate = 0."""
     cdef double z = rate * dt
-    if fabs(z) < 1e-7:
-        return dt * (1.0 - 0.5 * z)
+    if fabs(z) < 0.05:
+        return dt * series(z)
     if z < -60.0:
         z = -60.0
-    return -expm1(-z) / rate
+    return (1.0 - exp(-z)) / rate
+
+
+cdef inline double series(double z) noexcept nogil:
+    """(1 - exp(-z)) / z where |z| < 0.05: the first term left out is 1e-18, and no exponential is taken."""
+    return 1.0 - z * (1.0 / 2.0 - z * (1.0 / 6.0 - z * (1.0 / 24.0 - z * (1.0 / 120.0 - z * (
+        1.0 / 720.0 - z * (1.0 / 5040.0 - z * (1.0 / 40320.0 - z * (1.0 / 362880.0))))))))
 
 
 cdef inline double growth_slope(double rate, double dt) noexcept nogil:
@@ -34,9 +40,16 @@ cdef inline double clip(double value, double low, double high) noexcept nogil:
 
 cdef void slope_step(const double* x, double dt, double* out) noexcept nogil:
     """State (temperature, slope, rate) one interval on."""
-    cdef double rate = clip(x[2], -40.0 / dt, 1e3 / dt) if dt > 0 else x[2]
-    out[0] = x[0] + x[1] * growth(rate, dt)
-    out[1] = x[1] * exp(-rate * dt)
+    # A filter spends most of its time here: one exponential at most, and none over a short interval.
+    cdef double z = clip(x[2] * dt, -40.0, 1e3), part, decay
+    if fabs(z) < 0.05:
+        part = dt * series(z)
+        decay = 1.0 - z * series(z)
+    else:
+        decay = exp(-z)
+        part = dt * (1.0 - decay) / z
+    out[0] = x[0] + x[1] * part
+    out[1] = x[1] * decay
     out[2] = x[2]
 
 
@@ -91,7 +104,8 @@ cdef inline double max2(double a, double b) noexcept nogil:
 cdef enum:
     GRID = 12           # rates at which the search begins
     GRID_READINGS = 64  # block means that it looks at
-    RESYNC = 16         # readings between fresh exponentials on an even grid
+    BLOCK = 16          # readings to one exponential on an even grid
+    LANES = 4           # partial sums side by side
 
 
 cdef struct Sums:
@@ -173,89 +187,147 @@ cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_
     return 0
 
 
+cdef void decays(Problem* p, double rate) noexcept nogil:
+    """exp(-rate t) of every reading into p.phi: on an even grid one exponential for BLOCK readings, times its powers."""
+    cdef double power[BLOCK]
+    cdef double first, factor
+    cdef Py_ssize_t i, j, blocks = p.n // BLOCK
+    if not p.even:
+        for i in range(p.n):
+            p.phi[i] = exp(-rate * p.t[i])
+        return
+    factor = exp(-rate * p.step)
+    power[0] = 1.0
+    for j in range(1, BLOCK):
+        power[j] = power[j - 1] * factor
+    for i in range(blocks):
+        first = exp(-rate * p.t[BLOCK * i])
+        for j in range(BLOCK):
+            p.phi[BLOCK * i + j] = first * power[j]
+    if BLOCK * blocks < p.n:
+        first = exp(-rate * p.t[BLOCK * blocks])
+        for j in range(p.n - BLOCK * blocks):
+            p.phi[BLOCK * blocks + j] = first * power[j]
+
+
 cdef void evaluate(Problem* p, double rate, bint slopes, Sums* s) noexcept nogil:
-    cdef Py_ssize_t i
-    cdef double phi_mean = 0.0, psi_mean = 0.0, pp = 0.0, py = 0.0, pq = 0.0, qq = 0.0
-    cdef double a, q, r, slope, rss = 0.0, gradient = 0.0, z, inverse, em, factor
-    inverse = 1.0 / rate if rate != 0.0 else 0.0
-    factor = exp(-rate * p.step) if p.even else 0.0
-    em = 0.0
-    for i in range(p.n):
-        z = rate * p.t[i]
-        if fabs(z) < 1e-3:
-            a = growth(rate, p.t[i])
-            q = growth_slope(rate, p.t[i]) if slopes else 0.0
-            em = expm1(-z)
-        else:
-            # On an even grid the exponential is the last one times a constant, renewed before rounding adds up.
-            if p.even and i % RESYNC != 0:
-                em = (em + 1.0) * factor - 1.0
-            else:
-                em = expm1(-z if z > -60.0 else 60.0)
-            a = -em * inverse
-            q = (p.t[i] * (1.0 + em) - a) * inverse
-        p.phi[i] = a
-        p.psi[i] = q
-        phi_mean += p.w[i] * a
-        psi_mean += p.w[i] * q
-    phi_mean /= p.weight
-    psi_mean /= p.weight
+    # Sums run in LANES parts side by side, which the processor adds at once.
+    cdef Py_ssize_t i, j, early = 0, even = p.n - p.n % LANES
+    cdef double phi_mean, psi_mean = 0.0, inverse = 1.0 / rate if rate != 0.0 else 0.0, slope, decay
+    cdef double a[LANES]
+    cdef double b[LANES]
+    cdef double c[LANES]
+    cdef double d[LANES]
+    cdef double u, v, r
+    decays(p, rate)
+    while early < p.n and fabs(rate * p.t[early]) < 1e-3:   # where the differences below would lose digits
+        p.phi[early] = growth(rate, p.t[early])
+        p.psi[early] = growth_slope(rate, p.t[early])
+        early += 1
+    for i in range(early, p.n):
+        decay = p.phi[i]
+        p.phi[i] = (1.0 - decay) * inverse
+        p.psi[i] = (p.t[i] * decay - p.phi[i]) * inverse
+    clear(a)
+    clear(b)
+    for i in range(0, even, 4):
+        for j in range(LANES):
+            a[j] += p.w[i + j] * p.phi[i + j]
+            b[j] += p.w[i + j] * p.psi[i + j]
+    for i in range(even, p.n):
+        a[0] += p.w[i] * p.phi[i]
+        b[0] += p.w[i] * p.psi[i]
+    phi_mean = total(a) / p.weight
     if slopes:
-        for i in range(p.n):
-            a = p.phi[i] - phi_mean
-            q = p.psi[i] - psi_mean
-            pp += p.w[i] * a * a
-            py += p.w[i] * a * p.y[i]
-            pq += p.w[i] * a * q
-            qq += p.w[i] * q * q
-    else:
-        for i in range(p.n):
-            a = p.phi[i] - phi_mean
-            pp += p.w[i] * a * a
-            py += p.w[i] * a * p.y[i]
-    slope = py / pp if pp > 0.0 else 0.0
-    for i in range(p.n):
+        psi_mean = total(b) / p.weight
+    clear(a)
+    clear(b)
+    clear(c)
+    clear(d)
+    for i in range(0, even, 4):
+        for j in range(LANES):
+            u = p.phi[i + j] - phi_mean
+            v = p.psi[i + j] - psi_mean
+            a[j] += p.w[i + j] * u * u
+            b[j] += p.w[i + j] * u * p.y[i + j]
+            c[j] += p.w[i + j] * u * v
+            d[j] += p.w[i + j] * v * v
+    for i in range(even, p.n):
+        u = p.phi[i] - phi_mean
+        v = p.psi[i] - psi_mean
+        a[0] += p.w[i] * u * u
+        b[0] += p.w[i] * u * p.y[i]
+        c[0] += p.w[i] * u * v
+        d[0] += p.w[i] * v * v
+    s.phi_phi = total(a)
+    s.phi_psi = total(c) if slopes else 0.0
+    s.psi_psi = total(d) if slopes else 0.0
+    slope = total(b) / s.phi_phi if s.phi_phi > 0.0 else 0.0
+    clear(a)
+    clear(b)
+    for i in range(0, even, 4):
+        for j in range(LANES):
+            r = p.y[i + j] - slope * (p.phi[i + j] - phi_mean)
+            a[j] += p.w[i + j] * r * r
+            b[j] += p.w[i + j] * r * (p.psi[i + j] - psi_mean)
+    for i in range(even, p.n):
         r = p.y[i] - slope * (p.phi[i] - phi_mean)
-        rss += p.w[i] * r * r
-        gradient += p.w[i] * r * (p.psi[i] - psi_mean)
+        a[0] += p.w[i] * r * r
+        b[0] += p.w[i] * r * (p.psi[i] - psi_mean)
     s.rate = rate
     s.slope = slope
     s.level = p.level
     s.phi_mean = phi_mean
     s.psi_mean = psi_mean
     s.weight = p.weight
-    s.phi_phi = pp
-    s.phi_psi = pq
-    s.psi_psi = qq
-    s.rss = rss
-    s.gradient = gradient
+    s.rss = total(a)
+    s.gradient = total(b) if slopes else 0.0
+
+
+cdef inline void clear(double* lanes) noexcept nogil:
+    cdef Py_ssize_t j
+    for j in range(LANES):
+        lanes[j] = 0.0
+
+
+cdef inline double total(const double* lanes) noexcept nogil:
+    return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 
 
 cdef void glance(Problem* p, double rate, Sums* s) noexcept nogil:
     """As evaluate, without derivatives and in one pass: the readings are centred, so the basis need not be."""
-    cdef Py_ssize_t i
-    cdef double sum_phi = 0.0, pp = 0.0, py = 0.0, a, em = 0.0, wa, factor, inverse, z
+    cdef Py_ssize_t i, j, even = p.n - p.n % LANES
+    cdef double a[LANES]
+    cdef double b[LANES]
+    cdef double c[LANES]
+    cdef double inverse, value, weighted, py
     if not fabs(rate) * p.t[p.n - 1] > 1e-2:
         evaluate(p, rate, False, s)
         return
-    inverse = -1.0 / rate
-    factor = exp(-rate * p.step) if p.even else 0.0
-    for i in range(p.n):
-        if p.even and i % RESYNC != 0:
-            em = (em + 1.0) * factor - 1.0
-        else:
-            z = rate * p.t[i]
-            em = expm1(-z if z > -60.0 else 60.0)
-        a = em * inverse
-        wa = p.w[i] * a
-        sum_phi += wa
-        pp += wa * a
-        py += wa * p.y[i]
+    decays(p, rate)
+    inverse = 1.0 / rate
+    clear(a)
+    clear(b)
+    clear(c)
+    for i in range(0, even, 4):
+        for j in range(LANES):
+            value = (1.0 - p.phi[i + j]) * inverse
+            weighted = p.w[i + j] * value
+            a[j] += weighted
+            b[j] += weighted * value
+            c[j] += weighted * p.y[i + j]
+    for i in range(even, p.n):
+        value = (1.0 - p.phi[i]) * inverse
+        weighted = p.w[i] * value
+        a[0] += weighted
+        b[0] += weighted * value
+        c[0] += weighted * p.y[i]
+    py = total(c)
     s.rate = rate
     s.level = p.level
     s.weight = p.weight
-    s.phi_mean = sum_phi / p.weight
-    s.phi_phi = pp - sum_phi * s.phi_mean
+    s.phi_mean = total(a) / p.weight
+    s.phi_phi = total(b) - total(a) * s.phi_mean
     s.slope = py / s.phi_phi if s.phi_phi > 0.0 else 0.0
     s.rss = p.squares - s.slope * py
     if s.rss < 0.0:
