@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import curve_fit
 
-from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.closing import estimate_at
 from thermofast.filters import Afukf, PrintedAfukf
 from thermofast.models import LOG_TWENTY, Lump, PrintedLump
 

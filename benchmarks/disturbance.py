@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.closing import estimate_at
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, Ukf
 from thermofast.models import Lump
 

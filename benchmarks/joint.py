@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.closing import estimate_at
 from thermofast.filters import Afukf
 from thermofast.filters.joint import track_together
 from thermofast.models import Lump

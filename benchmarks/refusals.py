@@ -1,7 +1,7 @@
 """How often a refusal ends in an abort instead of its message: ``python -m benchmarks.refusals [RUNS]``.
 
-Each is a process of its own, two at a time on a machine of two cores: a CSV file and a Parquet file, refused while reading (no sensor)
-and refused after it (``--until`` beyond the record). Told: processes by exit code; 2 is a refusal, below 0 or above 128 a signal.
+Each is a process of its own, two at a time on a machine of two cores: a CSV file and a Parquet file, refused while reading (no
+sensor) and refused after it (``--until`` beyond the record). Told: processes by exit code; 2 is a refusal, below 0 a signal.
 """
 
 import subprocess

@@ -8,7 +8,7 @@ log b, else the law.
 import numpy as np
 
 from thermofast.models import fit_decay
-from thermofast.models.core._lump_numpy import growth
+from thermofast.models.core.fit import growth
 
 RATE, STEADY = 0.01536, 26.7
 TIMES = (28, 120)

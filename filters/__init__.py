@@ -2,7 +2,7 @@
 
 from .afukf import Afukf
 from .ast_cqkf import AstCqkf
-from .base import Closing, Compiled, Filter, Start, StateModel, Track, setting
+from .base import Closing, Compiled, Filter, Start, Starts, StateModel, Track, Tracks, setting
 from .ckf import Ckf
 from .cost_reference import AdaptiveCostReference, CostReference
 from .cqkf import Cqkf
@@ -53,9 +53,11 @@ __all__ = [
     "PrintedFadingUkf",
     "Rls",
     "Start",
+    "Starts",
     "StateModel",
     "SvdUkf",
     "Track",
+    "Tracks",
     "Ukf",
     "setting",
 ]

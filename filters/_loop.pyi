@@ -1,10 +1,16 @@
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .base import Array
 
 def run(
     step_capsule: Any,
     jacobian_capsule: Any,
+    rule: str,
+    points: NDArray[np.void] | None,
+    settings: NDArray[np.void],
     t: Array,
     y: Array,
     first: int,
@@ -13,10 +19,28 @@ def run(
     scale: float,
     dof: float,
     dead_band: float,
-    rule: str,
-    moments: Array,
-    settings: Array,
     states: Array,
     covariances: Array,
-    columns: Array,
+    rows: NDArray[np.void],
 ) -> int: ...
+def run_block(
+    step_capsule: Any,
+    jacobian_capsule: Any,
+    rule: str,
+    points: NDArray[np.void] | None,
+    settings: NDArray[np.void],
+    t: Array,
+    y: Array,
+    first: NDArray[np.intp],
+    x0: Array,
+    p0: Array,
+    scale: Array,
+    dof: Array,
+    dead_band: Array,
+    weights: Array,
+    state: Array,
+    covariance: Array,
+    last: NDArray[np.void],
+    woke: NDArray[np.intp],
+    broken: NDArray[np.intp],
+) -> None: ...

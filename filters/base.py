@@ -5,6 +5,7 @@ A filter is settings only (a frozen dataclass); what it learns of one record is 
 """
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
@@ -38,6 +39,26 @@ class Start(Protocol):
     def settled(self) -> bool: ...
 
 
+class Starts(Protocol):
+    """Starts of S records, each field of :class:`Start` an array (S, ...); index is -1 where nothing could be fitted.
+
+    weights (S, N) are those of the readings up to the index.
+    """
+
+    @property
+    def index(self) -> NDArray[np.intp]: ...
+    @property
+    def state(self) -> Array: ...
+    @property
+    def covariance(self) -> Array: ...
+    @property
+    def noise_variance(self) -> Array: ...
+    @property
+    def dof(self) -> Array: ...
+    @property
+    def weights(self) -> Array: ...
+
+
 class Compiled(Protocol):
     """Capsules around C functions ``void f(const double *state, double dt, double *out)``."""
 
@@ -58,6 +79,9 @@ class StateModel(Protocol):
 
     def start(self, time: Array, reading: Array, resolution: float) -> Start:
         """Start from the first readings; depends on no reading after ``Start.index``."""
+
+    def starts(self, time: Array, reading: Array, resolution: Array) -> Starts | None:
+        """As :meth:`start` for records (S, N) on one grid; None where a model has no such form."""
 
     def step(self, state: Array, dt: float) -> Array:
         """States (..., n) one interval on."""
@@ -95,6 +119,40 @@ class Track:
         return np.where(self.weight > 0.0, 1.0 / self.noise_factor, 0.0)
 
 
+@dataclass(frozen=True)
+class Tracks:
+    """What is known after the last reading of each of S records (S, N) on one grid, where no series is asked for.
+
+    first (S,); weight (S, N) of each reading in a likelihood; state (S, n), covariance (S, n, n), noise_variance (S,) and
+    forgotten (S,) as in :class:`Track`; woke (S,), the first reading at which the filter faded, N where it never did;
+    diverged_at (S,), -1 where it never did.
+    """
+
+    first: NDArray[np.intp]
+    weight: Array
+    state: Array
+    covariance: Array
+    noise_variance: Array
+    forgotten: Array
+    woke: NDArray[np.intp]
+    diverged_at: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, tracks: "Sequence[Track]") -> "Tracks":
+        """The last rows of tracks of one length."""
+        faded = [np.flatnonzero(t.fading > 1.0) for t in tracks]
+        return cls(
+            np.array([t.first for t in tracks], dtype=np.intp),
+            np.stack([t.likelihood_weight for t in tracks]),
+            np.stack([t.state[-1] for t in tracks]),
+            np.stack([t.covariance[-1] for t in tracks]),
+            np.array([t.noise_variance[-1] for t in tracks]),
+            np.array([t.forgotten[-1] for t in tracks]),
+            np.array([f[0] if len(f) else len(t.fading) for t, f in zip(tracks, faded, strict=True)], dtype=np.intp),
+            np.array([-1 if t.diverged_at is None else t.diverged_at for t in tracks], dtype=np.intp),
+        )
+
+
 Closing = Literal["never", "when consistent", "always"]
 
 
@@ -118,6 +176,10 @@ class Filter:
 
         time (N,) in minutes, ascending; reading (N,) in degC, all finite; resolution [K] of the logger, 0 if unknown.
         """
+
+    def tracks(self, model: StateModel, time: Array, reading: Array, resolution: Array) -> Tracks | None:
+        """What :meth:`track` comes to at the end of records (S, N) on one grid, in one call; None where each is filtered alone."""
+        return None
 
 
 def setting(default: float, meaning: str, low: float, high: float) -> Any:

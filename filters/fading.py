@@ -7,7 +7,7 @@ Joseph, the covariance of the gain that was really used.
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -77,7 +77,8 @@ class FadingRule:
     def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update: ...
 
     @abstractmethod
-    def compiled_settings(self) -> Array: ...
+    def compiled_settings(self) -> dict[str, float]:
+        """Settings of the compiled twin by the names of :data:`filters.loop.SETTINGS`."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,8 @@ class NoFading(FadingRule):
         m.scale += (e * e / s - m.scale) / m.seen
         return Update(*joseph(state, p, e, s, 1.0), s * m.scale)
 
-    def compiled_settings(self) -> Array:
-        return np.zeros(1)
+    def compiled_settings(self) -> dict[str, float]:
+        return {}
 
 
 @dataclass(frozen=True)
@@ -120,8 +121,8 @@ class InnovationFading(FadingRule):
         m.scale += (min(nu2, 9.0) * m.scale - m.scale) / m.seen
         return Update(*joseph(state, p, e, s, 1.0), s * m.scale, alpha, added * m.scale)
 
-    def compiled_settings(self) -> Array:
-        return np.array([self.forgetting, self.weakening])
+    def compiled_settings(self) -> dict[str, float]:
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -228,19 +229,8 @@ class AdaptiveFading(FadingRule):
             state, p = joseph(state, p, e, s, r)
         return Update(state, p, s * m.scale, alpha, added * m.scale, r, weight)
 
-    def compiled_settings(self) -> Array:
-        return np.array(
-            [
-                self.forgetting,
-                self.spread_forgetting,
-                self.gate,
-                self.noise_threshold,
-                self.wake_threshold,
-                self.fading_gain,
-                self.fading_most,
-                self.jump_readings,
-            ]
-        )
+    def compiled_settings(self) -> dict[str, float]:
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -283,6 +273,6 @@ class PrintedFading(FadingRule):
         gain = alpha * p[:, 0] / s
         return Update(state + gain * e, p - s * np.outer(gain, gain), s, alpha, m.process, m.noise)
 
-    def compiled_settings(self) -> Array:
-        threshold = self.threshold if self.adapts else math.inf
-        return np.array([self.forgetting, self.weakening, threshold, self.factor, self.process_noise, self.noise])
+    def compiled_settings(self) -> dict[str, float]:
+        settings = asdict(self)
+        return settings if settings.pop("adapts") else {**settings, "threshold": math.inf}

@@ -1,21 +1,20 @@
 """The one loop of every Gaussian filter: gaps, recording and divergence live here and nowhere else."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .base import Array, Closing, Filter, Start, StateModel, Track
+from .base import Array, Closing, Filter, Start, StateModel, Track, Tracks
 from .fading import Context, FadingRule, NoFading
 from .moments import Moments
 
-_compiled_run: Callable[..., int] | None
+_compiled: Any
 try:
-    from ._loop import run as _compiled_run
+    from . import _loop as _compiled
 except ImportError:  # built where no compiler was: the readable loop below gives the same numbers, slowly
-    _compiled_run = None
+    _compiled = None
 
 COLUMNS = (
     "noise_variance",
@@ -26,6 +25,31 @@ COLUMNS = (
     "noise_factor",
     "weight",
     "forgotten",
+)
+
+
+#: What the compiled loop is told and tells, by name: one reading's row, where sigma points stand, the settings of all fading rules.
+ROW = np.dtype([(name, float) for name in COLUMNS])
+POINTS = np.dtype([(name, float) for name in ("spread", "centre_mean", "centre_covariance", "each")])
+SETTINGS = np.dtype(
+    [
+        (name, float)
+        for name in (
+            "forgetting",
+            "spread_forgetting",
+            "gate",
+            "noise_threshold",
+            "wake_threshold",
+            "fading_gain",
+            "fading_most",
+            "jump_readings",
+            "weakening",
+            "threshold",
+            "factor",
+            "process_noise",
+            "noise",
+        )
+    ]
 )
 
 
@@ -50,6 +74,48 @@ class GaussianFilter(Filter):
         start = model.start(time, reading, resolution)
         return run(model, start, self.moments, self.fading_rule, time, reading, resolution)
 
+    def tracks(self, model: StateModel, time: Array, reading: Array, resolution: Array) -> Tracks | None:
+        """In the compiled loop, where it knows the transform, the rule and the model, and ``track`` is this class's own."""
+        own = type(self).track is GaussianFilter.track
+        called = _called(model, self.moments, self.fading_rule, len(model.state_names)) if own else None
+        starts = model.starts(time, reading, resolution) if called is not None else None
+        if called is None or starts is None or (starts.index < 0).any():
+            return None
+        records, n = starts.state.shape
+        weight = starts.weights.copy()
+        state, covariance = np.full((records, n), np.nan), np.full((records, n, n), np.nan)
+        last = np.full(records, np.nan, ROW)
+        woke, diverged_at = np.empty(records, np.intp), np.empty(records, np.intp)
+        _compiled.run_block(
+            *called,
+            np.ascontiguousarray(time),
+            np.ascontiguousarray(reading),
+            starts.index,
+            starts.state,
+            starts.covariance,
+            starts.noise_variance,
+            starts.dof,
+            0.5 * np.asarray(resolution),
+            weight,
+            state,
+            covariance,
+            last,
+            woke,
+            diverged_at,
+        )
+        return Tracks(starts.index, weight, state, covariance, last["noise_variance"], last["forgotten"], woke, diverged_at)
+
+
+def _called(model: StateModel, moments: Moments, rule: FadingRule, n: int) -> tuple[Any, ...] | None:
+    """The first arguments of the compiled loop, or None where it does not know one of the three."""
+    if _compiled is None or model.compiled is None or not (moments.compiled and rule.compiled):
+        return None
+    points, settings = moments.compiled_settings(n), np.zeros(1, SETTINGS)
+    for name, value in rule.compiled_settings().items():
+        settings[name] = value
+    told = None if points is None else np.array([points], POINTS)
+    return model.compiled.step, model.compiled.jacobian, rule.rule, told, settings
+
 
 def run(
     model: StateModel,
@@ -65,15 +131,16 @@ def run(
     count, n = len(time), len(start.state)
     states = np.full((count, n), np.nan)
     covariances = np.full((count, n, n), np.nan)
-    columns = np.full((count, len(COLUMNS)), np.nan)
+    rows = np.full(count, np.nan, ROW)
+    columns = rows.view(float).reshape(count, len(COLUMNS))
     columns[: start.index + 1] = [start.noise_variance, np.nan, np.nan, 1.0, 0.0, 1.0, 1.0, 0.0]
-    columns[: start.index + 1, 6] = start.weights
+    rows["weight"][: start.index + 1] = start.weights
     # Rounding to the logger's step is no news of the physics, however long it lasts.
     dead_band = 0.5 * resolution
-    if compiled and moments.compiled and rule.compiled and _compiled_run is not None and model.compiled is not None:
-        broken = _compiled_run(
-            model.compiled.step,
-            model.compiled.jacobian,
+    called = _called(model, moments, rule, n) if compiled else None
+    if called is not None:
+        broken = _compiled.run(
+            *called,
             np.ascontiguousarray(time),
             np.ascontiguousarray(reading),
             start.index,
@@ -82,19 +149,16 @@ def run(
             start.noise_variance,
             start.dof,
             dead_band,
-            rule.rule,
-            moments.compiled_settings(n),
-            rule.compiled_settings(),
             states,
             covariances,
-            columns,
+            rows,
         )
     else:
         context = Context(start.covariance, dead_band)
         broken = run_readable(model, start, moments, rule, context, time, reading, (states, covariances, columns))
     if broken >= 0:
         states[broken:], covariances[broken:], columns[broken:] = np.nan, np.nan, np.nan
-    series: dict[str, Any] = {name: columns[:, i] for i, name in enumerate(COLUMNS)}
+    series: dict[str, Any] = {name: rows[name] for name in COLUMNS}
     return Track(start.index, states, covariances, diverged_at=broken if broken >= 0 else None, **series)
 
 

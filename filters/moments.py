@@ -46,8 +46,8 @@ class Moments:
     def predict(self, model: StateModel, mean: Array, covariance: Array, dt: float, scale: float) -> tuple[Array, Array]: ...
 
     @abstractmethod
-    def compiled_settings(self, n: int) -> Array:
-        """Numbers for the compiled loop; empty for the linearised form."""
+    def compiled_settings(self, n: int) -> tuple[float, float, float, float] | None:
+        """Where sigma points stand, in the order of :data:`filters.loop.POINTS`; None for the linearised form."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class _SigmaPoints(Moments):
         moved, centre = moved - new_mean, centre - new_mean
         return new_mean, (each * moved.T @ moved + cov0 * np.outer(centre, centre)) / scale
 
-    def compiled_settings(self, n: int) -> Array:
-        return np.array(self.weights(n))
+    def compiled_settings(self, n: int) -> tuple[float, float, float, float]:
+        return self.weights(n)
 
 
 @dataclass(frozen=True)
@@ -112,5 +112,5 @@ class Linearised(Moments):
         jacobian = model.jacobian(mean, dt)
         return model.step(mean, dt), jacobian @ covariance @ jacobian.T
 
-    def compiled_settings(self, n: int) -> Array:
-        return np.empty(0)
+    def compiled_settings(self, n: int) -> None:
+        return None

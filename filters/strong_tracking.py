@@ -155,5 +155,5 @@ class StrongTracking(FadingRule):
         m.spread = float(sage_husa_noise(noise, deviation, p[:1, :1], weight, one, self.noise_least, self.noise_most)[0, 0])
         return Update(state, posterior, s * m.scale, alpha, added * m.scale, r)
 
-    def compiled_settings(self) -> Array:
-        return np.empty(0)
+    def compiled_settings(self) -> dict[str, float]:
+        return {}

@@ -2,7 +2,19 @@
 
 from .core.kernel import COMPILED, growth, growth_slope
 from .core.tails import t_quantile
-from .decay import LOG_TWENTY, OUTLIER, DecayFit, Interval, Likelihood, fit_decay, likelihood, likelihood_sweep, widened_intervals
+from .decay import (
+    LOG_TWENTY,
+    OUTLIER,
+    DecayFit,
+    Interval,
+    Likelihood,
+    fit_decay,
+    interval,
+    likelihood,
+    likelihood_sweep,
+    likelihoods,
+    widened_intervals,
+)
 from .lump import Lump, PrintedLump
 from .noise.spikes import difference_noise, spike_weights, third_difference_noise
 from .noise.whiteness import pattern_p_value, variance_inflation
@@ -22,8 +34,10 @@ __all__ = [
     "fit_decay",
     "growth",
     "growth_slope",
+    "interval",
     "likelihood",
     "likelihood_sweep",
+    "likelihoods",
     "pattern_p_value",
     "spike_weights",
     "t_quantile",

@@ -7,13 +7,14 @@ Times are minutes, temperatures degC, rates 1/min.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .core import kernel
-from .core.kernel import Array, FitMoments
+from .core.kernel import Array, FitMoments, Fits
 from .core.tails import t_quantile
 
 #: The rise is counted as done when 95 % of it is: ln 20 time constants.
@@ -44,85 +45,90 @@ class Interval:
 
 @dataclass(frozen=True)
 class DecayFit(FitMoments):
-    """Fit of T(t) = level + slope (growth(rate, t - t0) - phi_mean); see :func:`fit_decay`.
+    """Fit of T(t) = level + slope (growth(rate, t - t0) - phi_mean), or of S records at once; see :func:`fit_decay`.
 
-    rss is the weighted residual sum of squares [K^2], n the number of readings used, span the time they cover [min].
+    Numbers, or arrays (S,): rss is the weighted residual sum of squares [K^2], n the number of readings used, span the time they
+    cover [min], least and greatest the rates looked at.
     """
 
-    n: int
-    span: float
-    rate_low: float
-    rate_high: float
+    n: Any
+    span: Any
+    least: Any
+    greatest: Any
     t0: float
 
+    @classmethod
+    def told(cls, t0: float, table: Fits) -> "DecayFit":
+        """The fit that the core tells as one record of FIT, or the fits of an array of them (S,), for times counted from t0."""
+        values = {f.name: table[f.name] if table.ndim else float(table[f.name]) for f in fields(cls) if f.name != "t0"}
+        return cls(**values, t0=t0)
+
+    def one(self, i: int) -> "DecayFit":
+        """The i-th of several fits."""
+        return DecayFit(**{f.name: float(getattr(self, f.name)[i]) for f in fields(self) if f.name != "t0"}, t0=self.t0)
+
     @property
-    def dof(self) -> int:
+    def dof(self) -> Any:
         return self.n - 3
 
     @property
-    def noise_variance(self) -> float:
+    def noise_variance(self) -> Any:
         """Variance of a reading of weight 1 [K^2]; nan without a spare reading."""
-        return self.rss / self.dof if self.dof > 0 else math.nan
+        with np.errstate(all="ignore"):
+            return np.where(self.dof > 0, self.rss / np.maximum(self.dof, 1), np.nan)[()]
 
     @property
-    def steady_state(self) -> float:
+    def steady_state(self) -> Any:
         """T_inf [degC]; infinite where no curvature is seen."""
-        return self.level + self.slope * (1.0 / self.rate - self.phi_mean) if self.rate > 0.0 else math.inf
+        with np.errstate(all="ignore"):
+            return np.where(self.rate > 0.0, self.level + self.slope * (1.0 / np.asarray(self.rate) - self.phi_mean), np.inf)[()]
 
     def predict(self, time: Array) -> Array:
-        """Temperatures (n,) at times (n,) [min]."""
-        return self.level + self.slope * (kernel.growth(self.rate, time - self.t0) - self.phi_mean)
+        """Temperatures (..., n) at times (n,) [min]."""
+        level, slope, rate, mean = (np.asarray(v)[..., None] for v in (self.level, self.slope, self.rate, self.phi_mean))
+        result: Array = level + slope * (kernel.growth(rate, time - self.t0) - mean)
+        return result
 
     def residual_and_tangent(self, time: Array, reading: Array) -> tuple[Array, Array]:
-        """Reading minus model (n,), and a basis (n, 3) of the directions in which the fit can move."""
+        """Reading (..., n) minus model, and a basis (..., n, 3) of the directions in which the fit can move."""
         dt = time - self.t0
-        decay = np.exp(-self.rate * dt)
-        model = self.level + self.slope * ((1.0 - decay) / self.rate - self.phi_mean)
-        tangent = np.empty((len(time), 3))
-        tangent[:, 0] = 1.0
-        tangent[:, 1] = decay
-        tangent[:, 2] = dt * decay
+        level, slope, rate, mean = (np.asarray(v)[..., None] for v in (self.level, self.slope, self.rate, self.phi_mean))
+        decay = np.exp(-rate * dt)
+        model = level + slope * ((1.0 - decay) / rate - mean)
+        tangent = np.empty((*decay.shape, 3))
+        tangent[..., 0] = 1.0
+        tangent[..., 1] = decay
+        tangent[..., 2] = dt * decay
         return reading - model, tangent
 
     @property
-    def steady_state_limit(self) -> float:
+    def steady_state_limit(self) -> Any:
         """Cramer-Rao bound of the steady state's standard deviation, per unit of the noise's, at the estimate."""
-        if self.rate <= 0.0 or math.isinf(self.rate_covariance()[2]):
-            return math.inf
-        return math.sqrt(max(self.steady_variance(), 0.0))
+        with np.errstate(all="ignore"):
+            unknown = (np.asarray(self.rate) <= 0.0) | np.isinf(self.rate_covariance()[2])
+            return np.where(unknown, np.inf, np.sqrt(np.maximum(self.steady_variance(), 0.0)))[()]
 
-    def state(self, time: float) -> tuple[Array, Array]:
-        """State (temperature, slope, rate) (3,) at a time [min] and its covariance (3, 3) per unit of the noise variance."""
-        dt = time - self.t0
-        phi, psi, decay = _growths(self.rate, dt)
+    def state(self, time: Array | float) -> tuple[Array, Array]:
+        """State (temperature, slope, rate) (..., 3) at a time [min], or a time each, and its covariance (..., 3, 3) per unit of the
+        noise variance.
+        """
+        dt = np.asarray(time) - self.t0
+        rate = np.asarray(self.rate)
+        phi, psi = kernel.growth(rate, dt), kernel.growth_slope(rate, dt)
+        decay = np.exp(-np.maximum(rate * dt, -60.0))
         ss, sr, rr = self.rate_covariance()
         # (level, slope, rate) carried to the state: the level is independent of the other two.
         by_slope, by_rate = phi - self.phi_mean, self.slope * (psi - self.psi_mean)
         slope_by_rate = -self.slope * dt * decay
-        tt = 1.0 / self.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
-        ts = by_slope * decay * ss + (by_slope * slope_by_rate + by_rate * decay) * sr + by_rate * slope_by_rate * rr
-        tr = by_slope * sr + by_rate * rr
-        vv = decay**2 * ss + 2.0 * decay * slope_by_rate * sr + slope_by_rate**2 * rr
-        vr = decay * sr + slope_by_rate * rr
-        mean = np.array([self.level + self.slope * (phi - self.phi_mean), self.slope * decay, self.rate])
-        return mean, np.array([[tt, ts, tr], [ts, vv, vr], [tr, vr, rr]])
-
-
-def _growths(rate: float, dt: float) -> tuple[float, float, float]:
-    """growth, its derivative by the rate, and exp(-rate dt), of plain numbers."""
-    z = max(rate * dt, -60.0)
-    decay = math.exp(-z)
-    if abs(z) < 1e-3:
-        return float(kernel.growth(rate, dt)), float(kernel.growth_slope(rate, dt)), decay
-    phi = -math.expm1(-z) / rate
-    return phi, (dt * decay - phi) / rate, decay
-
-
-def told_fit(t0: float, values: Sequence[float]) -> DecayFit:
-    """The fit that the kernel tells as a row of numbers, for times counted from t0."""
-    rate, slope, level, phi_mean, psi_mean, weight, phi_phi, phi_psi, psi_psi, rss = values[:10]
-    basis = phi_mean, psi_mean, weight, phi_phi, phi_psi, psi_psi
-    return DecayFit(rate, slope, level, *basis, rss, int(values[10]), values[11], values[12], values[13], t0)
+        with np.errstate(invalid="ignore"):
+            tt = 1.0 / self.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
+            ts = by_slope * decay * ss + (by_slope * slope_by_rate + by_rate * decay) * sr + by_rate * slope_by_rate * rr
+            tr = by_slope * sr + by_rate * rr
+            vv = decay**2 * ss + 2.0 * decay * slope_by_rate * sr + slope_by_rate**2 * rr
+            vr = decay * sr + slope_by_rate * rr
+        mean = np.stack([self.level + self.slope * (phi - self.phi_mean), self.slope * decay, rate], axis=-1)
+        rows = [np.stack(row, axis=-1) for row in ((tt, ts, tr), (ts, vv, vr), (tr, vr, np.broadcast_to(rr, np.shape(tt))))]
+        return mean, np.stack(rows, axis=-2)
 
 
 def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: bool = False) -> DecayFit:
@@ -138,7 +144,9 @@ def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: 
     """
     weight = np.ones(len(time)) if weight is None else weight
     t, y, w = (np.ascontiguousarray(a, dtype=float) for a in (time, reading, weight))
-    return told_fit(float(time[0]), kernel.fit_decay(t, y, w, signed))
+    out = np.empty(1, kernel.FIT)
+    kernel.fit_decay(t, y, w, signed, out)
+    return DecayFit.told(float(time[0]), out[0])
 
 
 @dataclass(frozen=True)
@@ -151,59 +159,94 @@ class Likelihood:
     weights: Array
 
 
-def _intervals(fit: DecayFit, rate_low: float, rate_high: float, low: float, high: float) -> tuple[Interval, Interval]:
-    closed, rising = not math.isnan(rate_low), fit.slope >= 0.0
-    return (
-        Interval(low if closed or rising else None, high if closed or not rising else None),
-        Interval(rate_low if closed else None, None if math.isnan(rate_high) else rate_high),
-    )
+@dataclass(frozen=True)
+class Likelihoods:
+    """As :class:`Likelihood` for S records on one grid: bounds (S,), nan for a side that is open; weights (S, n).
+
+    Where nothing could be fitted the rate is nan.
+    """
+
+    fit: DecayFit
+    steady_low: Array
+    steady_high: Array
+    rate_low: Array
+    rate_high: Array
+    weights: Array
+
+    def one(self, i: int) -> Likelihood:
+        """The i-th."""
+        steady = interval(self.steady_low[i], self.steady_high[i])
+        return Likelihood(self.fit.one(i), steady, interval(self.rate_low[i], self.rate_high[i]), self.weights[i])
 
 
-def start_rule(resolution: float, outlier: float = OUTLIER) -> kernel.StartRule:
-    """How a filter is started on a record with the logger's step `resolution` [K]; see :meth:`models.lump.Lump.start`."""
-    return resolution, SETTLED, FEWEST_READINGS, GROWTH, outlier
+def interval(low: float, high: float) -> Interval:
+    """From bounds that are nan where a side is open."""
+    return Interval(None if math.isnan(low) else float(low), None if math.isnan(high) else float(high))
 
 
-def _likelihood_table(
+def _open_sides(slope: Array, bounds: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+    """(rate low, rate high, steady state low, high), nan where the contour of the likelihood does not close on that side."""
+    rate_low, rate_high, low, high = bounds
+    closed, rising = ~np.isnan(rate_low), np.asarray(slope) >= 0.0
+    return rate_low, rate_high, np.where(closed | rising, low, np.nan), np.where(closed | ~rising, high, np.nan)
+
+
+def start_rule(outlier: float = OUTLIER) -> kernel.StartRule:
+    """How a filter is started on a record; see :meth:`models.lump.Lump.start`."""
+    return SETTLED, FEWEST_READINGS, GROWTH, outlier
+
+
+def _fits(
     time: Array,
     reading: Array,
     weight: Array,
-    counts: Sequence[int] | NDArray[np.intp],
-    first: int,
-    resolution: float,
+    counts: NDArray[np.intp],
+    first: NDArray[np.intp],
+    resolution: Array,
     outlier: float,
     wide: float = math.inf,
-) -> Array:
-    number = np.asarray(counts, dtype=np.intp)
-    usable = np.concatenate([[0], np.cumsum(weight > 0.0)])[number]
-    quantiles = t_quantile(np.maximum(usable - 3, 1))
-    out = np.empty((len(number), 18))
-    arrays = np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, number
-    kernel.likelihoods(*arrays, quantiles, first, start_rule(resolution, outlier), wide, out)
+) -> Fits:
+    """Fits (S, m) of the first counts (m,) readings of records (S, n); a single count changes the weights (S, n)."""
+    usable = np.concatenate([np.zeros((len(weight), 1)), np.cumsum(weight > 0.0, axis=1)], axis=1)[:, counts]
+    quantiles = np.ascontiguousarray(t_quantile(np.maximum(usable - 3, 1)))
+    out = np.empty((len(reading), len(counts)), kernel.FIT)
+    t, y = np.ascontiguousarray(time), np.ascontiguousarray(reading)
+    kernel.likelihoods(t, y, weight, counts, quantiles, first, resolution, start_rule(outlier), wide, out)
     return out
+
+
+def likelihoods(
+    time: Array, reading: Array, weight: Array, resolution: Array, first: NDArray[np.intp], outlier: float = OUTLIER
+) -> Likelihoods:
+    """Maximum likelihood of all readings (S, n) of S records on one grid time (n,), with profile intervals.
+
+    weight (S, n) as in :func:`fit_decay`; readings `outlier` deviations outside the fit are left out of it (inf: none), and with no
+    more than `first` (S,) readings the weights are those of a start. The limit of the residual sum of squares is that of Student's
+    t for one parameter, the noise being estimated from the same readings. resolution (S,) [K] is the logger's step.
+    """
+    weight = np.array(weight, dtype=float)
+    counts = np.array([len(time)], dtype=np.intp)
+    table = _fits(time, reading, weight, counts, np.asarray(first, dtype=np.intp), np.asarray(resolution, float), outlier)[:, 0]
+    fit = DecayFit.told(float(time[0]), table)
+    bounds = table["rate_low"], table["rate_high"], table["steady_low"], table["steady_high"]
+    rate_low, rate_high, low, high = _open_sides(fit.slope, bounds)
+    exact = np.isnan(table["steady_low"]) & (fit.n > 3)  # no noise at all: the estimate is exact
+    return Likelihoods(
+        fit,
+        np.where(exact, fit.steady_state, low),
+        np.where(exact, fit.steady_state, high),
+        np.where(exact, fit.rate, rate_low),
+        np.where(exact, fit.rate, rate_high),
+        weight,
+    )
 
 
 def likelihood(
     time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0, outlier: float = OUTLIER
 ) -> Likelihood | None:
-    """Maximum likelihood of all readings with profile intervals; None where there is nothing to fit.
-
-    weight (n,) as in :func:`fit_decay`; readings `outlier` deviations outside the fit are left out of it (inf: none), and with no
-    more than `first` readings the weights are those of a start. The limit of the residual sum of squares is that of Student's
-    t for one parameter, the noise being estimated from the same readings.
-    """
-    weight = np.array(weight, dtype=float)
-    values = _likelihood_table(time, reading, weight, [len(time)], first, resolution, outlier)[0].tolist()
-    if math.isnan(values[0]):
-        return None
-    fit = told_fit(float(time[0]), values)
-    if fit.dof < 1:
-        steady, rates = Interval(None, None), Interval(None, None)
-    elif math.isnan(values[16]):  # no noise at all: the estimate is exact
-        steady, rates = Interval(fit.steady_state, fit.steady_state), Interval(fit.rate, fit.rate)
-    else:
-        steady, rates = _intervals(fit, *values[14:])
-    return Likelihood(fit, steady, rates, weight)
+    """As :func:`likelihoods` for one record; None where there is nothing to fit."""
+    found = likelihoods(time, reading[None], weight[None], np.array([resolution]), np.array([first], dtype=np.intp), outlier).one(0)
+    return None if math.isnan(found.fit.rate) else found
 
 
 def likelihood_sweep(
@@ -222,21 +265,28 @@ def likelihood_sweep(
     the steady state's interval (m,), nan where a side is open, and the fit of the longest stretch. Only a width that may
     come near `narrow` is looked for on the likelihood; a far larger one is to first order, whatever its shape.
     """
-    out = _likelihood_table(time, reading, np.array(weight, dtype=float), counts, first, resolution, outlier, 2.0 * narrow)
-    rate, slope, level, phi_mean = out[:, :4].T
-    since = time[np.asarray(counts) - 1] - time[0]
-    temperature = level + slope * (kernel.growth(rate, since) - phi_mean)
+    number = np.asarray(counts, dtype=np.intp)
+    begun, step = np.array([first], dtype=np.intp), np.array([resolution])
+    out = _fits(time, reading[None], np.array(weight, dtype=float)[None], number, begun, step, outlier, 2.0 * narrow)[0]
+    rate, slope = out["rate"], out["slope"]
+    since = time[number - 1] - time[0]
+    temperature = out["level"] + slope * (kernel.growth(rate, since) - out["phi_mean"])
     states = np.column_stack([temperature, slope * np.exp(-rate * since), rate])
-    width = np.where(np.isnan(out[:, 14]), np.nan, out[:, 17] - out[:, 16])
-    exact = (out[:, 10] > 3) & np.isnan(out[:, 16]) & np.isfinite(rate)
-    longest = out[-1].tolist()
-    fit = None if math.isnan(longest[0]) else told_fit(float(time[0]), longest)
+    width = np.where(np.isnan(out["rate_low"]), np.nan, out["steady_high"] - out["steady_low"])
+    exact = (out["n"] > 3) & np.isnan(out["steady_low"]) & np.isfinite(rate)
+    fit = None if np.isnan(out["rate"][-1]) else DecayFit.told(float(time[0]), out[-1])
     return states, np.where(exact, 0.0, width), fit
 
 
-def widened_intervals(fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float) -> tuple[Interval, Interval]:
-    """Intervals of steady state [degC] and rate [1/min] with the noise variance times `widening`: for dependent residuals."""
+def widened_intervals(
+    fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float
+) -> tuple[float, float, float, float]:
+    """Bounds with the noise variance times `widening`, for dependent residuals; nan where a side is open.
+
+    Returns (rate low, rate high [1/min], steady state low, high [degC]).
+    """
     noise = fit.noise_variance * widening
     limit = fit.rss + noise * float(t_quantile(fit.dof)) ** 2
     bounds = kernel.profile_decay(np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit)
-    return _intervals(fit, *bounds)
+    low, high, steady_low, steady_high = _open_sides(fit.slope, tuple(np.asarray(b) for b in bounds))  # type: ignore[arg-type]
+    return float(low), float(high), float(steady_low), float(steady_high)

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .core import kernel
 from .core.kernel import Array
-from .decay import Interval, start_rule, told_fit
+from .decay import DecayFit, Interval, start_rule
 
 _NODES = np.linspace(-4.5, 4.5, 91)
 _DENSITY = np.exp(-0.5 * _NODES**2) / np.exp(-0.5 * _NODES**2).sum()
@@ -32,6 +33,19 @@ class LumpStart:
     dof: float
     weights: Array
     settled: bool
+
+
+@dataclass(frozen=True)
+class LumpStarts:
+    """Starts of S filters; the fields of :class:`filters.base.Starts`."""
+
+    index: NDArray[np.intp]
+    state: Array
+    covariance: Array
+    noise_variance: Array
+    dof: Array
+    weights: Array
+    settled: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -132,17 +146,36 @@ class Lump:
 
         Depends on no reading after the index that it returns, so that a filter's state at any time is the same whether
         or not the record goes on. resolution [K] is the logger's step: its rounding is a floor of the noise.
+
+        Raises
+        ------
+        ValueError: fewer than three readings at different times.
         """
-        weights = np.ones(len(time))
-        used, noise, settled, values = kernel.start_decay(
-            np.ascontiguousarray(time),
-            np.ascontiguousarray(reading),
-            start_rule(resolution),
-            weights,
+        several = self.starts(time, reading[None], np.array([resolution]))
+        k = int(several.index[0])
+        if k < 0:
+            raise ValueError(f"a start needs three readings at different times, got {len(time)}")
+        return LumpStart(
+            k,
+            several.state[0],
+            several.covariance[0],
+            float(several.noise_variance[0]),
+            float(several.dof[0]),
+            several.weights[0, : k + 1],
+            bool(several.settled[0]),
         )
-        fit = told_fit(float(time[0]), values)
-        mean, covariance = fit.state(float(time[used - 1]))
-        return LumpStart(used - 1, mean, covariance, noise, max(fit.dof, 1.0), weights[:used], settled)
+
+    def starts(self, time: Array, reading: Array, resolution: Array) -> LumpStarts:
+        """As :meth:`start` for records (S, n) on one grid time (n,); the index is -1 where there is nothing to fit."""
+        rows = len(reading)
+        weights, used, noise = np.ones(reading.shape), np.empty(rows, np.intp), np.full(rows, np.nan)
+        settled, table = np.zeros(rows, np.uint8), np.empty(rows, kernel.FIT)
+        t, y = np.ascontiguousarray(time), np.ascontiguousarray(reading)
+        kernel.start_decay(t, y, np.ascontiguousarray(resolution), start_rule(), weights, used, noise, settled, table)
+        fit = DecayFit.told(float(time[0]), table)
+        mean, covariance = fit.state(time[np.maximum(used, 1) - 1])
+        index = np.where(used > 0, used - 1, -1)
+        return LumpStarts(index, mean, covariance, noise, np.maximum(fit.dof, 1.0), weights, settled.astype(bool))
 
 
 @dataclass(frozen=True)
@@ -197,3 +230,7 @@ class PrintedLump:
         """The printed constants, whatever the record says."""
         state, covariance = np.array(self.start_state), np.diag(self.start_variance)
         return LumpStart(0, state, covariance, 1.0, 1.0, np.ones(1), True)
+
+    def starts(self, time: Array, reading: Array, resolution: Array) -> None:
+        """None: kept for comparison, it is not run over blocks."""
+        return

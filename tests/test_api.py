@@ -151,9 +151,9 @@ def test_options_are_met_as_the_command_line_meets_them(frame):
     assert set(tf.read(rows, long="sensor,value").channels) == {"T1", "T2"}
     with pytest.raises(tf.UsageError, match="--long: not two columns"):
         tf.read(rows, long="sensor")
-    with pytest.raises(tf.UsageError, match="(?s)--joint runs the AFUKF over all sensors.*found: --preset paper"):
+    with pytest.raises(tf.UsageError, match=r"(?s)--joint runs the AFUKF over all sensors.*found: --preset paper"):
         tf.identify(SPINDLE, joint=True, preset="paper")
-    with pytest.raises(tf.UsageError, match="(?s): --start 500 is outside the record.*found: 400 min"):
+    with pytest.raises(tf.UsageError, match=r"(?s): --start 500 is outside the record.*found: 400 min"):
         tf.identify(SPINDLE, start=500)
 
 

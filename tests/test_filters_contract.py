@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulator import spindle
 
-from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.closing import estimate_at
 from thermofast.filters import BUILT_IN, PRINTED, Ekf, FadingUkf, Filter, LeastSquares, Ukf
 from thermofast.filters.fading import AdaptiveFading, InnovationFading, NoFading
 from thermofast.filters.loop import GaussianFilter

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulator import lump, spindle
 
-from thermofast.estimation.estimate import estimates_at, settling
+from thermofast.estimation.closing import estimates_at, settling
 from thermofast.estimation.identify import Method, identify_sensor
 from thermofast.estimation.sweep import sweep_sensor
 from thermofast.filters import Afukf, FadingUkf, PrintedAfukf, Ukf

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thermofast.filters import Afukf, Ekf, FadingUkf, PrintedAfukf, PrintedFadingUkf, Ukf
+from thermofast.filters import Afukf, Ekf, FadingUkf, PrintedAfukf, PrintedFadingUkf, Tracks, Ukf
 from thermofast.filters.loop import GaussianFilter
 from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import ScaledPoints
 from thermofast.models import COMPILED, Lump, PrintedLump
 from thermofast.models.core import _lump_numpy
-from thermofast.models.decay import start_rule
+from thermofast.models.core.fit import FIT
+from thermofast.models.decay import fit_decay, start_rule
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="no compiled core to compare with")
 if COMPILED:
@@ -33,48 +34,75 @@ def record(seed: int, n: int = 80, even: bool = True, spikes: int = 0):
 @given(st.integers(0, 10**6), st.integers(8, 200), st.booleans(), st.booleans())
 def test_fits_agree(seed, n, even, signed):
     t, y, w = record(seed, n, even)
-    fast, plain = np.array(_lump.fit_decay(t, y, w, signed)), np.array(_lump_numpy.fit_decay(t, y, w, signed))
-    assert fast[9] == pytest.approx(plain[9], rel=1e-8)  # the same minimum, whatever the rounding of the path
-    assert fast[10] == plain[10]
-    assert fast[0] == pytest.approx(plain[0], rel=2e-4, abs=1e-6)
+    fast, plain = np.empty(1, FIT), np.empty(1, FIT)
+    _lump.fit_decay(t, y, w, signed, fast)
+    _lump_numpy.fit_decay(t, y, w, signed, plain)
+    assert fast["rss"] == pytest.approx(plain["rss"], rel=1e-8)  # the same minimum, whatever the rounding of the path
+    assert fast["n"] == plain["n"]
+    assert fast["rate"] == pytest.approx(plain["rate"], rel=2e-4, abs=1e-6)
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.integers(12, 120), st.booleans(), st.sampled_from([math.inf, 0.5]))
 def test_likelihoods_agree(seed, n, even, wide):
-    t, y, _ = record(seed, n, even, spikes=1)
+    t, first, _ = record(seed, n, even, spikes=1)
+    y = np.stack([first, record(seed + 1, n, even)[1]])
     counts = np.array([6, n // 2, n], dtype=np.intp)
-    quantiles = np.full(3, 2.2)
-    out = [np.empty((3, 18)) for _ in range(2)]
+    begun, steps = np.array([8, 9], dtype=np.intp), np.array([0.01, 0.0])
+    out = [np.empty((2, 3), FIT) for _ in range(2)]
     for module, table in zip((_lump, _lump_numpy), out, strict=True):
-        module.likelihoods(t, y, np.ones(n), counts, quantiles, 8, start_rule(0.01), wide, table)
-    fast, plain = out
-    assert (np.isnan(fast) == np.isnan(plain)).all()
-    good = np.isfinite(plain)
-    for i in range(3):
-        if not good[i, 16]:
+        module.likelihoods(t, y, np.ones((2, n)), counts, np.full((2, 3), 2.2), begun, steps, start_rule(), wide, table)
+    fast, plain = (table.ravel() for table in out)
+    for name in FIT.names:
+        assert (np.isnan(fast[name]) == np.isnan(plain[name])).all(), name
+    for a, b in zip(fast, plain, strict=True):
+        if not np.isfinite(b["steady_low"]):
             continue
-        half = abs(plain[i, 17] - plain[i, 16])
-        assert fast[i, 9] == pytest.approx(plain[i, 9], rel=1e-6)
-        if math.isfinite(plain[i, 14]):
-            assert fast[i, 16:] == pytest.approx(plain[i, 16:], abs=0.02 * half + 1e-6)
+        half = abs(b["steady_high"] - b["steady_low"])
+        assert a["rss"] == pytest.approx(b["rss"], rel=1e-6)
+        if math.isfinite(b["rate_low"]):
+            for side in ("steady_low", "steady_high"):
+                assert a[side] == pytest.approx(b[side], abs=0.02 * half + 1e-6)
+
+
+def test_a_likelihood_alone_tells_which_readings_it_left_out():
+    t, y, _ = record(5, 60, spikes=2)
+    weights = [np.ones((1, 60)) for _ in range(2)]
+    for module, w in zip((_lump, _lump_numpy), weights, strict=True):
+        out = np.empty((1, 1), FIT)
+        one = np.array([60], dtype=np.intp), np.array([[2.0]]), np.array([10], dtype=np.intp), np.array([0.01])
+        module.likelihoods(t, y[None], w, *one, start_rule(), math.inf, out)
+    assert (weights[0] == weights[1]).all()
+    assert weights[0].sum() == 58
+
+
+@pytest.mark.parametrize("module", [_lump, _lump_numpy] if COMPILED else [])
+def test_sizes_that_do_not_fit_are_refused(module):
+    t, y, w = record(1, 20)
+    with pytest.raises((ValueError, IndexError)):
+        module.fit_decay(t, y[:10], w, False, np.empty(1, FIT))
+    with pytest.raises((ValueError, IndexError)):
+        module.spike_weights(y[None], np.zeros(2), np.empty((1, 20)))
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 3), st.sampled_from([0.0, 0.01, 0.5]))
 def test_starts_and_spikes_agree(seed, spikes, resolution):
     t, y, _ = record(seed, 60, True, spikes)
-    weights = [np.ones(60) for _ in range(4)]
-    _lump.spike_weights(y, resolution, weights[0])
-    _lump_numpy.spike_weights(y, resolution, weights[1])
+    weights = [np.ones((1, 60)) for _ in range(4)]
+    step = np.array([resolution])
+    _lump.spike_weights(y[None], step, weights[0])
+    _lump_numpy.spike_weights(y[None], step, weights[1])
     assert (weights[0] == weights[1]).all()
-    rule = start_rule(resolution)
-    fast = _lump.start_decay(t, y, rule, weights[2])
-    plain = _lump_numpy.start_decay(t, y, rule, weights[3])
-    assert fast[0] == plain[0]
-    assert fast[2] == plain[2]
-    assert fast[1] == pytest.approx(plain[1], rel=1e-6)
-    assert (weights[2][: fast[0]] == weights[3][: fast[0]]).all()
+    found = []
+    for module, w in ((_lump, weights[2]), (_lump_numpy, weights[3])):
+        used, noise, settled, out = np.empty(1, np.intp), np.empty(1), np.empty(1, np.uint8), np.empty(1, FIT)
+        module.start_decay(t, y[None], step, start_rule(), w, used, noise, settled, out)
+        found.append((int(used[0]), bool(settled[0]), float(noise[0]), float(out["rate"][0])))
+    fast, plain = found
+    assert fast[:2] == plain[:2]
+    assert fast[2] == pytest.approx(plain[2], rel=1e-6)
+    assert (weights[2][0, : fast[0]] == weights[3][0, : fast[0]]).all()
 
 
 def test_profiles_agree_where_the_contour_is_open():
@@ -82,10 +110,10 @@ def test_profiles_agree_where_the_contour_is_open():
     t = np.arange(12.0)
     y = 20 + 0.1 * t + 0.05 * rng.standard_normal(12)  # a straight line: no steady state
     w = np.ones(12)
-    fit = _lump_numpy.fit_decay(t, y, w, False)
-    limit = fit[9] * 1.6
-    fast = _lump.profile_decay(t, y, w, fit[0], limit)
-    plain = _lump_numpy.profile_decay(t, y, w, fit[0], limit)
+    fit = fit_decay(t, y, w)
+    limit = fit.rss * 1.6
+    fast = _lump.profile_decay(t, y, w, fit.rate, limit)
+    plain = _lump_numpy.profile_decay(t, y, w, fit.rate, limit)
     assert math.isnan(fast[0])
     assert math.isnan(plain[0])
     assert fast[1:3] == pytest.approx(plain[1:3], rel=1e-3)
@@ -141,3 +169,36 @@ def test_growth_is_the_integral_and_its_slope_the_derivative(rate, dt):
     h = 1e-5 * max(abs(rate), 0.1)
     around = float(_lump_numpy.growth(rate + h, dt) - _lump_numpy.growth(rate - h, dt)) / (2 * h)
     assert float(_lump_numpy.growth_slope(rate, dt)) == pytest.approx(around, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize(("model", "method"), CASES[:5], ids=lambda x: getattr(x, "name", type(x).__name__))
+def test_a_block_of_records_ends_where_each_alone_does(model, method):
+    rng = np.random.default_rng(3)
+    t = np.arange(150.0)
+    y = 26.7 - rng.uniform(3, 9, (6, 1)) * np.exp(-rng.uniform(0.008, 0.03, (6, 1)) * t) + 0.02 * rng.standard_normal((6, 150))
+    y[1, 50] += 3.0
+    y[2, 70:] += 0.02 * (t[70:] - 70.0)
+    steps = np.array([0.0, 0.01, 0.0, 0.01, 0.0, 0.1])
+    block = method.tracks(model, t, y, steps)
+    alone = Tracks.of([method.track(model, t, row, float(step)) for row, step in zip(y, steps, strict=True)])
+    for name in vars(block):
+        ours, theirs = getattr(block, name), getattr(alone, name)
+        if name == "weight":  # before the start, which may leave a reading out
+            assert (ours[:, 40:] == theirs[:, 40:]).all()
+        assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-15), name
+
+
+def test_tails_agree_with_scipy():
+    from scipy import special
+
+    from thermofast.models.core import tails
+
+    dof = np.r_[0.7, 1:60, 400, 3000.0, 1e5, np.inf]
+    assert tails.t_quantile(dof) == pytest.approx(special.stdtrit(dof, 0.975), rel=1e-9)
+    value = np.r_[0.0, np.geomspace(0.01, 60, 100)]
+    for over, under in ((8, 30), (8, 989), (2, 3), (11, 40)):
+        assert tails.f_tail(over, under, value) == pytest.approx(special.fdtrc(over, under, value), rel=1e-10)
+    value = np.linspace(-8, 30, 50)
+    assert tails.normal_tail(value) == pytest.approx(special.ndtr(-value), rel=1e-12)
+    assert math.isnan(tails.f_tail(2, 9, math.nan))
+    assert isinstance(float(tails.t_quantile(7)), float)

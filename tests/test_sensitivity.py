@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thermofast.analysis.sensitivity import Sizes, _plain_factors, _points
-from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.closing import estimate_at
 from thermofast.estimation.identify import remaining
 from thermofast.estimation.methods import choose
 from thermofast.estimation.sensor import Sensor

@@ -205,7 +205,8 @@ def test_the_last_quarter_is_foretold_from_the_first_three():
 
 
 def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
-    from thermofast.estimation.estimate import DOUBT, WIDEN, likelihood_estimate
+    from thermofast.estimation.closing import likelihood_estimate
+    from thermofast.estimation.estimate import DOUBT, WIDEN
     from thermofast.models import variance_inflation
 
     time, widened = np.arange(120.0), []
@@ -227,7 +228,7 @@ def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
 
 
 def test_a_plain_filters_settling_time_is_that_of_its_rate():
-    from thermofast.estimation.estimate import estimate_at
+    from thermofast.estimation.closing import estimate_at
     from thermofast.filters import Ukf
     from thermofast.models import Lump
 

@@ -14,8 +14,8 @@ Result = TypeVar("Result")
 #: Starting a pool costs about this long; below it one process is faster.
 POOL_COST_S = 0.8
 #: Rough cost of a sensor and of a reading, for that decision alone.
-SENSOR_COST_S = 4e-4
-READING_COST_S = 1e-6
+SENSOR_COST_S = 3e-5
+READING_COST_S = 3.5e-7
 #: Sensors in a row whose process died, after which no more are retried.
 MOST_DEATHS = 5
 #: Records larger than this surely pay for a pool.
@@ -44,7 +44,7 @@ def _context() -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["thermofast.estimation.work", "models.discover"])
+    context.set_forkserver_preload(["thermofast.estimation.work", "thermofast.models.search.discover"])
     return context
 
 

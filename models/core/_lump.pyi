@@ -3,14 +3,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._lump_numpy import Array, StartRule
+from ._lump_numpy import StartRule
+from .fit import Array, Fits
 
 SLOPE_STEP: Any
 SLOPE_JACOBIAN: Any
 PRINTED_STEP: Any
 PRINTED_JACOBIAN: Any
 
-def fit_decay(t: Array, y: Array, w: Array, signed_rate: bool) -> tuple[float, ...]: ...
+def fit_decay(t: Array, y: Array, w: Array, signed_rate: bool, out: Fits) -> None: ...
 def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float) -> tuple[float, float, float, float]: ...
 def likelihoods(
     t: Array,
@@ -18,10 +19,21 @@ def likelihoods(
     w: Array,
     counts: NDArray[np.intp],
     quantiles: Array,
-    first: int,
+    first: NDArray[np.intp],
+    resolution: Array,
     rule: StartRule,
     wide: float,
-    out: Array,
+    out: Fits,
 ) -> None: ...
-def spike_weights(y: Array, resolution: float, out: Array) -> None: ...
-def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, float, bool, tuple[float, ...]]: ...
+def spike_weights(y: Array, resolution: Array, out: Array) -> None: ...
+def start_decay(
+    t: Array,
+    y: Array,
+    resolution: Array,
+    rule: StartRule,
+    w: Array,
+    used: NDArray[np.intp],
+    noise: Array,
+    settled: NDArray[np.uint8],
+    out: Fits,
+) -> None: ...

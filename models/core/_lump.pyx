@@ -4,6 +4,7 @@
 Time and rate may be in any pair of reciprocal units; thermofast uses minutes.
 """
 from cpython.pycapsule cimport PyCapsule_New
+from libc.stdint cimport uint8_t
 from libc.math cimport INFINITY, M_PI, NAN, asin, exp, expm1, fabs, isnan, pow, sin, sqrt
 from libc.stdlib cimport free, malloc
 
@@ -120,6 +121,28 @@ cdef struct Sums:
     double psi_psi
     double rss
     double gradient
+
+
+cdef packed struct Fit:
+    # What a fit tells, field by field as thermofast.models.core.fit.FIT has it.
+    double rate
+    double slope
+    double level
+    double phi_mean
+    double psi_mean
+    double weight
+    double phi_phi
+    double phi_psi
+    double psi_psi
+    double rss
+    double n
+    double span
+    double least
+    double greatest
+    double rate_low
+    double rate_high
+    double steady_low
+    double steady_high
 
 
 cdef struct Problem:
@@ -410,21 +433,53 @@ cdef void refine(Problem* p, Sums* best) noexcept nogil:
         best[0] = trial
 
 
-cdef tuple told(Problem* p, Sums* s):
-    return (s.rate, s.slope, s.level, s.phi_mean, s.psi_mean, s.weight, s.phi_phi, s.phi_psi, s.psi_psi, s.rss,
-            p.n, p.t[p.n - 1] - p.t[0], p.low, p.high)
+cdef void tell(Problem* p, Sums* s, Fit* out) noexcept nogil:
+    out.rate = s.rate
+    out.slope = s.slope
+    out.level = s.level
+    out.phi_mean = s.phi_mean
+    out.psi_mean = s.psi_mean
+    out.weight = s.weight
+    out.phi_phi = s.phi_phi
+    out.phi_psi = s.phi_psi
+    out.psi_psi = s.psi_psi
+    out.rss = s.rss
+    out.n = <double> p.n
+    out.span = p.t[p.n - 1] - p.t[0]
+    out.least = p.low
+    out.greatest = p.high
 
 
-def fit_decay(const double[::1] t, const double[::1] y, const double[::1] w, bint signed_rate):
+cdef void tell_nothing(Fit* out) noexcept nogil:
+    cdef double* field = &out.rate
+    cdef Py_ssize_t j
+    for j in range(<Py_ssize_t> (sizeof(Fit) // sizeof(double))):
+        field[j] = NAN
+
+
+cdef int agree(Py_ssize_t n, Py_ssize_t other, str what) except -1:
+    """Sizes come from outside: loops below run without bounds checks."""
+    if n != other:
+        raise ValueError(f"{what}: {other} values, needed {n}")
+    return 0
+
+
+def fit_decay(const double[::1] t, const double[::1] y, const double[::1] w, bint signed_rate, Fit[::1] out):
     """See :func:`thermofast.models.core._lump_numpy.fit_decay`."""
-    cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
+    cdef Problem p, thin
     cdef Sums best
+    agree(t.shape[0], y.shape[0], "readings")
+    agree(t.shape[0], w.shape[0], "weights")
+    agree(1, out.shape[0], "fits")
+    p = allocate(t.shape[0])
+    thin = allocate(GRID_READINGS)
     try:
-        if fill(&p, &t[0], &y[0], &w[0], t.shape[0], signed_rate):
-            raise ValueError(f"a fit needs three readings at different times, got {p.n}")
+        if not t.shape[0] or fill(&p, &t[0], &y[0], &w[0], t.shape[0], signed_rate):
+            raise ValueError(f"a fit needs three readings at different times, got {p.n if t.shape[0] else 0}")
         search(&p, &thin, signed_rate, &best)
         refine(&p, &best)
-        return told(&p, &best)
+        tell_nothing(&out[0])
+        tell(&p, &best, &out[0])
     finally:
         free(p.t)
         free(thin.t)
@@ -561,11 +616,15 @@ cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil
 
 def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit):
     """See :func:`thermofast.models.core._lump_numpy.profile_decay`."""
-    cdef Problem p = allocate(t.shape[0])
+    cdef Problem p
     cdef Sums s
     cdef double out[4]
+    agree(t.shape[0], y.shape[0], "readings")
+    agree(t.shape[0], w.shape[0], "weights")
+    p = allocate(t.shape[0])
     try:
-        fill(&p, &t[0], &y[0], &w[0], t.shape[0], False)
+        if not t.shape[0] or fill(&p, &t[0], &y[0], &w[0], t.shape[0], False):
+            raise ValueError("a profile needs three readings at different times")
         evaluate(&p, rate, True, &s)
         profile(&p, &s, limit, out)
         return out[0], out[1], out[2], out[3]
@@ -675,19 +734,24 @@ cdef void mark_spikes(const double* y, Py_ssize_t n, double resolution, double* 
             w[i] = 1.0
 
 
-def spike_weights(const double[::1] y, double resolution, double[::1] out):
+def spike_weights(const double[:, ::1] y, const double[::1] resolution, double[:, ::1] out):
     """See :func:`thermofast.models.core._lump_numpy.spike_weights`."""
-    cdef Py_ssize_t n = y.shape[0]
-    cdef double* scratch = <double*> malloc((n + 1) * sizeof(double))
+    cdef Py_ssize_t n = y.shape[1], i
+    cdef double* scratch
+    agree(y.shape[0], resolution.shape[0], "steps of the logger")
+    agree(y.shape[0], out.shape[0], "rows of weights")
+    agree(n, out.shape[1], "weights")
+    scratch = <double*> malloc((n + 1) * sizeof(double))
     if scratch == NULL:
         raise MemoryError()
     if n:
-        mark_spikes(&y[0], n, resolution, &out[0], scratch)
+        with nogil:
+            for i in range(y.shape[0]):
+                mark_spikes(&y[i, 0], n, resolution[i], &out[i, 0], scratch)
     free(scratch)
 
 
 cdef struct StartRule:
-    double resolution
     double settled
     Py_ssize_t fewest
     double growing
@@ -695,14 +759,14 @@ cdef struct StartRule:
 
 
 cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const double* t, const double* y, Py_ssize_t size,
-                              StartRule* rule, double* w, Sums* s, double* noise_out, bint* settled_out) noexcept nogil:
+                              double resolution, StartRule* rule, double* w, Sums* s, double* noise_out, bint* settled_out) noexcept nogil:
     """Readings used for a start, -1 where nothing can be fitted; see start_decay."""
     cdef Py_ssize_t used = rule.fewest if rule.fewest < size else size, i, worst, round_
     cdef double v[3]
     cdef double r, largest, rest, noise, spread, dof, gap
     cdef Sums without
     while True:
-        mark_spikes(y, used, rule.resolution, w, scratch)
+        mark_spikes(y, used, resolution, w, scratch)
         if fill(p, t, y, w, used, True):
             return -1
         search(p, thin, True, s)
@@ -718,7 +782,7 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
                         worst = i
             dof = p.n - 3
             rest = (s.rss - largest * largest if s.rss > largest * largest else 0.0) / (dof - 1 if dof > 2 else 1)
-            if dof < 3 or not largest > max2(rule.outlier * sqrt(rest), rule.resolution):
+            if dof < 3 or not largest > max2(rule.outlier * sqrt(rest), resolution):
                 break
             # Against the spread of the others: with the worst one in, ten readings hide any outlier.
             w[worst] = 0.0
@@ -729,7 +793,7 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
             search(p, thin, True, &without)
             refine(p, &without)
             gap = fabs(y[worst] - without.level - without.slope * (growth(without.rate, t[worst] - t[0]) - without.phi_mean))
-            if not gap > rule.outlier * (1.0 + 3.0 / (p.n - 3)) * sqrt(without.rss / (p.n - 3)) + rule.resolution:
+            if not gap > rule.outlier * (1.0 + 3.0 / (p.n - 3)) * sqrt(without.rss / (p.n - 3)) + resolution:
                 w[worst] = 1.0
                 fill(p, t, y, w, used, True)
                 break
@@ -737,7 +801,7 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
         evaluate(p, s.rate, True, s)
         dof = p.n - 3
         rate_covariance(s, v)
-        noise = max2(s.rss / dof if dof > 0 else 0.0, max2(rule.resolution * rule.resolution / 12.0, 1e-18))
+        noise = max2(s.rss / dof if dof > 0 else 0.0, max2(resolution * resolution / 12.0, 1e-18))
         spread = sqrt(noise * v[2]) * (p.t[p.n - 1] - p.t[0]) * (1.0 + 1.0 / (dof if dof > 1 else 1))
         settled_out[0] = dof > 2 and spread < rule.settled
         if settled_out[0] or used == size:
@@ -749,103 +813,128 @@ cdef Py_ssize_t start_weights(Problem* p, Problem* thin, double* scratch, const 
         used = i if i < size else size
 
 
-def start_decay(const double[::1] t, const double[::1] y, tuple rule, double[::1] w):
-    """See :func:`thermofast.models.core._lump_numpy.start_decay`."""
-    cdef Py_ssize_t size = t.shape[0], used
-    cdef Problem p = allocate(size), thin = allocate(GRID_READINGS)
-    cdef double* scratch = <double*> malloc((size + 1) * sizeof(double))
-    cdef StartRule r
-    cdef Sums s
-    cdef double noise = 0.0
-    cdef bint done = False
-    r.resolution, r.settled, r.fewest, r.growing, r.outlier = rule
-    try:
-        if scratch == NULL:
+cdef class _Scratch:
+    """Working space of one thread for records of up to `size` readings; freed with the object."""
+    cdef Problem p
+    cdef Problem thin
+    cdef double* values
+    cdef double* weights
+
+    def __cinit__(self, Py_ssize_t size):
+        self.p = allocate(size)
+        self.thin = allocate(GRID_READINGS)
+        self.values = <double*> malloc((size + 1) * sizeof(double))
+        self.weights = <double*> malloc((size + 1) * sizeof(double))
+        if self.values == NULL or self.weights == NULL:
             raise MemoryError()
-        used = start_weights(&p, &thin, scratch, &t[0], &y[0], size, &r, &w[0], &s, &noise, &done)
-        if used < 0:
-            raise ValueError(f"a start needs three readings at different times, got {size}")
-        return used, noise, done, told(&p, &s)
-    finally:
-        free(scratch)
-        free(p.t)
-        free(thin.t)
+
+    def __dealloc__(self):
+        free(self.p.t)
+        free(self.thin.t)
+        free(self.values)
+        free(self.weights)
 
 
-def likelihoods(const double[::1] t, const double[::1] y, double[::1] w, const Py_ssize_t[::1] counts,
-                const double[::1] quantiles, Py_ssize_t first, tuple rule, double wide, double[:, ::1] out):
-    """See :func:`thermofast.models.core._lump_numpy.likelihoods`."""
-    cdef Problem p = allocate(t.shape[0]), thin = allocate(GRID_READINGS)
-    cdef double* weights = <double*> malloc((t.shape[0] + 1) * sizeof(double))
-    cdef Py_ssize_t i, j, n = 0, round_
-    cdef Sums s
-    cdef double limit, noise, reach, steady, begun
-    cdef double bounds[4]
-    cdef double* scratch = <double*> malloc((t.shape[0] + 1) * sizeof(double))
+def start_decay(const double[::1] t, const double[:, ::1] y, const double[::1] resolution, tuple rule, double[:, ::1] w,
+                Py_ssize_t[::1] used, double[::1] noise, uint8_t[::1] settled, Fit[::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.start_decay`."""
+    cdef Py_ssize_t size = t.shape[0], rows = y.shape[0], i
+    cdef _Scratch space
     cdef StartRule r
-    cdef bint done
-    if weights == NULL or scratch == NULL:
-        raise MemoryError()
-    r.resolution, r.settled, r.fewest, r.growing, r.outlier = rule
+    cdef Sums s
+    cdef bint done = False
+    agree(size, y.shape[1], "readings")
+    agree(size, w.shape[1], "weights")
+    for count in (resolution.shape[0], w.shape[0], used.shape[0], noise.shape[0], settled.shape[0], out.shape[0]):
+        agree(rows, count, "rows")
+    if not size:
+        raise ValueError("a start needs readings")
+    space = _Scratch(size)
+    r.settled, r.fewest, r.growing, r.outlier = rule
     with nogil:
-        for i in range(counts.shape[0]):
-            n = counts[i]
-            for j in range(out.shape[1]):
-                out[i, j] = NAN
-            for j in range(n):
-                weights[j] = w[j]
-            r.fewest = n            # shorter starts than this were tried when the filter began, and none was settled
-            begun = 0.0
-            if n <= first:
-                if start_weights(&p, &thin, scratch, &t[0], &y[0], n, &r, weights, &s, &noise, &done) < 0:
-                    continue
-                begun = s.rate
-            if fill(&p, &t[0], &y[0], weights, n, False):
-                continue
-            if begun > p.low:
-                evaluate(&p, begun, True, &s)       # the start has searched the same readings already
-            else:
-                search(&p, &thin, False, &s)
-            refine(&p, &s)
-            for round_ in range(2):
-                if drop_outliers(&p, &s, &t[0], &y[0], weights, n, r.outlier, r.resolution, scratch) == 0:
-                    break
-                if fill(&p, &t[0], &y[0], weights, n, False):
-                    break
-                search(&p, &thin, False, &s)
-                refine(&p, &s)
-            out[i, 0] = s.rate
-            out[i, 1] = s.slope
-            out[i, 2] = s.level
-            out[i, 3] = s.phi_mean
-            out[i, 4] = s.psi_mean
-            out[i, 5] = s.weight
-            out[i, 6] = s.phi_phi
-            out[i, 7] = s.phi_psi
-            out[i, 8] = s.psi_psi
-            out[i, 9] = s.rss
-            out[i, 10] = p.n
-            out[i, 11] = p.t[p.n - 1] - p.t[0]
-            out[i, 12] = p.low
-            out[i, 13] = p.high
-            if p.n > 3:
-                noise = s.rss / (p.n - 3)
-                limit = s.rss + noise * quantiles[i] * quantiles[i]
-                reach = quantiles[i] * sqrt(noise * steady_variance(&s))
-                if reach > wide:       # far too wide whatever its shape: the first order will do
-                    steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
-                    out[i, 14] = s.rate
-                    out[i, 15] = s.rate
-                    out[i, 16] = steady - reach
-                    out[i, 17] = steady + reach
-                elif limit > s.rss:
-                    profile(&p, &s, limit, bounds)
-                    for j in range(4):
-                        out[i, 14 + j] = bounds[j]
-        if counts.shape[0] == 1:  # the caller of one wants to know which readings were left out
-            for j in range(n):
-                w[j] = weights[j]
-    free(weights)
-    free(scratch)
-    free(p.t)
-    free(thin.t)
+        for i in range(rows):
+            tell_nothing(&out[i])
+            used[i] = start_weights(&space.p, &space.thin, space.values, &t[0], &y[i, 0], size, resolution[i], &r, &w[i, 0],
+                                    &s, &noise[i], &done)
+            if used[i] > 0:
+                settled[i] = done
+                tell(&space.p, &s, &out[i])
+
+
+cdef void likely(_Scratch space, const double* t, const double* y, double* weights, Py_ssize_t n, double quantile,
+                 Py_ssize_t first, double resolution, StartRule* rule, double wide, Fit* out) noexcept nogil:
+    """Fit of n readings with its intervals; the weights become those that it ended with."""
+    cdef Sums s
+    cdef double limit, noise, reach, steady, begun = 0.0
+    cdef double bounds[4]
+    cdef bint done
+    cdef Py_ssize_t round_
+    cdef Problem* p = &space.p
+    tell_nothing(out)
+    rule.fewest = n             # shorter starts than this were tried when the filter began, and none was settled
+    if n <= first:
+        if start_weights(p, &space.thin, space.values, t, y, n, resolution, rule, weights, &s, &noise, &done) < 0:
+            return
+        begun = s.rate
+    if fill(p, t, y, weights, n, False):
+        return
+    if begun > p.low:
+        evaluate(p, begun, True, &s)        # the start has searched the same readings already
+    else:
+        search(p, &space.thin, False, &s)
+    refine(p, &s)
+    for round_ in range(2):
+        if drop_outliers(p, &s, t, y, weights, n, rule.outlier, resolution, space.values) == 0:
+            break
+        if fill(p, t, y, weights, n, False):
+            break
+        search(p, &space.thin, False, &s)
+        refine(p, &s)
+    tell(p, &s, out)
+    if p.n <= 3:
+        return
+    noise = s.rss / (p.n - 3)
+    limit = s.rss + noise * quantile * quantile
+    reach = quantile * sqrt(noise * steady_variance(&s))
+    if reach > wide:            # far too wide whatever its shape: the first order will do
+        steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
+        out.rate_low = s.rate
+        out.rate_high = s.rate
+        out.steady_low = steady - reach
+        out.steady_high = steady + reach
+    elif limit > s.rss:
+        profile(p, &s, limit, bounds)
+        out.rate_low = bounds[0]
+        out.rate_high = bounds[1]
+        out.steady_low = bounds[2]
+        out.steady_high = bounds[3]
+
+
+def likelihoods(const double[::1] t, const double[:, ::1] y, double[:, ::1] w, const Py_ssize_t[::1] counts,
+                const double[:, ::1] quantiles, const Py_ssize_t[::1] first, const double[::1] resolution, tuple rule,
+                double wide, Fit[:, ::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.likelihoods`."""
+    cdef Py_ssize_t rows = y.shape[0], several = counts.shape[0], i, j, k, n
+    cdef _Scratch space
+    cdef StartRule r
+    agree(t.shape[0], y.shape[1], "readings")
+    agree(t.shape[0], w.shape[1], "weights")
+    for count in (w.shape[0], quantiles.shape[0], first.shape[0], resolution.shape[0], out.shape[0]):
+        agree(rows, count, "rows")
+    agree(several, quantiles.shape[1], "quantiles")
+    agree(several, out.shape[1], "fits")
+    for i in range(several):
+        if not 0 < counts[i] <= t.shape[0]:
+            raise ValueError(f"a stretch of {counts[i]} of {t.shape[0]} readings")
+    space = _Scratch(t.shape[0])
+    r.settled, r.fewest, r.growing, r.outlier = rule
+    with nogil:
+        for k in range(rows):
+            for i in range(several):
+                n = counts[i]
+                for j in range(n):
+                    space.weights[j] = w[k, j]
+                likely(space, &t[0], &y[k, 0], space.weights, n, quantiles[k, i], first[k], resolution[k], &r, wide, &out[k, i])
+            if several == 1:    # the caller of one wants to know which readings were left out
+                for j in range(counts[0]):
+                    w[k, j] = space.weights[j]

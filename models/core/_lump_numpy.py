@@ -7,35 +7,15 @@ Time and rate may be in any pair of reciprocal units; thermofast uses minutes.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .fit import Array, FitMoments, Fits, growth, growth_slope
 
 # What a compiled filter loop would call; there is none in numpy.
 SLOPE_STEP = SLOPE_JACOBIAN = PRINTED_STEP = PRINTED_JACOBIAN = None
-
-
-def growth(rate: Array | float, dt: Array | float) -> Array:
-    """(1 - exp(-rate dt)) / rate, continuous at rate = 0; broadcasts."""
-    rate, dt = np.asarray(rate, dtype=float), np.asarray(dt, dtype=float)
-    z = np.maximum(rate * dt, -60.0)
-    small = np.abs(z) < 1e-7
-    safe = np.where(small, 1.0, rate)
-    result: Array = np.where(small, dt * (1.0 - 0.5 * z), -np.expm1(-z) / safe)
-    return result
-
-
-def growth_slope(rate: Array | float, dt: Array | float) -> Array:
-    """Derivative of :func:`growth` with respect to the rate; broadcasts."""
-    rate, dt = np.asarray(rate, dtype=float), np.asarray(dt, dtype=float)
-    z = np.maximum(rate * dt, -60.0)
-    small = np.abs(z) < 1e-3
-    safe = np.where(small, 1.0, rate)
-    series = dt * dt * (-0.5 + z * (1.0 / 3.0 - z * 0.125))
-    result: Array = np.where(small, series, (dt * np.exp(-z) + np.expm1(-z) / safe) / safe)
-    return result
 
 
 GRID = 12
@@ -43,48 +23,12 @@ GRID_READINGS = 64
 
 
 @dataclass(frozen=True)
-class FitMoments:
-    """What a fit says of its own spread; all variances per unit of the noise variance of a reading of weight 1.
-
-    phi and psi are the centred basis function of the slope and its derivative by the rate.
-    """
-
-    rate: float
-    slope: float
-    level: float
-    phi_mean: float
-    psi_mean: float
-    weight: float
-    phi_phi: float
-    phi_psi: float
-    psi_psi: float
-    rss: float
-
-    def rate_covariance(self) -> tuple[float, float, float]:
-        """Variance of slope, covariance, variance of rate."""
-        a, b, c = self.phi_phi, self.slope * self.phi_psi, self.slope**2 * self.psi_psi
-        determinant = a * c - b * b
-        if not determinant > 0.0:
-            return (1.0 / a if a > 0.0 else math.inf), 0.0, math.inf
-        return c / determinant, -b / determinant, a / determinant
-
-    def steady_gradient(self) -> tuple[float, float]:
-        """Derivatives of the steady state by slope and by rate."""
-        return 1.0 / self.rate - self.phi_mean, self.slope * (-1.0 / self.rate**2 - self.psi_mean)
-
-    def steady_variance(self) -> float:
-        """Variance of the steady state to first order."""
-        ss, sr, rr = self.rate_covariance()
-        by_slope, by_rate = self.steady_gradient()
-        return 1.0 / self.weight + by_slope**2 * ss + 2.0 * by_slope * by_rate * sr + by_rate**2 * rr
-
-
-@dataclass(frozen=True)
 class _Sums(FitMoments):
     gradient: float
 
     def predict(self, dt: Array) -> Array:
-        return self.level + self.slope * (growth(self.rate, dt) - self.phi_mean)
+        curve: Array = self.level + self.slope * (growth(self.rate, dt) - self.phi_mean)
+        return curve
 
 
 class _Problem:
@@ -146,23 +90,12 @@ class _Problem:
         chosen = min(rates, key=lambda rate: thin.evaluate(float(rate)).rss)
         return _refine(self, self.evaluate(_clip(float(chosen), self.low, self.high)))
 
-    def told(self, s: _Sums) -> tuple[float, ...]:
-        return (
-            s.rate,
-            s.slope,
-            s.level,
-            s.phi_mean,
-            s.psi_mean,
-            s.weight,
-            s.phi_phi,
-            s.phi_psi,
-            s.psi_psi,
-            s.rss,
-            self.n,
-            self.span,
-            self.low,
-            self.high,
-        )
+    def tell(self, s: _Sums, out: Any) -> None:
+        """The fit into one record of FIT."""
+        for name in vars(s):
+            if name != "gradient":
+                out[name] = getattr(s, name)
+        out["n"], out["span"], out["least"], out["greatest"] = self.n, self.span, self.low, self.high
 
 
 def _clip(value: float, low: float, high: float) -> float:
@@ -196,22 +129,21 @@ def _refine(p: _Problem, best: _Sums) -> _Sums:
     return best
 
 
-def fit_decay(t: Array, y: Array, w: Array, signed_rate: bool) -> tuple[float, ...]:
+def fit_decay(t: Array, y: Array, w: Array, signed_rate: bool, out: Fits) -> None:
     """Weighted least squares of y = level + slope (growth(rate, t - t[0]) - its mean), amplitudes eliminated.
 
     Variable projection (Golub & Pereyra 1973): for a given rate the law is linear in its two amplitudes, so the search
     runs over the rate alone, over all that the record can show; `signed_rate` lets it be negative.
 
-    Parameters: t, y, w of shape (n,), readings of weight 0 are left out. Returns (rate, slope at t[0], level, mean of phi,
-    mean of psi, sum of weights, phi.phi, phi.psi, psi.psi, residual sum of squares, readings used, their span, least and
-    greatest rate), phi and psi being the centred basis function and its derivative by the rate.
+    Parameters: t, y, w of shape (n,), readings of weight 0 are left out; out (1,) of FIT.
 
     Raises
     ------
     ValueError: fewer than three readings of positive weight, or all at one time.
     """
     p = _Problem(t, y, w, signed_rate)
-    return p.told(p.best())
+    out.fill(np.nan)
+    p.tell(p.best(), out[0])
 
 
 def _contour(p: _Problem, inside: float, outside: float, minimum: float, limit: float, stride: float) -> float:
@@ -293,7 +225,7 @@ def _profile(p: _Problem, s: _Sums, limit: float) -> tuple[float, float, float, 
         at = p.evaluate(s.rate + u * (b - s.rate if u > 0.0 else s.rate - a))
         arm = 1.0 / at.rate - at.phi_mean
         reach = (1.0 / at.weight + arm * arm / at.phi_phi) * (limit - at.rss)
-        return at.level + at.slope * arm + sign * math.sqrt(max(reach, 0.0))
+        return float(at.level + at.slope * arm + sign * math.sqrt(max(reach, 0.0)))
 
     theta = math.asin(_clip(correlation, -0.99, 0.99))
     upper = _extreme(lambda angle: edge(angle, 1), theta)
@@ -326,8 +258,13 @@ def _drop_outliers(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, outlier:
     return True
 
 
-def spike_weights(y: Array, resolution: float, out: Array) -> None:
-    """1 for a reading, 0 for an isolated spike, into out (n,); see :func:`models.spikes.spike_weights`."""
+def spike_weights(y: Array, resolution: Array, out: Array) -> None:
+    """1 for a reading, 0 for an isolated spike, into out (S, n); see :func:`models.noise.spikes.spike_weights`."""
+    for row, step, weights in zip(y, resolution, out, strict=True):
+        _mark_spikes(row, float(step), weights)
+
+
+def _mark_spikes(y: Array, resolution: float, out: Array) -> None:
     out[:] = 1.0
     if len(y) < 5:
         return
@@ -339,23 +276,44 @@ def spike_weights(y: Array, resolution: float, out: Array) -> None:
         out[:] = 1.0
 
 
-#: (logger's step, spread of rate times span at which a start is settled, fewest readings, growth of their number, deviations
-#: at which a reading is outlier)
-StartRule = tuple[float, float, int, float, float]
+#: (spread of rate times span at which a start is settled, fewest readings, growth of their number, deviations at which a reading
+#: is an outlier)
+StartRule = tuple[float, int, float, float]
 
 
-def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, float, bool, tuple[float, ...]]:
-    """Fit of the first readings, as few as fix the rate; see :meth:`models.lump.Lump.start`.
+def start_decay(
+    t: Array,
+    y: Array,
+    resolution: Array,
+    rule: StartRule,
+    w: Array,
+    used: NDArray[np.intp],
+    noise: Array,
+    settled: NDArray[np.uint8],
+    out: Fits,
+) -> None:
+    """Fits of the first readings of each record, as few as fix the rate; see :meth:`models.lump.Lump.start`.
 
-    The number of readings grows by `growing` from `fewest` until rate times span is known to `settled`. `w` (n,) becomes
-    their weights, 0 for isolated spikes and for readings that stand out of the rest by `outlier` deviations.
-    Returns (readings used, noise variance, whether it settled, the fit as :func:`fit_decay` tells it).
+    The number of readings grows by `growing` from `fewest` until rate times span is known to `settled`. `w` (S, n) becomes
+    their weights, 0 for isolated spikes and for readings that stand out of the rest by `outlier` deviations. Per record of
+    y (S, n): the readings used, -1 where none can be fitted, the noise variance, whether it settled, the fit, out (S,) of FIT.
     """
-    resolution, settled, fewest, growing, outlier = rule
+    out.fill(np.nan)
+    for i, row in enumerate(y):
+        try:
+            used[i], noise[i], settled[i], p, s = _start(t, row, float(resolution[i]), rule, w[i])
+        except ValueError:
+            used[i] = -1
+            continue
+        p.tell(s, out[i])
+
+
+def _start(t: Array, y: Array, resolution: float, rule: StartRule, w: Array) -> tuple[int, float, bool, "_Problem", "_Sums"]:
+    settled, fewest, growing, outlier = rule
     size = len(t)
     used = min(fewest, size)
     while True:
-        spike_weights(y[:used], resolution, w[:used])
+        _mark_spikes(y[:used], resolution, w[:used])
         p = _Problem(t[:used], y[:used], w[:used], True)
         s = p.best()
         for _ in range(used // 5):
@@ -385,7 +343,7 @@ def start_decay(t: Array, y: Array, rule: StartRule, w: Array) -> tuple[int, flo
         spread = math.sqrt(noise * s.rate_covariance()[2]) * p.span * (1.0 + 1.0 / max(dof, 1))
         done = dof > 2 and spread < settled
         if done or used == size:
-            return used, noise, done, p.told(s)
+            return used, noise, done, p, s
         used = min(size, max(used + 1, int(used * growing)))
 
 
@@ -395,46 +353,57 @@ def likelihoods(
     w: Array,
     counts: NDArray[np.intp],
     quantiles: Array,
-    first: int,
+    first: NDArray[np.intp],
+    resolution: Array,
     rule: StartRule,
     wide: float,
-    out: Array,
+    out: Fits,
 ) -> None:
-    """Fits and profile intervals of the first counts[i] readings, for every i, into out (len(counts), 18).
+    """Fits and profile intervals of the first counts[i] readings of each record of y (S, n), for every i, into out (S, m) of FIT.
 
-    A stretch of no more than `first` readings, one before the filter has begun, has its weights from its own start.
-    Readings far outside a fit are left out of it, twice at the most and never more than a tenth; with a single count `w`
-    itself is changed to tell which. quantiles (len(counts),) are those of Student's t. Columns: as :func:`fit_decay`, then as
-    :func:`profile_decay`; nan where nothing can be fitted, or where no reading is spare.
-    Where the half-width of the steady state is beyond `wide` to first order, that stands for the interval.
+    A stretch of no more than `first` (S,) readings, one before the filter has begun, has its weights from its own start.
+    Readings far outside a fit are left out of it, twice at the most and never more than a tenth; with a single count `w` (S, n)
+    itself is changed to tell which. quantiles (S, m) are those of Student's t. Fields are nan where nothing can be fitted, or where
+    no reading is spare. Where the half-width of the steady state is beyond `wide` to first order, that stands for the interval.
     """
-    out[:] = np.nan
-    for i, n in enumerate(counts):
-        weights = w[:n].copy()
-        begun = 0.0
-        try:
-            if n <= first:
-                # Shorter starts than this were tried when the filter began, and none was settled.
-                begun = start_decay(t[:n], y[:n], (*rule[:2], int(n), *rule[3:]), weights)[3][0]
-            p = _Problem(t[:n], y[:n], weights, False)
-            # The start has searched the same readings already.
-            s = _refine(p, p.evaluate(begun)) if begun > p.low else p.best()
-            for _ in range(2):
-                if not _drop_outliers(p, s, t[:n], y[:n], weights, rule[4], rule[0]):
-                    break
-                p = _Problem(t[:n], y[:n], weights, False)
-                s = p.best()
-        except ValueError:
-            continue
-        out[i, :14] = p.told(s)
-        if p.n > 3:
-            noise = s.rss / (p.n - 3)
-            limit = s.rss + noise * quantiles[i] ** 2
-            reach = quantiles[i] * math.sqrt(max(noise * s.steady_variance(), 0.0))
-            if reach > wide:
-                steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
-                out[i, 14:] = s.rate, s.rate, steady - reach, steady + reach
-            elif limit > s.rss:
-                out[i, 14:] = _profile(p, s, limit)
-        if len(counts) == 1:
-            w[:n] = weights
+    out.fill(np.nan)
+    for k, row in enumerate(y):
+        for i, n in enumerate(counts):
+            weights = w[k, :n].copy()
+            _likely(t[:n], row[:n], weights, float(quantiles[k, i]), int(first[k]), float(resolution[k]), rule, wide, out[k, i])
+            if len(counts) == 1:
+                w[k, :n] = weights
+
+
+def _likely(
+    t: Array, y: Array, w: Array, quantile: float, first: int, resolution: float, rule: StartRule, wide: float, out: Any
+) -> None:
+    begun = 0.0
+    try:
+        if len(t) <= first:
+            # Shorter starts than this were tried when the filter began, and none was settled.
+            begun = _start(t, y, resolution, (rule[0], len(t), *rule[2:]), w)[4].rate
+        p = _Problem(t, y, w, False)
+        # The start has searched the same readings already.
+        s = _refine(p, p.evaluate(begun)) if begun > p.low else p.best()
+        for _ in range(2):
+            if not _drop_outliers(p, s, t, y, w, rule[3], resolution):
+                break
+            p = _Problem(t, y, w, False)
+            s = p.best()
+    except ValueError:
+        return
+    p.tell(s, out)
+    if p.n <= 3:
+        return
+    noise = s.rss / (p.n - 3)
+    limit = s.rss + noise * quantile**2
+    reach = quantile * math.sqrt(max(noise * s.steady_variance(), 0.0))
+    bounds = None
+    if reach > wide:
+        steady = s.level + s.slope * (1.0 / s.rate - s.phi_mean)
+        bounds = s.rate, s.rate, steady - reach, steady + reach
+    elif limit > s.rss:
+        bounds = _profile(p, s, limit)
+    if bounds is not None:
+        out["rate_low"], out["rate_high"], out["steady_low"], out["steady_high"] = bounds

@@ -1,6 +1,7 @@
 """The compiled core where it was built, its numpy twin otherwise. ``COMPILED`` tells which."""
 
-from ._lump_numpy import Array, FitMoments, StartRule, growth, growth_slope
+from ._lump_numpy import StartRule
+from .fit import FIT, Array, FitMoments, Fits, growth, growth_slope
 
 try:
     from ._forward import followed, forward
@@ -35,12 +36,14 @@ except ImportError:
 
 __all__ = [
     "COMPILED",
+    "FIT",
     "PRINTED_JACOBIAN",
     "PRINTED_STEP",
     "SLOPE_JACOBIAN",
     "SLOPE_STEP",
     "Array",
     "FitMoments",
+    "Fits",
     "StartRule",
     "fit_decay",
     "followed",

@@ -16,7 +16,7 @@ from scipy.linalg import matmul_toeplitz
 from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import least_squares
 
-from ..core._lump_numpy import Array
+from ..core.fit import Array
 
 MOST_AR, MOST_MA = 3, 2
 #: Orders (p, q) among which the long-run factor is looked for: more parameters add spread, not truth.

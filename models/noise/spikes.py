@@ -1,6 +1,7 @@
 """Outliers: those that leave their two neighbours on one side and come straight back; and the noise of a record."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -8,12 +9,12 @@ from ..core import kernel
 from ..core.kernel import Array
 
 
-def difference_noise(reading: Array) -> float:
-    """Standard deviation of the noise [K] from the differences of neighbours (n,), whatever the curve does."""
-    if len(reading) < 3:
-        return 0.0
-    step = np.diff(reading)
-    return 1.4826 * _median(np.abs(step - _median(step))) / math.sqrt(2.0)
+def difference_noise(reading: Array) -> Any:
+    """Standard deviation of the noise [K] from the differences of neighbours (..., n), whatever the curve does; shape (...)."""
+    if reading.shape[-1] < 3:
+        return np.zeros(reading.shape[:-1])[()]
+    step = reading[..., 1:] - reading[..., :-1]
+    return 1.4826 * _median(np.abs(step - _median(step)[..., None])) / math.sqrt(2.0)
 
 
 def _divided(reading: Array, time: Array) -> Array:
@@ -33,31 +34,32 @@ def third_difference_noise(reading: Array, time: Array | None = None) -> float:
     The larger of a robust and a trimmed estimate: in readings rounded to few steps the first is often nought.
     """
     if len(reading) < 8:
-        return difference_noise(reading)
+        return float(difference_noise(reading))
     third = np.diff(reading, 3) if time is None else _divided(reading, time)
     robust = 1.4826 * _median(np.abs(third - _median(third))) / math.sqrt(20.0)
     near = (
         third[np.abs(third) <= 5.0 * math.sqrt(20.0) * robust] if robust > 0.0 else third[np.abs(third) <= np.ptp(reading) / 20.0]
     )
-    return max(robust, math.sqrt(float(near @ near) / len(near) / 20.0)) if len(near) else robust
+    return max(float(robust), math.sqrt(float(near @ near) / len(near) / 20.0)) if len(near) else float(robust)
 
 
-def _median(values: Array) -> float:
-    """numpy.median without its checks, which cost more than the median of a sensor."""
-    middle = len(values) // 2
-    if len(values) % 2:
-        return float(np.partition(values, middle)[middle])
-    parted = np.partition(values, (middle - 1, middle))
-    return 0.5 * float(parted[middle - 1] + parted[middle])
+def _median(values: Array) -> Any:
+    """numpy.median (..., n) without its checks, which cost more than the median of a sensor."""
+    middle = values.shape[-1] // 2
+    if values.shape[-1] % 2:
+        return np.partition(values, middle, axis=-1)[..., middle]
+    parted = np.partition(values, (middle - 1, middle), axis=-1)
+    return 0.5 * (parted[..., middle - 1] + parted[..., middle])
 
 
-def spike_weights(reading: Array, resolution: float = 0.0) -> Array:
-    """1 for a reading, 0 for an isolated spike; shape (n,).
+def spike_weights(reading: Array, resolution: Array | float = 0.0) -> Array:
+    """1 for a reading, 0 for an isolated spike; shape of reading, (n,) or (S, n).
 
     A spike differs from the median of itself and its neighbours by more than eight deviations of the noise, which is taken
     from the differences of the record. In a monotonic stretch that median is the reading itself, however steep.
-    resolution [K] is the logger's step.
+    resolution [K], a number or (S,), is the logger's step.
     """
-    weights = np.empty(len(reading))
-    kernel.spike_weights(np.ascontiguousarray(reading), resolution, weights)
-    return weights
+    rows = np.ascontiguousarray(np.atleast_2d(reading))
+    weights = np.empty(rows.shape)
+    kernel.spike_weights(rows, np.ascontiguousarray(np.broadcast_to(np.asarray(resolution, dtype=float), len(rows))), weights)
+    return weights.reshape(reading.shape)

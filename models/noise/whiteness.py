@@ -2,6 +2,7 @@
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +15,12 @@ COSINES = 8
 SLOW_SHARE = 0.02
 
 
-def _blocks(values: Array, blocks: int) -> Array:
-    edges = np.linspace(0, len(values), blocks + 1).astype(int)[:-1]
-    means: Array = (
-        np.add.reduceat(values, edges, axis=0) / np.diff(np.append(edges, len(values)))[(...,) + (None,) * (values.ndim - 1)]
-    )
+def _blocks(values: Array, axis: int, blocks: int) -> Array:
+    """Means of `blocks` stretches along an axis."""
+    n = values.shape[axis]
+    edges = np.linspace(0, n, blocks + 1).astype(int)[:-1]
+    size = np.diff(np.append(edges, n)).reshape((-1,) + (1,) * (-axis - 1))
+    means: Array = np.add.reduceat(values, edges, axis=axis) / size
     return means
 
 
@@ -29,41 +31,48 @@ def _cosines(n: int, count: int) -> Array:
     return cosines
 
 
-def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> float:
-    """Probability that white residuals of a fit would show as much pattern as these.
+def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> Any:
+    """Probability that white residuals of a fit would show as much pattern as these; one of each of S fits, (...).
 
-    residual (n,) in units of their noise, in order of time; tangent (n, m), the fit's Jacobian, whose directions the fit has
-    already used up. Two looks, each at half the level: an F test of the first COSINES cosines over the record, which sees
+    residual (..., n) in units of their noise, in order of time; tangent (..., n, m), the fit's Jacobian, whose directions the fit
+    has already used up. Two looks, each at half the level: an F test of the first COSINES cosines over the record, which sees
     slow misfit, and the lag-one correlation (Durbin & Watson), which sees the rest. Long records are averaged
     over blocks first. `slack` is the variance, relative to the noise's, of slow disturbances that are no misfit (the noise of
     a logged input). Returns nan for fewer than 12 readings.
     """
-    n = len(residual)
+    n = residual.shape[-1]
     if n < 12:
-        return math.nan
+        return np.full(residual.shape[:-1], math.nan)[()]
     if n > MOST_POINTS:
-        residual, tangent = _blocks(residual, MOST_POINTS), _blocks(tangent, MOST_POINTS)
+        residual, tangent = _blocks(residual, -1, MOST_POINTS), _blocks(tangent, -2, MOST_POINTS)
         n = MOST_POINTS
     count = min(COSINES, n // 6)
-    scale = np.maximum(np.sqrt((tangent * tangent).sum(axis=0)), 1e-300)
-    basis = np.concatenate([tangent / scale, _cosines(n, count)], axis=1)
+    m = tangent.shape[-1]
+    scale = np.maximum(np.sqrt((tangent * tangent).sum(axis=-2)), 1e-300)
+    tangent = tangent / scale[..., None, :]
+    cosines = _cosines(n, count)
     # What the cosines explain beyond the tangent; a cosine that the fit can imitate is left with nothing but rounding.
-    gram, along = basis.T @ basis, basis.T @ residual
-    m = tangent.shape[1]
-    ridge = 1e-11 * np.eye(m + count)
-    explained = float(along @ np.linalg.solve(gram + ridge, along))
+    across = tangent.swapaxes(-1, -2)
+    gram = np.empty((*residual.shape[:-1], m + count, m + count))
+    gram[..., :m, :m] = across @ tangent
+    gram[..., :m, m:] = across @ cosines
+    gram[..., m:, :m] = gram[..., :m, m:].swapaxes(-1, -2)
+    gram[..., m:, m:] = cosines.T @ cosines
+    along = np.concatenate([(across @ residual[..., None])[..., 0], residual @ cosines], axis=-1)
+    gram += 1e-11 * np.eye(m + count)
+    explained = (along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=-1)
     # At its optimum a fit leaves nothing along its own directions; the means of uneven blocks do.
-    explained = max(explained - float(along[:m] @ np.linalg.solve((gram + ridge)[:m, :m], along[:m])), 0.0)
-    total = float(residual @ residual)
-    rest = n - tangent.shape[1] - count
-    if not total > 0.0:
-        return 1.0
-    f = (explained / count) / max((total - explained) / rest, 1e-300)
-    slow = f_tail(count, rest, f / (1.0 + slack))
-    # A fit makes neighbouring residuals slightly opposite: about -m/n in the lag-one correlation.
-    lag_one = float(residual[1:] @ residual[:-1]) / total + tangent.shape[1] / n
+    own = np.linalg.solve(gram[..., :m, :m], along[..., :m, None])[..., 0]
+    explained = np.maximum(explained - (along[..., :m] * own).sum(axis=-1), 0.0)
+    total = (residual * residual).sum(axis=-1)
+    rest = n - m - count
+    with np.errstate(all="ignore"):
+        f = (explained / count) / np.maximum((total - explained) / rest, 1e-300)
+        slow = f_tail(count, rest, f / (1.0 + slack))
+        # A fit makes neighbouring residuals slightly opposite: about -m/n in the lag-one correlation.
+        lag_one = (residual[..., 1:] * residual[..., :-1]).sum(axis=-1) / total + m / n
     fast = normal_tail(lag_one * math.sqrt(n) - SLOW_SHARE * slack * math.sqrt(n))
-    return min(1.0, 2.0 * min(slow, fast))
+    return np.where(total > 0.0, np.minimum(1.0, 2.0 * np.minimum(slow, fast)), 1.0)[()]
 
 
 def variance_inflation(residual: Array) -> float:

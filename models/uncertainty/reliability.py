@@ -50,7 +50,7 @@ class DesignPoint:
     @property
     def probability(self) -> float:
         """Probability beyond the plane through the point: exact where the error is linear in the inputs."""
-        return normal_tail(self.distance)
+        return float(normal_tail(self.distance))
 
     @property
     def importance(self) -> Array:

@@ -26,7 +26,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.stats import gamma, invgauss, norm
 
-from thermofast.estimation.estimate import estimate_at
+from thermofast.estimation.closing import estimate_at
 from thermofast.filters import Afukf
 from thermofast.models import Lump, t_quantile
 from thermofast.models.uncertainty.first_passage import Belief, Pace, Passage, RunBack, clock_time, through_phases, time_to_go

@@ -19,7 +19,8 @@ from thermofast.models.uncertainty.reliability import first_order, monte_carlo
 
 from ..discovery.loop import LoopTask, failure_records, in_order, ready, refused_records
 from ..errors import ThermofastError
-from ..estimation.estimate import Estimate, FilterError, estimate_at, track_of
+from ..estimation.closing import estimate_at, track_of
+from ..estimation.estimate import Estimate, FilterError
 from ..estimation.identify import Method, refusal
 from ..estimation.sensor import Sensor, prepare
 from ..machine.learnt import carry

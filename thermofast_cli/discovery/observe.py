@@ -100,7 +100,7 @@ def _rate(time: Array, reading: Array, weight: Array) -> float:
     """Rate of the base law [1/min], no less than what the record can show."""
     used = weight > 0.0
     span = float(time[-1] - time[0])
-    return max(fit_decay(time[used], reading[used], weight[used]).rate, 2.0 / span)
+    return float(max(fit_decay(time[used], reading[used], weight[used]).rate, 2.0 / span))
 
 
 def _gridded(

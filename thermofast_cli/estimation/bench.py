@@ -14,7 +14,8 @@ from thermofast.models import Lump, spike_weights
 
 from ..reading import Run
 from ..records import BenchRecord, finite
-from .estimate import FEWEST_READINGS, Estimate, FilterError, estimate_at, track_of
+from .closing import estimate_at, track_of
+from .estimate import FEWEST_READINGS, Estimate, FilterError
 from .sensor import Sensor, prepare
 
 Array = NDArray[np.float64]

@@ -11,16 +11,29 @@ WIDER, NOISES = 3.29 / 1.96, 3.29
 SHARE, FEWEST = 0.05, 3
 
 
+def outside_band(residual: Array, half_width: Array, noise: Array | float) -> NDArray[np.bool_]:
+    """Which residuals (..., n) leave the prediction's band; nan ones do not. Broadcasts."""
+    with np.errstate(invalid="ignore"):
+        outside: NDArray[np.bool_] = np.abs(residual) > WIDER * half_width + NOISES * noise
+    return outside
+
+
+def contradicts(residual: Array, half_width: Array, noise: Array) -> NDArray[np.bool_]:
+    """Whether the readings ahead (S, n), nan for one that does not count, leave the bands of S predictions; noise (S,) [K]."""
+    outside = outside_band(residual, half_width, noise[:, None]).sum(axis=1)
+    found: NDArray[np.bool_] = outside >= np.maximum(FEWEST, SHARE * np.isfinite(residual).sum(axis=1))
+    return found
+
+
 def contradiction(residual: Array, half_width: Array, noise: float) -> float | None:
     """Largest residual [K] of the readings ahead (n,) where they leave the prediction's band, or None where they stay in it.
 
     half_width (n,) [K] is that of the 95 % band of the curve on the side of each residual, noise [K] a reading's deviation. A right
     model's curve leaves the band so widened about once in a thousand records.
     """
-    outside = np.abs(residual) > WIDER * half_width + NOISES * noise
-    if int(outside.sum()) < max(FEWEST, SHARE * len(residual)):
+    if not contradicts(residual[None], half_width[None], np.array([noise]))[0]:
         return None
-    return float(np.abs(residual[outside]).max())
+    return float(np.abs(residual[outside_band(residual, half_width, noise)]).max())
 
 
 def words(size: float, until_min: float) -> str:

@@ -1,23 +1,24 @@
 """From one sensor's readings to one record of ``identify``. Pure: arrays in, records out."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.filters import Afukf, Filter, Track
+from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.filters.joint import track_together
 from thermofast.models import spike_weights
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
-from ..records import IdentifyRecord, finite
-from .contradiction import words
-from .estimate import DOUBT, FEWEST_READINGS, Estimate, FilterError, Model, estimate_at, track_of
-from .measured import measured_equilibrium
-from .sensor import Sensor, prepare
+from ..records import IdentifyRecord
+from .closing import estimates_of, track_of, tracks_of
+from .contradiction import contradicts, words
+from .estimate import DOUBT, FEWEST_READINGS, Estimate, Estimates, FilterError, Model
+from .measured import measured_equilibria
+from .sensor import Sensor, Sensors, prepare_all
 
 Array = NDArray[np.float64]
 
@@ -62,6 +63,51 @@ class Identified:
     curves: Curves | None = None
 
 
+def identify_sensors(
+    run: str,
+    channels: Sequence[str],
+    time_min: Array,
+    values: Array,
+    method: Method,
+    until_min: float | None = None,
+    start_min: float = 0.0,
+    notes: Sequence[str] = (),
+    want_trace: bool = False,
+    together: bool = False,
+) -> list[Identified]:
+    """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
+
+    Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
+
+    Raises
+    ------
+    TypeError: together, and the filter is not the AFUKF.
+    """
+    if together and not isinstance(method.filter, Afukf):
+        raise TypeError(f"one filter over all sensors is the AFUKF, not {method.filter.name}")
+    name = f"{method.filter.name} (joint)" if together else method.filter.name
+    notes = tuple(notes) or ("",) * len(channels)
+    found: list[Identified | None] = [None] * len(channels)
+    blocks: list[Sensors] = []
+    for block in prepare_all(time_min, values, start_min):
+        keep = np.ones(len(block), dtype=bool)
+        for i, row in enumerate(block.rows):
+            refused = refusal(block.one(i), until_min)
+            if refused is not None:
+                status, why, samples = refused
+                message = _joined([why, notes[row]])
+                record = IdentifyRecord(run, channels[row], name, until_min, samples, start_min, status=status, message=message)
+                found[row], keep[i] = Identified(record), False
+        if keep.any():
+            blocks.append(block if keep.all() else block.some(keep))
+    shared = _tracks_together(method, blocks, until_min) if together else {}
+    for block in blocks:
+        job = _Block(run, channels, name, method, block, until_min, start_min, time_min, notes, want_trace)
+        for row, one in zip(block.rows, job.identified(shared), strict=True):
+            found[row] = one
+    return [one for one in found if one is not None]
+
+
 def identify_sensor(
     run: str,
     channel: str,
@@ -73,83 +119,169 @@ def identify_sensor(
     note: str = "",
     want_trace: bool = False,
 ) -> Identified:
-    """Record of one sensor from its readings values (N,) [degC], nan for none, at time_min (N,).
-
-    Trouble with the sensor is a status in the record, never an exception.
-    """
-    sensor = prepare(time_min, values, start_min)
-    blank = IdentifyRecord(run, channel, method.filter.name, until_min=until_min, start_min=start_min)
-    refused = _refused(blank, sensor, until_min, note)
-    if refused is not None:
-        return refused
-    count = sensor.until(until_min)
-    try:
-        track = track_of(method.filter, method.model, sensor.time[:count], sensor.reading[:count], sensor.resolution)
-    except FilterError as error:
-        return Identified(replace(blank, samples=count, status="diverged", message=_joined([error, note])))
-    return _identified(replace(blank, until_min=_until(until_min, time_min)), sensor, track, method, note, until_min, want_trace)
+    """As :func:`identify_sensors` for one sensor, values (N,)."""
+    return identify_sensors(run, (channel,), time_min, values[None], method, until_min, start_min, (note,), want_trace)[0]
 
 
-def identify_together(
-    run: str,
-    channels: Sequence[str],
-    time_min: Array,
-    values: Array,
-    method: Method,
-    until_min: float | None = None,
-    start_min: float = 0.0,
-    notes: Sequence[str] = (),
-    want_trace: bool = False,
-) -> list[Identified]:
-    """As :func:`identify_sensor` for all sensors of a run, values (S, N), under one adaptive fading filter.
-
-    Raises
-    ------
-    TypeError: the filter is not the AFUKF.
-    """
-    if not isinstance(method.filter, Afukf):
-        raise TypeError(f"one filter over all sensors is the AFUKF, not {method.filter.name}")
-    sensors = [prepare(time_min, row, start_min) for row in values]
-    blanks = [IdentifyRecord(run, c, f"{method.filter.name} (joint)", until_min=until_min, start_min=start_min) for c in channels]
-    refused = [_refused(blank, s, until_min, note) for blank, s, note in zip(blanks, sensors, notes, strict=True)]
-    going = [i for i, r in enumerate(refused) if r is None]
-    cut = [sensors[i].until(until_min) for i in going]
-    records = [(sensors[i].time[:n], sensors[i].reading[:n], sensors[i].resolution) for i, n in zip(going, cut, strict=True)]
-    tracks = dict(zip(going, track_together(method.model, method.filter.moments, method.filter.fading_rule, records), strict=True))
-    minutes = _until(until_min, time_min)
-    return [
-        done
-        if done is not None
-        else _identified(replace(blanks[i], until_min=minutes), sensors[i], tracks[i], method, notes[i], until_min, want_trace)
-        for i, done in enumerate(refused)
-    ]
+def _tracks_together(method: Method, blocks: Sequence[Sensors], until_min: float | None) -> dict[int, Track]:
+    """Track of every row under one filter over all of them."""
+    assert isinstance(method.filter, Afukf)
+    records, rows = [], []
+    for block in blocks:
+        n = block.until(until_min)
+        records += [(block.time[:n], r[:n], float(step)) for r, step in zip(block.reading, block.resolution, strict=True)]
+        rows += block.rows.tolist()
+    tracks = track_together(method.model, method.filter.moments, method.filter.fading_rule, records)
+    return dict(zip(rows, tracks, strict=True))
 
 
-def _until(until_min: float | None, time_min: Array) -> float:
-    return until_min if until_min is not None else float(time_min[-1] - time_min[0])
+@dataclass(frozen=True)
+class _Block:
+    """Sensors of one run on one grid, on their way from readings to records."""
+
+    run: str
+    channels: Sequence[str]
+    filter: str
+    method: Method
+    sensors: Sensors
+    until_min: float | None
+    start_min: float
+    time_min: Array
+    notes: Sequence[str]
+    want_trace: bool
+
+    @property
+    def count(self) -> int:
+        return self.sensors.until(self.until_min)
+
+    def identified(self, shared: dict[int, Track]) -> list[Identified]:
+        """Of every sensor; `shared` holds the tracks by row where one filter has run over all."""
+        tracks, single, failed = self._tracks(shared)
+        if tracks is None:
+            return [self._diverged(i, failed[i]) for i in range(len(self.sensors))]
+        broken = {i: self._broke_at(int(k)) for i, k in enumerate(tracks.diverged_at) if k >= 0}
+        broken |= failed
+        n, sensors = self.count, self.sensors
+        time, reading = sensors.time[:n], sensors.reading[:, :n]
+        found = estimates_of(self.method.model, self.method.filter, tracks, time, reading, sensors.resolution, single)
+        records = self._records(found, tracks, broken)
+        if not self.want_trace:
+            return [Identified(r) for r in records]
+        return [self._with_pictures(i, r, found, single) if i not in broken else Identified(r) for i, r in enumerate(records)]
+
+    def _tracks(self, shared: dict[int, Track]) -> tuple[Tracks | None, Callable[[int], Track], dict[int, str]]:
+        """What the filter makes of all; a sensor's whole track, where it is asked for; and why it could not run on some."""
+        sensors, method, n = self.sensors, self.method, self.count
+        time, reading = sensors.time[:n], sensors.reading[:, :n]
+        known: dict[int, Track] = {i: shared[row] for i, row in enumerate(sensors.rows.tolist()) if row in shared}
+
+        def single(i: int) -> Track:
+            if i not in known:
+                known[i] = track_of(method.filter, method.model, time, reading[i], float(sensors.resolution[i]))
+            return known[i]
+
+        if not known and not self.want_trace:
+            tracks = tracks_of(method.filter, method.model, time, reading, sensors.resolution)
+            if tracks is not None:
+                return tracks, single, {}
+        failed: dict[int, str] = {}
+        for i in range(len(sensors)):
+            try:
+                single(i)
+            except FilterError as error:
+                failed[i] = str(error)
+        if not known:
+            return None, single, failed
+        some = next(iter(known.values()))
+        tracks = Tracks.of([known.get(i, replace(some, diverged_at=0)) for i in range(len(sensors))])
+        return tracks, single, failed
+
+    def _broke_at(self, k: int) -> str:
+        return f"the filter diverged at reading {k + 1}, {self.sensors.time[k]:.4g} min"
+
+    def _diverged(self, i: int, why: str) -> Identified:
+        row = self.sensors.rows[i]
+        message = _joined([why, self.notes[row]])
+        blank = IdentifyRecord(self.run, self.channels[row], self.filter, self.until_min, self.count, self.start_min)
+        return Identified(replace(blank, status="diverged", message=message))
+
+    def _records(self, found: Estimates, tracks: Tracks, broken: dict[int, str]) -> list[IdentifyRecord]:
+        sensors, n = self.sensors, self.count
+        steady, settled = measured_equilibria(sensors.time, sensors.reading)
+        ahead, against = self._ahead(found)
+        status, messages = _verdicts(found, tracks, sensors, against, float(sensors.time[n - 1]))
+        elapsed = max(found.time - self.start_min, 0.0)
+        to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
+        for k in np.flatnonzero(found.faded if not self.method.paces else np.isfinite(found.t95)).tolist():
+            left = remaining(found.one(k), elapsed, self.method.paces)
+            for side, value in zip(to_go, (left.median, left.low, left.high), strict=True):
+                side[k] = math.nan if value is None else value
+        for side in to_go:
+            side[np.isnan(found.t95)] = math.nan
+        columns = [
+            _or_none(column)
+            for column in (
+                found.initial,
+                found.steady_state,
+                found.steady_low,
+                found.steady_high,
+                found.limit,
+                steady,
+                found.t95,
+                found.t95_low,
+                found.t95_high,
+                settled,
+                *to_go,
+                found.rate,
+                found.noise,
+                found.misfit,
+                ahead,
+            )
+        ]
+        until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
+        records: list[IdentifyRecord] = []
+        for i, (row, values) in enumerate(zip(sensors.rows.tolist(), zip(*columns, strict=True), strict=True)):
+            if i in broken:
+                records.append(replace(self._diverged(i, broken[i]).record, until_min=until))
+                continue
+            message = _joined([*messages.get(i, ()), *sensors.notes[i], self.notes[row]])
+            # By position: the columns above are in the order of the record's fields.
+            told: tuple[Any, ...] = (*values, status[i], message)
+            records.append(IdentifyRecord(self.run, self.channels[row], self.filter, until, n, self.start_min, *told))
+        return records
+
+    def _ahead(self, found: Estimates) -> tuple[Array, dict[int, float]]:
+        """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""
+        sensors, n = self.sensors, self.count
+        ahead = np.full(len(sensors), np.nan)
+        told = np.isfinite(found.rate)
+        if n == len(sensors.time) or not told.any():
+            return ahead, {}
+        later = sensors.time[n:]
+        kept = spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0
+        error = np.where(kept & told[:, None], sensors.reading[:, n:] - found.free_run(later), np.nan)
+        number = np.isfinite(error).sum(axis=1)
+        told &= number > 0
+        ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
+        half = found.band_from_tangent(later)
+        against = {}
+        # The covariance alone costs little; what it finds is looked at again with the curved band of draws.
+        for i in np.flatnonzero(told & contradicts(error, half, found.noise)):
+            good = np.isfinite(error[i])
+            size = found.one(int(i)).contradicted_by(later[good], error[i][good], half[i][good])
+            if size is not None:
+                against[int(i)] = size
+        return ahead, against
+
+    def _with_pictures(self, i: int, record: IdentifyRecord, found: Estimates, single: Callable[[int], Track]) -> Identified:
+        sensor, n = self.sensors.one(i), self.count
+        trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
+        return Identified(record, trace, _curves(record, sensor, found.one(i), trace, n, self.until_min))
 
 
-def _refused(blank: IdentifyRecord, sensor: Sensor, until_min: float | None, note: str) -> Identified | None:
-    refused = refusal(sensor, until_min)
-    if refused is None:
-        return None
-    status, why, samples = refused
-    return Identified(replace(blank, samples=samples, status=status, message=_joined([why, note])))
-
-
-def _identified(
-    blank: IdentifyRecord, sensor: Sensor, track: Track, method: Method, note: str, until_min: float | None, want_trace: bool
-) -> Identified:
-    count, time, reading = len(track.weight), sensor.time, sensor.reading
-    blank, notes = replace(blank, samples=count), [note] if note else []
-    if track.diverged_at is not None:
-        message = f"the filter diverged at reading {track.diverged_at + 1}, {time[track.diverged_at]:.4g} min"
-        return Identified(replace(blank, status="diverged", message=_joined([message, *notes])))
-    estimate = estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, sensor.resolution)
-    record = _record(blank, sensor, estimate, track, count, notes, method.paces)
-    trace = trace_columns(method.model, track, time[:count], reading[:count]) if want_trace else None
-    curves = _curves(record, sensor, estimate, trace, count, until_min) if want_trace else None
-    return Identified(record, trace, curves)
+def _or_none(column: Array) -> list[float | None]:
+    """Numbers, None for what is none."""
+    return [v if math.isfinite(v) else None for v in column.tolist()]
 
 
 def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | None:
@@ -163,56 +295,6 @@ def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | N
     if float(np.ptp(sensor.reading[:count])) == 0.0:
         return "constant", f"every reading is {sensor.reading[0]:g} degC: is the probe connected?", count
     return None
-
-
-def _record(
-    blank: IdentifyRecord,
-    sensor: Sensor,
-    estimate: Estimate,
-    track: Track,
-    count: int,
-    notes: list[str],
-    paces: Sequence[Pace],
-) -> IdentifyRecord:
-    time, reading = sensor.time, sensor.reading
-    steady, t95 = estimate.steady_state_interval, estimate.t95_interval
-    initial = estimate.initial
-    measured = measured_equilibrium(time, reading)
-    ahead, against = None, None
-    if count < len(time) and estimate.rate is not None:
-        kept = spike_weights(reading, sensor.resolution)[count:] > 0.0
-        later = time[count:][kept]
-        error = reading[count:][kept] - estimate.free_run(later)
-        ahead = math.sqrt(float(np.mean(error**2))) if len(error) else None
-        if len(error):
-            against = estimate.contradicted_by(later, error)
-    status, messages = _verdict(estimate, track, sensor)
-    if against is not None:
-        status = "model_doubtful" if status == "ok" else status
-        messages.insert(0, words(against, float(time[count - 1])))
-    to_go = remaining(estimate, max(estimate.time - (blank.start_min or 0.0), 0.0), paces)
-    return replace(
-        blank,
-        initial_c=finite(initial),
-        steady_state_c=finite(estimate.steady_state),
-        steady_state_lo_c=finite(steady.low),
-        steady_state_hi_c=finite(steady.high),
-        steady_state_limit_c=finite(estimate.limit),
-        steady_state_measured_c=measured[0] if measured else None,
-        t95_min=finite(estimate.t95),
-        t95_lo_min=finite(t95.low),
-        t95_hi_min=finite(t95.high),
-        t95_measured_min=measured[1] if measured else None,
-        time_to_go_min=to_go.median,
-        time_to_go_lo_min=to_go.low,
-        time_to_go_hi_min=to_go.high,
-        rate_per_min=finite(estimate.rate),
-        noise_c=finite(estimate.noise),
-        rmse_fit_c=finite(estimate.misfit),
-        rmse_ahead_c=finite(ahead),
-        status=status,
-        message=_joined([*messages, *sensor.notes, *notes]),
-    )
 
 
 def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) -> TimeToGo:
@@ -230,54 +312,67 @@ def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) ->
     return TimeToGo(low, median, high)
 
 
-def _verdict(estimate: Estimate, track: Track, sensor: Sensor) -> tuple[str, list[str]]:
-    """Status and what to say: how far the numbers can be trusted."""
-    messages = doubts(estimate, track, sensor)
-    status = "model_doubtful" if messages else "ok"
-    out = int((estimate.weights == 0.0).sum())
-    if out:
-        messages.append(f"{out} outlier{'s' if out > 1 else ''} left out")
-    unsure = _too_wide(estimate)
-    if unsure and estimate.bounded:
-        status = "not_determined"
-        messages.insert(0, f"the steady state is known only to within {unsure:.3g} K, many times the rise so far; measure longer")
-    if not estimate.bounded:
-        status = "not_determined"
-        sides = estimate.steady_state_interval
-        if estimate.steady_state is None:
-            messages.insert(0, "no bend is seen yet: the steady state cannot be told; measure longer")
-        elif sides.low is None or sides.high is None:
-            messages.insert(0, "these readings do not bound the steady state on one side; measure longer")
-        else:
-            messages.insert(0, "these readings do not bound the settling time on one side; measure longer")
+def _verdicts(
+    found: Estimates, tracks: Tracks, sensors: Sensors, against: dict[int, float], until: float
+) -> tuple[list[str], dict[int, list[str]]]:
+    """Status of each sensor, and of some what to say: how far the numbers can be trusted."""
+    bounded, seen = found.bounded, np.abs(found.state[:, 0] - found.initial)
+    with np.errstate(invalid="ignore"):
+        width = found.steady_high - found.steady_low
+        too_wide = width > WIDEST * np.maximum(seen, 4.0 * found.noise)
+        largest = np.abs(sensors.reading).max(axis=1)
+        doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
+    out = (found.weights == 0.0).sum(axis=1)
+    status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
+    messages: dict[int, list[str]] = {}
+    for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
+        said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
+        if out[i]:
+            said.append(f"{out[i]} outlier{'s' if out[i] > 1 else ''} left out")
+        if not bounded[i]:
+            said.insert(0, _open_side(found.one(i)))
+        elif too_wide[i]:
+            unsure = "the steady state is known only to within"
+            said.insert(0, f"{unsure} {width[i]:.3g} K, many times the rise so far; measure longer")
+        messages[i] = said
+    for i, size in against.items():
+        status[i] = "model_doubtful" if status[i] == "ok" else status[i]
+        messages[i] = [words(size, until), *messages.get(i, [])]
     return status, messages
 
 
-def doubts(estimate: Estimate, track: Track, sensor: Sensor) -> list[str]:
-    """Why the base model does not fit, in words; empty where nothing speaks against it."""
+def _open_side(estimate: Estimate) -> str:
+    sides = estimate.steady_state_interval
+    if estimate.steady_state is None:
+        return "no bend is seen yet: the steady state cannot be told; measure longer"
+    if sides.low is None or sides.high is None:
+        return "these readings do not bound the steady state on one side; measure longer"
+    return "these readings do not bound the settling time on one side; measure longer"
+
+
+def _misfits(pattern_p: Any, too_large: Any, misfit: Any, resolution: Any, largest: Any) -> Any:
+    """Whether residuals are more than noise; broadcasts. largest: the largest reading by amount [degC]."""
     # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
-    least = max(0.5 * sensor.resolution, 1e-9 * float(np.abs(sensor.reading).max()))
+    return ((pattern_p < DOUBT) | too_large) & (misfit > np.maximum(0.5 * resolution, 1e-9 * largest))
+
+
+def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:
+    """Why the base model does not fit, in words; empty where nothing speaks against it.
+
+    woke: the reading at which the filter began to fade.
+    """
     if estimate.faded:
-        when = sensor.time[int(np.argmax(track.fading > 1.0))]
         return [
-            f"the base model fails from about {when:.4g} min on and the filter forgets what was before; "
+            f"the base model fails from about {sensor.time[woke]:.4g} min on and the filter forgets what was before; "
             "the interval is that of its last readings and may be too narrow"
         ]
-    if (estimate.pattern_p < DOUBT or estimate.too_large) and estimate.misfit > least:
+    largest = float(np.abs(sensor.reading).max())
+    if _misfits(estimate.pattern_p, estimate.too_large, estimate.misfit, sensor.resolution, largest):
         return [
             f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
             "the interval does not cover what the model lacks"
         ]
     return []
-
-
-def _too_wide(estimate: Estimate) -> float | None:
-    """Width [K] of the steady state's interval where it is no knowledge: several times the rise seen so far."""
-    low, high = estimate.steady_state_interval.low, estimate.steady_state_interval.high
-    if low is None or high is None:
-        return None
-    seen = abs(float(estimate.state[0]) - estimate.initial)
-    return high - low if high - low > WIDEST * max(seen, 4.0 * estimate.noise) else None
 
 
 def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> dict[str, Array]:

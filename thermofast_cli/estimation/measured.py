@@ -13,31 +13,44 @@ DRIFT_SHARE = 0.2
 COMPLETE = 0.006
 
 
-def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float | None] | None:
-    """(steady state [degC], settling time [min] after the first reading) of a record that reached equilibrium, or None.
+def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
+    """(steady states [degC], settling times [min] after the first reading), each (S,), of records (S, n) that reached equilibrium.
 
     Complete means that the last fifth drifts by less than 0.6 % of the whole rise. The steady state is the mean of
     the last tenth; settled is the moment from which a running mean stays within 5 % of the rise. The
-    mean runs over as many readings as bring the noise well inside that band; the time is None where that is too many.
+    mean runs over as many readings as bring the noise well inside that band. nan where a record is not complete, a time also where
+    that mean would be too long.
     """
-    n = len(reading)
+    sensors, n = reading.shape
+    steady, settled = np.full(sensors, np.nan), np.full(sensors, np.nan)
     if n < FEWEST:
-        return None
+        return steady, settled
     tail = n - max(int(n * DRIFT_SHARE), 6)
-    steady = float(reading[n - max(int(n * LAST_SHARE), 3) :].mean())
-    rise = steady - sorted(reading[:3].tolist())[1]
-    if rise == 0.0:  # it ends where it began: nothing to settle
+    level = reading[:, n - max(int(n * LAST_SHARE), 3) :].mean(axis=1)
+    rise = np.abs(level - np.sort(reading[:, :3], axis=1)[:, 1])
+    at = time[tail:] - time[tail:].mean()
+    values = reading[:, tail:] - reading[:, tail:].mean(axis=1, keepdims=True)
+    slope = values @ at / float(at @ at)
+    drift = np.abs(slope) * float(time[-1] - time[tail])
+    noise = np.sqrt(np.maximum((values * values).sum(axis=1) - slope**2 * float(at @ at), 0.0) / len(at))
+    complete = (rise > 0.0) & (drift <= COMPLETE * rise) & (noise * math.sqrt(12.0 / len(at)) <= COMPLETE * rise)
+    steady[complete] = level[complete]
+    with np.errstate(all="ignore"):
+        width = np.maximum(3, np.ceil((6.0 * noise / (0.05 * rise)) ** 2))
+    for i in np.flatnonzero(complete & (width <= n // 10)):
+        wide = int(width[i]) | 1
+        if wide > n // 10:
+            continue
+        sums = np.concatenate([[0.0], np.cumsum(reading[i] - level[i])])
+        outside = np.flatnonzero(np.abs(sums[wide:] - sums[:-wide]) > 0.05 * rise[i] * wide)
+        last = int(outside[-1]) + wide // 2 if len(outside) else 0
+        settled[i] = time[last + 1] - time[0]
+    return steady, settled
+
+
+def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float | None] | None:
+    """As :func:`measured_equilibria` for one record (n,), or None where it is not complete."""
+    steady, settled = measured_equilibria(time, reading[None])
+    if math.isnan(steady[0]):
         return None
-    at, values = time[tail:] - time[tail:].mean(), reading[tail:] - reading[tail:].mean()
-    slope = float(at @ values) / float(at @ at)
-    drift = abs(slope) * float(time[-1] - time[tail])
-    noise = math.sqrt(max(float(values @ values) - slope**2 * float(at @ at), 0.0) / len(values))
-    if drift > COMPLETE * abs(rise) or noise * math.sqrt(12.0 / len(values)) > COMPLETE * abs(rise):
-        return None
-    width = max(3, math.ceil((6.0 * noise / (0.05 * abs(rise))) ** 2)) | 1
-    if width > n // 10:
-        return steady, None
-    smooth = np.convolve(reading, np.ones(width) / width, mode="valid")
-    outside = np.flatnonzero(np.abs(smooth - steady) > 0.05 * abs(rise))
-    last = int(outside[-1]) + width // 2 if len(outside) else 0
-    return steady, float(time[last + 1] - time[0])
+    return float(steady[0]), None if math.isnan(settled[0]) else float(settled[0])

@@ -30,40 +30,110 @@ class Sensor:
 
     def until(self, minutes: float | None) -> int:
         """How many readings lie in the first `minutes`."""
-        return len(self.time) if minutes is None else int(np.searchsorted(self.time, minutes * (1 + 1e-12) + 1e-9, "right"))
+        return _until(self.time, minutes)
 
 
-def prepare(time_min: Array, values: Array, start_min: float) -> Sensor:
-    """Finite readings from `start_min` on, without a saturated stretch.
+def _until(time: Array, minutes: float | None) -> int:
+    return len(time) if minutes is None else int(np.searchsorted(time, minutes * (1 + 1e-12) + 1e-9, "right"))
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Sensors of a run whose readings stand at the same times: :class:`Sensor` with arrays over them, and their rows in the run.
+
+    time (N,); reading (S, N); resolution (S,); notes (S); rows (S,).
+    """
+
+    rows: NDArray[np.intp]
+    time: Array
+    reading: Array
+    resolution: Array
+    notes: tuple[tuple[str, ...], ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def one(self, i: int) -> Sensor:
+        """The i-th of them."""
+        return Sensor(self.time, self.reading[i], float(self.resolution[i]), self.notes[i])
+
+    def some(self, keep: NDArray[np.bool_]) -> "Sensors":
+        """Those that `keep` (S,) marks."""
+        notes = tuple(n for n, k in zip(self.notes, keep, strict=True) if k)
+        return Sensors(self.rows[keep], self.time, self.reading[keep], self.resolution[keep], notes)
+
+    def until(self, minutes: float | None) -> int:
+        """How many readings lie in the first `minutes`."""
+        return _until(self.time, minutes)
+
+
+def prepare_all(time_min: Array, values: Array, start_min: float) -> list[Sensors]:
+    """Finite readings of values (S, N) from `start_min` on, without saturated stretches; sensors with the same times together.
 
     The logger's step and its range are properties of the instrument: they are taken from the whole record, so that a
     result does not depend on whether the record was cut before or after reading.
     """
     good = np.isfinite(values) & (time_min >= start_min - 1e-9)
-    time, reading = time_min[good], values[good]
-    resolution = logger_step(reading)
-    notes = []
-    stuck = saturated(reading, resolution)
-    if stuck.any():
-        notes.append(
-            f"{int(stuck.sum())} readings stuck at {reading[stuck][0]:g} degC from {time[stuck][0]:.4g} min left out "
-            "(range ends there?)"
-        )
-        time, reading = time[~stuck], reading[~stuck]
-    return Sensor(time, reading, resolution, tuple(notes))
+    found: list[Sensors] = []
+    for rows in _alike(good):
+        mask = good[rows[0]]
+        time, reading = time_min[mask], values[rows][:, mask]
+        resolution = logger_steps(reading)
+        stuck = {i: s for i in _maybe_saturated(reading) if (s := saturated(reading[i], float(resolution[i]))).any()}
+        whole = np.array([i for i in range(len(rows)) if i not in stuck], dtype=np.intp)
+        if len(whole):
+            found.append(Sensors(rows[whole], time, reading[whole], resolution[whole], ((),) * len(whole)))
+        for i, out in stuck.items():
+            note = (
+                f"{int(out.sum())} readings stuck at {reading[i][out][0]:g} degC from {time[out][0]:.4g} min left out "
+                "(range ends there?)"
+            )
+            found.append(Sensors(rows[i : i + 1], time[~out], reading[i : i + 1, ~out], resolution[i : i + 1], ((note,),)))
+    return found
+
+
+def prepare(time_min: Array, values: Array, start_min: float) -> Sensor:
+    """As :func:`prepare_all` for one sensor (N,)."""
+    return prepare_all(time_min, values[None], start_min)[0].one(0)
+
+
+def _alike(good: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Rows of good (S, N) that are the same, in the order of the first of each."""
+    if good.all():
+        return [np.arange(len(good))]
+    groups: dict[bytes, list[int]] = {}
+    for i, row in enumerate(good):
+        groups.setdefault(row.tobytes(), []).append(i)
+    return [np.array(rows, dtype=np.intp) for rows in groups.values()]
+
+
+def logger_steps(reading: Array) -> Array:
+    """The step [K] that all readings of a row (S, n) are multiples of, or 0 where none shows; (S,)."""
+    if reading.shape[1] < 2:
+        return np.zeros(len(reading))
+    ordered = np.sort(np.round(reading, 9), axis=1)
+    gaps = ordered[:, 1:] - ordered[:, :-1]
+    step = np.where(gaps > 0.0, gaps, np.inf).min(axis=1)
+    known = np.isfinite(step) & (step >= 1e-6)
+    multiples = gaps / np.where(known, step, 1.0)[:, None]
+    known &= np.abs(multiples - np.round(multiples)).max(axis=1) <= 0.02
+    return np.where(known, step, 0.0)
 
 
 def logger_step(reading: Array) -> float:
-    """The step [K] that all readings are multiples of, or 0 where none shows."""
-    gaps = np.diff(np.sort(np.round(reading, 9)))
-    gaps = gaps[gaps > 0.0]
-    if not len(gaps):
-        return 0.0
-    step = float(gaps.min())
-    multiples = gaps / step
-    if step < 1e-6 or np.abs(multiples - np.round(multiples)).max() > 0.02:
-        return 0.0
-    return step
+    """As :func:`logger_steps` for one record (n,)."""
+    return float(logger_steps(reading[None])[0])
+
+
+def _maybe_saturated(reading: Array) -> NDArray[np.intp]:
+    """Rows whose greatest or least reading is there often enough for :func:`saturated` to look at."""
+    if reading.shape[1] <= 3 * SATURATED_READINGS:
+        return np.empty(0, dtype=np.intp)
+    often = [
+        (reading == extreme).sum(axis=1) >= SATURATED_READINGS
+        for extreme in (reading.max(axis=1, keepdims=True), reading.min(axis=1, keepdims=True))
+    ]
+    return np.flatnonzero(often[0] | often[1])
 
 
 def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:

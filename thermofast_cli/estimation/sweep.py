@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from thermofast.models import growth, spike_weights
 
 from ..records import SweepRecord
-from .estimate import FEWEST_READINGS, FilterError, Progress, estimate_at, estimates_at, track_of
+from .closing import Progress, estimate_at, estimates_at, track_of
+from .estimate import FEWEST_READINGS, FilterError
 from .identify import Method, doubts, refusal
 from .sensor import prepare
 
@@ -81,7 +82,7 @@ def sweep_sensor(
         width[usable] = progress.width
         if not progress.sound:
             last_one = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
-            doubted = doubts(last_one, track, sensor)
+            doubted = doubts(last_one, int(np.argmax(track.fading > 1.0)), sensor)
     return Swept(
         sweep_records(blank, doubted, [*sensor.notes, note], windows, grid, rmse, width, ends, tolerance_c), grid, rmse, width
     )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import IdentifyRecord, SweepRecord
-from .identify import Identified, Method, identify_sensor, identify_together
+from .identify import Identified, Method, identify_sensors
 from .sweep import Swept, sweep_sensor
 
 Array = NDArray[np.float64]
@@ -56,22 +56,18 @@ LOST = "the worker process died twice on this sensor; run it alone with --jobs 1
 
 def identify_task(task: IdentifyTask) -> list[Identified]:
     """Each sensor of the task identified."""
-    if task.together:
-        return identify_together(
-            task.run,
-            task.channels,
-            task.time_min,
-            task.values,
-            task.method,
-            task.until_min,
-            task.start_min,
-            task.notes,
-            task.want_trace,
-        )
-    return [
-        identify_sensor(task.run, c, task.time_min, v, task.method, task.until_min, task.start_min, note, task.want_trace)
-        for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
-    ]
+    return identify_sensors(
+        task.run,
+        task.channels,
+        task.time_min,
+        task.values,
+        task.method,
+        task.until_min,
+        task.start_min,
+        task.notes,
+        task.want_trace,
+        task.together,
+    )
 
 
 def identify_lost(task: IdentifyTask) -> list[Identified]:

@@ -1,11 +1,14 @@
 """Files out, whole or not at all: written beside the target and moved over it."""
 
 import json
+import math
 import os
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..errors import UsageError
 from .text import Row, plain, to_csv, to_json, to_jsonl, to_markdown
@@ -127,15 +130,48 @@ def to_arrow(columns: Sequence[str], rows: Sequence[Row]) -> Any:
     """Records as an Arrow table: the columns of the Parquet file."""
     import pyarrow as pa
 
-    return pa.table({c: _arrow([plain(row[c]) for row in rows]) for c in columns})
+    return pa.table({c: _arrow([row[c] for row in rows]) for c in columns})
 
 
 def _arrow(values: list[Any]) -> Any:
+    """A column; lists of words stay lists, what is nested deeper becomes JSON text."""
     import pyarrow as pa
 
+    kinds = set(map(type, values)) - {type(None)}
+    if kinds <= {float}:  # a column without a single number is still a column of numbers
+        return _from_buffers(pa.float64(), [v if v is not None and math.isfinite(v) else None for v in values], np.float64)
+    if kinds == {int}:
+        return _from_buffers(pa.int64(), values, np.int64)
+    if kinds == {str}:
+        return _from_text(values)
+    values = [plain(v) for v in values]
     if any(isinstance(v, dict) or (isinstance(v, list) and any(isinstance(x, dict) for x in v)) for v in values):
         values = [None if v is None else json.dumps(v, ensure_ascii=False) for v in values]
     if any(isinstance(v, list) for v in values):
         return pa.array(values, type=pa.list_(pa.string()))
-    # A column without a single number is still a column of numbers.
     return pa.array(values, type=pa.float64() if all(v is None for v in values) else None)
+
+
+def _from_buffers(kind: Any, values: list[Any], dtype: type) -> Any:
+    """Numbers as an Arrow array: ``pyarrow.array`` would load pandas, which takes longer than writing ten thousand records."""
+    import pyarrow as pa
+
+    numbers: Any = np.array([0 if v is None else v for v in values], dtype)
+    return pa.Array.from_buffers(kind, len(values), [_present(values), pa.py_buffer(numbers)])
+
+
+def _from_text(values: list[Any]) -> Any:
+    import pyarrow as pa
+
+    encoded = [b"" if v is None else v.encode("utf-8", errors="backslashreplace") for v in values]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    buffers = [_present(values), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))]
+    return pa.Array.from_buffers(pa.string(), len(values), buffers)
+
+
+def _present(values: list[Any]) -> Any:
+    """Arrow's bit map of the values that are there, or None where all are."""
+    import pyarrow as pa
+
+    absent = [v is None for v in values]
+    return pa.py_buffer(np.packbits(~np.array(absent), bitorder="little")) if any(absent) else None
