@@ -137,6 +137,10 @@ class Tracks:
     woke: NDArray[np.intp]
     diverged_at: NDArray[np.intp]
 
+    def some(self, rows: Any) -> "Tracks":
+        """Those of these rows."""
+        return Tracks(**{name: values[rows] for name, values in vars(self).items()})
+
     @classmethod
     def of(cls, tracks: "Sequence[Track]") -> "Tracks":
         """The last rows of tracks of one length."""

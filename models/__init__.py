@@ -12,6 +12,7 @@ from .decay import (
     interval,
     likelihood,
     likelihood_sweep,
+    likelihood_sweeps,
     likelihoods,
     widened_intervals,
 )
@@ -37,6 +38,7 @@ __all__ = [
     "interval",
     "likelihood",
     "likelihood_sweep",
+    "likelihood_sweeps",
     "likelihoods",
     "pattern_p_value",
     "spike_weights",

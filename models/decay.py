@@ -67,6 +67,10 @@ class DecayFit(FitMoments):
         """The i-th of several fits."""
         return DecayFit(**{f.name: float(getattr(self, f.name)[i]) for f in fields(self) if f.name != "t0"}, t0=self.t0)
 
+    def as_one_of_several(self) -> "DecayFit":
+        """The same as several fits of which it is the only one."""
+        return DecayFit(**{f.name: np.array([getattr(self, f.name)]) for f in fields(self) if f.name != "t0"}, t0=self.t0)
+
     @property
     def dof(self) -> Any:
         return self.n - 3
@@ -249,6 +253,32 @@ def likelihood(
     return None if math.isnan(found.fit.rate) else found
 
 
+def likelihood_sweeps(
+    time: Array,
+    reading: Array,
+    weight: Array,
+    counts: NDArray[np.intp],
+    first: NDArray[np.intp],
+    resolution: Array,
+    outlier: float = OUTLIER,
+    narrow: float = math.inf,
+) -> tuple[Array, Array, DecayFit]:
+    """As :func:`likelihoods` for several first stretches counts (m,) of each of S records, in one call.
+
+    Returns the state (temperature, slope, rate) after each, (S, m, 3), nan where there is nothing to fit, the width [K] of
+    the steady state's interval (S, m), nan where a side is open, and the fits of the longest stretch. Only a width that may
+    come near `narrow` is looked for on the likelihood; a far larger one is to first order, whatever its shape.
+    """
+    out = _fits(time, reading, np.array(weight, dtype=float), counts, first, resolution, outlier, 2.0 * narrow)
+    rate, slope = out["rate"], out["slope"]
+    since = time[counts - 1] - time[0]
+    temperature = out["level"] + slope * (kernel.growth(rate, since) - out["phi_mean"])
+    states = np.stack([temperature, slope * np.exp(-rate * since), rate], axis=-1)
+    width = np.where(np.isnan(out["rate_low"]), np.nan, out["steady_high"] - out["steady_low"])
+    exact = (out["n"] > 3) & np.isnan(out["steady_low"]) & np.isfinite(rate)
+    return states, np.where(exact, 0.0, width), DecayFit.told(float(time[0]), out[:, -1])
+
+
 def likelihood_sweep(
     time: Array,
     reading: Array,
@@ -259,23 +289,12 @@ def likelihood_sweep(
     outlier: float = OUTLIER,
     narrow: float = math.inf,
 ) -> tuple[Array, Array, DecayFit | None]:
-    """As :func:`likelihood` for several first stretches of one record, in one call.
-
-    Returns the state (temperature, slope, rate) after each, (m, 3), nan where there is nothing to fit, the width [K] of
-    the steady state's interval (m,), nan where a side is open, and the fit of the longest stretch. Only a width that may
-    come near `narrow` is looked for on the likelihood; a far larger one is to first order, whatever its shape.
-    """
-    number = np.asarray(counts, dtype=np.intp)
-    begun, step = np.array([first], dtype=np.intp), np.array([resolution])
-    out = _fits(time, reading[None], np.array(weight, dtype=float)[None], number, begun, step, outlier, 2.0 * narrow)[0]
-    rate, slope = out["rate"], out["slope"]
-    since = time[number - 1] - time[0]
-    temperature = out["level"] + slope * (kernel.growth(rate, since) - out["phi_mean"])
-    states = np.column_stack([temperature, slope * np.exp(-rate * since), rate])
-    width = np.where(np.isnan(out["rate_low"]), np.nan, out["steady_high"] - out["steady_low"])
-    exact = (out["n"] > 3) & np.isnan(out["steady_low"]) & np.isfinite(rate)
-    fit = None if np.isnan(out["rate"][-1]) else DecayFit.told(float(time[0]), out[-1])
-    return states, np.where(exact, 0.0, width), fit
+    """As :func:`likelihood_sweeps` for one record (n,); no fit where there is nothing to fit."""
+    number, begun = np.asarray(counts, dtype=np.intp), np.array([first], dtype=np.intp)
+    one = reading[None], weight[None], number, begun, np.array([resolution])
+    states, width, fits = likelihood_sweeps(time, *one, outlier, narrow)
+    fit = fits.one(0)
+    return states[0], width[0], None if math.isnan(fit.rate) else fit
 
 
 def widened_intervals(

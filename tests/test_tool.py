@@ -249,8 +249,9 @@ def test_any_executor_may_be_passed_in():
 def test_the_work_decides_on_processes(monkeypatch):
     monkeypatch.setattr(pool, "cores", lambda: 8)
     assert pool.worth(10, 401) == 1
-    assert pool.worth(10_000, 401) == 8
-    assert pool.worth(3000, 401) in range(2, 8)
+    assert pool.worth(3000, 401) == 1  # half a second of work
+    assert pool.worth(10_000, 401) == 2
+    assert pool.worth(100_000, 401) == 8
     assert pool.warm_pool(1, 10**9) is None
     assert pool.warm_pool(None, 1000) is None
     assert pool.cores() == 8

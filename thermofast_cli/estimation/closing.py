@@ -18,6 +18,7 @@ from thermofast.models import (
     PrintedLump,
     difference_noise,
     likelihood_sweep,
+    likelihood_sweeps,
     likelihoods,
     pattern_p_value,
     t_quantile,
@@ -323,18 +324,54 @@ def _some(estimates: Estimates, rows: NDArray[np.bool_]) -> Estimates:
     return replace(estimates, **{f.name: getattr(estimates, f.name)[rows] for f in fields(estimates) if f.name != "time"})
 
 
-def _looks_white(fit: DecayFit, time: Array, reading: Array, weights: Array, resolution: float) -> bool:
-    """Whether the residuals of a fit of the first readings show neither a pattern nor more than noise."""
-    count = int(np.searchsorted(time, fit.t0 + fit.span * (1.0 + 1e-12), "right"))
-    used = weights[:count] > 0.0
-    if fit.dof < 9 or int(used.sum()) != fit.n:  # some reading was left out on the way: look closely
-        return False
-    residual, tangent = fit.residual_and_tangent(time[:count][used], reading[:count][used])
-    root = np.sqrt(weights[:count][used])
-    if pattern_p_value(residual * root, tangent * root[:, None]) < DOUBT:
-        return False
-    misfit = math.sqrt(float(residual @ residual) / len(residual))
-    return bool(misfit <= 3.0 * difference_noise(reading[:count]) + resolution)
+def _look_white(fits: DecayFit, time: Array, reading: Array, weights: Array, resolution: Array) -> NDArray[np.bool_]:
+    """Whether the residuals of fits of readings (S, n) plainly are noise: no pattern, no larger than neighbours differ."""
+    used, root = weights > 0.0, np.sqrt(weights)
+    whole = (fits.dof >= 9) & (used.sum(axis=1) == fits.n)  # else some reading was left out on the way: look closely
+    with np.errstate(all="ignore"):
+        residual, tangent = fits.residual_and_tangent(time, reading)
+        p = pattern_p_values(residual * root, tangent * root[..., None], used & whole[:, None])
+        misfit = np.sqrt((np.where(used, residual, 0.0) ** 2).sum(axis=1) / used.sum(axis=1))
+        white: NDArray[np.bool_] = whole & (p >= DOUBT) & (misfit <= 3.0 * difference_noise(reading) + resolution)
+    return white
+
+
+def consistent_until_the_end(method: Filter, tracks: Tracks, count: int) -> NDArray[np.bool_]:
+    """Of which of S tracks a likelihood closes the estimate after every reading: what was forgotten only grows (S,)."""
+    with np.errstate(invalid="ignore"):
+        kept = (tracks.diverged_at < 0) & ~(tracks.forgotten > -math.log(KEPT_SHARE))
+    return kept & (method.closing == "when consistent")
+
+
+@dataclass(frozen=True)
+class Progresses:
+    """:class:`Progress` for S sensors whose likelihood closes: state (S, m, 3), width (S, m), sound (S,)."""
+
+    state: Array
+    width: Array
+    sound: NDArray[np.bool_]
+
+
+def progresses_of(
+    method: Filter,
+    tracks: Tracks,
+    time: Array,
+    reading: Array,
+    indices: NDArray[np.intp],
+    resolution: Array,
+    narrow: float = math.inf,
+) -> Progresses:
+    """As :func:`estimates_at` for S sensors (S, n) on one grid, all of them consistent to the end."""
+    weights, first = tracks.weight, tracks.first
+    state, width, fits = likelihood_sweeps(time, reading, weights, indices + 1, first, resolution, _outlier(method), narrow)
+    for i, k in enumerate(indices.tolist()):
+        rows = np.flatnonzero(width[:, i] < narrow)  # narrow ones are judged: where residuals are no noise they are wider
+        if len(rows):
+            part = time[: k + 1], reading[rows, : k + 1], weights[rows, : k + 1], first[rows], resolution[rows]
+            found = likelihood_estimates(*part, _outlier(method))
+            state[rows, i], width[rows, i] = found.state, found.steady_high - found.steady_low
+    last = int(indices[-1]) + 1
+    return Progresses(state, width, _look_white(fits, time[:last], reading[:, :last], weights[:, :last], resolution))
 
 
 @dataclass(frozen=True)
@@ -384,5 +421,9 @@ def estimates_at(
         low, high = estimate.steady_state_interval.low, estimate.steady_state_interval.high
         states[i], faded[i] = estimate.state, estimate.faded
         width[i] = high - low if low is not None and high is not None else math.nan
-    sound = fit is not None and bool(closes[-1]) and _looks_white(fit, time, reading, track.likelihood_weight, resolution)
+    sound = False
+    if fit is not None and closes[-1]:
+        n = indices[-1] + 1
+        row = time[:n], reading[None, :n], track.likelihood_weight[None, :n], np.array([resolution])
+        sound = bool(_look_white(fit.as_one_of_several(), *row)[0])
     return Progress(states, width, faded, sound)

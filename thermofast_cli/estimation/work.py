@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..records import IdentifyRecord, SweepRecord
 from .identify import Identified, Method, identify_sensors
-from .sweep import Swept, sweep_sensor
+from .sweep import Swept, sweep_sensors
 
 Array = NDArray[np.float64]
 
@@ -79,10 +79,18 @@ def identify_lost(task: IdentifyTask) -> list[Identified]:
 
 def sweep_task(task: SweepTask) -> list[Swept]:
     """Each sensor of the task swept."""
-    swept = [
-        sweep_sensor(task.run, c, task.time_min, v, task.method, task.windows, task.times, task.tolerance_c, task.start_min, note)
-        for c, v, note in zip(task.channels, task.values, task.notes, strict=True)
-    ]
+    swept = sweep_sensors(
+        task.run,
+        task.channels,
+        task.time_min,
+        task.values,
+        task.method,
+        task.windows,
+        task.times,
+        task.tolerance_c,
+        task.start_min,
+        task.notes,
+    )
     # Curves travel back from the worker only where a picture wants them.
     return swept if task.want_curves else [replace(s, rmse=_NONE, times=_NONE, width=_NONE) for s in swept]
 

@@ -271,6 +271,6 @@ def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...],
     for i, channel in enumerate(whole.channels):
         blank = tuple(SweepRecord(task.run.name, channel, NAME, window_min=w) for w in windows)
         ends = [int(((whole.time <= w) & whole.used[i]).sum()) for w in windows]
-        records = sweep_records(blank, doubted[i], [], windows, np.array(times), rmse[i], width[i], ends, tolerance_c)
-        swept.append(Swept(records, np.array(times), rmse[i], width[i]))
+        one = [blank], [bool(doubted[i])], [doubted[i]], windows, np.array(times), rmse[i : i + 1], width[i : i + 1]
+        swept.append(Swept(sweep_records(*one, ends, tolerance_c)[0], np.array(times), rmse[i], width[i]))
     return swept

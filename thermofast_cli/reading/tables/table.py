@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.parquet as papq
 
 from ...errors import InputError
 from ..run import Array, Guess
@@ -32,7 +30,7 @@ class Table:
 
 def to_floats(column: pa.ChunkedArray) -> Array:
     """A float64 column as an array (N,) with nan for null; pyarrow's own way there would import pandas."""
-    filled = pc.fill_null(column, float("nan")) if column.null_count else column
+    filled = column.fill_null(float("nan")) if column.null_count else column
     parts = [np.frombuffer(c.buffers()[1], dtype=float, count=len(c), offset=8 * c.offset) for c in filled.chunks if len(c)]
     return np.concatenate(parts) if parts else np.empty(0)
 
@@ -44,6 +42,8 @@ def read_parquet(data: bytes, name: str) -> Table:
     ------
     InputError: not Parquet, or cut short.
     """
+    import pyarrow.parquet as papq  # at the first use: a CSV file does not need it
+
     try:
         # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
         table = papq.read_table(pa.BufferReader(data), use_threads=False, pre_buffer=False)
