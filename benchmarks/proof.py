@@ -30,7 +30,7 @@ from thermofast.discovery.observe import observe
 from thermofast.machine.learnt import carry
 from thermofast.machine.modelfile import model_file
 from thermofast.models.effects import BUILT_IN, Choice
-from thermofast.models.joint import Fit, Part, fit_model
+from thermofast.models.joint import LEVEL, RATE, START, Fit, Part, fit_model
 from thermofast.models.search.discover import discover
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.reading import Run
@@ -87,9 +87,9 @@ def true_fit(case: Case, run: Any) -> Fit | None:
     """The true model's own fit, from the true parameters."""
     n, parts, start = run.sensors, [], {}
     truth = case.truth
-    start[-1, "rate"] = np.array(truth["b"], dtype=float)
-    start[-1, "level"] = truth["room"] + np.array(truth["R"], dtype=float)
-    start[-1, "start"] = np.full(n, float(np.ravel(truth["T0"])[0]))
+    start[RATE] = np.array(truth["b"], dtype=float)
+    start[LEVEL] = truth["room"] + np.array(truth["R"], dtype=float)
+    start[START] = np.full(n, float(np.ravel(truth["T0"])[0]))
     for k, (name, p) in enumerate(truth["effects"].items()):
         if name not in KIND:
             return None

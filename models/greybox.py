@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,13 @@ class Part:
         return np.ones(sensors, dtype=bool) if self.concerned is None else np.array(self.concerned)
 
 
+class Key(NamedTuple):
+    """Names a parameter of a model: the place of its effect among the model's parts, -1 for the base model, and its name."""
+
+    part: int
+    name: str
+
+
 @dataclass(frozen=True)
 class Column:
     """One searched parameter: of part `part`, or of the base model (-1)."""
@@ -40,6 +47,12 @@ class Column:
     part: int
     parameter: Parameter
 
+    @property
+    def key(self) -> Key:
+        return Key(self.part, self.parameter.name)
+
+
+RATE, LEVEL, START = Key(-1, "rate"), Key(-1, "level"), Key(-1, "start")
 
 BASE = (
     Parameter("rate", "1/min", 1e-5, 4.0, 0.015, "rate b", each="sensor", log=True, fastest=4.0),
@@ -52,7 +65,7 @@ SINK = Parameter("sink", "degC", -200.0, 2000.0, 20.0, "temperature of the surro
 class Model:
     """Base model and effects on one run: the layout of its parameters, and its forward run."""
 
-    def __init__(self, run: Observations, parts: Sequence[Part] = ()) -> None:
+    def __init__(self, run: Observations, parts: Sequence[Part] = (), active: NDArray[np.bool_] | None = None) -> None:
         self.run, self.parts = run, tuple(parts)
         columns = [Column(i, p) for i, part in enumerate(self.parts) for p in part.effect.active(part.choice)]
         self.local = [Column(-1, p) for p in BASE] + [c for c in columns if c.parameter.each == "sensor"]
@@ -66,10 +79,29 @@ class Model:
         self.log_local = np.array([c.parameter.log for c in self.local], dtype=bool)
         self.log_shared = np.array([c.parameter.log for c in self.shared], dtype=bool)
         n = run.sensors
-        self.active = np.ones((n, len(self.local)), dtype=bool)
+        #: Which parameters of a sensor are searched (S, kl); the others stay where they are.
+        self.active = np.ones((n, len(self.local)), dtype=bool) if active is None else active.copy()
         for j, c in enumerate(self.local):
-            if c.part >= 0:
+            if c.part >= 0 and active is None:
                 self.active[:, j] = self.parts[c.part].concerns(n)
+        self.active.flags.writeable = False
+
+    def column(self, key: Key) -> int:
+        """Where a parameter of the sensors stands among the search coordinates."""
+        return next(j for j, c in enumerate(self.local) if c.key == key)
+
+    def freeze(self, *keys: Key) -> "Model":
+        """The same model with these parameters of the sensors held."""
+        active = self.active.copy()
+        active[:, [self.column(key) for key in keys]] = False
+        return Model(self.run, self.parts, active)
+
+    def only(self, *keys: Key) -> "Model":
+        """The same model with all parameters of the sensors held but these."""
+        active = np.zeros_like(self.active)
+        columns = [self.column(key) for key in keys]
+        active[:, columns] = True
+        return Model(self.run, self.parts, active)
 
     def _bounds(self, columns: list[Column]) -> tuple[Array, Array]:
         pairs = [c.parameter.bounds(self.run) for c in columns]
@@ -105,7 +137,8 @@ class Model:
         drive = Drive.plain(self.run, sensor, sink_c)
         for part, named in zip(self.parts, values, strict=True):
             part.effect.apply(drive, self.run, Values(named, part.choice.constants))
-        return drive.forward(self.run, here[:, 0], here[:, 1] - sink_c[:, 0], here[:, 2])
+        rate, level, start = (here[:, self.column(key)] for key in (RATE, LEVEL, START))
+        return drive.forward(self.run, rate, level - sink_c[:, 0], start)
 
     def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array, Array]:
         """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters)."""
@@ -131,7 +164,7 @@ class Model:
         step = NUDGE * width * np.ones_like(values)
         return np.where(values + step > high, -step, step)
 
-    def vector(self, named: dict[tuple[int, str], Any]) -> tuple[Array, Array]:
+    def vector(self, named: dict[Key, Any]) -> tuple[Array, Array]:
         """Search coordinates local (S, kl), shared (ks,) from values by (part, name), clipped to the bounds; else start values."""
         n = self.run.sensors
         local, shared = np.empty((n, len(self.local))), np.empty(len(self.shared))
@@ -141,7 +174,7 @@ class Model:
         ):
             for j, c in enumerate(columns):
                 p = c.parameter
-                value = named.get((c.part, p.name))
+                value = named.get(Key(c.part, p.name))
                 if value is None:
                     value = self.sink_guess if p is SINK else p.start * (self.run.span if p.share else 1.0)
                 value = np.asarray(value, dtype=float)
@@ -155,17 +188,17 @@ class Model:
             (self.shared, shared, self.log_shared, self.low_shared, self.high_shared),
         ):
             for j, c in enumerate(columns):
-                if (c.part, c.parameter.name) == (part, name):
+                if c.key == Key(part, name):
                     inside = np.clip(np.log(np.maximum(values, 1e-300)) if log[j] else values, low[j], high[j])
                     out[..., j] = inside.reshape(-1, *[1] * (out.ndim - 2))
 
-    def named(self, local: Array, shared: Array) -> dict[tuple[int, str], Any]:
+    def named(self, local: Array, shared: Array) -> dict[Key, Any]:
         """Natural values by (part, name): (S,) for local, a number for shared parameters."""
-        found: dict[tuple[int, str], Any] = {}
+        found: dict[Key, Any] = {}
         for j, c in enumerate(self.local):
-            found[c.part, c.parameter.name] = np.exp(local[:, j]) if self.log_local[j] else local[:, j].copy()
+            found[c.key] = np.exp(local[:, j]) if self.log_local[j] else local[:, j].copy()
         for j, c in enumerate(self.shared):
-            found[c.part, c.parameter.name] = float(np.exp(shared[j]) if self.log_shared[j] else shared[j])
+            found[c.key] = float(np.exp(shared[j]) if self.log_shared[j] else shared[j])
         return found
 
 

@@ -15,15 +15,19 @@ from numpy.typing import NDArray
 
 from .core.kernel import Array
 from .decay import fit_decay
-from .greybox import BASE, SINK, Model, Part
+from .greybox import BASE, LEVEL, RATE, SINK, START, Key, Model, Part
 from .noise.rounding import without_rounding
 from .observations import Observations
 
 __all__ = [
     "BASE",
+    "LEVEL",
     "MOST_ITERATIONS",
+    "RATE",
     "SINK",
+    "START",
     "Fit",
+    "Key",
     "Model",
     "Part",
     "Prior",
@@ -116,7 +120,7 @@ class Fit:
         n, values = self.run.sensors, self.values
         for p, part in enumerate(self.model.parts):
             own = {name: value for (at, name), value in values.items() if at == p}
-            if not part.effect.physical(part.choice, part.concerns(n), values[-1, "rate"], own):
+            if not part.effect.physical(part.choice, part.concerns(n), values[RATE], own):
                 return False
         return True
 
@@ -157,7 +161,7 @@ class Fit:
     @cached_property
     def elsewhere(self) -> tuple["Fit", ...]:
         """The same model with rates held like the other sensors' and faster: without what is missing a fit bends them."""
-        own = self.values[-1, "rate"]
+        own = self.values[RATE]
         common = np.full_like(own, np.median(own))
         rates = [common, 2.0 * common] if len(own) > 2 else []
         return tuple(at_rates(self, r) for r in [*rates, 2.0 * own, 5.0 * own])
@@ -173,7 +177,7 @@ class Fit:
         return np.concatenate([own, self.by_shared[:, sensor][:, used]]).T
 
     @property
-    def values(self) -> dict[tuple[int, str], Any]:
+    def values(self) -> dict[Key, Any]:
         return self.model.named(self.local, self.shared)
 
     @cached_property
@@ -201,14 +205,14 @@ class Fit:
         return np.asarray(np.sqrt(np.maximum(np.einsum("in,ij,jn->n", by, self.joint_covariance(sensor), by), 0.0)))
 
     @cached_property
-    def deviations(self) -> dict[tuple[int, str], Any]:
+    def deviations(self) -> dict[Key, Any]:
         """Standard errors in search coordinates (of the logarithm where one is searched) by (part, name)."""
         local, shared, _ = self.covariance
-        found: dict[tuple[int, str], Any] = {}
+        found: dict[Key, Any] = {}
         for j, c in enumerate(self.model.local):
-            found[c.part, c.parameter.name] = np.sqrt(np.maximum(local[:, j, j], 0.0))
+            found[c.key] = np.sqrt(np.maximum(local[:, j, j], 0.0))
         for j, c in enumerate(self.model.shared):
-            found[c.part, c.parameter.name] = float(np.sqrt(max(shared[j, j], 0.0)))
+            found[c.key] = float(np.sqrt(max(shared[j, j], 0.0)))
         return found
 
 
@@ -270,7 +274,7 @@ def _arrow_inverse(blocks: Array, border: Array, corner: Array, active: NDArray[
     return local, shared * np.outer(scale_shared, scale_shared), cross
 
 
-def start_values(run: Observations) -> dict[tuple[int, str], Any]:
+def start_values(run: Observations) -> dict[Key, Any]:
     """Rate, level and start of each sensor (S,) from the base law alone."""
     if run.heat is not None:
         return _driven_start(run)
@@ -288,21 +292,20 @@ def start_values(run: Observations) -> dict[tuple[int, str], Any]:
             start[i], level[i] = first, first + slope / rate[i]
         else:
             start[i], level[i] = float(fit.predict(run.time[:1])[0]), fit.steady_state
-    return {(-1, "rate"): rate, (-1, "level"): level, (-1, "start"): start}
+    return {RATE: rate, LEVEL: level, START: start}
 
 
-def _driven_start(run: Observations) -> dict[tuple[int, str], Any]:
+def _driven_start(run: Observations) -> dict[Key, Any]:
     """As :func:`start_values` where a logged column drives the heat: level and start for each of many rates, the best kept."""
-    model = Model(run)
-    model.active = model.active.copy()
-    model.active[:, 0] = False
+    model = Model(run).freeze(RATE)
     rates = np.geomspace(0.3 / run.span, min(1.0 / run.step, 200.0 / run.span), 16)
     n = run.sensors
     top = np.array([float(np.nanmax(row)) for row in np.where(run.used, run.reading, np.nan)])
     first = np.array([float(row[used][0]) for row, used in zip(run.reading, run.used, strict=True)])
-    local, shared = model.vector({(-1, "level"): top, (-1, "start"): first, (-1, "rate"): np.full(n, 0.01)})
+    local, shared = model.vector({LEVEL: top, START: first, RATE: np.full(n, 0.01)})
     many = np.tile(local, (len(rates), 1))
-    many[:, 0] = np.clip(np.repeat(np.log(rates), n), model.low_local[0], model.high_local[0])
+    at = model.column(RATE)
+    many[:, at] = np.clip(np.repeat(np.log(rates), n), model.low_local[at], model.high_local[at])
     fit = search(model, many, shared, None, 6, np.tile(np.arange(n), len(rates)), hold_shared=True)
     best = np.argmin(fit.rss.reshape(len(rates), n), axis=0) * n + np.arange(n)
     return model.named(fit.local[best], shared)
@@ -311,14 +314,14 @@ def _driven_start(run: Observations) -> dict[tuple[int, str], Any]:
 def fit_model(
     run: Observations,
     parts: Sequence[Part] = (),
-    start: dict[tuple[int, str], Any] | None = None,
+    start: dict[Key, Any] | None = None,
     prior: Prior | None = None,
     most: int = MOST_ITERATIONS,
 ) -> Fit:
     """Least-squares fit of the base model and `parts`, all sensors together, from `start` (values by (part, name))."""
     model = Model(run, parts)
     told = start or {}
-    local, shared = model.vector(told if (-1, "rate") in told else {**start_values(run), **told})
+    local, shared = model.vector(told if RATE in told else {**start_values(run), **told})
     return search(model, local, shared, prior, most)
 
 
@@ -429,11 +432,9 @@ def at_rates(fit: Fit, rates: Array) -> Fit:
 
     A fit without the effect that is missing bends its rate to imitate it; from other rates the effect shows.
     """
-    model = Model(fit.run, fit.model.parts)
-    model.active = model.active.copy()
-    model.active[:, 0] = False
-    local = fit.local.copy()
-    local[:, 0] = np.clip(np.log(rates), model.low_local[0], model.high_local[0])
+    model = Model(fit.run, fit.model.parts).freeze(RATE)
+    local, at = fit.local.copy(), model.column(RATE)
+    local[:, at] = np.clip(np.log(rates), model.low_local[at], model.high_local[at])
     return search(model, local, fit.shared.copy(), fit.prior, 6, hold_shared=True)
 
 
@@ -443,11 +444,11 @@ def refit(fit: Fit, run: Observations, most: int = 12) -> Fit:
     return search(model, fit.local.copy(), fit.shared.copy(), fit.prior, most)
 
 
-def with_parts(fit: Fit, parts: Sequence[Part]) -> dict[tuple[int, str], Any]:
+def with_parts(fit: Fit, parts: Sequence[Part]) -> dict[Key, Any]:
     """Start values for a model of `parts` from a fit, effects matched by their id."""
     ids = {part.id: i for i, part in enumerate(parts)}
     return {
-        (ids[fit.model.parts[p].id] if p >= 0 else -1, name): value
+        Key(ids[fit.model.parts[p].id] if p >= 0 else -1, name): value
         for (p, name), value in fit.values.items()
         if p < 0 or fit.model.parts[p].id in ids
     }

@@ -1,6 +1,7 @@
 """What every effect of the catalogue, and a user's own, must keep to."""
 
 import pickle
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
-from thermofast.models.joint import Model, Part, fit_model
+from thermofast.models.joint import LEVEL, RATE, START, Key, Model, Part, fit_model
 from thermofast.plugins.effects import load_effect
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -123,3 +124,33 @@ def test_effects_add_up_in_either_order():
         local, shared = model.vector(fit_model(run).values)
         curves.append(model.forward(local, np.broadcast_to(shared, (3, len(shared))), np.arange(3)))
     assert curves[0] == pytest.approx(curves[1], abs=1e-12)
+
+
+COLUMNS = {"rate", "event", "gain", "power", "duty", "exponent", "lag", "delay"}
+
+
+def test_no_rule_asks_for_an_effect_or_a_parameter_by_name():
+    ids = {kind.id for kind in BUILT_IN} - {"ambient"}  # that is a column's name too
+    # Words that name columns and fields of the drive as well are left out.
+    names = {p.name for kind in BUILT_IN for p in kind.parameters} - COLUMNS
+    asked = re.compile("|".join(rf"[\"']{word}[\"']" for word in sorted(ids | names)))
+    shell = ROOT / "thermofast_cli"
+    folders = [ROOT / "models" / "search", *(shell / name for name in ("discovery", "machine", "pipeline", "analysis", "plugins"))]
+    files = [ROOT / "models" / f"{name}.py" for name in ("joint", "greybox", "drive")]
+    sources = [*files, *(f for folder in folders for f in folder.glob("*.py"))]
+    assert len(sources) > 25
+    assert {f"{s.name}: {found}" for s in sources for found in asked.findall(s.read_text())} == set()
+
+
+def test_a_model_holds_parameters_by_name_and_cannot_be_changed():
+    run = record()
+    model = Model(run).freeze(RATE)
+    assert not model.active[:, model.column(RATE)].any()
+    assert model.active[:, model.column(LEVEL)].all()
+    only = Model(run).only(LEVEL, START)
+    assert only.active.sum() == 2 * run.sensors
+    with pytest.raises(ValueError, match="read-only"):
+        model.active[:, 0] = True
+    fit = fit_model(run)
+    assert fit.values[RATE] is not None
+    assert fit.values[Key(-1, "start")] == pytest.approx(fit.values[START])

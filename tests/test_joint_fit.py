@@ -9,7 +9,7 @@ from test_effects_contract import record
 from thermofast.discovery.observe import observe
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
-from thermofast.models.joint import Model, Part, Prior, fit_model, search
+from thermofast.models.joint import LEVEL, RATE, Model, Part, Prior, fit_model, search
 from thermofast.reading import Run
 
 KINDS = {kind.id: kind() for kind in BUILT_IN}
@@ -70,8 +70,8 @@ def test_what_is_known_holds_and_what_is_not_is_free():
     known[:, 0] = np.log(0.02)
     prior = Prior(known, precision, np.zeros(0), np.zeros((0, 0)))
     fit = search(Model(run), base.local.copy(), base.shared, prior)
-    assert fit.values[-1, "rate"] == pytest.approx([0.02, 0.02], rel=1e-4)
-    assert not np.allclose(fit.values[-1, "level"], base.values[-1, "level"])
+    assert fit.values[RATE] == pytest.approx([0.02, 0.02], rel=1e-4)
+    assert not np.allclose(fit.values[LEVEL], base.values[LEVEL])
 
 
 def test_a_gap_and_thinning_change_no_answer():

@@ -7,6 +7,7 @@ import pytest
 
 from thermofast.discovery.colour import spectral_line
 from thermofast.estimation.bench import Trial, choose_among
+from thermofast.models.joint import RATE
 from thermofast.models.noise.spikes import third_difference_noise
 from thermofast.output.files import write_columns
 from thermofast.output.text import cell
@@ -185,7 +186,7 @@ def test_a_range_of_the_room_moves_the_curve_by_as_much_on_both_sides():
     fit = try_add(fit_model(run), Ambient()).fit
     low, high = curve_bounds(fit, {"ambient": 0.5})
     gain = float(np.ravel(fit.values[0, "gain"])[0])
-    rise = 1.0 - np.exp(-fit.values[-1, "rate"] * run.span)
+    rise = 1.0 - np.exp(-fit.values[RATE] * run.span)
     assert gain > 0.2
     assert (high - fit.curve)[:, -1] == pytest.approx(0.5 * rise, rel=0.05)
     assert (fit.curve - low)[:, -1] == pytest.approx(0.5 * rise, rel=0.05)

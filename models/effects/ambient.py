@@ -23,10 +23,13 @@ class Ambient(Effect):
     separate = "log the ambient near the machine"
     reference = "Brauner et al.; ISO 230-3, environmental temperature variation error"
     logged = True
+    follows_ambient = True
     places = (2.0, 0.0)
     amplitude = "gain"
     parameters = (
-        Parameter("gain", "K/K", 0.0, 2.0, 1.0, "share of the ambient's movement that reaches the machine", null=0.0),
+        Parameter(
+            "gain", "K/K", 0.0, 2.0, 1.0, "share of the ambient's movement that reaches the machine", null=0.0, typical=(1.0, 1.0)
+        ),
         Parameter("lag", "min", 0.2, 600.0, 20.0, "lag of the surroundings behind the column", log=True, least_steps=0.5),
     )
 

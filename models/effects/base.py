@@ -25,6 +25,8 @@ class Parameter:
     null is the value at which the effect vanishes (None: this parameter alone cannot make it vanish).
     belongs: 'machine', carried to other runs of it, or 'run'.
     each: 'run', one value for all sensors, or 'sensor', one for each. log: search on a logarithmic scale.
+    periodic: a whole number more is the same (a phase). settles: 'rate' or 'time' where something comes to rest with this rate or
+    time constant. typical: sizes that occur, from which training records are drawn; the start value where none are told.
     """
 
     name: str
@@ -40,6 +42,9 @@ class Parameter:
     share: bool = False
     least_steps: float = 0.0
     fastest: float = 0.0
+    periodic: bool = False
+    settles: str = ""
+    typical: tuple[float, float] | None = None
 
     def bounds(self, run: Observations) -> tuple[float, float]:
         """Lower and upper bound for a run."""
@@ -96,7 +101,8 @@ class Effect:
     """A missing piece of physics. Class attributes describe it; ``apply`` changes the drive.
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
-    logged: it follows a logged column, so it is tried beside every other effect.
+    logged: it follows a logged column, so it is tried beside every other effect. follows_ambient: that column is the surroundings'.
+    reads_sensors: it uses other sensors' readings. advice: what a user to whom it is named should know beside.
     places (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
     choice_costs: what choosing a way of acting costs each sensor, in parameters.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
@@ -116,6 +122,9 @@ class Effect:
     uses_sink: ClassVar[bool] = False
     changes_heat: ClassVar[bool] = False
     logged: ClassVar[bool] = False
+    follows_ambient: ClassVar[bool] = False
+    reads_sensors: ClassVar[bool] = False
+    advice: ClassVar[str] = ""
     places: ClassVar[tuple[float, float]] = (30.0, 0.0)
     choice_costs: ClassVar[float] = 0.0
     amplitude: ClassVar[str] = ""

@@ -26,8 +26,10 @@ class CoolingSwitch(Effect):
     places = (30.0, 0.0)
     amplitude = "ratio"
     parameters = (
-        Parameter("ratio", "1", 0.05, 12.0, 1.3, "loss after the change over the loss before", null=1.0, belongs="run"),
-        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True),
+        Parameter(
+            "ratio", "1", 0.05, 12.0, 1.3, "loss after the change over the loss before", null=1.0, belongs="run", typical=(1.2, 1.6)
+        ),
+        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True, typical=(0.3, 0.6)),
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:

@@ -26,9 +26,11 @@ class CyclicLoad(Effect):
     places = (2.0, 1.0)
     amplitude = "depth"
     parameters = (
-        Parameter("depth", "1", -6.0, 6.0, 0.2, "amplitude of the heat's wave over its mean", null=0.0),
-        Parameter("period", "min", 0.0, 0.36, 0.1, "period of the wave", log=True, share=True, least_steps=2.5),
-        Parameter("phase", "1", -2.0, 3.0, 0.25, "start of the wave, in periods", belongs="run"),
+        Parameter("depth", "1", -6.0, 6.0, 0.2, "amplitude of the heat's wave over its mean", null=0.0, typical=(0.3, 0.5)),
+        Parameter(
+            "period", "min", 0.0, 0.36, 0.1, "period of the wave", log=True, share=True, least_steps=2.5, typical=(0.06, 0.15)
+        ),
+        Parameter("phase", "1", -2.0, 3.0, 0.25, "start of the wave, in periods", belongs="run", typical=(0.0, 1.0), periodic=True),
         Parameter("duty", "1", 0.08, 0.92, 0.5, "share of the period that a square wave is on"),
     )
 

@@ -24,9 +24,19 @@ class FrictionDecay(Effect):
     places = (6.0, 0.0)
     amplitude = "extra"
     parameters = (
-        Parameter("extra", "1", 0.0, 8.0, 0.3, "extra heat at the start over the lasting heat", null=0.0),
+        Parameter("extra", "1", 0.0, 8.0, 0.3, "extra heat at the start over the lasting heat", null=0.0, typical=(0.5, 1.0)),
         Parameter(
-            "time_constant", "min", 0.003, 3.0, 0.1, "time constant of the running-in", log=True, share=True, least_steps=0.7
+            "time_constant",
+            "min",
+            0.003,
+            3.0,
+            0.1,
+            "time constant of the running-in",
+            log=True,
+            share=True,
+            least_steps=0.7,
+            typical=(0.08, 0.2),
+            settles="time",
         ),
     )
 

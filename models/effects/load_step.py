@@ -26,8 +26,18 @@ class LoadStep(Effect):
     places = (30.0, 0.0)
     amplitude = "change"
     parameters = (
-        Parameter("change", "1", -1.5, 8.0, 0.2, "change of the heat, relative to the heat at the start", null=0.0, belongs="run"),
-        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True),
+        Parameter(
+            "change",
+            "1",
+            -1.5,
+            8.0,
+            0.2,
+            "change of the heat, relative to the heat at the start",
+            null=0.0,
+            belongs="run",
+            typical=(0.15, 0.4),
+        ),
+        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True, typical=(0.3, 0.6)),
         Parameter("power", "1", 0.25, 4.0, 1.0, "exponent of the logged column", log=True),
     )
 

@@ -23,10 +23,24 @@ class NeighbourHeat(Effect):
     separate = "heat the neighbour alone; measure between the two"
     reference = "thermal networks, e.g. Bacher & Madsen 2011"
     scope = "sensor"
+    reads_sensors = True
     places = (8.0, 0.0)
     choice_costs = 0.5
     amplitude = "kappa"
-    parameters = (Parameter("kappa", "1/min", 0.0, 2.0, 0.01, "coupling to the neighbour", null=0.0, each="sensor", fastest=2.0),)
+    parameters = (
+        Parameter(
+            "kappa",
+            "1/min",
+            0.0,
+            2.0,
+            0.01,
+            "coupling to the neighbour",
+            null=0.0,
+            each="sensor",
+            fastest=2.0,
+            typical=(0.008, 0.02),
+        ),
+    )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         n = run.sensors

@@ -23,7 +23,11 @@ class NonlinearLoss(Effect):
     uses_sink = True
     places = (2.0, 0.0)
     amplitude = "exponent"
-    parameters = (Parameter("exponent", "1", 0.0, 3.0, 0.25, "exponent of the loss; 0.25 is natural convection", null=0.0),)
+    parameters = (
+        Parameter(
+            "exponent", "1", 0.0, 3.0, 0.25, "exponent of the loss; 0.25 is natural convection", null=0.0, typical=(0.3, 0.7)
+        ),
+    )
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.exponent = drive.exponent + p.exponent

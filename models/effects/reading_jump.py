@@ -25,8 +25,8 @@ class ReadingJump(Effect):
     places = (2.0, 1.0)
     amplitude = "jump"
     parameters = (
-        Parameter("jump", "K", -60.0, 60.0, 0.1, "size of the step", null=0.0, belongs="run", each="sensor"),
-        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the step", belongs="run", each="sensor", share=True),
+        Parameter("jump", "K", -60.0, 60.0, 0.1, "size of the step", null=0.0, belongs="run", each="sensor", typical=(0.3, 0.8)),
+        Parameter("event", "min", 0.0, 1.0, 0.5, "time of the step", belongs="run", each="sensor", share=True, typical=(0.3, 0.7)),
     )
 
     def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:

@@ -21,8 +21,31 @@ class SecondMode(Effect):
     places = (4.0, 0.0)
     amplitude = "kappa"
     parameters = (
-        Parameter("kappa", "1/min", 0.0, 2.0, 0.01, "coupling to the hidden mass", null=0.0, each="sensor", fastest=2.0),
-        Parameter("rate", "1/min", 2e-4, 2.0, 0.01, "rate of the hidden mass", each="sensor", log=True, fastest=2.0),
+        Parameter(
+            "kappa",
+            "1/min",
+            0.0,
+            2.0,
+            0.01,
+            "coupling to the hidden mass",
+            null=0.0,
+            each="sensor",
+            fastest=2.0,
+            typical=(0.004, 0.012),
+        ),
+        Parameter(
+            "rate",
+            "1/min",
+            2e-4,
+            2.0,
+            0.01,
+            "rate of the hidden mass",
+            each="sensor",
+            log=True,
+            fastest=2.0,
+            typical=(0.003, 0.009),
+            settles="rate",
+        ),
     )
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:

@@ -23,7 +23,9 @@ class SensorDrift(Effect):
     scope = "one"
     places = (2.0, 0.0)
     amplitude = "drift"
-    parameters = (Parameter("drift", "K/min", -0.5, 0.5, 0.001, "drift of the reading", null=0.0, each="sensor"),)
+    parameters = (
+        Parameter("drift", "K/min", -0.5, 0.5, 0.001, "drift of the reading", null=0.0, each="sensor", typical=(0.002, 0.005)),
+    )
 
     def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array:
         return np.broadcast_to(run.time - run.time[0], (1, len(points), len(run.time)))

@@ -23,7 +23,9 @@ class SensorLag(Effect):
     scope = "sensor"
     places = (3.0, 0.0)
     amplitude = "lag"
-    parameters = (Parameter("lag", "min", 0.0, 240.0, 2.0, "time constant of the probe", null=0.0, each="sensor"),)
+    parameters = (
+        Parameter("lag", "min", 0.0, 240.0, 2.0, "time constant of the probe", null=0.0, each="sensor", typical=(6.0, 15.0)),
+    )
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.lag = drive.lag + p.lag

@@ -19,8 +19,11 @@ class TransportDelay(Effect):
     reference = "pure dead time, e.g. Ljung, System Identification, ch. 4"
     scope = "sensor"
     places = (6.0, 0.0)
+    advice = "if the machine was started later than the record, say --start MIN"
     amplitude = "delay"
-    parameters = (Parameter("delay", "min", 0.0, 0.7, 0.05, "dead time", null=0.0, each="sensor", share=True),)
+    parameters = (
+        Parameter("delay", "min", 0.0, 0.7, 0.05, "dead time", null=0.0, each="sensor", share=True, typical=(0.02, 0.06)),
+    )
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.delay = drive.delay + p.delay

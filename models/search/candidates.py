@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.kernel import Array
 from ..effects.base import Choice, Effect
-from ..joint import MOST_ITERATIONS, Fit, Model, Part, fit_model, rows_of, search, with_parts
+from ..joint import LEVEL, MOST_ITERATIONS, RATE, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
 from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, log_ratio, noise_floor
 from .scan import Scan, own_starts, scan, shared_starts
@@ -116,8 +116,8 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
         base = with_parts(before, parts)
         starts = shared_starts(found, effect, at, most)
         for large in effect.large_starts():
-            rate, level = effect.equivalent(large, base[-1, "rate"], base[-1, "level"], before.model.sink_guess)
-            starts.append((0.0, {**starts[0][1], (at, effect.amplitude): large, (-1, "rate"): rate, (-1, "level"): level}))
+            rate, level = effect.equivalent(large, base[RATE], base[LEVEL], before.model.sink_guess)
+            starts.append((0.0, {**starts[0][1], Key(at, effect.amplitude): large, RATE: rate, LEVEL: level}))
         for _, start in starts:
             fit = fit_model(run, parts, {**base, **start}, None, QUICK if quick else MOST_ITERATIONS)
             value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
@@ -220,7 +220,7 @@ def _promising(looked: list[Fit], sensors: int) -> list[Any]:
 
 def _own_choices(
     before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], at: int, quick: bool
-) -> list[tuple[Choice, list[dict[tuple[int, str], Any]]]]:
+) -> list[tuple[Choice, list[dict[Key, Any]]]]:
     """Ways of acting and starts of an effect that each sensor has for itself; neighbours are composed from the most promising."""
     run = before.run
     main = effect.parameter(effect.amplitude)
@@ -233,8 +233,8 @@ def _own_choices(
         sensors = np.arange(run.sensors)
         for rank in range(min(1 if quick else 9, len(scans))):
             pick = order[rank]
-            small = {(at, effect.amplitude): amplitude[pick, sensors]}
-            starts = [small, {(at, effect.amplitude): np.full(run.sensors, main.start)}]
+            small = {Key(at, effect.amplitude): amplitude[pick, sensors]}
+            starts = [small, {Key(at, effect.amplitude): np.full(run.sensors, main.start)}]
             found.append((Choice.composed([scans[p][0] for p in pick]), starts))
         return found
     for choice, s in scans:
@@ -242,8 +242,8 @@ def _own_choices(
         starts = [start]
         for large in () if quick else effect.large_starts():
             for point in s.points[1::5] if len(s.points) > 1 else [{}]:
-                values = {(at, k): np.full(run.sensors, v) for k, v in point.items()}
-                starts.append({(at, effect.amplitude): np.full(run.sensors, large * scale), **values})
+                values = {Key(at, k): np.full(run.sensors, v) for k, v in point.items()}
+                starts.append({Key(at, effect.amplitude): np.full(run.sensors, large * scale), **values})
         found.append((choice, starts))
     return found
 
@@ -265,11 +265,11 @@ def _joined(
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
     fit = search(model, local, shared, None, QUICK if quick else MOST_ITERATIONS)
     at = len(parts) - 1
-    own = {p.name: fit.values[at, p.name] for p in effect.parameters if p.each == "sensor"}
-    mirrored = effect.mirrored(np.where(part.concerns(n), fit.values[-1, "rate"], 0.0), own)
+    own = {p.name: fit.values[Key(at, p.name)] for p in effect.parameters if p.each == "sensor"}
+    mirrored = effect.mirrored(np.where(part.concerns(n), fit.values[RATE], 0.0), own)
     if mirrored is not None:
-        values = {**fit.values, **{(at, k): v for k, v in mirrored[1].items()}}
-        values[-1, "rate"] = np.where(part.concerns(n), mirrored[0], values[-1, "rate"])
+        values = {**fit.values, **{Key(at, k): v for k, v in mirrored[1].items()}}
+        values[RATE] = np.where(part.concerns(n), mirrored[0], values[RATE])
         fit = search(model, *model.vector(values))
     if not quick:
         fit, part = _pruned(fit, part)
@@ -284,7 +284,7 @@ def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:
     null = (main.null or 0.0) * (fit.run.span if main.share else 1.0)
     for _ in range(2):
         who = part.concerns(n)
-        far = np.abs(fit.values[at, effect.amplitude] - null) / np.maximum(fit.deviations[at, effect.amplitude], 1e-300)
+        far = np.abs(fit.values[Key(at, effect.amplitude)] - null) / np.maximum(fit.deviations[Key(at, effect.amplitude)], 1e-300)
         # Far from nothing by the curvature there, or needed for the fit: a ridge makes a plain effect look vague.
         drop = [i for i in np.flatnonzero(who) if far[i] < NEEDED]
         if not drop or int(who.sum()) < 2:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core.kernel import Array
 from ..effects.base import Choice, Effect
-from ..joint import Fit, Model, Part, fit_model, search, with_parts
+from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
 from ..observations import Observations
 from .candidates import Candidate, first_order, trials, try_add
 from .heldout import held_out_errors
@@ -205,7 +205,7 @@ def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
     for effect in effects:
         for choice in [c for c in effect.choices(base.run) if c.simple][:2] if effect.logged else []:
             model = Model(base.run, [Part(effect, choice)])
-            local, shared = model.vector({**base.values, (0, effect.amplitude): effect.parameter(effect.amplitude).start})
+            local, shared = model.vector({**base.values, Key(0, effect.amplitude): effect.parameter(effect.amplitude).start})
             model.low_shared = model.high_shared = shared
             found.append(search(model, local, shared))
     return found

@@ -8,7 +8,7 @@ import numpy as np
 from ..core.kernel import Array
 from ..core.tails import chi2_tail
 from ..effects.base import Effect, Parameter
-from ..joint import Fit, Part
+from ..joint import RATE, Fit, Part
 from ..noise.whiteness import pattern_p_value
 
 #: A right model's residuals look this patterned, over all sensors, with this probability.
@@ -57,7 +57,7 @@ def _input_noise(fit: Fit, sensor: int) -> float:
     for p, part in enumerate(fit.model.parts):
         if part.concerns(fit.run.sensors)[sensor]:
             named = {k[1]: float(np.ravel(v)[sensor if np.ndim(v) else 0]) for k, v in fit.values.items() if k[0] == p}
-            rate = float(fit.values[-1, "rate"][sensor])
+            rate = float(fit.values[RATE][sensor])
             total += (part.effect.borrowed_noise(fit.run, part.choice, sensor, rate, named) / own) ** 2
     return total
 
@@ -169,7 +169,7 @@ def _doubt(effect: Effect, parameter: Parameter, value: float, variance: float, 
         if abs(value - (parameter.null or 0.0) * scale) < SURE * deviation:
             return f"{parameter.name} is within {SURE:g} standard errors of no effect"
         return f"{parameter.name} is at the end of its range" if at_bound else ""
-    if parameter.name == "phase":
+    if parameter.periodic:
         return ""
     if at_bound:
         return f"{parameter.name} is at the end of its range"

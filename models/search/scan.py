@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.kernel import Array
 from ..effects.base import Choice, Effect
-from ..joint import Fit, Model, Part, with_parts
+from ..joint import LEVEL, RATE, START, Fit, Key, Model, Part, with_parts
 
 #: Rows times readings that one forward run takes at once.
 CHUNK = 1_500_000
@@ -44,14 +44,14 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     assert main.null is not None
     points = effect.grid(run, choice)
     nudge = 0.02 * ((main.start - main.null) or 1.0) * (run.span if main.share else 1.0)
-    middle = model.vector({**with_parts(fit, parts), (at, effect.amplitude): main.null + nudge})
+    middle = model.vector({**with_parts(fit, parts), Key(at, effect.amplitude): main.null + nudge})
     n = run.sensors
     root = np.sqrt(run.weight / (fit.noise if noise is None else noise)[:, None] ** 2)
     seen = np.flatnonzero(run.used.any(axis=0))
     residual = (fit.residual * root)[:, seen]
     per = max(2, CHUNK // (n * len(run.time)) // 2 * 2)
     along, size = np.empty((len(points), n)), np.empty((len(points), n))
-    rate, rise = fit.values[-1, "rate"], fit.values[-1, "level"] - fit.model.sink_guess
+    rate, rise = fit.values[RATE], fit.values[LEVEL] - fit.model.sink_guess
     for first in range(0, len(points), per):
         some = points[first : first + per]
         known = effect.response(some, run, rate, rise)
@@ -89,13 +89,13 @@ def _changes(model: Model, local: Array, shared: Array, at: int, some: list[dict
     return curves.reshape(len(some), n, -1)
 
 
-def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[tuple[int, str], Any]]]:
+def shared_starts(found: Scan, effect: Effect, at: int, most: int) -> list[tuple[float, dict[Key, Any]]]:
     """The best distinct places of a shared effect: (first-order gain, start values of part `at`)."""
     best = effect.starts(found.points, found.shared_amplitude, found.shared_gain, most)
-    return [(gain, {(at, name): value for name, value in values.items()}) for gain, values in best]
+    return [(gain, {Key(at, name): value for name, value in values.items()}) for gain, values in best]
 
 
-def own_starts(found: Sequence[Scan], effect: Effect, at: int) -> tuple[Array, dict[tuple[int, str], Any]]:
+def own_starts(found: Sequence[Scan], effect: Effect, at: int) -> tuple[Array, dict[Key, Any]]:
     """Each sensor's best place over scans from several rates: (gains over the first scan's fit (S,), start values (S,)).
 
     Start values are those of part `at` and of the base model.
@@ -105,11 +105,11 @@ def own_starts(found: Sequence[Scan], effect: Effect, at: int) -> tuple[Array, d
     left = np.array([s.cost - s.gain[b, sensors] for s, b in zip(found, best, strict=True)])
     which = np.argmin(left, axis=0)
     point = best[which, sensors]
-    values: dict[tuple[int, str], Any] = {
-        (at, effect.amplitude): np.array([found[w].amplitude[b, i] for i, (w, b) in enumerate(zip(which, point, strict=True))])
+    values: dict[Key, Any] = {
+        Key(at, effect.amplitude): np.array([found[w].amplitude[b, i] for i, (w, b) in enumerate(zip(which, point, strict=True))])
     }
     for name in found[0].points[0]:
-        values[at, name] = np.array([found[w].points[b][name] for w, b in zip(which, point, strict=True)])
-    for key in [(-1, "rate"), (-1, "level"), (-1, "start")]:
+        values[Key(at, name)] = np.array([found[w].points[b][name] for w, b in zip(which, point, strict=True)])
+    for key in [RATE, LEVEL, START]:
         values[key] = np.array([found[w].fit.values[key][i] for i, w in enumerate(which)])
     return found[0].cost - left[which, sensors], values

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Lump
-from thermofast.models.joint import Fit
+from thermofast.models.joint import RATE, Fit
 from thermofast.models.uncertainty.chaos import Chaos, design, fit_chaos
 from thermofast.models.uncertainty.reliability import first_order, monte_carlo
 
@@ -221,7 +221,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     slope = np.gradient(centre.curve, whole.time, axis=1)
     noise_of = _level_roots(centre, np.broadcast_to(centre.noise[:, None], centre.curve.shape))
     stamps_of = _level_roots(centre, np.abs(slope) * sizes.jitter / 60.0)
-    rates = centre.values[-1, "rate"][:, None]
+    rates = centre.values[RATE][:, None]
     fading = np.exp(-rates * whole.time)
     # A model that follows the logged surroundings errs by their probe; one that does not, by how the room warms unseen.
     follows = any(p.choice.constants.get("column") in whole.ambient for p in centre.model.parts)

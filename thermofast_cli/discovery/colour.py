@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermofast.models.core.kernel import Array
-from thermofast.models.joint import Fit
+from thermofast.models.joint import RATE, Fit
 from thermofast.models.noise.residual_noise import NoiseModel, long_run_factor, select_arma, whitened
 from thermofast.models.noise.whiteness import pattern_p_value
 from thermofast.models.search.judge import PATTERN
@@ -64,7 +64,7 @@ def colour_of(fit: Fit, sensor: int, whiteness_p: float) -> Colour:
     if p + q == 0:
         return Colour()
     lasts = _dies_after(model, len(series)) * fit.run.step
-    short = lasts <= SHORT / float(fit.values[-1, "rate"][sensor])
+    short = lasts <= SHORT / float(fit.values[RATE][sensor])
     name = f"ARMA({p},{q})"
     lowest = model.autocovariance(max(2, len(series) // 2))
     if float(lowest.min()) < SWINGS * lowest[0] and int(np.argmin(lowest)) > 1:

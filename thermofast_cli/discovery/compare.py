@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.greybox import Model
-from thermofast.models.joint import Fit
+from thermofast.models.joint import LEVEL, RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import PATTERN, noise_floor
@@ -158,7 +158,7 @@ def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
     if len(good) < 3:
         return None
     residual = whole.reading[i][good] - fit.curve[i][good]
-    rate = float(fit.values[-1, "rate"][i])
+    rate = float(fit.values[RATE][i])
     kept = np.exp(-rate * np.diff(whole.time[good]))
     return float(np.sqrt(np.mean((residual[1:] - kept * residual[:-1]) ** 2)))
 
@@ -178,7 +178,9 @@ def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
             model = Model(moved, fit.model.parts)
             local = fit.local.copy()
             # The heating is what it was: surroundings that are warmer make the machine warmer.
-            local[:, 1] += model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
+            local[:, model.column(LEVEL)] += (
+                model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
+            )
             curve = model.forward(local, shared, np.arange(run.sensors))
             low, high = np.minimum(low, curve), np.maximum(high, curve)
     return low, high
@@ -202,7 +204,7 @@ def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list
     """
     good = whole.used[i]
     own = fit.unrounded[i] if not (whole.used & ~fit.run.used).any() else np.nan_to_num(residual[i])
-    rate = float(fit.values[-1, "rate"][i])
+    rate = float(fit.values[RATE][i])
     found = []
     offers = {**whole.ambient, **whole.inputs}
     for name, column in offers.items():

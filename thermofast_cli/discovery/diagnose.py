@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from thermofast.models.joint import Fit
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.joint import RATE, Fit, Key
 from thermofast.models.observations import Observations
 from thermofast.models.search.candidates import Candidate, first_order
 from thermofast.models.search.discover import Discovery, Spread, discover, total_gain
@@ -37,6 +38,9 @@ from .loop import (
 BEYOND = 5.0
 #: Gain at which an effect would have been named, for telling how small a one would have been seen.
 SEEN_GAIN = 70.0
+
+#: Effects that need the surroundings logged.
+ROOMS = tuple(kind.id for kind in BUILT_IN if kind.follows_ambient)
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     also = list(dict.fromkeys("+".join(sorted(c.ids)) for c in rivals(found)))
     room = unlogged_room(found, seen)
     if room:
-        also.append("ambient")
+        also += ROOMS
         advice, status = f"{room}; {advice}", "not_determined"
     beyond = _fails_beyond(found, seen, task.until_min)
     if beyond:  # "nothing to add" would contradict it
@@ -165,7 +169,7 @@ def unlogged_room(found: Discovery, seen: Observations) -> str:
     """What to say where nobody logged the surroundings and a moving room would look like what was named; else nothing."""
     if found.named is None or seen.ambient:
         return ""
-    alike = [p.id for p in found.named.parts if "ambient" in p.effect.mistaken_for]
+    alike = [p.id for p in found.named.parts if set(ROOMS) & set(p.effect.mistaken_for)]
     if not alike:
         return ""
     return f"the surroundings are not logged, and a room that moves would look like {' and '.join(alike)}: log the ambient"
@@ -199,7 +203,7 @@ def event_of(fit: Fit, sensor: int) -> float | None:
     for k, part in enumerate(fit.model.parts):
         name = part.effect.event
         if name and (k, name) in fit.values and part.concerns(fit.run.sensors)[sensor]:
-            value = fit.values[k, name]
+            value = fit.values[Key(k, name)]
             times.append(float(value[sensor]) if part.effect.parameter(name).each == "sensor" else float(value))
     return min(times, default=None)
 
@@ -270,7 +274,7 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         numbers = []
         for name in part.effect.parameters:
             key = k, name.name
-            if key not in named.fit.values or name.name in ("phase",):
+            if key not in named.fit.values or name.periodic:
                 continue
             value, error = named.fit.values[key], named.fit.deviations[key]
             unit = "" if name.unit == "1" else f" {name.unit}"
@@ -300,8 +304,7 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if p.effect.file)
         new = [p.id for p in named.parts if p not in found.base.model.parts]
         advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
-    if any(p.id == "transport_delay" for p in named.parts):
-        advice += "; if the machine was started later than the record, say --start MIN"
+    advice = "; ".join([advice, *(p.effect.advice for p in named.parts if p.effect.advice)])
     # What fits as well may be the cause as well: a name is sure only where it stands alone.
     return evidence, "; ".join(a for a in (advice, ways) if a), "not_determined" if also else "ok"
 
@@ -325,7 +328,7 @@ def _unlogged(seen: Observations) -> str:
 
 def _seen_as(named: Candidate) -> str:
     """The tell-tale of each effect, with 1/b in minutes where it speaks of that."""
-    late = 1.0 / float(np.median(named.fit.values[-1, "rate"]))
+    late = 1.0 / float(np.median(named.fit.values[RATE]))
     tales = [p.effect.tell_tale.replace("1/b", f"1/b = {late:.3g} min") for p in named.parts if p.effect.tell_tale]
     return f"Seen as: {'; '.join(tales)}. " if tales else ""
 
@@ -361,7 +364,7 @@ def _worst(found: Discovery, seen: Observations) -> tuple[float, float, float] |
 
 def _short_record(found: Discovery, seen: Observations) -> str:
     """Why a record is too short to judge, and how long it should be; nothing where it is long enough."""
-    rates = np.asarray(found.base.values[-1, "rate"])
+    rates = np.asarray(found.base.values[RATE])
     covered = float(np.median(rates)) * seen.span
     if covered >= 0.7:
         return ""

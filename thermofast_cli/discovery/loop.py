@@ -147,7 +147,7 @@ def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, An
     for c in (*fit.model.local, *fit.model.shared):
         if c.part < 0:
             continue
-        key = c.part, c.parameter.name
+        key = c.key
         part = fit.model.parts[c.part]
         if c.parameter.each == "sensor":
             if sensor is None or not part.concerns(fit.run.sensors)[sensor]:

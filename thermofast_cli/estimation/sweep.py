@@ -251,7 +251,7 @@ def sweep_records(
     """Records of S sensors from their errors rmse (S, windows, times) [K] and widths (S, times) [K] by docs/architecture.md."""
     counted = np.isfinite(rmse)
     least = np.where(counted, rmse, np.inf)
-    some = counted.any(axis=2)
+    some = np.asarray(counted.any(axis=2))
     best = least.argmin(axis=2)
     smallest = least.min(axis=2)
     # From the earliest time on the RMSE stays within (1 + 2 / sqrt(2 N)) of its minimum.
@@ -260,7 +260,7 @@ def sweep_records(
         outside = np.asarray(counted & (rmse > limit[..., None]))
     after = np.where(outside.any(axis=2), len(times) - outside[..., ::-1].argmax(axis=2), 0)
     earliest = np.maximum(after, counted.argmax(axis=2))
-    serves = (counted & (np.arange(len(times)) >= earliest[..., None])).any(axis=2)
+    serves = np.asarray((counted & (np.arange(len(times)) >= earliest[..., None])).any(axis=2))
     with np.errstate(invalid="ignore"):
         narrow = _from_there_on(width < tolerance_c)
     records = []

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Effect
 from thermofast.models.greybox import Column
-from thermofast.models.joint import BASE, Fit, Model, Part, Prior, search, start_values
+from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, Prior, search, start_values
 from thermofast.models.search.candidates import try_add
 
 from ..errors import UsageError
@@ -24,7 +24,7 @@ EVENT_GAIN = 30.0
 
 
 #: Values and standard errors (S,) of the machine's constants by (part, name).
-Known = dict[tuple[int, str], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Known = dict[Key, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
 def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: list[EffectEntry], same_run: bool) -> Fit:
     layout = Model(seen, parts)
     free = start_values(seen)
-    told: dict[tuple[int, str], object] = dict(free)
+    told: dict[Key, object] = dict(free)
     n = seen.sensors
     known: Known = {}
     for k, numbers in [(-1, model.base), *enumerate(e.parameters for e in entries)]:
@@ -142,12 +142,12 @@ def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: li
             mine = [m for m in numbers if m.name == name]
             value = np.array([_of(mine, c, "value") for c in seen.channels])
             error = np.array([_of(mine, c, "standard_error") for c in seen.channels])
-            start = np.where(np.isfinite(value), value, np.asarray(free.get((k, name), np.nan)) * np.ones(n))
+            start = np.where(np.isfinite(value), value, np.asarray(free.get(Key(k, name), np.nan)) * np.ones(n))
             is_run = mine[0].belongs == "run"
             if not (is_run and k < 0 and not same_run) and np.isfinite(start).all():
-                told[k, name] = start if mine[0].channel is not None else float(start[0])
+                told[Key(k, name)] = start if mine[0].channel is not None else float(start[0])
             if not is_run:
-                known[k, name] = value, error
+                known[Key(k, name)] = value, error
     prior = _prior(layout, model, entries, known)
     best: Fit | None = None
     for phase in _phases(layout, same_run):
@@ -172,9 +172,7 @@ def _of(numbers: list[Number], channel: str, what: str) -> float:
 
 def _levels(layout: Model, local: np.ndarray, shared: np.ndarray) -> np.ndarray:
     """Level and start fitted with everything else held: the run's own, from its first minutes."""
-    held = Model(layout.run, layout.parts)
-    held.active = np.zeros_like(layout.active)
-    held.active[:, 1:3] = True
+    held = Model(layout.run, layout.parts).only(LEVEL, START)
     return search(held, local, shared, None, 8, hold_shared=True).local
 
 
@@ -184,8 +182,8 @@ def _prior(layout: Model, model: ModelFile, entries: list[EffectEntry], known: K
     local, precision = np.zeros((n, len(layout.local))), np.zeros((n, len(layout.local), len(layout.local)))
     shared, shared_precision = np.zeros(len(layout.shared)), np.zeros((len(layout.shared),) * 2)
     for j, c in enumerate(layout.shared):
-        if (c.part, c.parameter.name) in known:
-            value, error = (float(v[0]) for v in known[c.part, c.parameter.name])
+        if c.key in known:
+            value, error = (float(v[0]) for v in known[c.key])
             shared[j], spread = _searched(c, value, error)
             shared_precision[j, j] = spread**-2
     names = [_full_name(c, entries) for c in layout.local]
@@ -193,9 +191,9 @@ def _prior(layout: Model, model: ModelFile, entries: list[EffectEntry], known: K
         told = next((m for m in model.correlations if m.channel == channel), None)
         at, spreads = [], []
         for j, c in enumerate(layout.local):
-            if (c.part, c.parameter.name) not in known or not layout.active[i, j]:
+            if c.key not in known or not layout.active[i, j]:
                 continue
-            value, error = (float(v[i]) for v in known[c.part, c.parameter.name])
+            value, error = (float(v[i]) for v in known[c.key])
             if np.isfinite(value):
                 local[i, j], spread = _searched(c, value, error)
                 at.append(j)
@@ -226,9 +224,9 @@ def _searched(column: Column, value: float, error: float) -> tuple[float, float]
     return value, error
 
 
-def _phases(layout: Model, same_run: bool) -> list[dict[tuple[int, str], object]]:
+def _phases(layout: Model, same_run: bool) -> list[dict[Key, object]]:
     """Starts of a wave whose phase is the run's own."""
-    waves = [c.part for c in layout.shared if c.parameter.name == "phase" and c.part >= 0]
+    waves = [c.key for c in layout.shared if c.parameter.periodic]
     if not waves or same_run:
         return [{}]
-    return [{(waves[0], "phase"): phase} for phase in np.arange(8) / 8.0]
+    return [{waves[0]: phase} for phase in np.arange(8) / 8.0]

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from thermofast.models.effects.base import Choice, Parameter
-from thermofast.models.joint import Fit, Part
+from thermofast.models.joint import Fit, Key, Part
 
 from .. import __version__
 from ..errors import UsageError
@@ -94,12 +94,12 @@ def model_file(fit: Fit, source: str, readings: int, until_min: float | None, fi
             if c.part == part:
                 p = c.parameter
                 for i in np.flatnonzero(model.active[:, j]):
-                    value, error = float(values[part, p.name][i]), float(errors[part, p.name][i])
+                    value, error = float(values[Key(part, p.name)][i]), float(errors[Key(part, p.name)][i])
                     found.append(_number(p, model.parts, part, value, error * value if p.log else error, run.channels[i]))
         for c in model.shared:
             if c.part == part:
                 p = c.parameter
-                value, error = float(values[part, p.name]), float(errors[part, p.name])
+                value, error = float(values[Key(part, p.name)]), float(errors[Key(part, p.name)])
                 found.append(_number(p, model.parts, part, value, error * value if p.log else error, None))
         return tuple(found)
 

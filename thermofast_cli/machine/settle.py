@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.joint import Fit, Model
+from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
 from thermofast.models.search.judge import PATTERN, noise_floor
 
 from ..discovery.loop import LoopTask, ids_of, in_order, ready
@@ -86,8 +86,8 @@ def _identify(task: LoopTask) -> list[Identified]:
             until_min=task.until_min if task.until_min is not None else seen.span,
             samples=int(fit.readings[i]),
             start_min=task.start_min,
-            initial_c=float(fit.values[-1, "start"][i]),
-            rate_per_min=float(fit.values[-1, "rate"][i]),
+            initial_c=float(fit.values[START][i]),
+            rate_per_min=float(fit.values[RATE][i]),
             noise_c=float(fit.noise[i]),
             rmse_fit_c=float(fit.rmse[i]),
             rmse_ahead_c=float(np.sqrt(np.mean(error**2))) if unused.any() else None,
@@ -166,25 +166,24 @@ def _settled(fit: Fit, i: int, reference: float | None, moves: Array) -> tuple[A
     """Steady states [degC] and t95 [min] (R,) of one sensor with its parameters moved by (R, kl + ks) in search coordinates."""
     parts = [p for p in fit.model.parts if p.effect.scope != "one"]
     keep = [k for k, p in enumerate(fit.model.parts) if p.effect.scope != "one"]
-    rates = [float(fit.values[-1, "rate"][i])]
+    rates = [float(fit.values[RATE][i])]
     for k, part in enumerate(fit.model.parts):
-        for name in ("rate", "time_constant"):
-            if (k, name) in fit.values and part.concerns(fit.run.sensors)[i]:
-                value = fit.values[k, name]
+        for p in part.effect.parameters:
+            if p.settles and Key(k, p.name) in fit.values and part.concerns(fit.run.sensors)[i]:
+                value = fit.values[Key(k, p.name)]
                 value = float(value[i]) if np.ndim(value) else float(value)
-                rates.append(value if name == "rate" else 1.0 / value)
+                rates.append(value if p.settles == "rate" else 1.0 / value)
     horizon = max(fit.run.span, HORIZON / max(min(rates), 1e-5))
     far = _far(fit, horizon, reference)
-    model = Model(far, parts)
-    model.active = fit.model.active[:, [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]]
+    own = [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]
+    model = Model(far, parts, fit.model.active[:, own])
     centre = np.concatenate([fit.local[i], fit.shared])
     draws = centre + moves
     kl = fit.local.shape[1]
     local = np.clip(draws[:, :kl], fit.model.low_local, fit.model.high_local)
     shared = np.clip(draws[:, kl:], fit.model.low_shared, fit.model.high_shared)
     old_sink, new_sink = fit.model.sink_guess, model.sink_guess
-    local[:, 1] += new_sink - old_sink if fit.run.sink_c is not None else 0.0
-    own = [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]
+    local[:, model.column(LEVEL)] += new_sink - old_sink if fit.run.sink_c is not None else 0.0
     common = [j for j, c in enumerate(fit.model.shared) if c.part < 0 or c.part in keep]
     curves = model.forward(local[:, own], shared[:, common], np.full(len(draws), i))
     tail = curves[:, -max(2, POINTS // 10) :]
@@ -215,9 +214,7 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
         run, time=time, ambient=ambient, inputs=inputs, heat=None if run.heat is None else np.full(POINTS, run.heat[used[-1]])
     )
     values = fit.values
-    curves = values[-1, "level"][:, None] + (values[-1, "start"] - values[-1, "level"])[:, None] * np.exp(
-        -values[-1, "rate"][:, None] * time
-    )
+    curves = values[LEVEL][:, None] + (values[START] - values[LEVEL])[:, None] * np.exp(-values[RATE][:, None] * time)
     return replace(alone, reading=curves, weight=np.ones_like(curves))
 
 
