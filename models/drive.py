@@ -1,6 +1,6 @@
 """What drives a lump: the picture that an effect changes, and its run forward.
 
-dT/dt = b [ R heat - loss g (T - sink) ] - kappa (T - Z) - sum kappa_k (T - Z_k),   reading = probe(T) + offset
+dT/dt = b [ R heat - loss g (T - sink) ] - sum kappa (T - Z) - sum kappa_k (T - T_k),   reading = probe(T) + offset
 """
 
 from dataclasses import dataclass, field
@@ -19,8 +19,9 @@ class Drive:
 
     heat, loss: dimensionless, mean over the interval that ends at each reading, broadcastable to (B, N); times to take are
     ``run.middle``, and ``run.after(t)`` for a step. sink [degC], offset [K]: value at each reading, times ``run.time``.
-    exponent, hidden [1/min], hidden_rate [1/min], lag [min], delay [min]: (B, 1).
-    links: (coupling (B, 1) [1/min], neighbour's temperature (B or 1, N) [degC]).
+    exponent, lag [min], delay [min]: (B, 1).
+    hidden: of each hidden mass (coupling (B, 1) [1/min], its rate (B, 1) [1/min]); a coupling of 0 is none.
+    links: of each neighbour (coupling (B, 1) [1/min], neighbour's temperature (B or 1, N) [degC]).
     sensor (B,): the index of each row's sensor. sink_c: the surroundings' reference [degC].
     """
 
@@ -31,10 +32,9 @@ class Drive:
     sink: Array
     offset: Array
     exponent: Array
-    hidden: Array
-    hidden_rate: Array
     lag: Array
     delay: Array
+    hidden: list[tuple[Array, Array]] = field(default_factory=list)
     links: list[tuple[Array, Array]] = field(default_factory=list)
 
     @classmethod
@@ -43,9 +43,7 @@ class Drive:
         zero = np.zeros((len(sensor), 1))
         one = np.ones((1, len(run.time)))
         heat = one if run.heat is None else run.heat[None, :]
-        return cls(
-            sensor, sink_c, heat, one, sink_c + 0.0 * one, 0.0 * one, zero, zero.copy(), zero.copy(), zero.copy(), zero.copy()
-        )
+        return cls(sensor, sink_c, heat, one, sink_c + 0.0 * one, 0.0 * one, zero, zero.copy(), zero.copy())
 
     def forward(self, run: Observations, rate: Array, rise: Array, start: Array) -> Array:
         """Readings (B, N) [degC] of lumps with rate [1/min], rise [K] and start [degC], each (B,)."""
@@ -55,6 +53,10 @@ class Drive:
         for coupling, neighbour in self.links:
             couplings = couplings + coupling
             linked = linked + coupling * neighbour
+        masses = np.zeros((2, rows, len(self.hidden)))
+        for i, mass in enumerate(self.hidden):
+            for values, told in zip(masses, mass, strict=True):
+                values[:, i] = _row(told, rows)
         out = np.empty((rows, n))
         kernel.forward(
             run.time,
@@ -65,8 +67,8 @@ class Drive:
             _grid(self.loss, rows, n),
             _grid(self.sink, rows, n),
             _row(self.exponent, rows),
-            _row(self.hidden, rows),
-            _row(self.hidden_rate, rows),
+            masses[0],
+            masses[1],
             _row(couplings, rows),
             _grid(linked, rows, n),
             _row(self.lag, rows),

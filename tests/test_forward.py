@@ -26,8 +26,8 @@ def drawn(rows, n, seed=0):
         "loss": 1.0 + 0.3 * rng.random((1, n)),
         "sink": 18.0 + rng.random((rows, n)),
         "exponent": some(rng.uniform(0.1, 1.0, rows)),
-        "hidden": hidden,
-        "hidden_rate": np.where(hidden > 0.0, 0.01, 0.0),
+        "hidden": np.stack([hidden, np.where(rng.random(rows) < 0.5, 0.0, 0.007)], axis=1),
+        "hidden_rate": np.tile([0.01, 0.003], (rows, 1)),
         "links": links,
         "linked": links[:, None] * (20.0 + rng.random((rows, n))),
         "lag": some(2.0),
@@ -59,7 +59,7 @@ def test_the_run_is_that_of_the_differential_equation():
     values["delay"] = np.zeros(rows)
     curves = run(kernel.forward, time, values, rows)
     for b in range(rows):
-        state = np.full(3, values["start"][b])
+        state = np.full(4, values["start"][b])
         for k in range(1, n):
 
             def slope(t, y, b=b, k=k):
@@ -69,18 +69,20 @@ def test_the_run_is_that_of_the_differential_equation():
                 above = y[0] - sink
                 g = (abs(above) / 40.0) ** values["exponent"][b] if values["exponent"][b] else 1.0
                 heat, loss = values["rise"][b] * values["heat"][b, k], values["loss"][0, k] * g * above
-                own = values["rate"][b] * (heat - loss) - values["hidden"][b] * (y[0] - y[1]) - (values["links"][b] * y[0] - linked)
-                late = (y[0] - y[2]) / values["lag"][b] if values["lag"][b] else own
-                return [own, values["hidden_rate"][b] * (y[0] - y[1]), late]
+                held = values["hidden"][b] @ (y[0] - y[1:3])
+                own = values["rate"][b] * (heat - loss) - held - (values["links"][b] * y[0] - linked)
+                late = (y[0] - y[3]) / values["lag"][b] if values["lag"][b] else own
+                return [own, *(values["hidden_rate"][b] * (y[0] - y[1:3])), late]
 
             state = solve_ivp(slope, time[k - 1 : k + 1], state, rtol=1e-9, atol=1e-9).y[:, -1]
-            assert curves[b, k] == pytest.approx(state[2] if values["lag"][b] else state[0], abs=5e-4)
+            assert curves[b, k] == pytest.approx(state[3] if values["lag"][b] else state[0], abs=5e-4)
 
 
 def test_a_delay_shifts_the_curve():
     time = np.linspace(0.0, 200.0, 201)
     values = {f: np.zeros(1) for f in FIELDS}
     values |= {"rate": np.array([0.02]), "rise": np.array([8.0]), "start": np.array([18.0]), "delay": np.array([7.3])}
+    values |= {f: np.zeros((1, 0)) for f in ("hidden", "hidden_rate")}
     values |= {f: np.ones((1, 201)) for f in ("heat", "loss")} | {"sink": np.full((1, 201), 18.0), "linked": np.zeros((1, 201))}
     late = run(kernel.forward, time, values, 1)[0]
     exact = 18.0 + 8.0 * (1.0 - np.exp(-0.02 * np.maximum(time - 7.3, 0.0)))

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from thermofast.errors import UsageError
@@ -408,3 +409,40 @@ def test_an_installed_package_brings_an_effect(tool, monkeypatch):
     ramp = ROOT / "sample_runs" / "hidden_ramp.csv"
     found = records(tool("diagnose", ramp, "--format", "json", "-q", "--jobs", 1))
     assert found[0]["verdict"] == kind.id
+
+
+def two_masses(seed, rise, start=18.0):
+    """A lump with a quick and a slow hidden mass, by the matrix exponential: nothing of the project's forward run."""
+    from scipy.linalg import expm
+
+    rates = np.array([[-0.05 - 0.04 - 0.015, 0.04, 0.015], [0.03, -0.03, 0.0], [0.0025, 0.0, -0.0025]])
+    time = np.arange(0.0, 900.0, 2.0)
+    step = expm(2.0 * rates)
+    state, curve = np.full(3, -rise), []
+    for _ in time:
+        curve.append(start + rise + state[0])
+        state = step @ state
+    noise = np.random.default_rng(seed).standard_normal((2, len(time)))
+    return pd.DataFrame(
+        {"time_min": time, "T1": curve + 0.01 * noise[0], "T2": start + 0.6 * (np.array(curve) - start) + 0.01 * noise[1]}
+    )
+
+
+def test_an_effect_may_stand_twice_two_hidden_masses_of_different_rates(tool, tmp_path):
+    first, second, model = tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "m.toml"
+    two_masses(1, 9.0).to_csv(first, index=False)
+    two_masses(2, 5.0, 21.0).to_csv(second, index=False)
+    steps = records(tool("improve", first, "--add", "second_mode,second_mode.2", "-o", model, "--format", "json", "-q"))
+    ahead = {r["step"]: r["rmse_ahead_c"] for r in steps if r["channel"] == "T1"}
+    assert [r["effects"] for r in steps if r["channel"] == "T1"][-1] == ["second_mode", "second_mode.2"]
+    assert ahead[2] < 0.25 * ahead[1]
+    assert ahead[2] < 0.013  # the noise is 0.01 K
+    rates = sorted(steps[-1]["parameters"][f"{name}.rate"]["value"] for name in ("second_mode", "second_mode.2"))
+    assert rates == pytest.approx([0.0025, 0.03], rel=0.1)
+    assert model.read_text().count('id = "second_mode') == 2
+    told = records(tool("identify", second, "--model", model, "--until", 240, "--format", "json", "-q"))[0]
+    assert told["steady_state_c"] == pytest.approx(26.0, abs=0.1)
+    assert told["steady_state_lo_c"] < 26.0 < told["steady_state_hi_c"]
+    twice = tool("improve", first, "--add", "second_mode,second_mode")
+    assert twice.code == 2
+    assert "call the second one second_mode.2" in twice.err

@@ -6,6 +6,7 @@ from libc.stdlib cimport free, malloc
 cdef enum:
     MOST_SUBSTEPS = 256
     ABREAST = 4
+    MOST_HIDDEN = 4     # hidden masses of one row
 
 
 #: |x / anchor - 1| up to which a power is continued from its anchor by the binomial series, whose seventh term is then below 1e-12.
@@ -52,13 +53,16 @@ cdef inline double raised(Power* p, double x) noexcept nogil:
     return p.value
 
 
-cdef inline double slope_of(double T, double Z, double rate, double heat, double loss, double sink, Power* power,
-                            double hidden, double links, double linked) noexcept nogil:
+cdef inline double slope_of(double T, const double* Z, Py_ssize_t masses, double rate, double heat, double loss, double sink,
+                            Power* power, const double* hidden, double links, double linked) noexcept nogil:
     cdef double above = T - sink
-    cdef double g = loss
+    cdef double g = loss, held = 0.0
+    cdef Py_ssize_t i
     if power.exponent != 0.0:
         g = loss * raised(power, (fabs(above) + 1e-9) * 0.025)
-    return rate * (heat - g * above) - hidden * (T - Z) - (links * T - linked)
+    for i in range(masses):
+        held += hidden[i] * (T - Z[i])
+    return rate * (heat - g * above) - held - (links * T - linked)
 
 
 cdef inline bint two_lumps(double lam, double hidden, double r, double dt, double* w) noexcept nogil:
@@ -104,7 +108,11 @@ cdef inline double late_probe(double y, double T0, double T1, double s0, double 
 
 cdef struct Lump:
     # One row: its constants, where its drive and its output lie, its state, and what is kept from step to step.
-    double rate, rise, start, exponent, hidden, hidden_rate, links, lag, delay
+    double rate, rise, start, exponent, links, lag, delay, fastest
+    Py_ssize_t masses
+    double hidden[MOST_HIDDEN]
+    double hidden_rate[MOST_HIDDEN]
+    double Z[MOST_HIDDEN]
     const double* heat
     const double* loss
     const double* sink
@@ -112,7 +120,7 @@ cdef struct Lump:
     double* out
     double* slope
     double end, end_heat, end_loss
-    double T, Z, y, last_lam, last_dt, last_h, fade, E, phi, psi
+    double T, y, last_lam, last_dt, last_h, fade, E, phi, psi
     bint pair_ok
     Power power
     double w[8]
@@ -122,7 +130,7 @@ cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept
     """Slope of the reading at the end of interval k."""
     if s.lag > 0.0:
         return (s.T - s.y) / s.lag
-    return slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+    return slope_of(s.T, s.Z, s.masses, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
 
 
 cdef inline void weigh(Lump* s, double lam, double dt) noexcept nogil:
@@ -152,9 +160,14 @@ cdef inline double faded(Lump* s, double h) noexcept nogil:
 cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
     """One interval of one row."""
     cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
-    cdef double u0, u1, k1, k2, k3, k4, z1, z2, z3, z4, steps, moved
-    cdef Py_ssize_t m = 1, i
-    if s.exponent == 0.0 and s.hidden == 0.0:
+    cdef double u0, u1, k1, k2, k3, k4, z4, steps, moved
+    cdef double Z0[MOST_HIDDEN]
+    cdef double Z1[MOST_HIDDEN]
+    cdef double z1[MOST_HIDDEN]
+    cdef double z2[MOST_HIDDEN]
+    cdef double z3[MOST_HIDDEN]
+    cdef Py_ssize_t m = 1, i, j
+    if s.exponent == 0.0 and s.masses == 0:
         weigh(s, lam, dt)
         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
@@ -165,26 +178,26 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
         else:
             s.y = s.T
     else:
-        if s.exponent == 0.0 and (lam != s.last_lam or dt != s.last_dt):
-            s.pair_ok = two_lumps(lam, s.hidden, s.hidden_rate, dt, s.w)
+        if s.exponent == 0.0 and s.masses == 1 and (lam != s.last_lam or dt != s.last_dt):
+            s.pair_ok = two_lumps(lam, s.hidden[0], s.hidden_rate[0], dt, s.w)
             s.last_lam = lam
             s.last_dt = dt
         if s.exponent == 0.0 and s.pair_ok:
             T0 = s.T
-            k1 = slope_of(T0, s.Z, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+            k1 = slope_of(T0, s.Z, 1, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
             ds = (u1 - u0) / dt
-            moved = s.w[0] * T0 + s.w[1] * s.Z + s.w[4] * u0 + s.w[6] * ds
-            s.Z = s.w[2] * T0 + s.w[3] * s.Z + s.w[5] * u0 + s.w[7] * ds
+            moved = s.w[0] * T0 + s.w[1] * s.Z[0] + s.w[4] * u0 + s.w[6] * ds
+            s.Z[0] = s.w[2] * T0 + s.w[3] * s.Z[0] + s.w[5] * u0 + s.w[7] * ds
             s.T = moved
             if s.lag > 0.0:
-                k4 = slope_of(s.T, s.Z, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
+                k4 = slope_of(s.T, s.Z, 1, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
                 s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
             else:
                 s.y = s.T
         else:
-            steps = (s.rate * L * (1.0 + s.exponent) + s.hidden + s.hidden_rate + s.links) * dt / 0.3
+            steps = (s.rate * L * (1.0 + s.exponent) + s.fastest + s.links) * dt / 0.3
             while m < steps and m < MOST_SUBSTEPS:
                 m = 2 * m
             h = dt / m
@@ -200,20 +213,26 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
                 if s.lag > 0.0 and H == s.end_heat and L == s.end_loss:
                     k1 = s.end
                 else:
-                    k1 = slope_of(T0, s.Z, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
-                z1 = s.hidden_rate * (T0 - s.Z)
-                k2 = slope_of(T0 + 0.5 * h * k1, s.Z + 0.5 * h * z1, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
-                              q + 0.5 * dq)
-                z2 = s.hidden_rate * (T0 + 0.5 * h * k1 - s.Z - 0.5 * h * z1)
-                k3 = slope_of(T0 + 0.5 * h * k2, s.Z + 0.5 * h * z2, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links,
-                              q + 0.5 * dq)
-                z3 = s.hidden_rate * (T0 + 0.5 * h * k2 - s.Z - 0.5 * h * z2)
-                k4 = slope_of(T0 + h * k3, s.Z + h * z3, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
-                z4 = s.hidden_rate * (T0 + h * k3 - s.Z - h * z3)
+                    k1 = slope_of(T0, s.Z, s.masses, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+                for j in range(s.masses):
+                    Z0[j] = s.Z[j]
+                    z1[j] = s.hidden_rate[j] * (T0 - Z0[j])
+                    Z1[j] = Z0[j] + 0.5 * h * z1[j]
+                k2 = slope_of(T0 + 0.5 * h * k1, Z1, s.masses, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links, q + 0.5 * dq)
+                for j in range(s.masses):
+                    z2[j] = s.hidden_rate[j] * (T0 + 0.5 * h * k1 - Z1[j])
+                    Z1[j] = Z0[j] + 0.5 * h * z2[j]
+                k3 = slope_of(T0 + 0.5 * h * k2, Z1, s.masses, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links, q + 0.5 * dq)
+                for j in range(s.masses):
+                    z3[j] = s.hidden_rate[j] * (T0 + 0.5 * h * k2 - Z1[j])
+                    Z1[j] = Z0[j] + h * z3[j]
+                k4 = slope_of(T0 + h * k3, Z1, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+                for j in range(s.masses):
+                    z4 = s.hidden_rate[j] * (T0 + h * k3 - Z1[j])
+                    s.Z[j] = Z0[j] + h / 6.0 * (z1[j] + 2.0 * z2[j] + 2.0 * z3[j] + z4)
                 s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                s.Z = s.Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
                 if s.lag > 0.0:
-                    k4 = slope_of(s.T, s.Z, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+                    k4 = slope_of(s.T, s.Z, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
                     s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
                     s.end, s.end_heat, s.end_loss = k4, H, L
                 sink = s1
@@ -231,8 +250,10 @@ cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexc
     cdef double at, dt, x
     for k in range(n):
         curve[k] = s.out[k]
+    for k in range(s.masses):
+        s.Z[k] = s.start
     s.slope[0] = 0.0 if s.lag > 0.0 else slope_of(
-        s.start, s.start, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
+        s.start, s.Z, s.masses, s.rate, s.rise * s.heat[1], s.loss[1], s.sink[0], &s.power, s.hidden, s.links, s.linked[0])
     for k in range(n):
         at = time[k] - s.delay
         if at <= time[0]:
@@ -248,14 +269,28 @@ cdef void retard(Lump* s, const double* time, Py_ssize_t n, double* curve) noexc
 
 def forward(const double[::1] time, const double[::1] rate, const double[::1] rise, const double[::1] start,
             const double[:, ::1] heat, const double[:, ::1] loss, const double[:, ::1] sink, const double[::1] exponent,
-            const double[::1] hidden, const double[::1] hidden_rate, const double[::1] links, const double[:, ::1] linked,
+            const double[:, ::1] hidden, const double[:, ::1] hidden_rate, const double[::1] links, const double[:, ::1] linked,
             const double[::1] lag, const double[::1] delay, double[:, ::1] out):
     """See the numpy twin. A few rows go abreast: each is one long chain of operations, and a processor has room for several."""
-    cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], first, b, k, j, count
+    cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], first, b, k, j, count, masses = hidden.shape[1]
     cdef double dt
     cdef Lump lumps[ABREAST]
     cdef Lump* s
-    cdef double* slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
+    cdef double* slopes
+    if masses > MOST_HIDDEN:
+        raise ValueError(f"{masses} hidden masses: at most {MOST_HIDDEN} of one lump are worked out")
+    for size in (rise.shape[0], start.shape[0], exponent.shape[0], hidden.shape[0], hidden_rate.shape[0], links.shape[0],
+                 lag.shape[0], delay.shape[0], out.shape[0]):
+        if size != rows:
+            raise ValueError(f"{size} rows, needed {rows}")
+    for size in (heat.shape[1], loss.shape[1], sink.shape[1], linked.shape[1], out.shape[1]):
+        if size != n:
+            raise ValueError(f"{size} readings, needed {n}")
+    if hidden_rate.shape[1] != masses:
+        raise ValueError("as many rates of hidden masses as couplings")
+    if not rows or not n:
+        return
+    slopes = <double*> malloc((ABREAST + 1) * n * sizeof(double))
     if slopes == NULL:
         raise MemoryError
     with nogil:
@@ -266,7 +301,12 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
                 b = first + j
                 s = &lumps[j]
                 s.rate, s.rise, s.start, s.exponent = rate[b], rise[b], start[b], exponent[b]
-                s.hidden, s.hidden_rate, s.links, s.lag, s.delay = hidden[b], hidden_rate[b], links[b], lag[b], delay[b]
+                s.links, s.lag, s.delay, s.masses, s.fastest = links[b], lag[b], delay[b], 0, 0.0
+                for k in range(masses):
+                    if hidden[b, k] != 0.0:     # a mass without a coupling is none
+                        s.hidden[s.masses], s.hidden_rate[s.masses], s.Z[s.masses] = hidden[b, k], hidden_rate[b, k], start[b]
+                        s.fastest += hidden[b, k] + hidden_rate[b, k]
+                        s.masses += 1
                 s.heat = &heat[b if heat.shape[0] > 1 else 0, 0]
                 s.loss = &loss[b if loss.shape[0] > 1 else 0, 0]
                 s.sink = &sink[b if sink.shape[0] > 1 else 0, 0]
@@ -274,7 +314,7 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
                 s.out = &out[b, 0]
                 s.slope = slopes + j * n
                 power_of(&s.power, s.exponent)
-                s.T = s.Z = s.y = s.out[0] = s.start
+                s.T = s.y = s.out[0] = s.start
                 s.last_lam = s.last_dt = s.last_h = -1.0
                 s.end_heat = s.end_loss = NAN
                 s.end = s.fade = s.E = s.phi = s.psi = 0.0

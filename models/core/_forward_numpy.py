@@ -38,25 +38,31 @@ def forward(
 ) -> None:
     """Readings out (B, N) of B lumps at times (N,) [min].
 
-    dT/dt = rate [rise heat - loss g (T - sink)] - hidden (T - Z) - (links T - linked), g = (|T - sink| / 40 K)^exponent,
+    dT/dt = rate [rise heat - loss g (T - sink)] - sum hidden (T - Z) - (links T - linked), g = (|T - sink| / 40 K)^exponent,
     dZ/dt = hidden_rate (T - Z), Z(0) = T(0) = start; the reading follows T with time constant `lag`, `delay` minutes late.
 
-    rate, rise, start, exponent, hidden, hidden_rate, links, lag, delay are (B,); heat, loss (1 or B, N) are means over the interval
-    that ends at each reading; sink, linked (1 or B, N) are values at the readings, straight in between. links is the sum of the
-    couplings to measured neighbours and linked the sum of coupling times neighbour temperature.
+    rate, rise, start, exponent, links, lag, delay are (B,); hidden, hidden_rate (B, H), one column a hidden mass; heat, loss
+    (1 or B, N) are means over the interval that ends at each reading; sink, linked (1 or B, N) are values at the readings,
+    straight in between. links is the sum of the couplings to measured neighbours, linked that of coupling times temperature.
     """
     rows, n = out.shape
     shape = (rows, n)
     heat, loss, sink, linked = (np.broadcast_to(a, shape) for a in (heat, loss, sink, linked))
-    simple = exponent == 0.0
-    temperature, mass, reading = start.copy(), start.copy(), start.copy()
+    masses = (hidden != 0.0).sum(axis=1)
+    simple = (exponent == 0.0) & (masses <= 1)
+    # Of a row with one mass: which.
+    one = np.argmax(hidden != 0.0, axis=1) if hidden.shape[1] else np.zeros(rows, dtype=int)
+    pick = np.arange(rows), one
+    coupling, follow = (v[pick] if v.shape[1] else np.zeros(rows) for v in (hidden, hidden_rate))
+    temperature, reading = start.copy(), start.copy()
+    mass = np.repeat(start[:, None], hidden.shape[1], axis=1)
     slope = np.zeros(shape)
     out[:, 0] = start
 
     def moves(T: Array, Z: Array, k: int, s: Array, q: Array) -> Array:
         above = T - s
         g = loss[:, k] * np.where(exponent == 0.0, 1.0, ((np.abs(above) + 1e-9) / REFERENCE_K) ** exponent)
-        change: Array = rate * (rise * heat[:, k] - g * above) - hidden * (T - Z) - (links * T - q)
+        change: Array = rate * (rise * heat[:, k] - g * above) - (hidden * (T[:, None] - Z)).sum(axis=1) - (links * T - q)
         return change
 
     for k in range(1, n):
@@ -69,27 +75,29 @@ def forward(
         psi = np.where(small, dt * dt * (0.5 - a / 6.0 + a * a / 24.0), (dt - phi) / safe)
         u0 = rate * (rise * heat[:, k] + loss[:, k] * sink[:, k - 1]) + linked[:, k - 1]
         u1 = rate * (rise * heat[:, k] + loss[:, k] * sink[:, k]) + linked[:, k]
-        exact, exact_mass = temperature * np.exp(-a) + u0 * phi + (u1 - u0) / dt * psi, mass
-        pair = (hidden != 0.0) & simple
+        exact, exact_mass = temperature * np.exp(-a) + u0 * phi + (u1 - u0) / dt * psi, mass.copy()
+        pair = (masses == 1) & simple
         if pair.any():
-            w, good = _two_lumps(lam, hidden, hidden_rate, dt)
+            w, good = _two_lumps(lam, coupling, follow, dt)
             pair &= good
-            ramp = (u1 - u0) / dt
-            first = w[0] * temperature + w[1] * mass + w[4] * u0 + w[6] * ramp
-            second = w[2] * temperature + w[3] * mass + w[5] * u0 + w[7] * ramp
-            exact, exact_mass = np.where(pair, first, exact), np.where(pair, second, mass)
-        direct = simple & ((hidden == 0.0) | pair)
+            ramp, own = (u1 - u0) / dt, mass[pick]
+            first = w[0] * temperature + w[1] * own + w[4] * u0 + w[6] * ramp
+            second = w[2] * temperature + w[3] * own + w[5] * u0 + w[7] * ramp
+            exact = np.where(pair, first, exact)
+            exact_mass[pick] = np.where(pair, second, own)
+        direct = simple & ((masses == 0) | pair)
         begin = moves(temperature, mass, k, sink[:, k - 1], linked[:, k - 1])
         end = moves(exact, exact_mass, k, sink[:, k], linked[:, k])
         probed = _late_probe(reading, temperature, exact, begin, end, dt, lag)
         parts = (rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag)
         stepped, stepped_mass, stepped_probe = _substeps(k, dt, temperature, mass, reading, parts, moves, direct)
-        temperature, mass = np.where(direct, exact, stepped), np.where(direct, exact_mass, stepped_mass)
+        temperature, mass = np.where(direct, exact, stepped), np.where(direct[:, None], exact_mass, stepped_mass)
         reading = np.where(lag > 0.0, np.where(direct, probed, stepped_probe), temperature)
         out[:, k] = reading
         follows = (temperature - reading) / np.where(lag > 0.0, lag, 1.0)
         slope[:, k] = np.where(lag > 0.0, follows, moves(temperature, mass, k, sink[:, k], linked[:, k]))
-    slope[:, 0] = np.where(lag > 0.0, 0.0, moves(start, start, 1, sink[:, 0], linked[:, 0]))
+    still = np.repeat(start[:, None], hidden.shape[1], axis=1)
+    slope[:, 0] = np.where(lag > 0.0, 0.0, moves(start, still, 1, sink[:, 0], linked[:, 0]))
     for b in np.flatnonzero(delay > 0.0):
         out[b] = _late(time, out[b].copy(), slope[b], float(delay[b]))
 
@@ -99,7 +107,7 @@ def _substeps(
 ) -> tuple[Array, Array, Array]:
     """One interval by the classical Runge-Kutta rule, each row in its own number of equal pieces."""
     rate, loss, exponent, hidden, hidden_rate, links, sink, linked, lag = parts
-    fast = rate * loss[:, k] * (1.0 + exponent) + hidden + hidden_rate + links
+    fast = rate * loss[:, k] * (1.0 + exponent) + (hidden + np.where(hidden != 0.0, hidden_rate, 0.0)).sum(axis=1) + links
     fast = np.where(direct, 0.0, fast)
     pieces = np.array([min(MOST_SUBSTEPS, 1 << max(0, math.ceil(math.log2(max(f * dt / STEP, 1.0))))) for f in fast])
     for i in range(int(pieces.max())):
@@ -107,17 +115,18 @@ def _substeps(
         h = dt / pieces
         ds, dq = (sink[:, k] - sink[:, k - 1]) / pieces, (linked[:, k] - linked[:, k - 1]) / pieces
         s, q = sink[:, k - 1] + i * ds, linked[:, k - 1] + i * dq
-        k1, z1 = moves(T, Z, k, s, q), hidden_rate * (T - Z)
-        T2, Z2 = T + 0.5 * h * k1, Z + 0.5 * h * z1
-        k2, z2 = moves(T2, Z2, k, s + 0.5 * ds, q + 0.5 * dq), hidden_rate * (T2 - Z2)
-        T3, Z3 = T + 0.5 * h * k2, Z + 0.5 * h * z2
-        k3, z3 = moves(T3, Z3, k, s + 0.5 * ds, q + 0.5 * dq), hidden_rate * (T3 - Z3)
-        T4, Z4 = T + h * k3, Z + h * z3
-        k4, z4 = moves(T4, Z4, k, s + ds, q + dq), hidden_rate * (T4 - Z4)
+        hm = h[:, None]
+        k1, z1 = moves(T, Z, k, s, q), hidden_rate * (T[:, None] - Z)
+        T2, Z2 = T + 0.5 * h * k1, Z + 0.5 * hm * z1
+        k2, z2 = moves(T2, Z2, k, s + 0.5 * ds, q + 0.5 * dq), hidden_rate * (T2[:, None] - Z2)
+        T3, Z3 = T + 0.5 * h * k2, Z + 0.5 * hm * z2
+        k3, z3 = moves(T3, Z3, k, s + 0.5 * ds, q + 0.5 * dq), hidden_rate * (T3[:, None] - Z3)
+        T4, Z4 = T + h * k3, Z + hm * z3
+        k4, z4 = moves(T4, Z4, k, s + ds, q + dq), hidden_rate * (T4[:, None] - Z4)
         T1 = T + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        Z1 = Z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+        Z1 = Z + hm / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
         y1 = _late_probe(y, T, T1, k1, moves(T1, Z1, k, s + ds, q + dq), h, lag)
-        T, Z, y = np.where(live, T1, T), np.where(live, Z1, Z), np.where(live, y1, y)
+        T, Z, y = np.where(live, T1, T), np.where(live[:, None], Z1, Z), np.where(live, y1, y)
     return T, Z, y
 
 

@@ -49,8 +49,7 @@ class SecondMode(Effect):
     )
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
-        drive.hidden = drive.hidden + p.kappa
-        drive.hidden_rate = drive.hidden_rate + (p.kappa > 0.0) * p.rate
+        drive.hidden.append((p.kappa, p.rate))
 
     def large_starts(self) -> tuple[float, ...]:
         return 0.004, 0.02, 0.08

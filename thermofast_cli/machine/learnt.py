@@ -13,7 +13,7 @@ from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, P
 from thermofast.models.search.candidates import try_add
 
 from ..errors import UsageError
-from ..plugins.effects import known_effects
+from ..plugins.effects import known_effects, named_effect
 from ..reading.source import sha256_of
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
 
@@ -89,8 +89,10 @@ def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
         )
     known = known_effects([e.file for e in model.effects if e.file])
     for entry in model.effects:
-        if entry.id not in known:
+        effect = named_effect(entry.id, known)
+        if effect is None:
             raise UsageError(f"{path}: unknown effect {entry.id!r}", allowed=", ".join(known), do="install its plug-in")
+        known[entry.id] = effect
     ranges = {("", p.name): p for p in BASE}
     ranges |= {(e.id, p.name): p for e in model.effects for p in known[e.id].parameters}
     for owner, number in [("", n) for n in model.base] + [(e.id, n) for e in model.effects for n in e.parameters]:

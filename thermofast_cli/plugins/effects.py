@@ -1,6 +1,7 @@
 """Effects: built in, of installed packages, of a user's own file. All pass one check, which says what to write instead."""
 
 from collections.abc import Sequence
+from copy import copy
 from functools import wraps
 from inspect import isgenerator
 from typing import Any
@@ -57,16 +58,29 @@ def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
     found: list[Effect] = []
     for name in names:
         wanted = by_file.get(name, name)
-        if wanted not in known:
+        effect = named_effect(wanted, known)
+        if effect is None:
             raise UsageError(
                 f"unknown effect {name!r}",
                 allowed=", ".join(known) + "; or a file, as in my_effect.py:MyEffect",
                 do=nearest(name, known) or "see thermofast effects",
             )
-        if wanted in [e.id for e in found]:
-            raise UsageError(f"the effect {wanted!r} twice", do="name it once: an effect occurs once in a model")
-        found.append(known[wanted])
+        if effect.id in [e.id for e in found]:
+            raise UsageError(f"the effect {effect.id!r} twice", do=f"call the second one {effect.id.partition('.')[0]}.2")
+        found.append(effect)
     return found
+
+
+def named_effect(name: str, known: dict[str, Effect]) -> Effect | None:
+    """A known effect by its id; ``second_mode.2`` is the effect ``second_mode`` standing a second time, None an unknown one."""
+    base, dot, number = name.partition(".")
+    if name in known or not dot:
+        return known.get(name)
+    if base not in known or not number.isdecimal() or int(number) < 2:
+        return None
+    again = copy(known[base])
+    again.__dict__["id"] = f"{base}.{int(number)}"  # of this one alone: the class stays as it is
+    return again
 
 
 _LOADED: dict[str, Effect] = {}
@@ -124,7 +138,14 @@ def guarded(kind: type[Effect], by_row: bool, file: str) -> type[Effect]:
 
 
 def _again(file: str, name: str) -> Effect:
-    return load_effect(file) if file else known_effects()[name]
+    if not file:
+        known = known_effects()
+    else:
+        effect = load_effect(file)
+        known = {effect.id: effect}
+    found = named_effect(name, known)
+    assert found is not None
+    return found
 
 
 def _guarded(effect: Effect) -> Any:
@@ -257,7 +278,9 @@ def _curves(effect: Effect, run: Observations, values: dict[str, Any], constants
 
 
 FIELDS = ("heat", "loss", "sink", "offset")
-NUMBERS = ("exponent", "hidden", "hidden_rate", "lag", "delay")
+NUMBERS = ("exponent", "lag", "delay")
+#: Lists of pairs: hidden masses (coupling, rate), neighbours (coupling, temperature).
+PAIRS = ("hidden", "links")
 
 
 def _row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: Any) -> None:
@@ -265,7 +288,7 @@ def _row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: 
     rows, n = len(drive.sensor), len(run.time)
     wide = {f: np.array(np.broadcast_to(getattr(drive, f), (rows, n))) for f in FIELDS}
     tall = {f: np.array(np.broadcast_to(getattr(drive, f), (rows, 1))) for f in NUMBERS}
-    links: list[tuple[Any, Any]] = []
+    pairs: dict[str, list[tuple[Any, Any]]] = {f: [] for f in PAIRS}
     for i in range(rows):
         single = Drive(
             drive.sensor[i : i + 1],
@@ -279,19 +302,42 @@ def _row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: 
             wide[f][i] = getattr(single, f)
         for f in NUMBERS:
             tall[f][i, 0] = float(np.ravel(getattr(single, f))[0])
-        for coupling, neighbour in single.links:
-            column = np.zeros((rows, 1))
-            column[i] = coupling
-            links.append((column, np.atleast_2d(neighbour)))
+        for f in PAIRS:
+            for coupling, other in getattr(single, f):
+                column = np.zeros((rows, 1))
+                column[i] = coupling
+                pairs[f].append((column, np.atleast_2d(other)))
     for f in FIELDS:
         setattr(drive, f, wide[f])
     for f in NUMBERS:
         setattr(drive, f, tall[f])
-    drive.links.extend(links)
+    # Row by row each sensor has its own; they are put together again, sensor by sensor, in the order they were written.
+    drive.hidden.extend(_folded(pairs["hidden"], rows))
+    drive.links.extend(pairs["links"])
+
+
+def _folded(masses: list[tuple[Any, Any]], rows: int) -> list[tuple[Any, Any]]:
+    """Hidden masses of single rows as masses of all rows, as few as there are of one row."""
+    own: list[list[tuple[float, float]]] = [[] for _ in range(rows)]
+    for coupling, rate in masses:
+        i = int(np.argmax(coupling != 0.0)) if coupling.any() else 0
+        own[i].append((float(coupling[i, 0]), float(rate[0, 0])))
+    most = max(map(len, own))
+    filled = [[*one, *[(0.0, 0.0)] * (most - len(one))] for one in own]
+    return [tuple(np.array([[row[k][side]] for row in filled]) for side in (0, 1)) for k in range(most)]  # type: ignore[misc]
 
 
 def _check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
     shape = (len(drive.sensor), len(run.time))
+    for f, other in (("hidden", "its rate [1/min]"), ("links", "the neighbour's temperature")):
+        value = getattr(drive, f)
+        if not isinstance(value, list) or any(not isinstance(v, tuple) or len(v) != 2 for v in value):
+            raise PluginError(
+                f"effect {effect.id!r} ({source_of(effect)}): drive.{f} is a list of pairs",
+                found=type(value).__name__,
+                allowed=f"(coupling [1/min], {other}) appended to it",
+                do=f"write drive.{f}.append((p.kappa, ...))",
+            )
     for f in FIELDS:
         value = getattr(drive, f)
         try:
