@@ -13,9 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrow import arrow_inverse, arrow_step, assemble, finite_slopes
+from .coordinates import Prior, Searched
 from .core.kernel import Array
 from .decay import fit_decay
 from .greybox import BASE, LEVEL, RATE, SINK, START, Key, Model, Part
+from .noise.discrepancy import Columns
 from .noise.rounding import without_rounding
 from .observations import Observations
 
@@ -46,28 +49,11 @@ GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
 
 
 @dataclass(frozen=True)
-class Prior:
-    """What is known of the parameters before the fit, in search coordinates: means like the parameters, and the inverse of
-    their covariance, per sensor local_precision (S, kl, kl) and shared_precision (ks, ks); 0 where nothing is known.
-    """
-
-    local: Array
-    local_precision: Array
-    shared: Array
-    shared_precision: Array
-
-    def cost(self, local: Array, shared: Array) -> Array:
-        """Squared distances from what is known (S,), the shared part spread evenly."""
-        off, off_shared = local - self.local, shared - self.shared
-        own = np.einsum("si,sij,sj->s", off, self.local_precision, off)
-        return np.asarray(own + float(off_shared @ self.shared_precision @ off_shared) / len(local))
-
-
-@dataclass(frozen=True)
 class Fit:
     """A fitted model: parameters in search coordinates, curve (S, N) [degC], weighted residual sums of squares rss (S,) [K^2].
 
-    by_local (kl, S, N) and by_shared (ks, S, N) are the model's derivatives.
+    by_local (kl, S, N) and by_shared (ks, S, N) are the model's derivatives. With coloured noise, `columns` and the amplitudes own
+    (S, m) and shared_amplitudes (k,) that go best with the readings; residuals are then what is left beside model and disturbance.
     """
 
     model: Model
@@ -79,6 +65,9 @@ class Fit:
     rss: Array
     converged: bool
     prior: Prior | None = None
+    columns: Columns | None = None
+    own: Array | None = None
+    shared_amplitudes: Array | None = None
 
     @property
     def run(self) -> Observations:
@@ -86,8 +75,15 @@ class Fit:
 
     @cached_property
     def residual(self) -> Array:
-        """Reading minus model (S, N) [K]; 0 where there is no reading in use."""
-        return np.where(self.run.used, self.run.known - self.curve, 0.0)
+        """Reading minus model and disturbance (S, N) [K]; 0 where there is no reading in use."""
+        return np.where(self.run.used, self.run.known - self.curve - self.discrepancy, 0.0)
+
+    @cached_property
+    def discrepancy(self) -> Array:
+        """The disturbance (S, N) [K] that goes best with the readings; 0 where the noise is white."""
+        if self.columns is None or self.own is None or self.shared_amplitudes is None:
+            return np.zeros_like(self.curve)
+        return self.columns.discrepancy(self.own, self.shared_amplitudes)
 
     @cached_property
     def unrounded(self) -> Array:
@@ -189,7 +185,7 @@ class Fit:
         weight = self.run.weight / self.noise[:, None] ** 2
         blocks, border, corner, _, _ = _normal_equations(self, weight)
         with np.errstate(all="ignore"):  # a direction without any information has a variance beyond all numbers
-            return _arrow_inverse(blocks, border, corner, self.model.active)
+            return arrow_inverse(blocks, border, corner, self.model.active)
 
     def joint_covariance(self, sensor: int) -> Array:
         """Covariance (kl + ks, kl + ks) of one sensor's own and the shared parameters, in search coordinates."""
@@ -218,60 +214,7 @@ class Fit:
 
 def _normal_equations(fit: Fit, weight: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Blocks (S, kl, kl), border (S, kl, ks), corner (ks, ks) and right sides (S, kl), (ks,) with weights (S, N)."""
-    return _assemble(fit.by_local, fit.by_shared, fit.residual, weight, fit.model.active, fit.prior, fit.local, fit.shared)
-
-
-def _assemble(
-    by_local: Array,
-    by_shared: Array,
-    residual: Array,
-    weight: Array,
-    active: NDArray[np.bool_],
-    prior: Prior | None,
-    local: Array,
-    shared: Array,
-) -> tuple[Array, Array, Array, Array, Array]:
-    root = np.sqrt(weight)
-    jl = (by_local * root).transpose(1, 0, 2) * active[:, :, None]
-    js = (by_shared * root).transpose(1, 0, 2)
-    r = residual * root
-    blocks = jl @ jl.transpose(0, 2, 1)
-    border = jl @ js.transpose(0, 2, 1)
-    corner = (js @ js.transpose(0, 2, 1)).sum(axis=0)
-    right = (jl @ r[:, :, None])[:, :, 0]
-    right_shared = (js @ r[:, :, None])[:, :, 0].sum(axis=0)
-    if prior is not None:
-        right += (prior.local_precision @ (prior.local - local)[:, :, None])[:, :, 0] * active
-        blocks += prior.local_precision * active[:, :, None] * active[:, None, :]
-        right_shared += prior.shared_precision @ (prior.shared - shared)
-        corner = corner + prior.shared_precision
-    blocks += np.eye(blocks.shape[1]) * (~active)[:, None, :]
-    return blocks, border, corner, right, right_shared
-
-
-def _finite(values: Array) -> Array:
-    """Derivatives with 0 where a trial was beyond all numbers."""
-    return values if np.isfinite(values.sum()) else np.nan_to_num(values)
-
-
-def _scaled(blocks: Array, corner: Array) -> tuple[Array, Array]:
-    scale = 1.0 / np.sqrt(np.maximum(np.einsum("sii->si", blocks), 1e-300))
-    scale_shared = 1.0 / np.sqrt(np.maximum(np.diag(corner), 1e-300))
-    return scale, scale_shared
-
-
-def _arrow_inverse(blocks: Array, border: Array, corner: Array, active: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-    scale, scale_shared = _scaled(blocks, corner)
-    a = blocks * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(blocks.shape[1])
-    b = border * scale[:, :, None] * scale_shared
-    inverse = np.linalg.inv(a)
-    solved = inverse @ b
-    schur = corner * np.outer(scale_shared, scale_shared) - (b.transpose(0, 2, 1) @ solved).sum(axis=0)
-    shared = np.linalg.inv(schur + 1e-13 * np.eye(len(schur))) if len(schur) else schur
-    local = inverse + solved @ shared @ solved.transpose(0, 2, 1)
-    cross = -(solved @ shared) * scale[:, :, None] * scale_shared
-    local = local * scale[:, :, None] * scale[:, None, :] * active[:, :, None] * active[:, None, :]
-    return local, shared * np.outer(scale_shared, scale_shared), cross
+    return assemble(fit.by_local, fit.by_shared, fit.residual, weight, fit.model.active, fit.prior, fit.local, fit.shared)
 
 
 def start_values(run: Observations) -> dict[Key, Any]:
@@ -333,25 +276,28 @@ def search(
     most: int = MOST_ITERATIONS,
     sensor: Any = None,
     hold_shared: bool = False,
+    columns: Columns | None = None,
 ) -> Fit:
     """Projected Levenberg-Marquardt from search coordinates local (R, kl), shared (ks,).
 
     Where nothing is shared each row has its own damping and ends by itself; otherwise all move together. `sensor` (R,) allows
     several rows of one sensor (several starts at once); rows are the sensors by default. `hold_shared` searches the local
-    parameters alone.
+    parameters alone. `columns` are those of a coloured noise, whose amplitudes are searched with the parameters.
     """
+    whole, given = Searched(model, columns, prior), prior
+    prior = whole.prior
+    local, shared = whole.joined(local, shared, None, None)
     run = model.run
     sensor = np.arange(run.sensors) if sensor is None else sensor
     reading, used = run.known[sensor], run.used[sensor]
     weight = run.weight[sensor] / np.maximum(run.noise[sensor], 1e-9)[:, None] ** 2
-    active = model.active[sensor]
-    rows, together = len(sensor), len(model.shared) > 0 and not hold_shared
+    active = whole.active[sensor]
+    rows, together = len(sensor), len(shared) > 0 and not hold_shared
 
     def evaluate(at_local: Array, at_shared: Array, on: Any) -> tuple[Array, ...]:
         with np.errstate(all="ignore"):
-            common = np.broadcast_to(at_shared, (len(at_local), len(model.shared)))
-            curve, dl, ds = model.with_jacobian(at_local, common, sensor[on])
-            residual = np.where(used[on], reading[on] - curve, 0.0)
+            curve, moved, dl, ds = whole.with_jacobian(at_local, at_shared, sensor[on])
+            residual = np.where(used[on], reading[on] - curve - moved, 0.0)
             cost = (weight[on] * residual**2).sum(axis=1)
             if prior is not None:
                 cost = cost + prior.cost(at_local, at_shared)
@@ -364,19 +310,19 @@ def search(
     local, damping, live, converged = local.copy(), np.full(rows, 1e-3), np.ones(rows, dtype=bool), False
     for _ in range(most):
         here, may_move = local[on], active[on]
-        slopes = _finite(dl[:, on]), _finite(ds[:, on])
-        blocks, border, corner, right, right_shared = _assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
+        slopes = finite_slopes(dl[:, on]), finite_slopes(ds[:, on])
+        blocks, border, corner, right, right_shared = assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
         if hold_shared:
             border, corner, right_shared = border[:, :, :0], corner[:0, :0], right_shared[:0]
         # A parameter at its bound that wants beyond it stays there for this step.
-        stuck = ((here <= model.low_local) & (right < 0.0)) | ((here >= model.high_local) & (right > 0.0))
+        stuck = ((here <= whole.low_local) & (right < 0.0)) | ((here >= whole.high_local) & (right > 0.0))
         stuck_shared = np.zeros(0, dtype=bool)
         if together:
-            stuck_shared = (shared <= model.low_shared) & (right_shared < 0.0)
-            stuck_shared |= (shared >= model.high_shared) & (right_shared > 0.0)
-        move, move_shared = _arrow_step(blocks, border, corner, right, right_shared, stuck | ~may_move, stuck_shared, damping[on])
-        trial = np.where(live[on, None] & may_move, np.clip(here + move, model.low_local, model.high_local), here)
-        trial_shared = np.clip(shared + move_shared, model.low_shared, model.high_shared) if together else shared
+            stuck_shared = (shared <= whole.low_shared) & (right_shared < 0.0)
+            stuck_shared |= (shared >= whole.high_shared) & (right_shared > 0.0)
+        move, move_shared = arrow_step(blocks, border, corner, right, right_shared, stuck | ~may_move, stuck_shared, damping[on])
+        trial = np.where(live[on, None] & may_move, np.clip(here + move, whole.low_local, whole.high_local), here)
+        trial_shared = np.clip(shared + move_shared, whole.low_shared, whole.high_shared) if together else shared
         after = evaluate(trial, trial_shared, on)
         total, new = (cost, after[4]) if not together else (np.full(rows, v.sum()) for v in (cost, after[4]))
         gain = total[on] - new
@@ -395,36 +341,9 @@ def search(
         if not together and prior is None:
             on = np.flatnonzero(live)
     rss = (run.weight[sensor] * residual**2).sum(axis=1)
-    return Fit(model, local, shared, curve, dl, ds, rss, converged, prior)
-
-
-def _arrow_step(
-    blocks: Array,
-    border: Array,
-    corner: Array,
-    right: Array,
-    right_shared: Array,
-    stuck: NDArray[np.bool_],
-    stuck_shared: NDArray[np.bool_],
-    damping: Array,
-) -> tuple[Array, Array]:
-    """One damped Gauss-Newton step (R, kl), (ks,); parameters marked stuck do not move."""
-    scale, scale_shared = _scaled(blocks, corner)
-    free, free_shared = (~stuck) * scale, (~stuck_shared) * scale_shared
-    eye = np.eye(blocks.shape[1])
-    a = blocks * free[:, :, None] * free[:, None, :]
-    a = a + eye * (damping[:, None] + stuck)[:, None, :] + 1e-12 * eye
-    b = border * free[:, :, None] * free_shared
-    g, gs = right * free, right_shared * free_shared
-    if not len(corner):
-        return np.linalg.solve(a, g[:, :, None])[:, :, 0] * free, np.zeros(0)
-    solved = np.linalg.solve(a, np.concatenate([b, g[:, :, None]], axis=2))
-    by_b, by_g = solved[:, :, :-1], solved[:, :, -1]
-    schur = corner * np.outer(free_shared, free_shared) - (b.transpose(0, 2, 1) @ by_b).sum(axis=0)
-    schur = schur + np.eye(len(corner)) * (damping[0] + stuck_shared + 1e-12)
-    shared = np.linalg.solve(schur, gs - (b * by_g[:, :, None]).sum(axis=(0, 1)))
-    local = by_g - (by_b @ shared[:, None])[:, :, 0]
-    return local * free, shared * free_shared
+    kl, ks = whole.kl, whole.ks
+    noise = (columns, local[:, kl:], shared[ks:]) if columns is not None else ()
+    return Fit(model, local[:, :kl], shared[:ks], curve, dl[:kl], ds[:ks], rss, converged, given, *noise)
 
 
 def at_rates(fit: Fit, rates: Array) -> Fit:
