@@ -17,6 +17,10 @@ def assemble(
     local: Array,
     shared: Array,
 ) -> tuple[Array, Array, Array, Array, Array]:
+    """Blocks (R, kl, kl), border (R, kl, ks), corner (ks, ks) and right sides (R, kl), (ks,) with weights (R, N).
+
+    by_local (kl, R, N), by_shared (ks, R, N): derivatives; local, shared: where the search is, for the prior's pull.
+    """
     root = np.sqrt(weight)
     jl = (by_local * root).transpose(1, 0, 2) * active[:, :, None]
     js = (by_shared * root).transpose(1, 0, 2)
@@ -47,6 +51,7 @@ def _scaled(blocks: Array, corner: Array) -> tuple[Array, Array]:
 
 
 def arrow_inverse(blocks: Array, border: Array, corner: Array, active: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    """Covariances local (R, kl, kl), shared (ks, ks) and local with shared (R, kl, ks): the inverse of the normal equations."""
     scale, scale_shared = _scaled(blocks, corner)
     a = blocks * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(blocks.shape[1])
     b = border * scale[:, :, None] * scale_shared

@@ -44,7 +44,6 @@ __all__ = [
 ]
 
 MOST_ITERATIONS = 40
-#: The search ends when a step gains less than this in units of the noise variance, or this share of the sum of squares.
 GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
 
 
@@ -277,12 +276,16 @@ def search(
     sensor: Any = None,
     hold_shared: bool = False,
     columns: Columns | None = None,
+    ends_at: tuple[float, float] = (GAIN_AT_END, SHARE_AT_END),
+    polish: int = 0,
 ) -> Fit:
     """Projected Levenberg-Marquardt from search coordinates local (R, kl), shared (ks,).
 
     Where nothing is shared each row has its own damping and ends by itself; otherwise all move together. `sensor` (R,) allows
     several rows of one sensor (several starts at once); rows are the sensors by default. `hold_shared` searches the local
     parameters alone. `columns` are those of a coloured noise, whose amplitudes are searched with the parameters.
+    A row ends with a step that gains less than `ends_at`: in units of the noise variance, and as a share of the sum of squares.
+    `polish` undamped steps follow, which no sum of squares judges: near its minimum it is flat to rounding, its slope is not.
     """
     whole, given = Searched(model, columns, prior), prior
     prior = whole.prior
@@ -327,7 +330,7 @@ def search(
         total, new = (cost, after[4]) if not together else (np.full(rows, v.sum()) for v in (cost, after[4]))
         gain = total[on] - new
         better = new < total[on]
-        done = better & (gain < GAIN_AT_END + SHARE_AT_END * total[on])
+        done = better & (gain < ends_at[0] + ends_at[1] * total[on])
         damping[on] = np.where(better, damping[on] * 0.2, damping[on] * 8.0)
         live[on] &= ~(done | (damping[on] > 1e8))
         took = on[better]
@@ -340,6 +343,12 @@ def search(
             break
         if not together and prior is None:
             on = np.flatnonzero(live)
+    for _ in range(polish):
+        parts = assemble(dl, ds, residual, weight, active, prior, local, shared)
+        still, none = ~active, np.zeros(len(shared), dtype=bool)
+        move, move_shared = arrow_step(*parts, still, none, np.zeros(rows))
+        local, shared = local + move, shared + move_shared
+        curve, dl, ds, residual, cost = evaluate(local, shared, np.arange(rows))
     rss = (run.weight[sensor] * residual**2).sum(axis=1)
     kl, ks = whole.kl, whole.ks
     noise = (columns, local[:, kl:], shared[ks:]) if columns is not None else ()

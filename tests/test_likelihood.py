@@ -9,7 +9,6 @@ from scipy.special import stdtrit
 from simulator import lump, spindle
 
 from thermofast.models import DecayFit, fit_decay, likelihood, pattern_p_value, spike_weights, variance_inflation
-from thermofast.models.separable import fit_separable, settling_modes
 
 
 def law(t, steady, drop, rate):
@@ -129,13 +128,3 @@ def test_spikes_are_told_from_steps_and_steep_rises():
     y[30] += 3.0
     assert np.flatnonzero(spike_weights(y) == 0.0).tolist() == [30]
     assert spike_weights(y[:4]).all()
-
-
-def test_two_modes_are_separated_and_too_few_readings_refused():
-    x = np.linspace(0, 300, 120)
-    y = 30 - 6 * np.exp(-0.05 * x) - 3 * np.exp(-0.01 * x) + 0.005 * np.random.default_rng(13).standard_normal(120)
-    fit = fit_separable(settling_modes, x, y, modes_count=2)
-    assert fit.amplitudes[0] == pytest.approx(30.0, abs=4 * fit.amplitude_errors[0])
-    assert fit.rates == pytest.approx([0.01, 0.05], rel=0.05)
-    with pytest.raises(ValueError, match="readings for"):
-        fit_separable(settling_modes, x[:4], y[:4], modes_count=2)
