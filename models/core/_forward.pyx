@@ -184,7 +184,8 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
             s.last_dt = dt
         if s.exponent == 0.0 and s.pair_ok:
             T0 = s.T
-            k1 = slope_of(T0, s.Z, 1, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
+            if s.lag > 0.0:
+                k1 = slope_of(T0, s.Z, 1, s.rate, H, L, s.sink[k - 1], &s.power, s.hidden, s.links, s.linked[k - 1])
             u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
             u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
             ds = (u1 - u0) / dt
