@@ -238,8 +238,8 @@ def fit_network(temperatures: Array, displacement: Array, bins: int | None = Non
     parents = found[states][1]
     ratios = []
     for left_in, left_out in folds:
-        told = _network(temperatures[left_in], displacement[left_in], parents, states, prior).predict(temperatures[left_out])
-        ratios.append((displacement[left_out] - told.mean) / told.deviation)
+        predicted = _network(temperatures[left_in], displacement[left_in], parents, states, prior).predict(temperatures[left_out])
+        ratios.append((displacement[left_out] - predicted.mean) / predicted.deviation)
     model = _network(temperatures, displacement, parents, states, prior)
     # Blocks left out lie mostly inside the domain: they are no licence to claim more than the table does outside of it.
     return replace(model, spread=max(1.0, _calibrated(np.concatenate(ratios))))

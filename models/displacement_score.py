@@ -1,4 +1,4 @@
-"""How well a displacement is told from temperatures, on readings not used, and which of two ways to trust."""
+"""How well a displacement is predicted from temperatures, on readings not used, and which of two ways to trust."""
 
 import math
 from dataclasses import dataclass, replace
@@ -70,8 +70,8 @@ def score(temperatures: Array, displacement: Array, fit: Fitter) -> Score:
     mean, deviation, average, line = (np.empty(n) for _ in range(4))
     folds = blocks_of(n)
     for left_in, left_out in folds:
-        told = fit(temperatures[left_in], displacement[left_in]).predict(temperatures[left_out])
-        mean[left_out], deviation[left_out] = told.mean, told.deviation
+        predicted = fit(temperatures[left_in], displacement[left_in]).predict(temperatures[left_out])
+        mean[left_out], deviation[left_out] = predicted.mean, predicted.deviation
         average[left_out] = displacement[left_in].mean()
         line[left_out] = _across(displacement, left_in, left_out)
     squares, by_mean, by_line = ((guess - displacement) ** 2 for guess in (mean, average, line))
@@ -131,7 +131,7 @@ def compare(temperatures: Array, displacement: Array) -> Verdict:
         return found
     held = later_coverage(temperatures, displacement, fit_network if found.choice == "network" else fit_least_squares)
     if held < TRUSTED_COVERAGE:
-        why = f"{found.choice}: on the last quarter, foretold from what was before, its 95 % interval holds {100.0 * held:.0f} %"
+        why = f"{found.choice}: on the last quarter, predicted from what was before, its 95 % interval holds {100.0 * held:.0f} %"
         return replace(found, choice="neither", reason=f"{why}: something drifts or lags")
     return found
 
@@ -139,11 +139,11 @@ def compare(temperatures: Array, displacement: Array) -> Verdict:
 def later_coverage(temperatures: Array, displacement: Array, fit: Fitter) -> float:
     """Share of the last quarter of a record inside the 95 % interval of a model fitted to the first three.
 
-    Blocks left out between others are told well by a model that a slow drift or a lag will leave behind; the end is not.
+    Blocks left out between others are predicted well by a model that a slow drift or a lag will leave behind; the end is not.
     """
     cut = 3 * len(displacement) // 4
-    told = fit(temperatures[:cut], displacement[:cut]).predict(temperatures[cut:])
-    return float(np.mean(np.abs(told.mean - displacement[cut:]) <= NORMAL_95 * told.deviation))
+    predicted = fit(temperatures[:cut], displacement[:cut]).predict(temperatures[cut:])
+    return float(np.mean(np.abs(predicted.mean - displacement[cut:]) <= NORMAL_95 * predicted.deviation))
 
 
 def verdict(network: Score, least_squares: Score) -> Verdict:

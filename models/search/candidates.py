@@ -11,7 +11,7 @@ from ..core.kernel import Array
 from ..effects.base import Choice, Effect
 from ..joint import LEVEL, MOST_ITERATIONS, RATE, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
-from .judge import PATTERN, Identifiability, chance, gains, identifiability, least_p, log_ratio, noise_floor
+from .judge import PATTERN, Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
 from .scan import Scan, own_starts, scan, shared_starts
 
 #: Starts of a shared effect that are followed to their end.
@@ -51,7 +51,7 @@ class Candidate:
     @cached_property
     def floor(self) -> Array:
         """P values (S,) of the residuals being noise."""
-        return noise_floor(self.fit)
+        return sensor_p_values(self.fit)
 
     @property
     def at_floor(self) -> bool:
@@ -99,7 +99,7 @@ def try_add(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None
 
 
 def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate:
-    own = gains(before, after)
+    own = likelihood_ratios(before, after)
     if effect.scope != "run":
         own = np.where(part.concerns(before.run.sensors), own, 0.0)
     free = len(effect.active(part.choice))
@@ -120,7 +120,7 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
             starts.append((0.0, {**starts[0][1], Key(at, effect.amplitude): large, RATE: rate, LEVEL: level}))
         for _, start in starts:
             fit = fit_model(run, parts, {**base, **start}, None, QUICK if quick else MOST_ITERATIONS)
-            value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
+            value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
             if best is None or value > best[0]:
                 best = value, fit, part
     assert best is not None
@@ -138,7 +138,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
             *more,
         ]
         more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
-    if not more or best[0] < WORTH or least_p(noise_floor(best[1])) >= PATTERN:
+    if not more or best[0] < WORTH or least_p(sensor_p_values(best[1])) >= PATTERN:
         return best
     values = best[1].values
     for choice in more:
@@ -148,7 +148,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         part = Part(effect, choice)
         parts = [*before.model.parts, part]
         fit = fit_model(before.run, parts, values)
-        value = float(gains(before, fit).sum()) - 6.0 * len(effect.active(choice))
+        value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
         if value > best[0] + WORTH:
             best = value, fit, part
     return best

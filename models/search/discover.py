@@ -19,7 +19,7 @@ from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
 from ..observations import Observations
 from .candidates import Candidate, first_order, trials, try_add
 from .heldout import held_out_errors
-from .judge import PATTERN, chance, gains, least_p, noise_floor
+from .judge import PATTERN, chance, least_p, likelihood_ratios, sensor_p_values
 from .scan import Scan
 
 #: How work is spread over processes: as the built-in ``map``, results in order.
@@ -88,7 +88,7 @@ def discover(
     `spread` may be the ``map`` of a ``concurrent.futures.Executor``; the result does not depend on it.
     """
     base = fit_model(run) if known is None else known
-    floor = noise_floor(base)
+    floor = sensor_p_values(base)
     singles: list[Candidate] = [c for c in spread(partial(try_add, base), effects) if c is not None]
     singles.sort(key=lambda c: -c.gain)
     number = max(1, len(effects))
@@ -123,7 +123,7 @@ def discover(
     if named is None:
         if not above:
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
-        near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_gain(base, c))[:2]]
+        near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
@@ -132,9 +132,9 @@ def discover(
     return Discovery(base, floor, tuple(singles), named, tuple(also), over_all(named), ahead_base, ahead, "")
 
 
-def total_gain(base: Fit, candidate: Candidate) -> float:
+def total_likelihood_ratio(base: Fit, candidate: Candidate) -> float:
     """Gain over the base model."""
-    return float(gains(base, candidate.fit).sum())
+    return float(likelihood_ratios(base, candidate.fit).sum())
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class _Offer:
 
 def _offers(base: Fit, effects: Sequence[Effect], least: float, most: int, afar: bool, root: Fit) -> list[_Offer]:
     """The best partners of a root; with afar also those that are tried from far away, which may promise little from here."""
-    own, have = float(gains(base, root).sum()), [p.id for p in root.model.parts]
+    own, have = float(likelihood_ratios(base, root).sum()), [p.id for p in root.model.parts]
     offers = []
     for effect in effects:
         if effect.id not in have:
@@ -183,7 +183,8 @@ def _pairs(
     order += [k for k in promised if len(k) > 2 and k not in order]
     tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
     grown = sorted(
-        [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None], key=lambda g: -total_gain(base, g[0])
+        [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None],
+        key=lambda g: -total_likelihood_ratio(base, g[0]),
     )
     found = [c for c, _ in grown]
     again = [i for i, pair in enumerate(found[:REFINED]) if not good or not _sound(pair)]
@@ -191,7 +192,7 @@ def _pairs(
     again += [i for i, (_, logged) in enumerate(grown) if logged and i >= REFINED][:1]
     for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
         found[i] = pair
-    found.sort(key=lambda c: -total_gain(base, c))
+    found.sort(key=lambda c: -total_likelihood_ratio(base, c))
     if found and not good:
         # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
         others = [e for e in effects if e.scope == "one"] if _sound(found[0]) else effects
@@ -237,7 +238,7 @@ def _refined(base: Fit, pair: Candidate) -> Candidate:
 
 def _worth(base: Fit, candidate: Candidate) -> float:
     """Gain less what parameters gain by chance."""
-    return total_gain(base, candidate) - 2.0 * candidate.fit.complexity
+    return total_likelihood_ratio(base, candidate) - 2.0 * candidate.fit.complexity
 
 
 def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
@@ -249,7 +250,7 @@ def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Sp
     likely: list[Candidate] = []
     for of in offers:
         quick = [c for c in islice(tried, len(of)) if c is not None]
-        likely += sorted(quick, key=lambda c: -total_gain(base, c))[:2]
+        likely += sorted(quick, key=lambda c: -total_likelihood_ratio(base, c))[:2]
     return list(spread(partial(_refined, base), likely))
 
 
@@ -261,7 +262,7 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
         alone = singles.get(other.id)
         if alone is None:
             continue
-        own = np.maximum(gains(alone.fit, pair.fit), 0.0)
+        own = np.maximum(likelihood_ratios(alone.fit, pair.fit), 0.0)
         if part.effect.scope != "run":
             own = np.where(part.concerns(len(own)), own, 0.0)
         free = len(part.effect.active(part.choice))
@@ -274,7 +275,7 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
 def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
     if not finalists:
         return None, []
-    value = {id(c): float(gains(base, c.fit, careful=False).sum()) for c in finalists}
+    value = {id(c): float(likelihood_ratios(base, c.fit, careful=False).sum()) for c in finalists}
     best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.fit.complexity)
     limit = value[id(best)]
     equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.fit.complexity - c.fit.complexity)]
@@ -297,15 +298,19 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
         return False
     if not shared and not any(p.effect.event for p in named.parts):
         return True
-    best = total_gain(base, named)
-    rivals = [c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_gain(base, c) > best - NEARLY[1]]
+    best = total_likelihood_ratio(base, named)
+    rivals = [
+        c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_likelihood_ratio(base, c) > best - NEARLY[1]
+    ]
     return bool(rivals)
 
 
 def _nearly(base: Fit, named: Candidate, also: list[Candidate], singles: list[Candidate]) -> list[Candidate]:
     """Single effects that leave no pattern either and gain nearly as much, whether or not they would be named themselves."""
-    best = total_gain(base, named)
+    best = total_likelihood_ratio(base, named)
     slack = min(max(NEARLY[0], 0.25 * best), NEARLY[1])
     ids = {c.ids for c in (named, *also)}
-    near = [c for c in singles if c.ids not in ids and c.at_floor and c.fit.physical and total_gain(base, c) > best - slack]
+    near = [
+        c for c in singles if c.ids not in ids and c.at_floor and c.fit.physical and total_likelihood_ratio(base, c) > best - slack
+    ]
     return near[: max(0, MOST_ALSO - len(also))]

@@ -25,7 +25,7 @@ ALIKE = 0.99995
 VAGUE = 1.2
 
 
-def noise_floor(fit: Fit) -> Array:
+def sensor_p_values(fit: Fit) -> Array:
     """P values (S,): would white noise leave residuals as patterned as these? 0 where they are far larger than the noise."""
     run = fit.run
     values = np.ones(run.sensors)
@@ -67,7 +67,7 @@ def log_ratio(before: Array, after: Array, dof: Array, floor: Array | float = 1e
     return np.asarray(dof * np.log((before + floor) / (after + floor)))
 
 
-def gains(before: Fit, after: Fit, careful: bool = True) -> Array:
+def likelihood_ratios(before: Fit, after: Fit, careful: bool = True) -> Array:
     """Log-likelihood ratios times two (S,) of `after` over `before`.
 
     The smaller of that of the readings as they are and that without the logger's rounding: a model may imitate the pattern of

@@ -1,4 +1,4 @@
-"""``displacement``: thermal displacement told from the temperatures, and which way of telling it to trust."""
+"""``displacement``: thermal displacement predicted from the temperatures, and which prediction to trust."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -31,7 +31,7 @@ class Panel:
     channel: str
     time: Array
     displacement: Array
-    told: dict[str, Prediction]
+    predicted: dict[str, Prediction]
     trusted: str
 
 

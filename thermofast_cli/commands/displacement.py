@@ -17,7 +17,7 @@ from ..shell.options import RunCommand, reading_options, runs_argument, table_op
 )
 @reading_options
 @table_options
-@click.option("--save-plot", metavar="FILE", help="Draw measured and told displacement, readings left out: .png .pdf .svg.")
+@click.option("--save-plot", metavar="FILE", help="Draw measured and predicted displacement, readings left out: .png .pdf .svg.")
 def command(
     runs: tuple[str, ...],
     displacements: str | None,

@@ -12,7 +12,7 @@ from thermofast.models.greybox import Model
 from thermofast.models.joint import LEVEL, RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
 from thermofast.models.search.heldout import held_out_errors
-from thermofast.models.search.judge import PATTERN, noise_floor
+from thermofast.models.search.judge import PATTERN, sensor_p_values
 
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
@@ -78,7 +78,7 @@ def _compare(task: LoopTask) -> Comparison:
     whole, seen = prepared.whole, prepared.seen
     fit, notes = first_model(task, prepared)
     ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
-    floor = noise_floor(fit)
+    floor = sensor_p_values(fit)
     residual = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
     effects = ids_of(fit.model.parts)
     low, high = curve_bounds(fit, dict(task.input_ranges))

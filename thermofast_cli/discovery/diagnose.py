@@ -12,7 +12,7 @@ from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import RATE, Fit, Key
 from thermofast.models.observations import Observations
 from thermofast.models.search.candidates import Candidate, first_order
-from thermofast.models.search.discover import Discovery, Spread, discover, total_gain
+from thermofast.models.search.discover import Discovery, Spread, discover, total_likelihood_ratio
 from thermofast.models.search.judge import PATTERN
 
 from ..errors import ThermofastError
@@ -218,7 +218,7 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
         "effect": "+".join(candidate.ids),
         "rmse_fit_c": finite(pooled(fit.rmse)),
         "rmse_ahead_c": finite(pooled(found.ahead)) if named and found.ahead is not None else None,
-        "gain": round(total_gain(found.base, candidate), 1),
+        "gain": round(total_likelihood_ratio(found.base, candidate), 1),
         "p": float(f"{candidate.p:.3g}"),
         "at_noise": candidate.at_floor,
         "identifiable": candidate.identifiable.ok,

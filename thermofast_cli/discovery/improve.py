@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from thermofast.models.effects.base import Effect
 from thermofast.models.joint import Fit, fit_model
 from thermofast.models.search.candidates import Candidate, try_add
-from thermofast.models.search.discover import Spread, total_gain
+from thermofast.models.search.discover import Spread, total_likelihood_ratio
 from thermofast.models.search.heldout import held_out_errors
-from thermofast.models.search.judge import PATTERN, least_p, noise_floor
+from thermofast.models.search.judge import PATTERN, least_p, sensor_p_values
 
 from ..errors import ThermofastError
 from ..machine.modelfile import ModelFile, model_file
@@ -76,7 +76,7 @@ def improve_lost(task: LoopTask) -> list[Improved]:
 
 def _step(fit: Fit, prepared: Ready, until: float | None) -> Step:
     ahead = ahead_errors(fit, prepared.whole) if until is not None else held_out_errors(fit)
-    return Step(fit, ahead, noise_floor(fit))
+    return Step(fit, ahead, sensor_p_values(fit))
 
 
 def _improve(task: LoopTask, spread: Spread) -> Improved:
@@ -129,7 +129,7 @@ def _all_added(base: Fit, effects: list[Effect]) -> Candidate | None:
             if found is None:
                 break
             fit = found.fit
-        if found is not None and (best is None or total_gain(base, found) > total_gain(base, best)):
+        if found is not None and (best is None or total_likelihood_ratio(base, found) > total_likelihood_ratio(base, best)):
             best = found
     return best
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
-from thermofast.models.search.judge import PATTERN, noise_floor
+from thermofast.models.search.judge import PATTERN, sensor_p_values
 
 from ..discovery.loop import LoopTask, ids_of, in_order, ready
 from ..errors import ThermofastError
@@ -53,7 +53,7 @@ def _identify(task: LoopTask) -> list[Identified]:
     whole, seen = prepared.whole, prepared.seen
     carried = carry(task.model.file, seen, task.run.name, task.model.source)
     fit = carried.fit
-    floor = noise_floor(fit)
+    floor = sensor_p_values(fit)
     reference = reference_of(seen)
     rng = np.random.default_rng(1)
     found = []
@@ -263,7 +263,7 @@ def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...],
             settled = _settling(fit, i, reference, rng)
             width[i, k] = settled["steady_state_hi_c"] - settled["steady_state_lo_c"]
         if k == len(times) - 1:
-            doubted = [["the readings leave the learnt model in a pattern"] if p < PATTERN else [] for p in noise_floor(fit)]
+            doubted = [["the readings leave the learnt model in a pattern"] if p < PATTERN else [] for p in sensor_p_values(fit)]
     swept = []
     for i, channel in enumerate(whole.channels):
         blank = tuple(SweepRecord(task.run.name, channel, NAME, window_min=w) for w in windows)

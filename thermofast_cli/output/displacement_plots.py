@@ -1,4 +1,4 @@
-"""Pictures of displacement: measured, and told of readings left out."""
+"""Pictures of displacement: measured, and predicted where readings were left out."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,10 +20,10 @@ def draw_displacement(panels: Sequence[Panel]) -> Any:
     axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
     for axis, panel in zip(axes, shown, strict=True):
         axis.plot(panel.time, panel.displacement, ".", ms=2.5, color=MEASURED, label="measured")
-        for method, told in panel.told.items():
-            axis.plot(panel.time, told.mean, lw=1.2, color=COLOURS[method], label=f"{method}, readings left out")
+        for method, predicted in panel.predicted.items():
+            axis.plot(panel.time, predicted.mean, lw=1.2, color=COLOURS[method], label=f"{method}, readings left out")
             if method == panel.trusted:
-                low, high = told.mean - 1.96 * told.deviation, told.mean + 1.96 * told.deviation
+                low, high = predicted.mean - 1.96 * predicted.deviation, predicted.mean + 1.96 * predicted.deviation
                 axis.fill_between(panel.time, low, high, color=COLOURS[method], alpha=0.15, lw=0)
         axis.set_title(f"{Path(panel.run).name}: {panel.channel}, trust {panel.trusted}", fontsize=9)
         axis.set_ylabel("displacement, um", fontsize=8)
