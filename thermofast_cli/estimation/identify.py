@@ -91,8 +91,8 @@ def identify_sensors(
     blocks: list[Sensors] = []
     for block in prepare_all(time_min, values, start_min):
         keep = np.ones(len(block), dtype=bool)
-        for i, row in enumerate(block.rows):
-            refused = refusal(block.one(i), until_min)
+        for i in block.suspects(until_min, FEWEST_READINGS):
+            row, refused = block.rows[i], refusal(block.one(i), until_min)
             if refused is not None:
                 status, why, samples = refused
                 message = _joined([why, notes[row]])

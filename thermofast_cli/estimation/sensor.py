@@ -57,6 +57,14 @@ class Sensors:
         """The i-th of them."""
         return Sensor(self.time, self.reading[i], float(self.resolution[i]), self.notes[i])
 
+    def suspects(self, until_min: float | None, fewest: int) -> list[int]:
+        """Those that may have nothing to identify in the first `until_min`: fewer readings than `fewest`, or all of them alike."""
+        count = self.until(until_min)
+        if count < fewest:
+            return list(range(len(self)))
+        seen = self.reading[:, :count]
+        return np.flatnonzero((seen == seen[:, :1]).all(axis=1)).tolist()
+
     def some(self, keep: NDArray[np.bool_]) -> "Sensors":
         """Those that `keep` (S,) marks."""
         notes = tuple(n for n, k in zip(self.notes, keep, strict=True) if k)
