@@ -41,10 +41,11 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     number = None
     if isinstance(source, str | Path):
         path, number = _numbered(str(source))
-        data = _bytes(path)
+        held = [_bytes(path)]
         name = name or ("stdin" if path == "-" else path)
-        parquet = data.startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
-        table = read_parquet(data, name) if parquet else read_text(data, name, options)
+        parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
+        # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
+        table = read_parquet(held.pop(), name) if parquet else read_text(held.pop(), name, options)
     else:
         table = table_of(source, name or IN_MEMORY)
     runs = runs_from_table(table, options)

@@ -32,6 +32,8 @@ def to_floats(column: pa.ChunkedArray) -> Array:
     """A float64 column as an array (N,) with nan for null; pyarrow's own way there would import pandas."""
     filled = column.fill_null(float("nan")) if column.null_count else column
     parts = [np.frombuffer(c.buffers()[1], dtype=float, count=len(c), offset=8 * c.offset) for c in filled.chunks if len(c)]
+    if len(parts) == 1:
+        return parts[0]  # not copied: it cannot be written to
     return np.concatenate(parts) if parts else np.empty(0)
 
 

@@ -1,6 +1,5 @@
 """Text tables: header and dialect by our own rules, the body by pyarrow with declared types."""
 
-import io
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -44,6 +43,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     dialect = detect_dialect(head, encoding, name, told)
     start = _offset(data, dialect.data_line)
     body = data[start:]
+    del data  # a large file is held once
     if dialect.delimiter == " ":
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
         body = re.sub(rb"[ \t]+", b"\t", body)
@@ -296,7 +296,7 @@ def _parse_body(
     def parse(types: dict[str, pa.DataType]) -> pa.Table:
         ragged.clear()
         return pacsv.read_csv(
-            io.BytesIO(body),
+            pa.BufferReader(body),
             # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
             read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20), use_threads=False),
             parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=ragged_row),
@@ -320,8 +320,10 @@ def _parse_body(
     columns: dict[str, Cells] = {}
     faults: dict[str, InputError] = {}
     carried: dict[str, str] = {}
+    parsed = dict(zip(names, table.columns, strict=True))
+    del table
     for n in names:
-        column = table.column(n)
+        column = parsed.pop(n)
         if n in texts or slow:
             columns[n], fault, unit = _cells(column.to_pylist(), n, dialect, name, at, more, n in texts)
             if fault is not None:
