@@ -2,8 +2,8 @@
 
 Exact machines by the tests' independent simulator (one exponential and nothing else): how often a row is told that its later
 readings leave the prediction's band, which should be once in a thousand. And, where ../shared/cases/lab is there, its imperfect
-machines: how many `ok` rows there are, how many of their intervals hold what was reached, and how many are contradicted by their own
-later readings (an error ahead beyond three deviations of noise and half-width together), which should be none.
+machines: how many `ok` rows there are, how many of their intervals hold what was reached, and how many are contradicted by their
+own later readings (an error ahead beyond three deviations of noise and half-width together), which should be none.
 """
 
 import json
@@ -36,9 +36,7 @@ def exact(machines: int) -> None:
         found = identify(table, name=f"exact{seed}", until=until, jobs=1)
         rows += len(found)
         against += sum(LEAVES in r.message for r in found)
-    print(
-        f"exact machines: {against} of {rows} rows told that their later readings leave the band ({1000 * against / rows:.1f} in 1000)"
-    )
+    print(f"exact machines: {against} of {rows} rows told that their later readings leave the band")
 
 
 def contradicted(row: IdentifyRecord) -> bool:

@@ -14,14 +14,14 @@ cdef enum:
     MOST = 8
 
 cdef packed struct Points:
-    # Where sigma points stand and what they count, field by field as thermofast.filters.loop.POINTS has it.
+    # Where sigma points stand and what they count, field by field as thermofast.filters.moments.POINTS has it.
     double spread
     double centre_mean
     double centre_covariance
     double each
 
 cdef packed struct Settings:
-    # Of all rules, as thermofast.filters.loop.SETTINGS has them; a rule reads its own.
+    # Of all rules, as thermofast.filters.fading.SETTINGS has them; a rule reads its own.
     double forgetting
     double spread_forgetting
     double gate

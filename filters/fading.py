@@ -16,6 +16,27 @@ from .base import Array
 
 #: Fading reported where a reading has moved for good: all that came before has lost its weight.
 JUMP = 100.0
+#: Settings of all rules as the compiled loop is given them, by name: a rule reads its own.
+SETTINGS = np.dtype(
+    [
+        (name, float)
+        for name in (
+            "forgetting",
+            "spread_forgetting",
+            "gate",
+            "noise_threshold",
+            "wake_threshold",
+            "fading_gain",
+            "fading_most",
+            "jump_readings",
+            "weakening",
+            "threshold",
+            "factor",
+            "process_noise",
+            "noise",
+        )
+    ]
+)
 
 
 @dataclass
@@ -78,7 +99,7 @@ class FadingRule:
 
     @abstractmethod
     def compiled_settings(self) -> dict[str, float]:
-        """Settings of the compiled twin by the names of :data:`filters.loop.SETTINGS`."""
+        """Settings of the compiled twin by the names of :data:`SETTINGS`."""
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from .base import Array, Closing, Filter, Start, StateModel, Track, Tracks
-from .fading import Context, FadingRule, NoFading
-from .moments import Moments
+from .fading import SETTINGS, Context, FadingRule, NoFading
+from .moments import POINTS, Moments
 
 _compiled: Any
 try:
@@ -28,29 +28,8 @@ COLUMNS = (
 )
 
 
-#: What the compiled loop is told and tells, by name: one reading's row, where sigma points stand, the settings of all fading rules.
+#: What the compiled loop tells of one reading.
 ROW = np.dtype([(name, float) for name in COLUMNS])
-POINTS = np.dtype([(name, float) for name in ("spread", "centre_mean", "centre_covariance", "each")])
-SETTINGS = np.dtype(
-    [
-        (name, float)
-        for name in (
-            "forgetting",
-            "spread_forgetting",
-            "gate",
-            "noise_threshold",
-            "wake_threshold",
-            "fading_gain",
-            "fading_most",
-            "jump_readings",
-            "weakening",
-            "threshold",
-            "factor",
-            "process_noise",
-            "noise",
-        )
-    ]
-)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ import numpy as np
 
 from .base import Array, StateModel
 
+#: Where sigma points stand and what they count, as the compiled loop is given it.
+POINTS = np.dtype([(name, float) for name in ("spread", "centre_mean", "centre_covariance", "each")])
+
 
 def semidefinite_root(matrix: Array) -> Array:
     """Lower factor of a positive semidefinite matrix (n, n).
@@ -47,7 +50,7 @@ class Moments:
 
     @abstractmethod
     def compiled_settings(self, n: int) -> tuple[float, float, float, float] | None:
-        """Where sigma points stand, in the order of :data:`filters.loop.POINTS`; None for the linearised form."""
+        """Where sigma points stand, in the order of :data:`POINTS`; None for the linearised form."""
 
 
 @dataclass(frozen=True)

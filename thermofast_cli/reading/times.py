@@ -54,7 +54,7 @@ def unit_of(name: str, unit_cell: str = "") -> str | None:
     return "s" if name == "X_Value" else None  # a LabVIEW measurement file says so in its definition
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=1 << 16)
 def is_time_name(name: str) -> bool:
     whole = re.sub(r"[\[(/,].*", "", name).strip()
     told = words(name)
@@ -212,7 +212,7 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
     if column.min() >= 1.9e13 and column.max() < 2.2e13:
         cells, used = [f"{v:014.0f}" for v in column], frozenset({name})
     else:
-        date = next((n for n in table.names if n != name and _is_date_number(table.columns[n]) and is_time_name(n)), None)
+        date = next((n for n in table.names if n != name and is_time_name(n) and _is_date_number(table.columns[n])), None)
         if date is None or not is_time_name(name) or column.min() < 0 or column.max() >= 240000:
             return None
         cells = [f"{d:08.0f}{v:06.0f}" for d, v in zip(table.columns[date], column, strict=True)]
