@@ -1,7 +1,7 @@
 """How often a refusal ends in an abort instead of its message: ``python -m benchmarks.refusals [RUNS]``.
 
-Each is a process of its own, two at a time on a machine of two cores: a CSV file and a Parquet file, refused while reading (no
-sensor) and refused after it (``--until`` beyond the record). Told: processes by exit code; 2 is a refusal, below 0 a signal.
+Each is a process of its own, more of them at once than there are cores, which brings an abort out: a CSV and a Parquet file, refused
+while reading (no sensor) and after it (``--until`` beyond the record). Told: processes by exit code; 2 is a refusal, below 0 a signal.
 """
 
 import subprocess
@@ -35,7 +35,7 @@ def code(arguments: list[str]) -> int:
     return subprocess.run([sys.executable, "-m", "thermofast", *arguments, "-q"], capture_output=True, check=False).returncode
 
 
-def main(runs: int = 2000) -> None:
+def main(runs: int = 1000) -> None:
     """Print the exit codes of a quarter of the runs of each kind."""
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor() as pool:
         for kind, arguments in commands(Path(folder)).items():

@@ -148,3 +148,9 @@ def test_documents_name_files_that_exist():
             r"`((?:models|filters|thermofast_cli|benchmarks|sample_runs|tests)/[\w./]+)`", document.read_text()
         ):
             assert (ROOT / target).exists(), f"{document.name}: {target}"
+
+
+def test_the_page_of_thresholds_is_what_the_program_uses():
+    from benchmarks.thresholds import PAGE, page
+
+    assert PAGE.read_text() == page()

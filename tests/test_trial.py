@@ -7,6 +7,7 @@ import pytest
 
 from thermofast.discovery.colour import spectral_line
 from thermofast.estimation.bench import Trial, choose_among
+from thermofast.estimation.rules import RULES
 from thermofast.models.joint import RATE
 from thermofast.models.noise.spikes import third_difference_noise
 from thermofast.output.files import write_columns
@@ -207,7 +208,6 @@ def test_the_last_quarter_is_foretold_from_the_first_three():
 
 def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
     from thermofast.estimation.closing import likelihood_estimate
-    from thermofast.estimation.estimate import DOUBT, WIDEN
     from thermofast.models import variance_inflation
 
     time, widened = np.arange(120.0), []
@@ -219,9 +219,9 @@ def test_mildly_alike_neighbours_widen_the_interval_without_doubt():
         reading = 26.0 - 8.0 * np.exp(-0.02 * time) + 0.02 * noise
         found = likelihood_estimate(time, reading, np.ones(120), 0, 0.0, 1e9)
         width = found.steady_state_interval.high - found.steady_state_interval.low
-        if DOUBT < found.pattern_p < WIDEN:
+        if RULES.doubt < found.pattern_p < RULES.widen:
             widened.append(width / (2 * 1.98 * found.limit))
-        elif found.pattern_p > WIDEN:
+        elif found.pattern_p > RULES.widen:
             assert width / (2 * 1.98 * found.limit) == pytest.approx(1.0, abs=0.12)
     assert len(widened) > 8
     assert np.median(widened) > 1.15

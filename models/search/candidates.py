@@ -11,21 +11,9 @@ from ..core.kernel import Array
 from ..effects.base import Choice, Effect
 from ..joint import LEVEL, MOST_ITERATIONS, RATE, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
-from .judge import PATTERN, Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
+from .judge import Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
+from .rules import RULES
 from .scan import Scan, own_starts, scan, shared_starts
-
-#: Starts of a shared effect that are followed to their end.
-FOLLOWED = 3
-#: Iterations of a quick look.
-QUICK = 14
-#: Iterations of the first look at every start of an effect that each sensor has for itself, and how many are then carried on.
-GLANCE, CARRIED_ON = 8, 3
-#: A sensor is concerned by an effect whose gain there chance would give once in so many runs.
-CONCERNED = 0.01
-#: A sensor whose amplitude is fewer standard errors from nothing is tried without the effect.
-NEEDED = 4.0
-#: A way of acting with one more parameter must gain this much over the plain one.
-WORTH = 12.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +43,7 @@ class Candidate:
 
     @property
     def at_floor(self) -> bool:
-        return least_p(self.floor) >= PATTERN
+        return least_p(self.floor) >= RULES.pattern
 
     @cached_property
     def identifiable(self) -> Identifiability:
@@ -109,7 +97,7 @@ def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate
 def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
     run, at = before.run, len(before.model.parts)
     best: tuple[float, Fit, Part] | None = None
-    most = 1 if quick or len(scans) > 2 else FOLLOWED
+    most = 1 if quick or len(scans) > 2 else RULES.followed
     for choice, found in scans:
         part = Part(effect, choice)
         parts = [*before.model.parts, part]
@@ -119,7 +107,7 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
             rate, level = effect.equivalent(large, base[RATE], base[LEVEL], before.model.sink_guess)
             starts.append((0.0, {**starts[0][1], Key(at, effect.amplitude): large, RATE: rate, LEVEL: level}))
         for _, start in starts:
-            fit = fit_model(run, parts, {**base, **start}, None, QUICK if quick else MOST_ITERATIONS)
+            fit = fit_model(run, parts, {**base, **start}, None, RULES.quick if quick else MOST_ITERATIONS)
             value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
             if best is None or value > best[0]:
                 best = value, fit, part
@@ -138,7 +126,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
             *more,
         ]
         more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
-    if not more or best[0] < WORTH or least_p(sensor_p_values(best[1])) >= PATTERN:
+    if not more or best[0] < RULES.worth or least_p(sensor_p_values(best[1])) >= RULES.pattern:
         return best
     values = best[1].values
     for choice in more:
@@ -149,7 +137,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         parts = [*before.model.parts, part]
         fit = fit_model(before.run, parts, values)
         value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
-        if value > best[0] + WORTH:
+        if value > best[0] + RULES.worth:
             best = value, fit, part
     return best
 
@@ -162,7 +150,7 @@ def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
         for i in np.argsort(promised)[::-1][: 1 if quick else 2]:
             part = Part(effect, choice, tuple(bool(j == i) for j in range(n)))
             parts = [*before.model.parts, part]
-            fit = fit_model(run, parts, {**with_parts(before, parts), **start}, None, QUICK if quick else MOST_ITERATIONS)
+            fit = fit_model(run, parts, {**with_parts(before, parts), **start}, None, RULES.quick if quick else MOST_ITERATIONS)
             candidate = _candidate(before, fit, effect, part)
             if best is None or candidate.gain > best.gain:
                 best = candidate
@@ -189,13 +177,13 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
             local, shared = model.vector({**base, **start})
             stacked.append(local)
         tiled = np.tile(sensors, len(starts))
-        looked.append((choice, search(model, np.concatenate(stacked), shared, None, GLANCE, tiled, hold_shared=True)))
+        looked.append((choice, search(model, np.concatenate(stacked), shared, None, RULES.glance, tiled, hold_shared=True)))
     best_cost = before.rss.copy()
     best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
     for (choice, glance), kept in zip(looked, _promising([f for _, f in looked], n), strict=True):
         if not len(kept):
             continue
-        own, most = kept % n, (QUICK if quick else 25) - GLANCE
+        own, most = kept % n, (RULES.quick if quick else 25) - RULES.glance
         fit = search(glance.model, glance.local[kept], glance.shared, None, most, own, hold_shared=True)
         for row, i in enumerate(own):
             if np.isfinite(fit.rss[row]) and fit.rss[row] < best_cost[i] * (1.0 - 1e-12):
@@ -205,16 +193,16 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
     own = np.array([g if r is not None else 0.0 for g, r in zip(gained, best_rows, strict=True)])
     free = len(effect.parameters)
     number = trials(effect, run)
-    concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < CONCERNED for i in range(n)])
+    concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < RULES.concerned for i in range(n)])
     if not concerned.any():
         concerned[int(np.argmax(own))] = True
     return _joined(before, effect, best_rows, concerned, quick)
 
 
 def _promising(looked: list[Fit], sensors: int) -> list[Any]:
-    """Rows of each first look that are among the CARRIED_ON best of their sensor."""
+    """Rows of each first look that are among the RULES.carried_on best of their sensor."""
     costs = [np.where(np.isfinite(f.rss), f.rss, np.inf).reshape(-1, sensors) for f in looked]
-    limit = np.sort(np.concatenate(costs), axis=0)[:CARRIED_ON][-1]
+    limit = np.sort(np.concatenate(costs), axis=0)[: RULES.carried_on][-1]
     return [np.flatnonzero((c <= limit) & np.isfinite(c)) for c in costs]
 
 
@@ -263,7 +251,7 @@ def _joined(
     for i, r in enumerate(rows):
         if r is not None and concerned[i]:
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
-    fit = search(model, local, shared, None, QUICK if quick else MOST_ITERATIONS)
+    fit = search(model, local, shared, None, RULES.quick if quick else MOST_ITERATIONS)
     at = len(parts) - 1
     own = {p.name: fit.values[Key(at, p.name)] for p in effect.parameters if p.each == "sensor"}
     mirrored = effect.mirrored(np.where(part.concerns(n), fit.values[RATE], 0.0), own)
@@ -286,7 +274,7 @@ def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:
         who = part.concerns(n)
         far = np.abs(fit.values[Key(at, effect.amplitude)] - null) / np.maximum(fit.deviations[Key(at, effect.amplitude)], 1e-300)
         # Far from nothing by the curvature there, or needed for the fit: a ridge makes a plain effect look vague.
-        drop = [i for i in np.flatnonzero(who) if far[i] < NEEDED]
+        drop = [i for i in np.flatnonzero(who) if far[i] < RULES.needed]
         if not drop or int(who.sum()) < 2:
             break
         kept = [bool(w and i not in drop) for i, w in enumerate(who)]
@@ -297,7 +285,7 @@ def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:
         again = fit_model(fit.run, parts, with_parts(fit, parts))
         lost = log_ratio(again.rss, fit.rss, again.dof)
         # A sensor that loses by it gets its effect back.
-        back = [bool(k or (w and lost[i] > WORTH)) for i, (k, w) in enumerate(zip(kept, who, strict=True))]
+        back = [bool(k or (w and lost[i] > RULES.worth)) for i, (k, w) in enumerate(zip(kept, who, strict=True))]
         if back == list(who):
             break
         if back != kept:

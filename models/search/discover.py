@@ -19,34 +19,12 @@ from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
 from ..observations import Observations
 from .candidates import Candidate, first_order, trials, try_add
 from .heldout import held_out_errors
-from .judge import PATTERN, chance, least_p, likelihood_ratios, sensor_p_values
+from .judge import chance, least_p, likelihood_ratios, sensor_p_values
+from .rules import RULES
 from .scan import Scan
 
 #: How work is spread over processes: as the built-in ``map``, results in order.
 Spread = Callable[..., Iterable[Any]]
-
-#: Chance, over all effects and sensors of a run, of naming an effect that is not there.
-FALSE_ALARM = 0.01
-#: As PATTERN, for the residuals of a pair.
-PAIR_PATTERN = 1e-2
-#: A single effect whose residuals look like noise with this probability is not doubted.
-SOUND = 0.05
-#: Pairs that are looked at.
-PAIRS = 24
-#: Partners that each single effect brings.
-PARTNERS = 4
-#: Pairs, of those that gain most, in which each effect is looked for anew beside the other.
-REFINED = 3
-#: A round of refinement that gains less is the last.
-WORTH_ANOTHER = 20.0
-#: Effects that are tried in the place of each one of the best pair.
-EXCHANGED = 5
-#: A log-likelihood ratio (times two) within which two models fit equally well.
-EQUAL = 9.0
-#: A log-likelihood ratio short of the named one's that leaves a rival possible: at least, a quarter of the gain, at most.
-NEARLY = (12.0, 30.0)
-#: Rivals that are told.
-MOST_ALSO = 6
 
 
 @dataclass(frozen=True)
@@ -78,7 +56,7 @@ class Discovery:
 def discover(
     run: Observations,
     effects: Sequence[Effect],
-    false_alarm: float = FALSE_ALARM,
+    false_alarm: float = RULES.false_alarm,
     most: int = 2,
     known: Fit | None = None,
     spread: Spread = map,
@@ -102,15 +80,15 @@ def discover(
 
     def passes(candidate: Candidate) -> bool:
         # Two effects can imitate more than one can: their residuals must look more like noise.
-        clean = candidate.at_floor if alone(candidate) else least_p(candidate.floor) >= PAIR_PATTERN
+        clean = candidate.at_floor if alone(candidate) else least_p(candidate.floor) >= RULES.pair_pattern
         return over_all(candidate) < false_alarm and clean and candidate.identifiable.ok and candidate.fit.physical
 
     good = [c for c in singles if passes(c)]
     pairs: list[Candidate] = []
-    above = least_p(floor) < PATTERN
+    above = least_p(floor) < RULES.pattern
     if most > 1 and known is None and (above or good):
         # A single that is well down at the noise leaves room for little more.
-        sound = [c for c in good if least_p(c.floor) > SOUND]
+        sound = [c for c in good if least_p(c.floor) > RULES.sound]
         pairs = _pairs(base, singles, effects, sound, spread)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
@@ -172,14 +150,14 @@ def _pairs(
     roots = [c.fit for c in (good[:3] if good else singles)]
     roots += [] if good else _as_logged(base, effects)
     # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
-    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, PARTNERS, True), roots)):
+    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, RULES.partners, True), roots)):
         for offer in offers:
             unordered = tuple(sorted((*(p.id for p in offer.root.model.parts), offer.effect.id)))
             key = (*unordered, str(number)) if number >= len(singles) else unordered
             if key not in promised or offer.promised > promised[key].promised:
                 promised[key] = offer
     of_single = {c.ids[0]: c for c in singles}
-    order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else PAIRS]
+    order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else RULES.pairs]
     order += [k for k in promised if len(k) > 2 and k not in order]
     tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
     grown = sorted(
@@ -187,9 +165,9 @@ def _pairs(
         key=lambda g: -total_likelihood_ratio(base, g[0]),
     )
     found = [c for c, _ in grown]
-    again = [i for i, pair in enumerate(found[:REFINED]) if not good or not _sound(pair)]
+    again = [i for i, pair in enumerate(found[: RULES.refined]) if not good or not _sound(pair)]
     # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
-    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= REFINED][:1]
+    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= RULES.refined][:1]
     for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
         found[i] = pair
     found.sort(key=lambda c: -total_likelihood_ratio(base, c))
@@ -213,7 +191,7 @@ def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
 
 
 def _sound(candidate: Candidate) -> bool:
-    return least_p(candidate.floor) > SOUND and candidate.identifiable.ok and candidate.fit.physical
+    return least_p(candidate.floor) > RULES.sound and candidate.identifiable.ok and candidate.fit.physical
 
 
 def _held(base: Fit, pair: Candidate, without: str) -> Fit:
@@ -231,7 +209,7 @@ def _refined(base: Fit, pair: Candidate) -> Candidate:
             again = try_add(_held(base, pair, part.id), part.effect)
             if again is not None and _worth(base, again) > _worth(base, pair):
                 pair = again
-        if _worth(base, pair) < before + WORTH_ANOTHER:
+        if _worth(base, pair) < before + RULES.worth_another:
             break
     return pair
 
@@ -245,7 +223,7 @@ def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Sp
     """Pairs that share one effect with the best one and that a first-order step promises most of."""
     others = [e for e in effects if e.id not in pair.ids]
     held = [_held(base, pair, p.id) for p in pair.parts]
-    offers = list(spread(partial(_offers, base, others, -1.0, EXCHANGED, False), held))
+    offers = list(spread(partial(_offers, base, others, -1.0, RULES.exchanged, False), held))
     tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
     likely: list[Candidate] = []
     for of in offers:
@@ -267,7 +245,7 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
             own = np.where(part.concerns(len(own)), own, 0.0)
         free = len(part.effect.active(part.choice))
         p = max(p, chance(part.effect, own, free, trials(part.effect, pair.fit.run)))
-        if float(own.sum()) < 2.0 * EQUAL:
+        if float(own.sum()) < 2.0 * RULES.equal:
             p = 1.0
     return Candidate(pair.fit, pair.own, p)
 
@@ -278,11 +256,11 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
     value = {id(c): float(likelihood_ratios(base, c.fit, careful=False).sum()) for c in finalists}
     best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.fit.complexity)
     limit = value[id(best)]
-    equal = [c for c in finalists if value[id(c)] > limit - EQUAL - 2.0 * max(0.0, best.fit.complexity - c.fit.complexity)]
+    equal = [c for c in finalists if value[id(c)] > limit - RULES.equal - 2.0 * max(0.0, best.fit.complexity - c.fit.complexity)]
     equal.sort(key=lambda c: (len(c.ids), c.fit.complexity, -value[id(c)]))
     named = equal[0]
     also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
-    return named, also[:MOST_ALSO]
+    return named, also[: RULES.most_also]
 
 
 def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
@@ -300,7 +278,7 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
         return True
     best = total_likelihood_ratio(base, named)
     rivals = [
-        c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_likelihood_ratio(base, c) > best - NEARLY[1]
+        c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_likelihood_ratio(base, c) > best - RULES.nearly[1]
     ]
     return bool(rivals)
 
@@ -308,9 +286,9 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
 def _nearly(base: Fit, named: Candidate, also: list[Candidate], singles: list[Candidate]) -> list[Candidate]:
     """Single effects that leave no pattern either and gain nearly as much, whether or not they would be named themselves."""
     best = total_likelihood_ratio(base, named)
-    slack = min(max(NEARLY[0], 0.25 * best), NEARLY[1])
+    slack = min(max(RULES.nearly[0], 0.25 * best), RULES.nearly[1])
     ids = {c.ids for c in (named, *also)}
     near = [
         c for c in singles if c.ids not in ids and c.at_floor and c.fit.physical and total_likelihood_ratio(base, c) > best - slack
     ]
-    return near[: max(0, MOST_ALSO - len(also))]
+    return near[: max(0, RULES.most_also - len(also))]

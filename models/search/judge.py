@@ -10,19 +10,7 @@ from ..core.tails import chi2_tail
 from ..effects.base import Effect, Parameter
 from ..joint import RATE, Fit, Part
 from ..noise.whiteness import pattern_p_value
-
-#: A right model's residuals look this patterned, over all sensors, with this probability.
-PATTERN = 1e-3
-#: A misfit below this share of a logger's step is not told from its rounding.
-ROUNDING = 0.1
-#: Residuals larger than this many times the noise between neighbouring readings are more than noise.
-TOO_LARGE = 1.35
-#: Deviations by which an effect's amplitude must differ from nothing.
-SURE = 1.5
-#: Correlation of two parameters above which the record does not tell them apart.
-ALIKE = 0.99995
-#: A scale (time constant, period, rate) known worse than by this standard error of its logarithm is not known.
-VAGUE = 1.2
+from .rules import RULES
 
 
 def sensor_p_values(fit: Fit) -> Array:
@@ -37,9 +25,9 @@ def sensor_p_values(fit: Fit) -> Array:
             continue
         root = np.sqrt(run.weight[i][used])
         values[i] = pattern_p_value(residual[i][used] * root, fit.tangent(i) * root[:, None], _input_noise(fit, i))
-        if fit.rmse[i] <= ROUNDING * run.resolution[i]:
+        if fit.rmse[i] <= RULES.rounding * run.resolution[i]:
             values[i] = 1.0
-        largest = TOO_LARGE * max(float(run.noise[i]), run.resolution[i] / math.sqrt(12.0)) * (1.0 + 3.0 / math.sqrt(n))
+        largest = RULES.too_large * max(float(run.noise[i]), run.resolution[i] / math.sqrt(12.0)) * (1.0 + 3.0 / math.sqrt(n))
         if math.sqrt(fit.rss[i] / n) > largest:
             values[i] = 0.0
     return values
@@ -124,9 +112,9 @@ def identifiability(fit: Fit) -> Identifiability:
             others = np.sqrt(np.maximum(np.diag(shared), 1e-300))
             alike = np.abs(np.delete(shared[j] / (deviation * others), j))
             own = np.abs(cross[:, :, j]) / (deviation * np.sqrt(np.maximum(np.einsum("sii->si", local), 1e-300)))
-            if len(alike) and alike.max() > ALIKE:
+            if len(alike) and alike.max() > RULES.alike:
                 return Identifiability(False, f"{part.id}: {c.parameter.name} cannot be told from another parameter")
-            if float(np.nan_to_num(own[model.active]).max(initial=0.0)) > ALIKE and fit.run.sensors == 1:
+            if float(np.nan_to_num(own[model.active]).max(initial=0.0)) > RULES.alike and fit.run.sensors == 1:
                 return Identifiability(False, f"{part.id}: {c.parameter.name} cannot be told from the sensor's own parameters")
         if effect.scope != "run":
             why = _own_doubts(fit, p, part, local)
@@ -148,7 +136,7 @@ def _own_doubts(fit: Fit, p: int, part: Part, local: Array) -> str:
             bounds = model.low_local[j], model.high_local[j]
             why = _doubt(part.effect, c.parameter, float(fit.local[i, j]), float(local[i, j, j]), *bounds, fit)
             others = np.flatnonzero(model.active[i] & (np.arange(len(spread)) != j))
-            if float(np.abs(local[i, j, others] / (spread[j] * spread[others])).max(initial=0.0)) > ALIKE:
+            if float(np.abs(local[i, j, others] / (spread[j] * spread[others])).max(initial=0.0)) > RULES.alike:
                 why = why or f"{c.parameter.name} cannot be told from another parameter"
         good += not why
         found = found or (f"{part.id} in {fit.run.channels[i]}: {why}" if why else "")
@@ -166,13 +154,13 @@ def _doubt(effect: Effect, parameter: Parameter, value: float, variance: float, 
     at_bound = value <= low + 1e-6 * width or value >= high - 1e-6 * width
     if parameter.name == effect.amplitude:
         scale = fit.run.span if parameter.share else 1.0
-        if abs(value - (parameter.null or 0.0) * scale) < SURE * deviation:
-            return f"{parameter.name} is within {SURE:g} standard errors of no effect"
+        if abs(value - (parameter.null or 0.0) * scale) < RULES.sure * deviation:
+            return f"{parameter.name} is within {RULES.sure:g} standard errors of no effect"
         return f"{parameter.name} is at the end of its range" if at_bound else ""
     if parameter.periodic:
         return ""
     if at_bound:
         return f"{parameter.name} is at the end of its range"
-    if parameter.log and deviation > VAGUE:
+    if parameter.log and deviation > RULES.vague:
         return f"{parameter.name} is known only to a factor of {math.exp(min(deviation, 20.0)):.1f}"
     return ""

@@ -9,7 +9,7 @@ from thermofast.models.core.kernel import Array
 from thermofast.models.joint import RATE, Fit
 from thermofast.models.noise.residual_noise import NoiseModel, long_run_factor, select_arma, whitened
 from thermofast.models.noise.whiteness import pattern_p_value
-from thermofast.models.search.judge import PATTERN
+from thermofast.models.search.rules import RULES
 
 #: Above this p value a residual is taken for white and no model of its colour is looked for.
 PLAIN = 0.05
@@ -50,9 +50,9 @@ def colour_of(fit: Fit, sensor: int, whiteness_p: float) -> Colour:
     residual = np.where(used, fit.unrounded[sensor], np.nan)
     span = slice(*(np.flatnonzero(used)[[0, -1]] + [0, 1]))
     series, weight = residual[span], np.sqrt(fit.run.weight[sensor][span])
-    if whiteness_p >= PATTERN:
+    if whiteness_p >= RULES.pattern:
         line = spectral_line(np.nan_to_num(series * weight))
-        if line[0] < PATTERN:
+        if line[0] < RULES.pattern:
             period = line[1] * fit.run.step
             return Colour(cycles=True, words=f"the residual holds a cycle of about {period:.3g} min: see the effect cyclic_load")
     if whiteness_p >= PLAIN:

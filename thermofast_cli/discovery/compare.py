@@ -12,7 +12,8 @@ from thermofast.models.greybox import Model
 from thermofast.models.joint import LEVEL, RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
 from thermofast.models.search.heldout import held_out_errors
-from thermofast.models.search.judge import PATTERN, sensor_p_values
+from thermofast.models.search.judge import sensor_p_values
+from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
@@ -100,11 +101,11 @@ def _compare(task: LoopTask) -> Comparison:
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
         messages = [few, colour.words, _in_words(along), *notes, *prepared.notes_of(channel)]
-        if stretches and floor[i] >= PATTERN and unused.any():
+        if stretches and floor[i] >= RULES.pattern and unused.any():
             steps = steps_near(whole, min(a for a, _, _ in stretches))
             messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
         # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
-        sound = (floor[i] >= PATTERN and not colour.cycles) or (colour.short and colour.whitened_p >= PATTERN)
+        sound = (floor[i] >= RULES.pattern and not colour.cycles) or (colour.short and colour.whitened_p >= RULES.pattern)
         status = "ok" if sound and not stretches else "model_doubtful"
         records.append(
             CompareRecord(

@@ -13,7 +13,7 @@ from thermofast.models.joint import RATE, Fit, Key
 from thermofast.models.observations import Observations
 from thermofast.models.search.candidates import Candidate, first_order
 from thermofast.models.search.discover import Discovery, Spread, discover, total_likelihood_ratio
-from thermofast.models.search.judge import PATTERN
+from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
 from ..plugins.effects import chosen_effects
@@ -239,7 +239,7 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         name = "model" if found.base.model.parts else "base model"
         evidence = f"the {name} is down to the noise in every sensor; would most likely have been seen: {sizes}"
         return evidence, short or "nothing to add", "not_determined" if short else "ok"
-    above = [c for c, p in zip(seen.channels, found.base_floor, strict=True) if p < PATTERN]
+    above = [c for c, p in zip(seen.channels, found.base_floor, strict=True) if p < RULES.pattern]
     where = _where(found, seen)
     near = ", ".join("+".join(c.ids) for c in rivals(found)[:3])
     evidence = (

@@ -12,7 +12,8 @@ from thermofast.models.joint import Fit, fit_model
 from thermofast.models.search.candidates import Candidate, try_add
 from thermofast.models.search.discover import Spread, total_likelihood_ratio
 from thermofast.models.search.heldout import held_out_errors
-from thermofast.models.search.judge import PATTERN, least_p, sensor_p_values
+from thermofast.models.search.judge import least_p, sensor_p_values
+from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
 from ..machine.modelfile import ModelFile, model_file
@@ -105,7 +106,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
             stopped = "no fit was found with these effects"
         else:
             steps, remark = _staircase(prepared, task.until_min, base, added)
-            left = least_p(steps[-1].floor) < PATTERN
+            left = least_p(steps[-1].floor) < RULES.pattern
             stopped = remark + (
                 "the effects asked for are in; a pattern remains: see thermofast diagnose"
                 if left
@@ -187,7 +188,7 @@ def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[S
                     whiteness_p=float(step.floor[i]),
                     parameters=parameters_of(step.fit, i),
                     stopped_because=stopped if final else "",
-                    status="ok" if step.floor[i] >= PATTERN else "model_doubtful",
+                    status="ok" if step.floor[i] >= RULES.pattern else "model_doubtful",
                     message="; ".join(dict.fromkeys(notes)) if final else "",
                 )
             )

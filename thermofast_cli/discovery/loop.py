@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.joint import Fit, Part, fit_model
-from thermofast.models.search.discover import FALSE_ALARM
+from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError, UsageError, nearest
 from ..machine.learnt import carry
@@ -34,7 +34,7 @@ class LoopTask:
     model: Model | None = None
     drive: str | None = None
     auto: bool = False
-    false_alarm: float = FALSE_ALARM
+    false_alarm: float = RULES.false_alarm
     input_ranges: tuple[tuple[str, float], ...] = ()
     want_curves: bool = False
 

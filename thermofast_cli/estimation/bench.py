@@ -15,7 +15,8 @@ from thermofast.models import Lump, spike_weights
 from ..reading import Run
 from ..records import BenchRecord, finite
 from .closing import estimate_at, track_of
-from .estimate import FEWEST_READINGS, Estimate, FilterError
+from .estimate import Estimate, FilterError
+from .rules import RULES
 from .sensor import Sensor, prepare
 
 Array = NDArray[np.float64]
@@ -52,10 +53,12 @@ def bench_run(
     minutes = run.time_s / 60.0
     until = until_min if until_min is not None else 0.5 * float(minutes[-1] - start_min) + start_min
     sensors = [prepare(minutes, values, start_min) for values in run.channels.values()]
-    sensors = [s for s in sensors if s.until(until) >= FEWEST_READINGS and float(np.ptp(s.reading[: s.until(until)])) > 0.0]
+    sensors = [s for s in sensors if s.until(until) >= RULES.fewest_readings and float(np.ptp(s.reading[: s.until(until)])) > 0.0]
     blank = BenchRecord(run.name, "", until_min=until, sensors=len(sensors))
     if not sensors:
-        return [replace(blank, status="no_data", message=f"no sensor has {FEWEST_READINGS} moving readings before {until:g} min")]
+        return [
+            replace(blank, status="no_data", message=f"no sensor has {RULES.fewest_readings} moving readings before {until:g} min")
+        ]
     trials = []
     for name, kind in known.items():
         trials.append(_bench(replace(blank, filter=name), kind(), sensors, until, False))

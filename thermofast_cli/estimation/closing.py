@@ -27,7 +27,8 @@ from thermofast.models import (
 )
 
 from ..plugins.filters import track_problem
-from .estimate import DOUBT, KEPT_SHARE, WIDEN, Estimate, Estimates, FilterError, Model
+from .estimate import Estimate, Estimates, FilterError, Model
+from .rules import RULES
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def likelihood_estimates(
         misfit = np.sqrt(squares / used.sum(axis=1))
     p = pattern_p_values(scaled, tangent, used & (fit.dof >= 9)[:, None])
     widening = np.maximum(_rounding(fit, resolution), 1.0)
-    for i in np.flatnonzero(p < WIDEN).tolist():
+    for i in np.flatnonzero(p < RULES.widen).tolist():
         widening[i] = max(widening[i], variance_inflation(scaled[i][used[i]]))
     sides = [found.rate_low.copy(), found.rate_high.copy(), found.steady_low.copy(), found.steady_high.copy()]
     for i in np.flatnonzero((widening > 1.0) & (fit.dof > 0) & (fit.rss > 0.0)).tolist():
@@ -182,7 +183,7 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
     curve, spread = model.curve_state(state), model.curve_covariance(state, covariance)
     temperature, slope, rate = (float(v) for v in curve)
     settles = rate > 0.0
-    faded = k >= track.first and float(track.forgotten[k]) > -math.log(KEPT_SHARE)
+    faded = k >= track.first and float(track.forgotten[k]) > -math.log(RULES.kept_share)
     # What the filter forgot it cannot be held to: run backwards from its last state, the model would leave every bound.
     anchor = min(track.first, k) if faded else k
     origin = model.curve_state(track.state[anchor]) if faded else curve
@@ -253,7 +254,7 @@ def settling(curve: Array, covariance: Array, elapsed: float, initial: float, qu
 
 
 def _closes(method: Filter, track: Track, k: int) -> bool:
-    consistent = not track.forgotten[k] > -math.log(KEPT_SHARE)
+    consistent = not track.forgotten[k] > -math.log(RULES.kept_share)
     return method.closing == "always" or (method.closing == "when consistent" and (consistent or k < track.first))
 
 
@@ -277,7 +278,7 @@ def estimate_at(model: Model, method: Filter, track: Track, time: Array, reading
     if faded:
         weights = track.likelihood_weight[: k + 1]
         whole = likelihood_estimate(time[: k + 1], reading[: k + 1], weights, track.first, resolution, OUTLIER)
-        if whole.pattern_p >= DOUBT and not whole.too_large:
+        if whole.pattern_p >= RULES.doubt and not whole.too_large:
             return whole
     elif _closes(method, track, k):
         weights = track.likelihood_weight[: k + 1]
@@ -302,7 +303,7 @@ def estimates_of(
     found = Estimates.empty(sensors, count, float(time[-1]))
     sound = tracks.diverged_at < 0
     with np.errstate(invalid="ignore"):
-        forgot = tracks.forgotten > -math.log(KEPT_SHARE)
+        forgot = tracks.forgotten > -math.log(RULES.kept_share)
     consistent = ~forgot | (count - 1 < tracks.first)
     closes = {"never": np.zeros(sensors, bool), "always": np.ones(sensors, bool), "when consistent": consistent}[method.closing]
     asks = np.flatnonzero(sound & (closes | (method.closing == "when consistent")))
@@ -313,7 +314,7 @@ def estimates_of(
         whole = likelihood_estimates(time, reading[asks], weights, first, resolution[asks], _outlier(method))
         with np.errstate(invalid="ignore"):
             # A filter that forgot must be right to have done so: chance alone wakes one now and then in a long record.
-            stands[asks] = closes[asks] | ((whole.pattern_p >= DOUBT) & ~whole.too_large)
+            stands[asks] = closes[asks] | ((whole.pattern_p >= RULES.doubt) & ~whole.too_large)
         found.put(asks[stands[asks]], _some(whole, stands[asks]))
     for i in np.flatnonzero(sound & ~stands).tolist():
         found.put_one(i, filter_estimate(model, track(i), time, reading[i], count - 1, float(resolution[i])))
@@ -332,14 +333,14 @@ def _look_white(fits: DecayFit, time: Array, reading: Array, weights: Array, res
         residual, tangent = fits.residual_and_tangent(time, reading)
         p = pattern_p_values(residual * root, tangent * root[..., None], used & whole[:, None])
         misfit = np.sqrt((np.where(used, residual, 0.0) ** 2).sum(axis=1) / used.sum(axis=1))
-        white: NDArray[np.bool_] = whole & (p >= DOUBT) & (misfit <= 3.0 * difference_noise(reading) + resolution)
+        white: NDArray[np.bool_] = whole & (p >= RULES.doubt) & (misfit <= 3.0 * difference_noise(reading) + resolution)
     return white
 
 
 def consistent_until_the_end(method: Filter, tracks: Tracks, count: int) -> NDArray[np.bool_]:
     """Of which of S tracks a likelihood closes the estimate after every reading: what was forgotten only grows (S,)."""
     with np.errstate(invalid="ignore"):
-        kept = (tracks.diverged_at < 0) & ~(tracks.forgotten > -math.log(KEPT_SHARE))
+        kept = (tracks.diverged_at < 0) & ~(tracks.forgotten > -math.log(RULES.kept_share))
     return kept & (method.closing == "when consistent")
 
 
@@ -404,7 +405,7 @@ def estimates_at(
     far larger one is to first order.
     """
     at = np.array(indices)
-    consistent = ~(track.forgotten[at] > -math.log(KEPT_SHARE)) | (at < track.first)
+    consistent = ~(track.forgotten[at] > -math.log(RULES.kept_share)) | (at < track.first)
     closes = consistent if method.closing == "when consistent" else np.full(len(at), method.closing == "always")
     states, width = np.full((len(indices), 3), np.nan), np.full(len(indices), np.nan)
     fit: DecayFit | None = None

@@ -3,25 +3,22 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .rules import RULES
 
-#: The 95 % band is this many times wider at one in a thousand, beside as many deviations of the noise.
-WIDER, NOISES = 3.29 / 1.96, 3.29
-#: Share of the readings ahead, and how many of them, that must lie outside: one outlier is no evidence.
-SHARE, FEWEST = 0.05, 3
+Array = NDArray[np.float64]
 
 
 def outside_band(residual: Array, half_width: Array, noise: Array | float) -> NDArray[np.bool_]:
     """Which residuals (..., n) leave the prediction's band; nan ones do not. Broadcasts."""
     with np.errstate(invalid="ignore"):
-        outside: NDArray[np.bool_] = np.abs(residual) > WIDER * half_width + NOISES * noise
+        outside: NDArray[np.bool_] = np.abs(residual) > RULES.wider * half_width + RULES.noises * noise
     return outside
 
 
 def contradicts(residual: Array, half_width: Array, noise: Array) -> NDArray[np.bool_]:
     """Whether the readings ahead (S, n), nan for one that does not count, leave the bands of S predictions; noise (S,) [K]."""
     outside = outside_band(residual, half_width, noise[:, None]).sum(axis=1)
-    found: NDArray[np.bool_] = outside >= np.maximum(FEWEST, SHARE * np.isfinite(residual).sum(axis=1))
+    found: NDArray[np.bool_] = outside >= np.maximum(RULES.fewest_outside, RULES.share_outside * np.isfinite(residual).sum(axis=1))
     return found
 
 

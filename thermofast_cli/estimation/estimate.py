@@ -14,15 +14,6 @@ from .contradiction import contradiction
 Array = NDArray[np.float64]
 Model = Lump | PrintedLump
 
-#: Below this share of the earlier readings' weight the filter has met something the model does not know: a likelihood over
-#: all readings would average two different pasts, so the filter's own state stands.
-KEPT_SHARE = 0.5
-#: Residuals of a right model look this patterned once in a thousand records.
-DOUBT = 1e-3
-#: Residuals this patterned are no reason for doubt yet, but their neighbours may be alike: intervals make room for that.
-WIDEN = 0.05
-FEWEST_READINGS = 6
-
 
 @dataclass(frozen=True)
 class Estimate:

@@ -16,14 +16,12 @@ from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_ti
 from ..records import IdentifyRecord
 from .closing import estimates_of, track_of, tracks_of
 from .contradiction import contradicts, words
-from .estimate import DOUBT, FEWEST_READINGS, Estimate, Estimates, FilterError, Model
+from .estimate import Estimate, Estimates, FilterError, Model
 from .measured import measured_equilibria
+from .rules import RULES
 from .sensor import Sensor, Sensors, prepare_all
 
 Array = NDArray[np.float64]
-
-#: An interval of the steady state wider than this many times the rise seen so far determines nothing.
-WIDEST = 5.0
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ def identify_sensors(
     blocks: list[Sensors] = []
     for block in prepare_all(time_min, values, start_min):
         keep = np.ones(len(block), dtype=bool)
-        for i in block.suspects(until_min, FEWEST_READINGS):
+        for i in block.suspects(until_min, RULES.fewest_readings):
             row, refused = block.rows[i], refusal(block.one(i), until_min)
             if refused is not None:
                 status, why, samples = refused
@@ -289,9 +287,9 @@ def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | N
     count = sensor.until(until_min)
     if not len(sensor.reading):
         return "no_data", "no reading in this column", 0
-    if count < FEWEST_READINGS:
+    if count < RULES.fewest_readings:
         within = f" in the first {until_min:g} min" if until_min is not None else ""
-        return "too_short", f"{count} readings{within}; at least {FEWEST_READINGS} are needed", count
+        return "too_short", f"{count} readings{within}; at least {RULES.fewest_readings} are needed", count
     if float(np.ptp(sensor.reading[:count])) == 0.0:
         return "constant", f"every reading is {sensor.reading[0]:g} degC: is the probe connected?", count
     return None
@@ -319,7 +317,7 @@ def _verdicts(
     bounded, seen = found.bounded, np.abs(found.state[:, 0] - found.initial)
     with np.errstate(invalid="ignore"):
         width = found.steady_high - found.steady_low
-        too_wide = width > WIDEST * np.maximum(seen, 4.0 * found.noise)
+        too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
     out = (found.weights == 0.0).sum(axis=1)
@@ -353,7 +351,7 @@ def _open_side(estimate: Estimate) -> str:
 def _misfits(pattern_p: Any, too_large: Any, misfit: Any, resolution: Any, largest: Any) -> Any:
     """Whether residuals are more than noise; broadcasts. largest: the largest reading by amount [degC]."""
     # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
-    return ((pattern_p < DOUBT) | too_large) & (misfit > np.maximum(0.5 * resolution, 1e-9 * largest))
+    return ((pattern_p < RULES.doubt) | too_large) & (misfit > np.maximum(0.5 * resolution, 1e-9 * largest))
 
 
 def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:

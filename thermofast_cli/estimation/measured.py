@@ -5,12 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .rules import RULES
 
-FEWEST = 30
-LAST_SHARE = 0.1
-DRIFT_SHARE = 0.2
-COMPLETE = 0.006
+Array = NDArray[np.float64]
 
 
 def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
@@ -23,17 +20,17 @@ def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
     """
     sensors, n = reading.shape
     steady, settled = np.full(sensors, np.nan), np.full(sensors, np.nan)
-    if n < FEWEST:
+    if n < RULES.fewest_complete:
         return steady, settled
-    tail = n - max(int(n * DRIFT_SHARE), 6)
-    level = reading[:, n - max(int(n * LAST_SHARE), 3) :].mean(axis=1)
+    tail = n - max(int(n * RULES.drift_share), 6)
+    level = reading[:, n - max(int(n * RULES.last_share), 3) :].mean(axis=1)
     rise = np.abs(level - np.sort(reading[:, :3], axis=1)[:, 1])
     at = time[tail:] - time[tail:].mean()
     values = reading[:, tail:] - reading[:, tail:].mean(axis=1, keepdims=True)
     slope = values @ at / float(at @ at)
     drift = np.abs(slope) * float(time[-1] - time[tail])
     noise = np.sqrt(np.maximum((values * values).sum(axis=1) - slope**2 * float(at @ at), 0.0) / len(at))
-    complete = (rise > 0.0) & (drift <= COMPLETE * rise) & (noise * math.sqrt(12.0 / len(at)) <= COMPLETE * rise)
+    complete = (rise > 0.0) & (drift <= RULES.complete * rise) & (noise * math.sqrt(12.0 / len(at)) <= RULES.complete * rise)
     steady[complete] = level[complete]
     with np.errstate(all="ignore"):
         width = np.maximum(3, np.ceil((6.0 * noise / (0.05 * rise)) ** 2))

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from thermofast.models import difference_noise
 
+from .rules import RULES
+
 Array = NDArray[np.float64]
 
-SATURATED_READINGS = 8
-FLAT_READINGS = 5
 BLOCKS = 120
 
 
@@ -135,10 +135,10 @@ def logger_step(reading: Array) -> float:
 
 def _maybe_saturated(reading: Array) -> NDArray[np.intp]:
     """Rows whose greatest or least reading is there often enough for :func:`saturated` to look at."""
-    if reading.shape[1] <= 3 * SATURATED_READINGS:
+    if reading.shape[1] <= 3 * RULES.saturated_readings:
         return np.empty(0, dtype=np.intp)
     often = [
-        (reading == extreme).sum(axis=1) >= SATURATED_READINGS
+        (reading == extreme).sum(axis=1) >= RULES.saturated_readings
         for extreme in (reading.max(axis=1, keepdims=True), reading.min(axis=1, keepdims=True))
     ]
     return np.flatnonzero(often[0] | often[1])
@@ -152,13 +152,13 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     that settles by itself slows down long before it stands still.
     """
     stuck = np.zeros(len(reading), dtype=bool)
-    for extreme in (reading.max(), reading.min()) if len(reading) > 3 * SATURATED_READINGS else ():
-        if np.count_nonzero(reading == extreme) < SATURATED_READINGS:
+    for extreme in (reading.max(), reading.min()) if len(reading) > 3 * RULES.saturated_readings else ():
+        if np.count_nonzero(reading == extreme) < RULES.saturated_readings:
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             length = min(b - a, a)
-            if b - a < SATURATED_READINGS or length < SATURATED_READINGS:
+            if b - a < RULES.saturated_readings or length < RULES.saturated_readings:
                 continue
             before = reading[a - length : a]
             noise = max(difference_noise(before), resolution)
@@ -199,7 +199,7 @@ def rise_start(time_min: Array, values: Array) -> float | None:
     good = np.isfinite(values)
     step = logger_step(values[good])
     time, reading = _blocks(time_min[good], values[good])
-    if len(reading) < 3 * FLAT_READINGS:
+    if len(reading) < 3 * RULES.flat_readings:
         return None
     noise = max(difference_noise(reading), step / math.sqrt(12.0), 1e-9)
     count = np.arange(1, len(reading) + 1)
@@ -212,8 +212,8 @@ def rise_start(time_min: Array, values: Array) -> float | None:
     still = int(thrice[0]) + 1
     while still > 0 and abs(reading[still - 1] - mean[max(still - 2, 0)]) > 2.0 * noise:
         still -= 1
-    after = slice(still, min(len(reading), still + max(still, 2 * FLAT_READINGS)))
-    if still < FLAT_READINGS or time[still] > time[0] + 0.67 * (time[-1] - time[0]):
+    after = slice(still, min(len(reading), still + max(still, 2 * RULES.flat_readings)))
+    if still < RULES.flat_readings or time[still] > time[0] + 0.67 * (time[-1] - time[0]):
         return 0.0
     drift, unsure = _slope(time[:still], reading[:still])
     rise, rise_unsure = _slope(time[after], reading[after])

@@ -20,13 +20,13 @@ from .closing import (
     track_of,
     tracks_of,
 )
-from .estimate import FEWEST_READINGS, FilterError
+from .estimate import FilterError
 from .identify import Method, doubts, refusal
+from .rules import RULES
 from .sensor import Sensors, prepare_all
 
 Array = NDArray[np.float64]
 
-AGREED_MIN = 5.0
 #: Model values worked on at once: more fall out of the processor's cache and pay nothing.
 ELEMENTS = 400_000
 
@@ -109,7 +109,7 @@ class _Block:
     def swept(self) -> list[Swept]:
         """Of every sensor: those whose likelihood closes at each time together, the others one by one."""
         found: dict[int, Swept] = {}
-        for i in self.sensors.suspects(self.windows[-1], FEWEST_READINGS):
+        for i in self.sensors.suspects(self.windows[-1], RULES.fewest_readings):
             refused = refusal(self.sensors.one(i), self.windows[-1])
             if refused is not None:
                 found[i] = self._failed(i, refused[0], refused[1], self.notes[self.sensors.rows[i]])
@@ -135,7 +135,7 @@ class _Block:
         """The last reading before each time (m,), -1 where a time is of no use to a sensor: too early, or the filter broke."""
         last = np.searchsorted(self.sensors.time[: self.count], self.times * (1 + 1e-12) + 1e-9, "right") - 1
         moved = np.flatnonzero(reading != reading[0])
-        least = max(FEWEST_READINGS - 1, int(moved[0]) if len(moved) else len(reading))
+        least = max(RULES.fewest_readings - 1, int(moved[0]) if len(moved) else len(reading))
         return np.where((last >= least) & (last < broken), last, -1)
 
     def _together(self, rows: NDArray[np.intp], found: dict[int, Swept]) -> None:
@@ -278,7 +278,7 @@ def sweep_records(
         shortest, agreed = None, None
         if serves[s].all():
             shortest = float(times[earliest[s].max()])
-            agreed = shortest - float(times[earliest[s].min()]) <= AGREED_MIN + 1e-9
+            agreed = shortest - float(times[earliest[s].min()]) <= RULES.agreed_min + 1e-9
         else:
             none = ", ".join(f"{w:g}" for w, good in zip(windows, serves[s], strict=True) if not good)
             why = "at the last the error is above its least; say longer --times"

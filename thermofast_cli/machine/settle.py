@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
-from thermofast.models.search.judge import PATTERN, sensor_p_values
+from thermofast.models.search.judge import sensor_p_values
+from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, ids_of, in_order, ready
 from ..errors import ThermofastError
@@ -69,7 +70,7 @@ def _identify(task: LoopTask) -> list[Identified]:
             notes.append(f"with {seen.drive} as last logged")
         notes.append(f"with {', '.join(ids_of(fit.model.parts)) or 'no effect'} of {task.model.source}")
         status = "ok"
-        if floor[i] < PATTERN:
+        if floor[i] < RULES.pattern:
             status = "model_doubtful"
             notes.insert(0, "the readings leave the learnt model in a pattern: the interval does not cover what it lacks")
         if unused.any():
@@ -263,7 +264,9 @@ def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...],
             settled = _settling(fit, i, reference, rng)
             width[i, k] = settled["steady_state_hi_c"] - settled["steady_state_lo_c"]
         if k == len(times) - 1:
-            doubted = [["the readings leave the learnt model in a pattern"] if p < PATTERN else [] for p in sensor_p_values(fit)]
+            doubted = [
+                ["the readings leave the learnt model in a pattern"] if p < RULES.pattern else [] for p in sensor_p_values(fit)
+            ]
     swept = []
     for i, channel in enumerate(whole.channels):
         blank = tuple(SweepRecord(task.run.name, channel, NAME, window_min=w) for w in windows)

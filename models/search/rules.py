@@ -1,0 +1,59 @@
+"""Every threshold of the search, with its unit, its meaning and where it comes from; ``docs/thresholds.md`` is made of it."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+def rule(default: Any, unit: str, meaning: str, source: str) -> Any:
+    """A field of a settings object that tells what it is and where its value comes from."""
+    return field(default=default, metadata={"unit": unit, "meaning": meaning, "source": source})
+
+
+BY_HAND = "set on the simulator that training records are drawn from; what the whole comes to is docs/proof.md"
+COST = "how far the search looks: set by hand so that the times of docs/figures.md hold"
+
+
+@dataclass(frozen=True)
+class SearchRules:
+    """What decides in the search for missing effects. Ratios are likelihood ratios: twice the logarithm."""
+
+    false_alarm: float = rule(
+        0.01, "1", "chance, over all effects and sensors of a run, of naming what is not there", "docs/false-alarms.md"
+    )
+    pattern: float = rule(
+        1e-3,
+        "1",
+        "a right model's residuals look this patterned, over all sensors, with this probability",
+        "once in a thousand runs",
+    )
+    pair_pattern: float = rule(1e-2, "1", "the same for the residuals of a pair", BY_HAND)
+    sound: float = rule(
+        0.05, "1", "a single effect whose residuals look like noise with this probability is not doubted", "the usual 5 %"
+    )
+    rounding: float = rule(0.1, "logger's steps", "a smaller misfit is not told from rounding", BY_HAND)
+    too_large: float = rule(1.35, "noise", "larger residuals are more than noise", BY_HAND)
+    equal: float = rule(9.0, "likelihood ratio", "within it two models fit equally well", "three deviations of one parameter")
+    nearly: tuple[float, float] = rule(
+        (12.0, 30.0), "likelihood ratio", "short of the best by less, a rival stays possible: at least, a quarter, at most", BY_HAND
+    )
+    worth: float = rule(
+        12.0, "likelihood ratio", "what a way of acting with one more parameter must gain over the plain one", "chance of 1 in 2000"
+    )
+    worth_another: float = rule(20.0, "likelihood ratio", "a round of refinement that gains less is the last", COST)
+    concerned: float = rule(0.01, "1", "chance at which a sensor's gain makes it one that has the effect", "once in a hundred runs")
+    needed: float = rule(4.0, "standard errors", "a sensor with less of the effect is tried without it", BY_HAND)
+    sure: float = rule(1.5, "standard errors", "an amplitude nearer to nothing is not determined", BY_HAND)
+    alike: float = rule(0.99995, "1", "correlation from which the record does not tell two parameters apart", BY_HAND)
+    vague: float = rule(1.2, "1", "standard error of a logarithm from which a scale is not known", "a factor of three either way")
+    pairs: int = rule(24, "pairs", "looked at", COST)
+    partners: int = rule(4, "effects", "that each single brings", COST)
+    refined: int = rule(3, "pairs", "in which each effect is looked for anew beside the other", COST)
+    exchanged: int = rule(5, "effects", "tried in the place of each one of the best pair", COST)
+    most_also: int = rule(6, "sets", "of rivals that are named", "what a reader takes in")
+    followed: int = rule(3, "starts", "of a shared effect that are followed to their end", COST)
+    quick: int = rule(14, "iterations", "of a quick look", COST)
+    glance: int = rule(8, "iterations", "of the first look at every start that each sensor has for itself", COST)
+    carried_on: int = rule(3, "starts", "of these that are carried on", COST)
+
+
+RULES = SearchRules()

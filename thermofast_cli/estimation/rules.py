@@ -1,0 +1,38 @@
+"""Every threshold of an estimate of one sensor, with its unit, its meaning and where it comes from; see ``docs/thresholds.md``."""
+
+from dataclasses import dataclass
+
+from thermofast.models.search.rules import BY_HAND, rule
+
+
+@dataclass(frozen=True)
+class EstimationRules:
+    """What decides in ``identify`` and ``sweep``."""
+
+    fewest_readings: int = rule(6, "readings", "fewer are not identified", "three parameters and as many to judge them by")
+    doubt: float = rule(
+        1e-3, "1", "residuals of a right model look this patterned with this probability", "once in a thousand records"
+    )
+    widen: float = rule(
+        0.05, "1", "residuals this patterned are no doubt yet, but intervals make room for their colour", "the usual 5 %"
+    )
+    kept_share: float = rule(
+        0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
+    )
+    widest: float = rule(5.0, "rise so far", "a wider interval of the steady state determines nothing", BY_HAND)
+    wider: float = rule(
+        3.29 / 1.96, "1", "times the 95 % band that readings ahead may leave it by", "the normal quantile of one in a thousand"
+    )
+    noises: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
+    share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
+    fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")
+    fewest_complete: int = rule(30, "readings", "of a record that may be complete", "a last tenth of three readings")
+    last_share: float = rule(0.1, "1", "of a complete record whose mean is the measured steady state", BY_HAND)
+    drift_share: float = rule(0.2, "1", "of a record at its end that must not drift", BY_HAND)
+    complete: float = rule(0.006, "rise", "of drift over that end at most", BY_HAND)
+    agreed_min: float = rule(5.0, "min", "between the identification times of the windows that agree", BY_HAND)
+    saturated_readings: int = rule(8, "readings", "at the extreme in a row that may be the end of the instrument's range", BY_HAND)
+    flat_readings: int = rule(5, "readings", "of a still beginning", BY_HAND)
+
+
+RULES = EstimationRules()
