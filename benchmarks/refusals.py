@@ -1,7 +1,8 @@
 """How often a refusal ends in an abort instead of its message: ``python -m benchmarks.refusals [RUNS]``.
 
-Each is a process of its own, more of them at once than there are cores, which brings an abort out: a CSV and a Parquet file, refused
-while reading (no sensor) and after it (``--until`` beyond the record). Told: processes by exit code; 2 is a refusal, below 0 a signal.
+Each is a process of its own, more of them at once than there are cores, which brings an abort out: a CSV and a Parquet file,
+refused while reading (no sensor) and after it (``--until`` beyond the record). Told: processes by exit code; 2 is a refusal, below
+0 a signal.
 """
 
 import subprocess

@@ -10,9 +10,9 @@ from thermofast.models.search.rules import SearchRules
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thresholds.md"
 HEAD = """# Thresholds
 
-What decides, with its value, its unit and where it comes from. Made by `python -m benchmarks.thresholds` of the settings objects in
-`thermofast_cli/estimation/rules.py` and `models/search/rules.py`. Settings of the filters are shown by `thermofast filters`, bounds of an effect's
-parameters by `thermofast effects`.
+What decides, with its value, its unit and where it comes from. Made by `python -m benchmarks.thresholds` of the settings objects
+in `thermofast_cli/estimation/rules.py` and `models/search/rules.py`. Settings of the filters are shown by `thermofast filters`,
+bounds of an effect's parameters by `thermofast effects`.
 """
 
 

@@ -39,7 +39,7 @@ def test_fits_agree(seed, n, even, signed):
     _lump.fit_decay(t, y, w, signed, fast)
     _lump_numpy.fit_decay(t, y, w, signed, plain)
     assert fast["n"] == plain["n"]
-    if plain["rate"][0] * float(np.median(np.diff(t[w > 0.0]))) > 2.0:
+    if plain["rate"][0] > 0.5 * plain["greatest"][0]:
         # Faster than the readings: the sum of squares falls towards the bound for ever, and where a search gives up is rounding.
         assert fast["rate"] == pytest.approx(plain["rate"], rel=0.5)
         return

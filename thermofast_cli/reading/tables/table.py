@@ -47,8 +47,8 @@ def read_parquet(data: bytes, name: str) -> Table:
     import pyarrow.parquet as papq  # at the first use: a CSV file does not need it
 
     try:
-        # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it. read_table starts
-        # one whatever it is told, through the datasets; the file itself does not.
+        # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it. read_table
+        # starts one whatever it is told, through the datasets; the file itself does not.
         table = papq.ParquetFile(pa.BufferReader(data), pre_buffer=False).read(use_threads=False)
     except (pa.ArrowInvalid, pa.ArrowException, OSError) as error:
         raise InputError(
