@@ -10,7 +10,10 @@ from conftest import ROOT
 
 import thermofast as tf
 from thermofast.filters import BUILT_IN as FILTERS
+from thermofast.models import Observations
+from thermofast.models.drive import Drive
 from thermofast.models.effects import BUILT_IN as EFFECTS
+from thermofast.models.effects import Values
 from thermofast.plugins import effects, filters
 from thermofast.plugins.guard import PluginError
 
@@ -57,6 +60,8 @@ def test_a_copy_of_a_built_in_effect_is_as_good_as_it(tmp_path):
     ("change", "words"),
     [
         (("drive.heat = drive.heat + p", "drive.heet = drive.heat + p"), ["'Drive' object has no attribute 'heet'", "did you mean 'heat'?", "line 24"]),
+        (("drive.heat = drive.heat + p", "drive.hidden = drive.hidden + p"), ["write drive.hidden.append((coupling, rate))"]),
+        (("drive.heat = drive.heat + p", "drive.hidden = p"), ["drive.hidden is a list of pairs", "write drive.hidden.append"]),
         (("run.middle", "run.midle"), ["'midle'", "did you mean 'middle'?"]),
         (
             ("np.clip((run.middle - p.begin) / p.length, 0.0, 1.0)", "(run.time > p.begin)"),
@@ -139,3 +144,40 @@ def test_the_guides_are_what_is_run():
         assert [line for line in lines if line not in code] == []
         body = [line for line in lines if not line.startswith(("from ", "import ", "@", '    """'))]
         assert len(body) <= (25 if "effect" in page else 40)
+
+
+HIDDEN_MASS = """
+from thermofast.models.effects import Effect, Parameter
+
+
+class Mass(Effect):
+    id = "my_mass"
+    summary = equation = tell_tale = "a hidden mass"
+    scope = "sensor"
+    amplitude = "kappa"
+    parameters = (
+        Parameter("kappa", "1/min", 0.0, 2.0, 0.01, "coupling", null=0.0, each="sensor"),
+        Parameter("rate", "1/min", 2e-4, 2.0, 0.01, "rate", each="sensor", log=True),
+    )
+
+    def apply(self, drive, run, p):
+        if p.kappa > 0.0:  # with an if on a value it is called sensor by sensor
+            drive.hidden.append((p.kappa, p.rate))
+"""
+
+
+def test_hidden_masses_of_an_effect_written_for_one_sensor_are_those_of_all(tmp_path):
+    path = tmp_path / "mass.py"
+    path.write_text(HIDDEN_MASS)
+    mine = effects.load_effect(str(path))
+    built_in = next(kind for kind in EFFECTS if kind.id == "second_mode")()
+    time = np.arange(0.0, 200.0, 2.0)
+    full = np.full(3, 0.01)
+    run = Observations("r", ("A", "B", "C"), time, np.full((3, 100), 20.0), np.ones((3, 100)), full, 0.0 * full)
+    p = Values({"kappa": np.array([[0.01], [0.0], [0.03]]), "rate": np.array([[0.004], [0.01], [0.02]])}, {})
+    curves = []
+    for effect in (mine, built_in):
+        drive = Drive.plain(run, np.arange(3), np.full((3, 1), 18.0))
+        effect.apply(drive, run, p)
+        curves.append(drive.forward(run, np.array([0.02, 0.03, 0.04]), np.array([8.0, 6.0, 5.0]), np.full(3, 18.0)))
+    assert curves[0] == pytest.approx(curves[1], abs=1e-12)

@@ -21,7 +21,7 @@ from ..shell.options import (
 @runs_argument
 @loop_options
 @false_alarm_option
-@click.option("--add", metavar="A,B", help="Add these effects: ids, or FILE.py:CLASS.")
+@click.option("--add", metavar="A,B", help="Add these effects: ids, second_mode.2 for a second of its kind, or FILE.py:CLASS.")
 @click.option("--auto", is_flag=True, help="Add what the search names, and stop where it would name no more.")
 @reading_options
 @output_options

@@ -298,6 +298,7 @@ def _row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: 
         )
         named = {k: float(v[i, 0]) if isinstance(v, np.ndarray) and v.shape == (rows, 1) else v for k, v in vars(p).items()}
         apply(effect, single, run, Values(named, {}))
+        _check_pairs(effect, single)
         for f in FIELDS:
             wide[f][i] = getattr(single, f)
         for f in NUMBERS:
@@ -327,8 +328,8 @@ def _folded(masses: list[tuple[Any, Any]], rows: int) -> list[tuple[Any, Any]]:
     return [tuple(np.array([[row[k][side]] for row in filled]) for side in (0, 1)) for k in range(most)]  # type: ignore[misc]
 
 
-def _check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
-    shape = (len(drive.sensor), len(run.time))
+def _check_pairs(effect: Effect, drive: Drive) -> None:
+    """Raises PluginError where what is a list of pairs no longer is one."""
     for f, other in (("hidden", "its rate [1/min]"), ("links", "the neighbour's temperature")):
         value = getattr(drive, f)
         if not isinstance(value, list) or any(not isinstance(v, tuple) or len(v) != 2 for v in value):
@@ -338,6 +339,11 @@ def _check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
                 allowed=f"(coupling [1/min], {other}) appended to it",
                 do=f"write drive.{f}.append((p.kappa, ...))",
             )
+
+
+def _check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
+    shape = (len(drive.sensor), len(run.time))
+    _check_pairs(effect, drive)
     for f in FIELDS:
         value = getattr(drive, f)
         try:

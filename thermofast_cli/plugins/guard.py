@@ -80,7 +80,14 @@ def source_of(member: Any) -> str:
 
 def advice(error: BaseException) -> str:
     """What to write instead, where that can be told: the nearest attribute of what was misspelt."""
+    # A number, or an array, added to an empty list.
+    if (isinstance(error, TypeError) and "to list" in str(error)) or (
+        isinstance(error, ValueError) and "shapes (0,)" in str(error)
+    ):
+        return "drive.hidden and drive.links are lists: write drive.hidden.append((coupling, rate))"
     found = re.search(r"'(\w+)' object has no attribute '(\w+)'", str(error))
+    if found and found.group(1, 2) == ("Drive", "hidden_rate"):
+        return "a hidden mass is a pair: write drive.hidden.append((coupling, rate))"
     if not isinstance(error, AttributeError) or not found:
         return ""
     owner = getattr(error, "obj", None) or {"Drive": Drive, "Observations": Observations}.get(found.group(1))
