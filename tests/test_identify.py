@@ -5,9 +5,9 @@ import pytest
 from simulator import lump, spindle
 
 from thermofast.estimation.closing import estimates_at, settling
-from thermofast.estimation.identify import Method, identify_sensor
-from thermofast.estimation.sweep import sweep_sensor
-from thermofast.filters import Afukf, FadingUkf, PrintedAfukf, Ukf
+from thermofast.estimation.identify import Method, identify_sensor, identify_sensors
+from thermofast.estimation.sweep import sweep_sensor, sweep_sensors
+from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
 
 DEFAULT = Method(Lump(), Afukf())
@@ -173,3 +173,47 @@ def test_a_long_fast_record_is_not_doubted_by_chance():
         y = 26.7 - 8.8 * np.exp(-time / 65) + 0.02 * np.random.default_rng(seed).standard_normal(len(time))
         doubted += record(time, y).status != "ok"
     assert doubted <= 1
+
+
+def mixed_block():
+    """Sensors on one clock: sound, late gaps, dead, constant, outliers, a step, a range that ends, coarse, late to move."""
+    rng = np.random.default_rng(8)
+    time = np.arange(0.0, 240.0, 1.0)
+    rise, rate = rng.uniform(4, 9, (9, 1)), rng.uniform(0.01, 0.03, (9, 1))
+    y = 18.0 + rise * -np.expm1(-rate * time) + 0.02 * rng.standard_normal((9, 240))
+    y[1, 30:50] = y[1, 200:] = np.nan
+    y[2] = np.nan
+    y[3] = 21.5
+    y[4, [20, 50, 51]] += 3.0
+    y[5, 60:] += 2.0 * -np.expm1(-0.03 * (time[60:] - 60.0))
+    y[6] = np.minimum(y[6], 18.0 + 0.6 * rise[6])
+    y[7] = np.round(2.0 * y[7]) / 2.0
+    y[8, :40] = 18.0
+    return time, y, tuple(f"T{i}" for i in range(9))
+
+
+@pytest.mark.parametrize("until", [None, 120.0, 20.0])
+@pytest.mark.parametrize("kind", [Afukf, LeastSquares, Ukf])
+def test_a_block_gives_each_sensor_what_it_gets_alone(kind, until):
+    time, y, names = mixed_block()
+    method = Method(Lump(), kind())
+    together = [found.record for found in identify_sensors("run", names, time, y, method, until)]
+    for i, record in enumerate(together):
+        alone = identify_sensor("run", names[i], time, y[i], method, until).record
+        for name, value in vars(alone).items():
+            other = getattr(record, name)
+            assert other == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float) else value), (names[i], name)
+    assert len({r.status for r in together}) >= (4 if until != 20.0 else 3)
+
+
+def test_a_block_is_swept_as_each_sensor_alone():
+    time, y, names = mixed_block()
+    windows, times = (60.0, 120.0), tuple(range(8, 120, 8))
+    together = sweep_sensors("run", names, time, y, DEFAULT, windows, times, 0.3)
+    for i, swept in enumerate(together):
+        alone = sweep_sensor("run", names[i], time, y[i], DEFAULT, windows, times, 0.3)
+        assert swept.rmse == pytest.approx(alone.rmse, rel=1e-9, nan_ok=True), names[i]
+        for one, other in zip(swept.records, alone.records, strict=True):
+            for name, value in vars(other).items():
+                found = getattr(one, name)
+                assert found == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), (names[i], name)
