@@ -157,3 +157,23 @@ def test_nothing_drives_white_noise():
     none = Noise().columns(np.arange(5.0), RATES, RISES)
     assert none.own.shape == (0, 2, 5)
     assert Columns.none(2, 5).discrepancy(np.zeros((2, 0)), np.zeros(0)) == pytest.approx(0.0)
+
+
+def test_the_variance_of_a_prediction_is_that_of_the_whole_normal_equations():
+    run = record(11)
+    fit = fit_with_noise(run, BOTH)
+    m, k, n = len(fit.columns.own), len(fit.columns.shared), len(run.time)
+    size = 2 * (3 + m) + k
+    jacobian = np.zeros((2, n, size))
+    for i in range(2):
+        at = i * (3 + m)
+        jacobian[i, :, at : at + 3] = fit.by_local[:, i].T
+        jacobian[i, :, at + 3 : at + 3 + m] = fit.columns.own[:, i].T
+        jacobian[i, :, 2 * (3 + m) :] = fit.columns.shared[:, i].T
+    prior = np.ones(size)
+    prior[[*range(3), *range(3 + m, 6 + m)]] = 0.0
+    precision = np.einsum("ina,inb->ab", jacobian, jacobian) / 0.02**2 + np.diag(prior)
+    dense = np.einsum("ina,ab,inb->in", jacobian, np.linalg.inv(precision), jacobian)
+    mean, variance = posterior(fit).predict(run, fit.columns)
+    assert variance == pytest.approx(dense, rel=1e-3)
+    assert mean == pytest.approx(fit.curve + fit.discrepancy, abs=1e-9)

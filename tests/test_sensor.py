@@ -54,3 +54,11 @@ def test_a_complete_record_shows_its_own_equilibrium_and_an_incomplete_one_does_
     assert measured_equilibrium(time[:20], y[:20]) is None
     flat = 20 + 0.02 * np.random.default_rng(4).standard_normal(100)
     assert measured_equilibrium(np.arange(100.0), flat) is None
+
+
+def test_what_lies_before_the_start_is_not_used():
+    time = np.arange(60.0)
+    sensor = prepare(time, np.where(time < 20.0, 99.0, 20.0 + 0.1 * time), 20.0)
+    assert sensor.time[0] == 20.0
+    assert len(sensor.time) == 40
+    assert sensor.reading.max() < 30.0
