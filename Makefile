@@ -40,7 +40,7 @@ docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m benchmarks.notebook
 
 clean:
-	rm -rf .venv build dist out *.egg-info models/core/*.so filters/*.so models/core/_lump.c models/core/_forward.c filters/_loop.c
+	rm -rf .venv build dist out *.egg-info models/core/*.so filters/*.so models/core/*.c filters/*.c
 
 $(STAMP): pyproject.toml setup.py models/core/_lump.pyx models/core/_forward.pyx filters/_loop.pyx
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
