@@ -42,7 +42,7 @@ docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 clean:
 	rm -rf .venv build dist out *.egg-info models/core/*.so filters/*.so models/core/*.c filters/*.c
 
-$(STAMP): pyproject.toml setup.py models/core/_lump.pyx models/core/_forward.pyx filters/_loop.pyx
+$(STAMP): pyproject.toml setup.py $(wildcard models/core/*.pyx) filters/_loop.pyx
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"

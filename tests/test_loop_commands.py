@@ -446,3 +446,25 @@ def test_an_effect_may_stand_twice_two_hidden_masses_of_different_rates(tool, tm
     twice = tool("improve", first, "--add", "second_mode,second_mode")
     assert twice.code == 2
     assert "call the second one second_mode.2" in twice.err
+
+
+def test_a_sensor_may_be_warmed_by_two_neighbours(tool, tmp_path):
+    from scipy.linalg import expm
+
+    # A is linked to B and C, which have heat of their own; one matrix exponential a minute.
+    whole = np.zeros((4, 4))
+    whole[:3, :3] = [[-0.045, 0.01, 0.015], [0.0, -0.03, 0.0], [0.0, 0.0, -0.012]]
+    whole[:3, 3] = [0.08, 0.36, 0.096]
+    step, state, rows = expm(whole), np.array([0.0, 0.0, 0.0, 1.0]), []
+    for _ in range(400):
+        rows.append(18.0 + state[:3])
+        state = step @ state
+    reading = np.array(rows) + 0.01 * np.random.default_rng(0).standard_normal((400, 3))
+    path = tmp_path / "linked.csv"
+    pd.DataFrame({"time_min": np.arange(400.0), **{f"T_{n}": reading[:, i] for i, n in enumerate("abc")}}).to_csv(path, index=False)
+    steps = records(tool("improve", path, "--add", "neighbour_heat,neighbour_heat.2", "--format", "json", "-q"))
+    last = next(r for r in steps if r["step"] == 2 and r["channel"] == "T_a")
+    links = sorted(v["value"] for k, v in last["parameters"].items() if k.endswith("kappa"))
+    assert links == pytest.approx([0.01, 0.015], rel=0.1)
+    assert last["rmse_ahead_c"] < 0.012
+    assert next(r for r in steps if r["step"] == 0 and r["channel"] == "T_a")["rmse_ahead_c"] > 0.03
