@@ -110,9 +110,6 @@ cdef struct Lump:
     # One row: its constants, where its drive and its output lie, its state, and what is kept from step to step.
     double rate, rise, start, exponent, links, lag, delay, fastest
     Py_ssize_t masses
-    double hidden[MOST_HIDDEN]
-    double hidden_rate[MOST_HIDDEN]
-    double Z[MOST_HIDDEN]
     const double* heat
     const double* loss
     const double* sink
@@ -124,6 +121,9 @@ cdef struct Lump:
     bint pair_ok
     Power power
     double w[8]
+    double hidden[MOST_HIDDEN]
+    double hidden_rate[MOST_HIDDEN]
+    double Z[MOST_HIDDEN]
 
 
 cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept nogil:
@@ -157,16 +157,65 @@ cdef inline double faded(Lump* s, double h) noexcept nogil:
     return s.fade
 
 
-cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
-    """One interval of one row."""
-    cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, h, T0, sink, q, ds, dq, s1, q1
-    cdef double u0, u1, k1, k2, k3, k4, z4, steps, moved
+cdef void cut_up(Lump* s, double dt, Py_ssize_t k, double H, double L) noexcept nogil:
+    """One interval of a row without an exact step, by the classical Runge-Kutta rule in equal pieces; apart from the quick ways, so
+    that these stay in the processor's registers.
+    """
+    cdef double h, T0, sink, q, ds, dq, s1, q1, k1, k2, k3, k4, z4, steps
     cdef double Z0[MOST_HIDDEN]
     cdef double Z1[MOST_HIDDEN]
     cdef double z1[MOST_HIDDEN]
     cdef double z2[MOST_HIDDEN]
     cdef double z3[MOST_HIDDEN]
     cdef Py_ssize_t m = 1, i, j
+    steps = (s.rate * L * (1.0 + s.exponent) + s.fastest + s.links) * dt / 0.3
+    while m < steps and m < MOST_SUBSTEPS:
+        m = 2 * m
+    h = dt / m
+    ds = (s.sink[k] - s.sink[k - 1]) / m
+    dq = (s.linked[k] - s.linked[k - 1]) / m
+    sink = s.sink[k - 1]
+    q = s.linked[k - 1]
+    for i in range(m):
+        s1 = sink + ds
+        q1 = q + dq
+        T0 = s.T
+        # A probe needed the slope at the end of the last piece: under the same drive it is that at the start of this one.
+        if s.lag > 0.0 and H == s.end_heat and L == s.end_loss:
+            k1 = s.end
+        else:
+            k1 = slope_of(T0, s.Z, s.masses, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
+        for j in range(s.masses):
+            Z0[j] = s.Z[j]
+            z1[j] = s.hidden_rate[j] * (T0 - Z0[j])
+            Z1[j] = Z0[j] + 0.5 * h * z1[j]
+        k2 = slope_of(T0 + 0.5 * h * k1, Z1, s.masses, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links, q + 0.5 * dq)
+        for j in range(s.masses):
+            z2[j] = s.hidden_rate[j] * (T0 + 0.5 * h * k1 - Z1[j])
+            Z1[j] = Z0[j] + 0.5 * h * z2[j]
+        k3 = slope_of(T0 + 0.5 * h * k2, Z1, s.masses, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links, q + 0.5 * dq)
+        for j in range(s.masses):
+            z3[j] = s.hidden_rate[j] * (T0 + 0.5 * h * k2 - Z1[j])
+            Z1[j] = Z0[j] + h * z3[j]
+        k4 = slope_of(T0 + h * k3, Z1, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+        for j in range(s.masses):
+            z4 = s.hidden_rate[j] * (T0 + h * k3 - Z1[j])
+            s.Z[j] = Z0[j] + h / 6.0 * (z1[j] + 2.0 * z2[j] + 2.0 * z3[j] + z4)
+        s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        if s.lag > 0.0:
+            k4 = slope_of(s.T, s.Z, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
+            s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+            s.end, s.end_heat, s.end_loss = k4, H, L
+        sink = s1
+        q = q1
+    if s.lag == 0.0:
+        s.y = s.T
+
+
+cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
+    """One interval of one row."""
+    cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, T0, ds
+    cdef double u0, u1, k1 = 0.0, k4, moved
     if s.exponent == 0.0 and s.masses == 0:
         weigh(s, lam, dt)
         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
@@ -198,48 +247,7 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
             else:
                 s.y = s.T
         else:
-            steps = (s.rate * L * (1.0 + s.exponent) + s.fastest + s.links) * dt / 0.3
-            while m < steps and m < MOST_SUBSTEPS:
-                m = 2 * m
-            h = dt / m
-            ds = (s.sink[k] - s.sink[k - 1]) / m
-            dq = (s.linked[k] - s.linked[k - 1]) / m
-            sink = s.sink[k - 1]
-            q = s.linked[k - 1]
-            for i in range(m):
-                s1 = sink + ds
-                q1 = q + dq
-                T0 = s.T
-                # A probe needed the slope at the end of the last piece: under the same drive it is that at the start of this one.
-                if s.lag > 0.0 and H == s.end_heat and L == s.end_loss:
-                    k1 = s.end
-                else:
-                    k1 = slope_of(T0, s.Z, s.masses, s.rate, H, L, sink, &s.power, s.hidden, s.links, q)
-                for j in range(s.masses):
-                    Z0[j] = s.Z[j]
-                    z1[j] = s.hidden_rate[j] * (T0 - Z0[j])
-                    Z1[j] = Z0[j] + 0.5 * h * z1[j]
-                k2 = slope_of(T0 + 0.5 * h * k1, Z1, s.masses, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links, q + 0.5 * dq)
-                for j in range(s.masses):
-                    z2[j] = s.hidden_rate[j] * (T0 + 0.5 * h * k1 - Z1[j])
-                    Z1[j] = Z0[j] + 0.5 * h * z2[j]
-                k3 = slope_of(T0 + 0.5 * h * k2, Z1, s.masses, s.rate, H, L, sink + 0.5 * ds, &s.power, s.hidden, s.links, q + 0.5 * dq)
-                for j in range(s.masses):
-                    z3[j] = s.hidden_rate[j] * (T0 + 0.5 * h * k2 - Z1[j])
-                    Z1[j] = Z0[j] + h * z3[j]
-                k4 = slope_of(T0 + h * k3, Z1, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
-                for j in range(s.masses):
-                    z4 = s.hidden_rate[j] * (T0 + h * k3 - Z1[j])
-                    s.Z[j] = Z0[j] + h / 6.0 * (z1[j] + 2.0 * z2[j] + 2.0 * z3[j] + z4)
-                s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-                if s.lag > 0.0:
-                    k4 = slope_of(s.T, s.Z, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
-                    s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
-                    s.end, s.end_heat, s.end_loss = k4, H, L
-                sink = s1
-                q = q1
-            if s.lag == 0.0:
-                s.y = s.T
+            cut_up(s, dt, k, H, L)
     s.out[k] = s.y
     if s.delay > 0.0:
         s.slope[k] = end_slope(s, H, L, k)
