@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .arrow import arrow_inverse, assemble
-from .coordinates import Searched
 from .core.kernel import Array
 from .greybox import LEVEL, RATE, START, Key, Model, Part
-from .joint import Fit, fit_model, search
+from .joint import Fit, fit_model, inverse_normal_equations, search
 from .noise.discrepancy import Columns, Noise
 from .observations import Observations
 
@@ -57,26 +55,20 @@ def posterior(fit: Fit) -> Posterior:
     ------
     ValueError: the fit has no noise model.
     """
-    if fit.columns is None:
+    if fit.columns is None or fit.own is None or fit.shared_amplitudes is None:
         raise ValueError("a fit without a noise model has no posterior of its disturbance")
     run, kl, ks = fit.run, fit.local.shape[1], len(fit.shared)
     weight = run.weight / np.maximum(run.noise, 1e-9)[:, None] ** 2
-    whole = Searched(fit.model, fit.columns, fit.prior)
-    local, shared = whole.joined(fit.local, fit.shared, fit.own, fit.shared_amplitudes)
-    by_local, by_shared = np.concatenate([fit.by_local, fit.columns.own]), np.concatenate([fit.by_shared, fit.columns.shared])
-    parts = assemble(by_local, by_shared, fit.residual, weight, whole.active, whole.prior, local, shared)
-    blocks, border, corner = parts[:3]
-    with np.errstate(all="ignore"):
-        inverse = arrow_inverse(blocks, border, corner, whole.active)
+    (blocks, border, corner), covariances = inverse_normal_equations(fit, weight)
     # Integrating out the amplitudes: the determinant of their own part of the normal equations (the matrix determinant lemma).
     own, cross, rest = blocks[:, kl:, kl:], border[:, kl:, ks:], corner[ks:, ks:]
     solved = np.linalg.solve(own, cross)
     schur = rest - (cross.transpose(0, 2, 1) @ solved).sum(axis=0)
     determinant = np.linalg.slogdet(own)[1].sum() + np.linalg.slogdet(schur)[1]
     used = run.used
-    cost = (weight * fit.residual**2).sum() + float((local[:, kl:] ** 2).sum()) + float((shared[ks:] ** 2).sum())
+    cost = (weight * fit.residual**2).sum() + float((fit.own**2).sum()) + float((fit.shared_amplitudes**2).sum())
     white = float(np.log(2.0 * np.pi / weight[used]).sum())
-    return Posterior(fit, *inverse, -0.5 * (float(cost) + white + float(determinant)))
+    return Posterior(fit, *covariances, -0.5 * (float(cost) + white + float(determinant)))
 
 
 def fit_with_noise(

@@ -62,12 +62,12 @@ class Searched:
         amplitudes = np.zeros(k) if amplitudes is None else amplitudes
         return np.concatenate([local, own], axis=1), np.concatenate([shared, amplitudes])
 
-    def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array, Array, Array]:
-        """(model (R, N), disturbance (R, N), derivatives by all local (a, R, N) and by all shared (b, R, N) coordinates)."""
+    def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array | float, Array, Array]:
+        """(model (R, N), disturbance (R, N) or 0, derivatives by all local (a, R, N) and by all shared (b, R, N) coordinates)."""
         common = np.broadcast_to(shared[: self.ks], (len(local), self.ks))
         curve, by_local, by_shared = self.model.with_jacobian(local[:, : self.kl], common, sensor)
         if not len(self.columns.own) and not len(self.columns.shared):
-            return curve, np.zeros_like(curve), by_local, by_shared
+            return curve, 0.0, by_local, by_shared
         own, all_ = self.columns.own[:, sensor], self.columns.shared[:, sensor]
         moved = np.einsum("rm,mrn->rn", local[:, self.kl :], own) + np.einsum("k,krn->rn", shared[self.ks :], all_)
         return curve, moved, np.concatenate([by_local, own]), np.concatenate([by_shared, all_])

@@ -179,12 +179,12 @@ class Fit:
     def covariance(self) -> tuple[Array, Array, Array]:
         """Covariances in search coordinates: local (S, kl, kl), shared (ks, ks), and shared with local (S, kl, ks).
 
-        The noise of each sensor is that of its residuals.
+        The noise of each sensor is that of its residuals; with coloured noise it is the run's, and the amplitudes are integrated out.
         """
-        weight = self.run.weight / self.noise[:, None] ** 2
-        blocks, border, corner, _, _ = _normal_equations(self, weight)
-        with np.errstate(all="ignore"):  # a direction without any information has a variance beyond all numbers
-            return arrow_inverse(blocks, border, corner, self.model.active)
+        noise = self.noise if self.columns is None else np.maximum(self.run.noise, 1e-9)
+        _, (local, shared, cross) = inverse_normal_equations(self, self.run.weight / noise[:, None] ** 2)
+        kl, ks = self.local.shape[1], len(self.shared)
+        return local[:, :kl, :kl], shared[:ks, :ks], cross[:, :kl, :ks]
 
     def joint_covariance(self, sensor: int) -> Array:
         """Covariance (kl + ks, kl + ks) of one sensor's own and the shared parameters, in search coordinates."""
@@ -211,9 +211,18 @@ class Fit:
         return found
 
 
-def _normal_equations(fit: Fit, weight: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Blocks (S, kl, kl), border (S, kl, ks), corner (ks, ks) and right sides (S, kl), (ks,) with weights (S, N)."""
-    return assemble(fit.by_local, fit.by_shared, fit.residual, weight, fit.model.active, fit.prior, fit.local, fit.shared)
+def inverse_normal_equations(fit: Fit, weight: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
+    """(blocks (S, a, a), border (S, a, b), corner (b, b)) of parameters and amplitudes with weights (S, N), and their covariances
+    local (S, a, a), shared (b, b), local with shared (S, a, b).
+    """
+    whole = Searched(fit.model, fit.columns, fit.prior)
+    local, shared = whole.joined(fit.local, fit.shared, fit.own, fit.shared_amplitudes)
+    by_local, by_shared = fit.by_local, fit.by_shared
+    if fit.columns is not None:
+        by_local, by_shared = np.concatenate([by_local, fit.columns.own]), np.concatenate([by_shared, fit.columns.shared])
+    parts = assemble(by_local, by_shared, fit.residual, weight, whole.active, whole.prior, local, shared)[:3]
+    with np.errstate(all="ignore"):  # a direction without any information has a variance beyond all numbers
+        return parts, arrow_inverse(*parts, whole.active)
 
 
 def start_values(run: Observations) -> dict[Key, Any]:
@@ -300,7 +309,9 @@ def search(
     def evaluate(at_local: Array, at_shared: Array, on: Any) -> tuple[Array, ...]:
         with np.errstate(all="ignore"):
             curve, moved, dl, ds = whole.with_jacobian(at_local, at_shared, sensor[on])
-            residual = np.where(used[on], reading[on] - curve - moved, 0.0)
+            residual = np.where(used[on], reading[on] - curve, 0.0)
+            if columns is not None:
+                residual = np.where(used[on], residual - moved, 0.0)
             cost = (weight[on] * residual**2).sum(axis=1)
             if prior is not None:
                 cost = cost + prior.cost(at_local, at_shared)
@@ -363,13 +374,13 @@ def at_rates(fit: Fit, rates: Array) -> Fit:
     model = Model(fit.run, fit.model.parts).freeze(RATE)
     local, at = fit.local.copy(), model.column(RATE)
     local[:, at] = np.clip(np.log(rates), model.low_local[at], model.high_local[at])
-    return search(model, local, fit.shared.copy(), fit.prior, 6, hold_shared=True)
+    return search(model, local, fit.shared.copy(), fit.prior, 6, hold_shared=True, columns=fit.columns)
 
 
 def refit(fit: Fit, run: Observations, most: int = 12) -> Fit:
     """The same model fitted to other weights of the same grid, from where `fit` ended."""
     model = Model(run, fit.model.parts)
-    return search(model, fit.local.copy(), fit.shared.copy(), fit.prior, most)
+    return search(model, fit.local.copy(), fit.shared.copy(), fit.prior, most, columns=fit.columns)
 
 
 def with_parts(fit: Fit, parts: Sequence[Part]) -> dict[Key, Any]:

@@ -12,7 +12,7 @@ from scipy.stats import chi2, multivariate_normal
 
 from thermofast.models import Observations
 from thermofast.models.coloured import fit_with_noise, posterior
-from thermofast.models.joint import LEVEL, RATE, START, fit_model
+from thermofast.models.joint import LEVEL, RATE, START, at_rates, fit_model, refit
 from thermofast.models.noise.discrepancy import Columns, Flutter, Noise, RandomWalk
 
 WALK, LOAD = 0.10, 0.01
@@ -177,3 +177,13 @@ def test_the_variance_of_a_prediction_is_that_of_the_whole_normal_equations():
     mean, variance = posterior(fit).predict(run, fit.columns)
     assert variance == pytest.approx(dense, rel=1e-3)
     assert mean == pytest.approx(fit.curve + fit.discrepancy, abs=1e-9)
+
+
+def test_a_fit_fitted_again_keeps_its_noise_and_its_errors_know_of_it():
+    run = record(11)
+    fit = fit_with_noise(run, BOTH)
+    assert refit(fit, run.without(run.time > 80.0)).columns is fit.columns
+    assert at_rates(fit, np.array([0.03, 0.04])).columns is fit.columns
+    known = posterior(fit)
+    assert fit.covariance[0] == pytest.approx(known.local[:, :3, :3])
+    assert (fit.deviations[LEVEL] > 3.0 * fit_model(run).deviations[LEVEL]).all()
