@@ -179,7 +179,7 @@ class Fit:
     def covariance(self) -> tuple[Array, Array, Array]:
         """Covariances in search coordinates: local (S, kl, kl), shared (ks, ks), and shared with local (S, kl, ks).
 
-        The noise of each sensor is that of its residuals; with coloured noise it is the run's, and the amplitudes are integrated out.
+        The noise of each sensor is that of its residuals; with coloured noise it is the run's, the amplitudes integrated out.
         """
         noise = self.noise if self.columns is None else np.maximum(self.run.noise, 1e-9)
         _, (local, shared, cross) = inverse_normal_equations(self, self.run.weight / noise[:, None] ** 2)

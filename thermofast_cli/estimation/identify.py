@@ -216,26 +216,26 @@ class _Block:
                 side[k] = math.nan if value is None else value
         for side in to_go:
             side[np.isnan(found.t95)] = math.nan
-        columns = [
-            _or_none(column)
-            for column in (
-                found.initial,
-                found.steady_state,
-                found.steady_low,
-                found.steady_high,
-                found.limit,
-                steady,
-                found.t95,
-                found.t95_low,
-                found.t95_high,
-                settled,
-                *to_go,
-                found.rate,
-                found.noise,
-                found.misfit,
-                ahead,
-            )
-        ]
+        numbers = {
+            "initial_c": found.initial,
+            "steady_state_c": found.steady_state,
+            "steady_state_lo_c": found.steady_low,
+            "steady_state_hi_c": found.steady_high,
+            "steady_state_limit_c": found.limit,
+            "steady_state_measured_c": steady,
+            "t95_min": found.t95,
+            "t95_lo_min": found.t95_low,
+            "t95_hi_min": found.t95_high,
+            "t95_measured_min": settled,
+            "time_to_go_min": to_go[0],
+            "time_to_go_lo_min": to_go[1],
+            "time_to_go_hi_min": to_go[2],
+            "rate_per_min": found.rate,
+            "noise_c": found.noise,
+            "rmse_fit_c": found.misfit,
+            "rmse_ahead_c": ahead,
+        }
+        columns = [_or_none(column) for column in numbers.values()]
         until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
         records: list[IdentifyRecord] = []
         for i, (row, values) in enumerate(zip(sensors.rows.tolist(), zip(*columns, strict=True), strict=True)):
@@ -243,9 +243,9 @@ class _Block:
                 records.append(replace(self._diverged(i, broken[i]).record, until_min=until))
                 continue
             message = _joined([*messages.get(i, ()), *sensors.notes[i], self.notes[row]])
-            # By position: the columns above are in the order of the record's fields.
-            told: tuple[Any, ...] = (*values, status[i], message)
-            records.append(IdentifyRecord(self.run, self.channels[row], self.filter, until, n, self.start_min, *told))
+            told: dict[str, Any] = dict(zip(numbers, values, strict=True))
+            head = self.run, self.channels[row], self.filter, until, n, self.start_min
+            records.append(IdentifyRecord(*head, **told, status=status[i], message=message))
         return records
 
     def _ahead(self, found: Estimates) -> tuple[Array, dict[int, float]]:

@@ -337,9 +337,12 @@ def _parse_body(
 
 def _lines_of_rows(body: bytes, rows: int, delimiter: str, dialect: Dialect) -> Sequence[int]:
     """Of each row its line in the file, from 0; empty lines and rows of another width, left out in reading, count too."""
-    lines = LINE_END.split(body.decode("utf-8", errors="replace")) if body.count(b"\n") > rows else []
-    if not any(not line.strip() for line in lines[:-1]):
+    end = len(body)
+    while end and body[end - 1 : end].isspace():  # empty lines at the end shift nothing
+        end -= 1
+    if body.count(b"\n", 0, end) < rows:
         return range(dialect.data_line, dialect.data_line + rows)
+    lines = LINE_END.split(body.decode("utf-8", errors="replace"))
     full = [i for i, line in enumerate(lines) if line and len(split(line, delimiter)) == dialect.width]
     found = [dialect.data_line + i for i in full]
     return found if len(found) == rows else range(dialect.data_line, dialect.data_line + rows)
