@@ -33,7 +33,7 @@ class Prior:
         return np.asarray(own + float(off_shared @ self.shared_precision @ off_shared) / len(local))
 
 
-class Searched:
+class SearchSpace:
     """The coordinates that a search moves: those of the model and, beside them, the amplitudes of the noise's columns."""
 
     def __init__(self, model: Model, columns: Columns | None, prior: Prior | None) -> None:

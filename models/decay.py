@@ -58,7 +58,7 @@ class DecayFit(FitMoments):
     t0: float
 
     @classmethod
-    def told(cls, t0: float, table: Fits) -> "DecayFit":
+    def from_table(cls, t0: float, table: Fits) -> "DecayFit":
         """The fit that the core tells as one record of FIT, or the fits of an array of them (S,), for times counted from t0."""
         values = {f.name: table[f.name] if table.ndim else float(table[f.name]) for f in fields(cls) if f.name != "t0"}
         return cls(**values, t0=t0)
@@ -150,7 +150,7 @@ def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: 
     t, y, w = (np.ascontiguousarray(a, dtype=float) for a in (time, reading, weight))
     out = np.empty(1, kernel.FIT)
     kernel.fit_decay(t, y, w, signed, out)
-    return DecayFit.told(float(time[0]), out[0])
+    return DecayFit.from_table(float(time[0]), out[0])
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ def likelihoods(
     weight = np.array(weight, dtype=float)
     counts = np.array([len(time)], dtype=np.intp)
     table = _fits(time, reading, weight, counts, np.asarray(first, dtype=np.intp), np.asarray(resolution, float), outlier)[:, 0]
-    fit = DecayFit.told(float(time[0]), table)
+    fit = DecayFit.from_table(float(time[0]), table)
     bounds = table["rate_low"], table["rate_high"], table["steady_low"], table["steady_high"]
     rate_low, rate_high, low, high = _open_sides(fit.slope, bounds)
     exact = np.isnan(table["steady_low"]) & (fit.n > 3)  # no noise at all: the estimate is exact
@@ -276,7 +276,7 @@ def likelihood_sweeps(
     states = np.stack([temperature, slope * np.exp(-rate * since), rate], axis=-1)
     width = np.where(np.isnan(out["rate_low"]), np.nan, out["steady_high"] - out["steady_low"])
     exact = (out["n"] > 3) & np.isnan(out["steady_low"]) & np.isfinite(rate)
-    return states, np.where(exact, 0.0, width), DecayFit.told(float(time[0]), out[:, -1])
+    return states, np.where(exact, 0.0, width), DecayFit.from_table(float(time[0]), out[:, -1])
 
 
 def likelihood_sweep(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrow import arrow_inverse, arrow_step, assemble, finite_slopes
-from .coordinates import Prior, Searched
+from .coordinates import Prior, SearchSpace
 from .core.kernel import Array
 from .decay import fit_decay
 from .greybox import BASE, LEVEL, RATE, SINK, START, Key, Model, Part
@@ -215,7 +215,7 @@ def inverse_normal_equations(fit: Fit, weight: Array) -> tuple[tuple[Array, Arra
     """(blocks (S, a, a), border (S, a, b), corner (b, b)) of parameters and amplitudes with weights (S, N), and their covariances
     local (S, a, a), shared (b, b), local with shared (S, a, b).
     """
-    whole = Searched(fit.model, fit.columns, fit.prior)
+    whole = SearchSpace(fit.model, fit.columns, fit.prior)
     local, shared = whole.joined(fit.local, fit.shared, fit.own, fit.shared_amplitudes)
     by_local, by_shared = fit.by_local, fit.by_shared
     if fit.columns is not None:
@@ -296,7 +296,7 @@ def search(
     A row ends with a step that gains less than `ends_at`: in units of the noise variance, and as a share of the sum of squares.
     `polish` undamped steps follow, which no sum of squares judges: near its minimum it is flat to rounding, its slope is not.
     """
-    whole, given = Searched(model, columns, prior), prior
+    whole, given = SearchSpace(model, columns, prior), prior
     prior = whole.prior
     local, shared = whole.joined(local, shared, None, None)
     run = model.run

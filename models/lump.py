@@ -172,7 +172,7 @@ class Lump:
         settled, table = np.zeros(rows, np.uint8), np.empty(rows, kernel.FIT)
         t, y = np.ascontiguousarray(time), np.ascontiguousarray(reading)
         kernel.start_decay(t, y, np.ascontiguousarray(resolution), start_rule(), weights, used, noise, settled, table)
-        fit = DecayFit.told(float(time[0]), table)
+        fit = DecayFit.from_table(float(time[0]), table)
         mean, covariance = fit.state(time[np.maximum(used, 1) - 1])
         index = np.where(used > 0, used - 1, -1)
         return LumpStarts(index, mean, covariance, noise, np.maximum(fit.dof, 1.0), weights, settled.astype(bool))

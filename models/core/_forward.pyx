@@ -157,7 +157,7 @@ cdef inline double faded(Lump* s, double h) noexcept nogil:
     return s.fade
 
 
-cdef void cut_up(Lump* s, double dt, Py_ssize_t k, double H, double L) noexcept nogil:
+cdef void runge_kutta(Lump* s, double dt, Py_ssize_t k, double H, double L) noexcept nogil:
     """One interval of a row without an exact step, by the classical Runge-Kutta rule in equal pieces; apart from the quick ways, so
     that these stay in the processor's registers.
     """
@@ -247,7 +247,7 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
             else:
                 s.y = s.T
         else:
-            cut_up(s, dt, k, H, L)
+            runge_kutta(s, dt, k, H, L)
     s.out[k] = s.y
     if s.delay > 0.0:
         s.slope[k] = end_slope(s, H, L, k)

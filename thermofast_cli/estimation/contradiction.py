@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 def outside_band(residual: Array, half_width: Array, noise: Array | float) -> NDArray[np.bool_]:
     """Which residuals (..., n) leave the prediction's band; nan ones do not. Broadcasts."""
     with np.errstate(invalid="ignore"):
-        outside: NDArray[np.bool_] = np.abs(residual) > RULES.wider * half_width + RULES.noises * noise
+        outside: NDArray[np.bool_] = np.abs(residual) > RULES.band_factor * half_width + RULES.noise_factor * noise
     return outside
 
 

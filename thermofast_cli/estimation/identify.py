@@ -89,7 +89,7 @@ def identify_sensors(
     blocks: list[Sensors] = []
     for block in prepare_all(time_min, values, start_min):
         keep = np.ones(len(block), dtype=bool)
-        for i in block.suspects(until_min, RULES.fewest_readings):
+        for i in block.maybe_refused(until_min, RULES.fewest_readings):
             row, refused = block.rows[i], refusal(block.one(i), until_min)
             if refused is not None:
                 status, why, samples = refused

@@ -20,10 +20,10 @@ class EstimationRules:
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
     )
     widest: float = rule(5.0, "rise so far", "a wider interval of the steady state determines nothing", BY_HAND)
-    wider: float = rule(
+    band_factor: float = rule(
         3.29 / 1.96, "1", "times the 95 % band that readings ahead may leave it by", "the normal quantile of one in a thousand"
     )
-    noises: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
+    noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")
     fewest_complete: int = rule(30, "readings", "of a record that may be complete", "a last tenth of three readings")

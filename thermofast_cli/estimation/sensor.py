@@ -57,7 +57,7 @@ class Sensors:
         """The i-th of them."""
         return Sensor(self.time, self.reading[i], float(self.resolution[i]), self.notes[i])
 
-    def suspects(self, until_min: float | None, fewest: int) -> list[int]:
+    def maybe_refused(self, until_min: float | None, fewest: int) -> list[int]:
         """Those that may have nothing to identify in the first `until_min`: fewer readings than `fewest`, or all of them alike."""
         count = self.until(until_min)
         if count < fewest:

@@ -109,7 +109,7 @@ class _Block:
     def swept(self) -> list[Swept]:
         """Of every sensor: those whose likelihood closes at each time together, the others one by one."""
         found: dict[int, Swept] = {}
-        for i in self.sensors.suspects(self.windows[-1], RULES.fewest_readings):
+        for i in self.sensors.maybe_refused(self.windows[-1], RULES.fewest_readings):
             refused = refusal(self.sensors.one(i), self.windows[-1])
             if refused is not None:
                 found[i] = self._failed(i, refused[0], refused[1], self.notes[self.sensors.rows[i]])
