@@ -154,18 +154,8 @@ def fit_decay(time: Array, reading: Array, weight: Array | None = None, signed: 
 
 
 @dataclass(frozen=True)
-class Likelihood:
-    """Fit of the first readings of a record with its 95 % intervals, and the weights (n,) that it ended with."""
-
-    fit: DecayFit
-    steady_state: Interval
-    rate: Interval
-    weights: Array
-
-
-@dataclass(frozen=True)
 class Likelihoods:
-    """As :class:`Likelihood` for S records on one grid: bounds (S,), nan for a side that is open; weights (S, n).
+    """Fits of S records on one grid, 95 % bounds (S,), nan for a side that is open, and the weights (S, n) that they ended with.
 
     Where nothing could be fitted the rate is nan.
     """
@@ -176,11 +166,6 @@ class Likelihoods:
     rate_low: Array
     rate_high: Array
     weights: Array
-
-    def one(self, i: int) -> Likelihood:
-        """The i-th."""
-        steady = interval(self.steady_low[i], self.steady_high[i])
-        return Likelihood(self.fit.one(i), steady, interval(self.rate_low[i], self.rate_high[i]), self.weights[i])
 
 
 def interval(low: float, high: float) -> Interval:
@@ -243,14 +228,6 @@ def likelihoods(
         np.where(exact, fit.rate, rate_high),
         weight,
     )
-
-
-def likelihood(
-    time: Array, reading: Array, weight: Array, resolution: float = 0.0, first: int = 0, outlier: float = OUTLIER
-) -> Likelihood | None:
-    """As :func:`likelihoods` for one record; None where there is nothing to fit."""
-    found = likelihoods(time, reading[None], weight[None], np.array([resolution]), np.array([first], dtype=np.intp), outlier).one(0)
-    return None if math.isnan(found.fit.rate) else found
 
 
 def likelihood_sweeps(

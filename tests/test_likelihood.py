@@ -1,6 +1,7 @@
 """The fit, its intervals and its limit, against scipy and against brute force."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,16 @@ from scipy.optimize import curve_fit, minimize
 from scipy.special import stdtrit
 from simulator import lump, spindle
 
-from thermofast.models import DecayFit, fit_decay, likelihood, pattern_p_value, spike_weights, variance_inflation
+from thermofast.models import DecayFit, fit_decay, interval, likelihoods, pattern_p_value, spike_weights, variance_inflation
+
+
+def likelihood(time, reading, weight):
+    """One record as a block of one: its fit, bounds and weights; None where there is nothing to fit."""
+    found = likelihoods(time, reading[None], weight[None], np.zeros(1), np.zeros(1, dtype=np.intp))
+    if np.isnan(found.fit.rate[0]):
+        return None
+    steady, rate = interval(found.steady_low[0], found.steady_high[0]), interval(found.rate_low[0], found.rate_high[0])
+    return SimpleNamespace(fit=found.fit.one(0), steady_state=steady, rate=rate, weights=found.weights[0])
 
 
 def law(t, steady, drop, rate):
