@@ -1,0 +1,26 @@
+from numpy import intp, uint8
+from numpy.typing import NDArray
+
+from .fit import Array
+
+def mixture(
+    reading: Array,
+    noise: Array,
+    ones: Array,
+    law: Array,
+    node: NDArray[intp],
+    share: Array,
+    covariance: Array,
+    relative: Array,
+    absolute: Array,
+    rise: Array,
+    kind: NDArray[intp],
+    scale: Array,
+    active: NDArray[uint8],
+    asked: int,
+    evidence: Array,
+    squares: Array,
+    mean: Array,
+    variance: Array,
+) -> None: ...
+def quantiles(weight: Array, mean: Array, deviation: Array, level: Array, out: Array) -> None: ...

@@ -1,0 +1,86 @@
+"""Evidence and predictions of many Gaussian-process hypotheses over block means.
+
+For sensor i, rate f and hypothesis h the readings are law + discrepancy + noise, y = T0 1 + v0 phi + d + e, with flat priors on T0
+and v0, e of variance D and d of covariance K = s (R^2 A + W): relative and absolute parts of the hypothesis' kind, the kind's over
+the background's where it is a strong effect. Out come the log of the marginal likelihood (restricted: both linear parameters
+integrated out), the squares that are left, and the mean and the variance of what is asked for.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def mixture(
+    reading: Array,
+    noise: Array,
+    ones: Array,
+    law: Array,
+    node: NDArray[np.intp],
+    share: Array,
+    covariance: Array,
+    relative: Array,
+    absolute: Array,
+    rise: Array,
+    kind: NDArray[np.intp],
+    scale: Array,
+    active: NDArray[np.uint8],
+    asked: int,
+    evidence: Array,
+    squares: Array,
+    mean: Array,
+    variance: Array,
+) -> None:
+    """Fills evidence, squares (S, F, H), mean and variance (S, F, H, asked); nan in evidence where not active or not solvable.
+
+    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k); node (S, F) and share (S, F) place a rate between nodes of
+    covariance (G, components, m + k, m + k); relative, absolute (S, kinds, components); rise (S, F) [K^2]; kind, scale (H,).
+    """
+    m = reading.shape[2]
+    wide = m + asked
+    evidence[...] = np.nan
+    for i, f in np.argwhere(active.any(axis=2)).tolist():
+        g, w = node[i, f], share[i, f]
+        parts = (1.0 - w) * covariance[g, :, :wide, :wide] + w * covariance[g + 1, :, :wide, :wide]
+        types = np.einsum("kn,nrc->krc", rise[i, f] * relative[i] + absolute[i], parts)
+        rows = np.flatnonzero(active[i, f])
+        whole = scale[rows, None, None] * types[kind[rows]] + np.where(kind[rows, None, None] > 0, types[0], 0.0)
+        try:
+            factor = np.linalg.cholesky(whole[:, :m, :m] + np.diag(noise[i]))
+        except np.linalg.LinAlgError:
+            continue
+        known = np.stack([reading[i, f], ones[:m], law[i, f, :m]], axis=1)
+        right = np.concatenate([np.broadcast_to(known, (len(rows), m, 3)), whole[:, :m, m:]], axis=2)
+        white = np.linalg.solve(factor, right)
+        y, x, cross = white[..., 0], white[..., 1:3], white[..., 3:]
+        normal = np.einsum("hmi,hmj->hij", x, x)
+        beta = np.linalg.solve(normal, np.einsum("hmi,hm->hi", x, y)[..., None])[..., 0]
+        left = y - np.einsum("hmi,hi->hm", x, beta)
+        squares[i, f, rows] = (left**2).sum(axis=1)
+        logs = 2.0 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        evidence[i, f, rows] = -0.5 * (logs + np.linalg.slogdet(normal)[1] + squares[i, f, rows])
+        if not asked:
+            continue
+        target = np.stack([ones[m:wide], law[i, f, m:wide]], axis=1)
+        mean[i, f, rows] = beta @ target.T + np.einsum("hmt,hm->ht", cross, left)
+        rest = target - np.einsum("hmt,hmi->hti", cross, x)
+        own = np.diagonal(whole[:, m:, m:], axis1=1, axis2=2) - (cross**2).sum(axis=1)
+        spread = np.einsum("hti,hij,htj->ht", rest, np.linalg.inv(normal), rest)
+        variance[i, f, rows] = np.maximum(own + spread, 0.0)
+
+
+def quantiles(weight: Array, mean: Array, deviation: Array, level: Array, out: Array) -> None:
+    """Fills out with the quantiles at `level` of a mixture of normal distributions (n,)."""
+    from scipy.special import ndtr
+
+    sure = deviation <= 0.0
+    width = np.where(sure, 1.0, deviation)
+    low = np.full(len(level), (mean - 9.0 * deviation).min())
+    high = np.full(len(level), (mean + 9.0 * deviation).max())
+    for _ in range(70):
+        middle = 0.5 * (low + high)
+        below = np.where(sure, middle[:, None] >= mean, ndtr((middle[:, None] - mean) / width))
+        under = below @ weight < level * weight.sum()
+        low, high = np.where(under, middle, low), np.where(under, high, middle)
+    out[:] = 0.5 * (low + high)

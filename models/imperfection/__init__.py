@@ -1,0 +1,6 @@
+"""How far machines leave the law, and what may be said of them all the same."""
+
+from .posterior import Part, Rates, Settled, settle
+from .prior import NONE, TYPICAL, Imperfection, Sizes
+
+__all__ = ["NONE", "TYPICAL", "Imperfection", "Part", "Rates", "Settled", "Sizes", "settle"]

@@ -1,0 +1,55 @@
+"""Means of readings over blocks: the discrepancy is smooth, so a dozen and a half of them say what thousands of readings say."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Blocks of a record: half as many leave the intervals as they are to a few per cent (``python -m benchmarks.imperfect``).
+MOST = 14
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """time (m,) [min] and mean (S, m) [degC] of the readings of S sensors in each block; spread (m,) [min^2] of their times.
+
+    noise (S, m) [K^2] is the variance of a mean by the noise of the readings and by the logger's step.
+    """
+
+    time: Array
+    spread: Array
+    mean: Array
+    noise: Array
+    last: float
+
+
+def block_means(time: Array, reading: Array, noise: Array, resolution: Array, tau: float, most: int = MOST) -> Blocks:
+    """Blocks of the readings (S, n) at time (n,) [min], of equal length at first, growing where a record is long against tau [min].
+
+    noise (S,) [K] is a reading's standard deviation, resolution (S,) [K] the logger's step. The first twentieth of a time constant is
+    left out, of a short record a tenth at most: a probe's own lag and uneven starts live there.
+    """
+    span = float(time[-1] - time[0])
+    kept = time - time[0] >= min(0.05 * tau, 0.1 * span)
+    if kept.sum() < 6:
+        kept = np.ones(len(time), dtype=bool)
+    t, y = time[kept], reading[:, kept]
+    growing = min(max(np.log(max(span, 1e-12) / (1.5 * tau)), 0.0), 3.0)
+    even = np.linspace(0.0, 1.0, most + 1)
+    edges = t[0] + (t[-1] - t[0]) * (even if growing < 1e-6 else np.expm1(growing * even) / np.expm1(growing))
+    block = np.clip(np.searchsorted(edges, t, "right") - 1, 0, most - 1)
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    count = np.diff(np.append(first, len(t)))
+    middle = np.add.reduceat(t, first) / count
+    spread = np.maximum(np.add.reduceat(t * t, first) / count - middle**2, 0.0)
+    mean = np.add.reduceat(y, first, axis=1) / count
+    # Readings that pass several of the logger's steps within a block average its rounding out; those on one step do not.
+    steps = np.maximum.reduceat(y, first, axis=1) - np.minimum.reduceat(y, first, axis=1)
+    with np.errstate(all="ignore"):
+        passed = np.where(resolution[:, None] > 0.0, steps / resolution[:, None], 0.0)
+    rounding = resolution[:, None] ** 2 / 12.0 / (1.0 + passed) ** 2
+    floor = (2e-5 * np.ptp(y, axis=1) + 1e-9) ** 2
+    variance = np.maximum(noise[:, None] ** 2, floor[:, None]) / count + rounding
+    return Blocks(middle, spread, mean, np.maximum(variance, floor[:, None]), float(time[-1]))

@@ -1,0 +1,322 @@
+"""Where sensors will settle when their machine is not the law: law, discrepancy and noise, averaged over all that is unknown.
+
+The rate is the one parameter that is not linear; it and the size of the discrepancy run over grids, and all the rest is closed form
+(``models/core/_mixture_numpy.py``). Sensors of a run tell each other two things: how large the disturbances of this run are, and,
+where their rates agree, the rate.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import _mixture_numpy
+from ..core.tails import f_tail, normal_tail
+from .blocks import Blocks, block_means
+from .prior import COMPONENTS, LOG_TWENTY, Imperfection
+from .shapes import LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law
+
+core: Any
+try:
+    from ..core import _mixture as core
+except ImportError:
+    core = _mixture_numpy
+
+Array = NDArray[np.float64]
+Rates = Literal["auto", "own", "shared"]
+
+#: Between nodes of the log rate the covariances are straight lines; the law itself is exact at every rate.
+NODE_STEP = 0.12
+#: Rates looked at lie between these over the length of the record.
+SLOWEST, FASTEST = 1.0 / 12.0, 60.0
+#: Rates at a time, and how often the grid is drawn closer around the posterior.
+FINE, PASSES = 24, 4
+#: Sensors beyond this many add nothing that the first have not said: their disturbances are common.
+COUNTED_OTHERS = 2.0
+LEVELS = np.array([0.025, 0.5, 0.975])
+#: A hypothesis below this share of the posterior is left out of the predictions.
+LEAST_WEIGHT = 2e-5
+
+
+@dataclass(frozen=True)
+class Part:
+    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]."""
+
+    time: Array
+    reading: Array
+    noise: Array
+    resolution: Array
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What S sensors will do; three numbers are the 2.5 %, 50 % and 97.5 % quantiles.
+
+    steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k, 3)
+    [degC] at the times asked for; rate (S, 3) [1/min]; log_rate_sd (S,), and that of the prior; check_p (S,): of readings that leave law and discrepancy
+    this far; strong (S,): probability of a strong effect; unseen (S,) [K]: what a slow second mass may add after the last reading,
+    where there is one (95 %), unseen_from (S,) [min] its least time constant; hides (S,): probability that slow modes add more than the half-width of the interval;
+    agrees (S, S): whose rates were shared.
+    """
+
+    steady: Array
+    t95: Array
+    at: Array
+    rate: Array
+    log_rate_sd: Array
+    prior_log_rate_sd: float
+    check_p: Array
+    strong: Array
+    scale: Array
+    unseen: Array
+    unseen_from: Array
+    hides: Array
+    agrees: NDArray[np.bool_]
+
+
+def settle(parts: Sequence[Part], tau: float, prior: Imperfection, at: Sequence[float] = (), rates: Rates = "auto") -> Settled:
+    """The posterior of S sensors of one run, their parts one after the other.
+
+    tau [min] is the pilot's time constant, a guess that sets the scale of the prior; at [min] are times after the first reading.
+    """
+    return _Run(parts, tau, prior, Asked(np.asarray(at, dtype=float)), rates).settled()
+
+
+class _Run:
+    """Everything about a run that the passes share."""
+
+    def __init__(self, parts: Sequence[Part], tau: float, prior: Imperfection, asked: Asked, rates: Rates) -> None:
+        self.prior, self.asked, self.rates = prior, asked, rates
+        self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, tau) for p in parts]
+        self.rows = np.cumsum([0, *(len(p.reading) for p in parts)])
+        self.count = int(self.rows[-1])
+        span = max(b.last for b in self.blocks)
+        self.nodes = np.arange(np.log(SLOWEST / span), np.log(FASTEST / span) + NODE_STEP, NODE_STEP)
+        self.covariance = [
+            np.ascontiguousarray(covariances(np.exp(self.nodes), b.time, b.last, tau / 60.0, asked)) for b in self.blocks
+        ]
+        self.kind, self.scale, self.log_prior = prior.hypotheses()
+        self.relative, self.absolute = prior.kinds()
+        self.base = self.kind == 0
+        self.centre = -np.log(tau)
+
+    def log_rate_prior(self, log_rate: Array) -> Array:
+        found: Array = -0.5 * ((log_rate - self.centre) / self.prior.log_rate_spread) ** 2
+        return found
+
+    def evaluate(self, log_rate: Array, active: NDArray[np.bool_], asked: int) -> tuple[Array, Array, Array, Array, Array]:
+        """evidence, squares (S, F, H), mean, variance (S, F, H, asked) and signed rise (S, F) at log rates (S, F)."""
+        shape = (*log_rate.shape, len(self.kind))
+        evidence, squares = np.full(shape, np.nan), np.full(shape, np.nan)
+        mean, variance = np.zeros((*shape, asked)), np.zeros((*shape, asked))
+        rise = np.empty(log_rate.shape)
+        for i, blocks in enumerate(self.blocks):
+            rows = slice(self.rows[i], self.rows[i + 1])
+            some = log_rate[rows]
+            rate = np.exp(some)
+            of_law = np.ascontiguousarray(law(rate, blocks.time, blocks.spread, self.asked))
+            rise[rows] = _slope(blocks, of_law[..., : len(blocks.time)]) / rate
+            place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
+            node = place.astype(np.intp)
+            found = [np.ascontiguousarray(a[rows]) for a in (evidence, squares, mean, variance)]
+            sensors = len(some)
+            core.mixture(
+                np.ascontiguousarray(np.broadcast_to(blocks.mean[:, None], (*some.shape, len(blocks.time)))),
+                np.ascontiguousarray(blocks.noise),
+                constant(blocks.time, self.asked),
+                of_law,
+                node,
+                place - node,
+                self.covariance[i],
+                np.ascontiguousarray(np.broadcast_to(self.relative, (sensors, *self.relative.shape))),
+                np.ascontiguousarray(np.broadcast_to(self.absolute, (sensors, *self.absolute.shape))),
+                np.ascontiguousarray(rise[rows] ** 2),
+                self.kind,
+                self.scale,
+                np.ascontiguousarray(active[rows], dtype=np.uint8),
+                asked,
+                *found,
+            )
+            for whole, part in zip((evidence, squares, mean, variance), found, strict=True):
+                whole[rows] = part
+        return evidence, squares, mean, variance, rise
+
+    def weighed(self, log_rate: Array, evidence: Array) -> Array:
+        """Log posterior (S, F, H) up to a constant: evidence, priors, and what other sensors say of size and kind."""
+        prior, count = self.prior, self.count
+        own = np.where(np.isnan(evidence), -np.inf, evidence) + self.log_rate_prior(log_rate)[..., None]
+        own -= own.max(axis=(1, 2), keepdims=True)
+        kinds = _log_sum(own, 1) + np.log(log_rate[:, 1] - log_rate[:, 0])[:, None]
+        background = self.log_prior[self.base] - np.log1p(-prior.strong_share)
+        counted = prior.from_others * min(1.0, COUNTED_OTHERS / max(count - 1, 1))
+        weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
+        level = _log_sum(kinds[:, self.base] + background, 1)
+        weight[:, ~self.base] += (prior.evidence_power - 1.0) * (kinds[:, ~self.base] - level[:, None])
+        relative = np.maximum(kinds - level[:, None], -60.0)
+        weight += counted * (relative.sum(axis=0) - relative)
+        found: Array = own + weight[:, None]
+        return found
+
+    def told(self, log_rate: Array, marginal: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """What the others' rates say of each sensor's (S, F), a log likelihood ratio against knowing nothing; and who agrees (S, S)."""
+        prior, count = self.prior, self.count
+        alone = np.zeros_like(log_rate), np.zeros((count, count), dtype=bool)
+        if self.rates == "own" or count < 2:
+            return alone
+        apart = prior.apart if self.rates == "auto" else 1e-9
+        low, high = float(log_rate.min()), float(log_rate.max())
+        spread = np.sqrt(2.0) * prior.rate_spread
+        dense = np.linspace(low, high, int(np.clip((high - low) / (spread / 3.0), 50, 1200)))
+        step = dense[1] - dense[0]
+        weight = np.exp(self.log_rate_prior(dense))
+        weight /= weight.sum()
+        # A grid finer than the spread between sensors is needed for the rates, not for what is made of them.
+        wide = np.hypot(spread, 0.5 * step)
+        messages = np.empty((count, len(dense)))
+        for j in range(count):
+            chance = marginal[j] - self.log_rate_prior(log_rate[j])
+            chance = np.exp(chance - chance.max())
+            width = np.hypot(wide, 0.5 * (log_rate[j, 1] - log_rate[j, 0]))
+            heard = np.exp(-0.5 * ((dense[:, None] - log_rate[j]) / width) ** 2) @ chance
+            messages[j] = (1.0 - apart) * heard / (heard @ weight)
+        together = np.log(messages + apart)
+        counted = min(1.0, COUNTED_OTHERS / (count - 1)) if not prior.none else 1.0
+        others = counted * (together.sum(axis=0) - together)
+        said = np.stack([np.interp(rates, dense, line) for rates, line in zip(log_rate, others, strict=True)])
+        agreeing = messages / (messages + apart)
+        agrees = np.zeros((count, count), dtype=bool)
+        for i in range(count):
+            mine = marginal[i] + said[i]
+            mine = np.exp(mine - mine.max())
+            mine /= mine.sum()
+            for j in range(count):
+                agrees[i, j] = i != j and float(np.interp(log_rate[i], dense, agreeing[j]) @ mine) > 0.5
+        return said, agrees
+
+    def settled(self) -> Settled:
+        """Coarse look over all rates, then passes that close in on the posterior, then what is asked for."""
+        coarse = np.broadcast_to(self.nodes[::2], (self.count, len(self.nodes[::2])))
+        looked = np.zeros((*coarse.shape, len(self.kind)), dtype=bool)
+        looked[..., self._few()] = True
+        evidence = self.evaluate(coarse, looked, 0)[0]
+        posterior = self.weighed(coarse, evidence)
+        marginal = _log_sum(posterior, 2)
+        low, high = _range(coarse, marginal, 14.0, 1.0)
+        for turn in range(PASSES):
+            log_rate = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, FINE)
+            evidence, squares, *_ = self.evaluate(log_rate, np.ones((*log_rate.shape, len(self.kind)), dtype=bool), 0)
+            posterior = self.weighed(log_rate, evidence)
+            marginal = _log_sum(posterior, 2)
+            said, agrees = self.told(log_rate, marginal)
+            posterior = posterior + said[..., None]
+            marginal = marginal + said
+            closer_low, closer_high = _range(log_rate, marginal, 9.0, 1.0)
+            if turn == PASSES - 1 or not ((closer_high - closer_low) < 0.45 * (high - low)).any():
+                break
+            low, high = closer_low, closer_high
+        weight = np.exp(posterior - posterior.max(axis=(1, 2), keepdims=True))
+        weight /= weight.sum(axis=(1, 2), keepdims=True)
+        return self._predicted(log_rate, weight, squares, agrees)
+
+    def _few(self) -> NDArray[np.intp]:
+        """Hypotheses enough to find where the posterior lies: every other scale of the background, each strong effect once."""
+        base = np.flatnonzero(self.base)[1::2] if self.base.sum() > 1 else np.flatnonzero(self.base)
+        strong = [np.flatnonzero(self.kind == k)[1] for k in range(1, len(self.relative))]
+        return np.concatenate([base, np.array(strong, dtype=np.intp)])
+
+    def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_]) -> Settled:
+        asked = self.asked.count
+        active = weight > LEAST_WEIGHT
+        _, _, mean, variance, rise = self.evaluate(log_rate, active, asked)
+        count = self.count
+        steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
+        at = np.full((count, len(self.asked.times), 3), np.nan)
+        spread_of_rate, check, strong, unseen, hides, scale = (np.full(count, np.nan) for _ in range(6))
+        slow = np.concatenate([[False], self.relative[1:, COMPONENTS.index("slow")] >= 0.03])[self.kind]
+        for i in range(count):
+            places, hypotheses = np.nonzero(active[i])
+            if not len(places):
+                continue
+            w = weight[i, places, hypotheses]
+            mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
+            steady[i] = _quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
+            b, r = np.exp(log_rate[i, places]), rise[i, places]
+            slope = 0.05 * r * b
+            with np.errstate(all="ignore"):
+                late = LOG_TWENTY / b - mu[:, SETTLING] / slope
+                t95[i] = np.maximum(_quantiles(w, np.maximum(late, 0.0), np.minimum(sd[:, SETTLING] / np.abs(slope), 1e6)), 0.0)
+            for k in range(len(self.asked.times)):
+                at[i, k] = _quantiles(w, mu[:, 3 + k], sd[:, 3 + k])
+            of_rate = weight[i].sum(axis=1)
+            middle = of_rate @ log_rate[i]
+            step = log_rate[i, 1] - log_rate[i, 0]
+            spread_of_rate[i] = np.sqrt(max(of_rate @ (log_rate[i] - middle) ** 2, 0.0) + step**2 / 12.0)
+            rate[i] = np.exp(_quantiles(of_rate, log_rate[i], np.full(len(of_rate), 0.5 * step)))
+            m = self._blocks_of(i)
+            check[i] = weight[i].ravel() @ np.nan_to_num(f_tail(m - 2.0, 1e9, squares[i].ravel() / (m - 2.0)))
+            strong[i] = weight[i][:, ~self.base].sum()
+            of_base = weight[i][:, self.base].sum(axis=0)
+            scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)
+            half = 0.5 * (steady[i, 2] - steady[i, 0])
+            with np.errstate(all="ignore"):
+                near, far = ((side * half - mu[:, SLOW_AHEAD]) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
+            hides[i] = w @ (np.nan_to_num(normal_tail(far)) + np.nan_to_num(normal_tail(-near)))
+            those = slow[hypotheses]
+            if those.any():
+                ww = w[those]
+                unseen[i] = 1.96 * np.sqrt(ww @ (mu[those, SLOW_AHEAD] ** 2 + sd[those, SLOW_AHEAD] ** 2) / ww.sum())
+        return Settled(
+            steady=steady,
+            t95=t95,
+            at=at,
+            rate=rate,
+            log_rate_sd=spread_of_rate,
+            prior_log_rate_sd=self.prior.log_rate_spread,
+            check_p=check,
+            strong=strong,
+            scale=scale,
+            unseen=unseen,
+            unseen_from=1.0 / (max(SLOW) * rate[:, 1]),
+            hides=hides,
+            agrees=agrees,
+        )
+
+    def _blocks_of(self, sensor: int) -> int:
+        return len(self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1].time)
+
+
+def _slope(blocks: Blocks, of_law: Array) -> Array:
+    """Initial slope (S, F) of the law fitted to the block means by least squares, each weighed by its noise."""
+    weight = 1.0 / blocks.noise
+    weight = (weight / weight.sum(axis=1, keepdims=True))[:, None]
+    centred = of_law - (weight * of_law).sum(axis=2, keepdims=True)
+    with np.errstate(all="ignore"):
+        slope = (weight * centred * blocks.mean[:, None]).sum(axis=2) / (weight * centred**2).sum(axis=2)
+    found: Array = np.nan_to_num(slope)
+    return found
+
+
+def _range(log_rate: Array, marginal: Array, depth: float, margin: float) -> tuple[Array, Array]:
+    """Where a log posterior (S, F) lies within `depth` of its top, and `margin` steps beyond."""
+    near = marginal > marginal.max(axis=1, keepdims=True) - depth
+    count = log_rate.shape[1]
+    first, last = near.argmax(axis=1), count - 1 - near[:, ::-1].argmax(axis=1)
+    rows = np.arange(len(log_rate))
+    beyond = int(margin)
+    return log_rate[rows, np.maximum(first - beyond, 0)], log_rate[rows, np.minimum(last + beyond, count - 1)]
+
+
+def _log_sum(values: Array, axis: int) -> Array:
+    top = values.max(axis=axis, keepdims=True)
+    with np.errstate(all="ignore"):
+        found: Array = np.squeeze(top, axis) + np.log(np.exp(values - top).sum(axis=axis))
+    return found
+
+
+def _quantiles(weight: Array, mean: Array, deviation: Array) -> Array:
+    out = np.empty(len(LEVELS))
+    given = [np.ascontiguousarray(v, dtype=float) for v in (weight, mean, deviation)]
+    core.quantiles(*given, LEVELS, out)
+    return out

@@ -1,0 +1,135 @@
+"""How far real machines leave the law of one exponential: sizes of what they do beside it, and how often.
+
+The law y = T0 + R (1 - exp(-b t)) is a good first word about every warming body and the last word about none. What a machine does
+beside it enters the fit as a Gaussian process of small known shapes with unknown sizes: a **discrepancy**. Its prior is in two parts:
+a background that every machine has, and rarer strong effects, of which a record holds one or none.
+
+Sizes are standard deviations. Those without a unit are relative to the rise R, so that they are the same for a spindle and for a
+pot; times are counted in **units** of a sixtieth of the time constant, so that a machine with a time constant of an hour counts
+in minutes.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: What a discrepancy is made of, in the order of the covariances of ``shapes.py``; the last two are absolute, the others relative to the rise.
+COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp")
+ABSOLUTE = frozenset({"room", "ramp"})
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Standard deviations of one kind of discrepancy.
+
+    slow: modes 0.2, 0.35 and 0.6 times as fast as the law's (a mass behind the one measured), together; fast: modes 1.5 to 9 times as
+    fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial share of the heat;
+    load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to 45 units; walk: of a heat that wanders, per root hour of units; start: of the first
+    minutes (a late or uneven start); room [K per root hour of units]: of surroundings that wander; ramp [K per hour of units]: of a
+    room and of a probe that drift evenly.
+    """
+
+    slow: float = 0.0
+    fast: float = 0.0
+    exponent: float = 0.0
+    decay: float = 0.0
+    load: float = 0.0
+    cycle: float = 0.0
+    walk: float = 0.0
+    start: float = 0.0
+    room: float = 0.0
+    ramp: float = 0.0
+
+    def variances(self) -> tuple[Array, Array]:
+        """(relative, absolute) (len(COMPONENTS),) squares of the sizes, in the order of COMPONENTS."""
+        squares = np.array([getattr(self, name) ** 2 for name in COMPONENTS])
+        absolute = np.array([name in ABSOLUTE for name in COMPONENTS])
+        return np.where(absolute, 0.0, squares), np.where(absolute, squares, 0.0)
+
+    def scaled(self, factor: float) -> "Sizes":
+        """All sizes times `factor`."""
+        return Sizes(**{f.name: factor * getattr(self, f.name) for f in fields(self)})
+
+
+def _load(size: float, **others: float) -> Sizes:
+    return Sizes(load=size, walk=size / 2.0, **others)
+
+
+#: Strong effects, each rare; which of them a record holds is part of what is estimated.
+STRONG = (
+    Sizes(slow=0.4),
+    Sizes(fast=0.2),
+    Sizes(slow=0.2, fast=0.2),
+    Sizes(slow=0.2, fast=0.2, start=0.1),
+    Sizes(exponent=0.3),
+    Sizes(decay=0.5),
+    Sizes(ramp=0.15),
+    Sizes(cycle=0.6, start=0.05),
+    _load(0.1),
+    _load(0.3, start=0.1),
+    _load(0.1, start=0.1, slow=0.2, fast=0.1),
+)
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """The prior of the discrepancy; ``TYPICAL`` is for machines that nobody knows, ``NONE`` the bare law.
+
+    background: what every machine has, times a scale that is estimated (log-normal about 1, deviation `scale_spread`, never below
+    `least`; `clean` of all machines are at the least). strong: effects one of which a record holds with probability `strong_share`,
+    each times a scale of `strong_scales`. evidence_power: to which the evidence for a strong effect counts, because its shapes are
+    caricatures; from_others: the share of another sensor's evidence that counts, because disturbances are common to a run.
+    rate_spread: deviation of the log rate between sensors of a machine that agree; apart: probability that one does not.
+    log_rate_spread: prior deviation of the log rate about the pilot's. multiplier: of all sizes, learnt from complete runs.
+    """
+
+    background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10)
+    strong: tuple[Sizes, ...] = STRONG
+    strong_share: float = 0.25
+    strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)
+    scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
+    strong_scales: tuple[float, ...] = (0.15, 0.6, 2.0)
+    scale_spread: float = 0.8
+    clean: float = 0.1
+    evidence_power: float = 0.5
+    from_others: float = 0.25
+    rate_spread: float = 0.05
+    apart: float = 0.1
+    log_rate_spread: float = 0.6
+    multiplier: float = 1.0
+    name: str = "typical"
+
+    @property
+    def none(self) -> bool:
+        """Whether this is the bare law: no discrepancy at all."""
+        return self.background == Sizes() and not self.strong
+
+    def kinds(self) -> tuple[Array, Array]:
+        """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect."""
+        both = [sizes.scaled(self.multiplier).variances() for sizes in (self.background, *self.strong)]
+        return np.array([relative for relative, _ in both]), np.array([absolute for _, absolute in both])
+
+    def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array]:
+        """(kind, scale squared, log prior), each (H,): kind 0 is the background at a scale, another that effect over the background."""
+        scales, count = np.array(self.scales), len(self.strong)
+        weight = np.exp(-0.5 * (np.log(scales) / self.scale_spread) ** 2)
+        weight *= (1.0 - self.clean) / weight.sum()
+        weight[0] += self.clean
+        kind = np.concatenate([np.zeros(len(scales), dtype=np.intp), np.repeat(np.arange(1, count + 1), len(self.strong_scales))])
+        squares = np.concatenate([scales, np.tile(self.strong_scales, count)]) ** 2
+        share = self.strong_share if count else 0.0
+        apiece = np.array(self.strong_weights or (1.0,) * count)
+        each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(self.strong_scales))
+        prior = np.concatenate([(1.0 - share) * weight, each])
+        return kind, squares, np.log(prior)
+
+
+TYPICAL = Imperfection()
+NONE = replace(
+    TYPICAL, background=Sizes(), strong=(), strong_weights=(), scales=(1.0,), clean=0.0, strong_share=0.0, rate_spread=0.002, name="none"
+)
+LOG_TWENTY = math.log(20.0)

@@ -1,0 +1,155 @@
+"""Covariances of the discrepancy's components, between the blocks that were read and the quantities that are asked for.
+
+All follow from one picture: a drive d(t) reaches the point through its own lag, y' = b (d - y), so a drive that steps at time s leaves
+1 - exp(-b (t - s)). A quantity asked for is a row beside the blocks: it has covariances with them, and a value of the law.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .prior import COMPONENTS, LOG_TWENTY
+
+Array = NDArray[np.float64]
+
+SLOW = (0.1, 0.3)
+FAST = (1.5, 2.0, 3.0, 5.0, 9.0)
+DECAY = (0.7, 1.02, 1.5, 2.5)
+#: Periods of a cyclic load, in units.
+PERIODS = (6.0, 9.0, 13.0, 20.0, 30.0, 45.0)
+#: Memory of a load that flutters, and of an uneven start, in units (a sixtieth of the time constant).
+LOAD_MEMORY, START_MEMORY, START_DECAY = 30.0, 5.0, 10.0
+#: Steps by which a random drive is drawn over the readings, and over the time ahead.
+STEPS, STEPS_AHEAD = 24, 12
+#: Quantities asked for first: the limit, 95 % of the rise, what slow modes still add after the last reading.
+LIMIT, SETTLING, SLOW_AHEAD = 0, 1, 2
+FOREVER = 1e9
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Beside limit, settling and slow rest: temperatures at times (k,) [min], whatever room and load do until then."""
+
+    times: Array
+
+    @property
+    def count(self) -> int:
+        return 3 + len(self.times)
+
+
+def _loss_shape() -> tuple[Array, Array]:
+    """delta(x) of delta' = -delta - u log u, u = 1 - exp(-x): what a loss exponent a little above 1 does, to first order."""
+    x = np.concatenate([[0.0], np.geomspace(1e-4, 40.0, 1200)])
+    u = -np.expm1(-x)
+    drive = np.where(u > 0.0, u * np.log(np.maximum(u, 1e-300)), 0.0)
+    # The drive is nearly constant over a step, so that its response is exact: delta e^x = -integral of e^x u log u.
+    fall = np.exp(-np.diff(x))
+    shape = np.zeros_like(x)
+    middle = 0.5 * (drive[1:] + drive[:-1])
+    for i in range(len(fall)):
+        shape[i + 1] = shape[i] * fall[i] - middle[i] * (1.0 - fall[i])
+    return x, shape
+
+
+_LOSS = _loss_shape()
+
+
+def law(rate: Array, time: Array, spread: Array, asked: Asked) -> Array:
+    """(1 - exp(-b t)) / b (..., m + asked.count) of rates (...): means over blocks, then at what is asked for.
+
+    Settling and slow rest are differences, in which the law itself cancels.
+    """
+    b = rate[..., None]
+    x = b * time
+    blocks = -np.expm1(-x) / b - 0.5 * b * np.exp(-x) * spread
+    none = np.zeros_like(b)
+    return np.concatenate([blocks, 1.0 / b, none, none, -np.expm1(-b * asked.times) / b], axis=-1)
+
+
+def constant(time: Array, asked: Asked) -> Array:
+    """What the initial temperature adds to each of the same rows (m + asked.count,)."""
+    return np.concatenate([np.ones(len(time)), [1.0, 0.0, 0.0], np.ones(len(asked.times))])
+
+
+def _swings(b: Array, times: Array, width: Array, waits: NDArray[np.bool_], unit: float) -> list[Array]:
+    """Responses (G, rows) to heats cos and sin of each period, switched on with the machine; means over blocks of `width` (rows,).
+
+    What waits for the end waits for the mean over a cycle, to which a swing adds nothing.
+    """
+    found = []
+    fading = np.exp(-np.minimum(b * times, 700.0))
+    for period in PERIODS:
+        pulse = 2.0 * np.pi / (period * unit)
+        angle = pulse * np.minimum(times, 1e6)
+        mean = np.where(waits, 0.0, np.sinc(pulse * width / (2.0 * np.pi)))
+        gain = b / (b**2 + pulse**2) / np.sqrt(len(PERIODS))
+        found.append(gain * (mean * (b * np.cos(angle) + pulse * np.sin(angle)) - np.where(waits, 0.0, b * fading)))
+        found.append(gain * (mean * (b * np.sin(angle) - pulse * np.cos(angle)) + np.where(waits, 0.0, pulse * fading)))
+    return found
+
+
+def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked) -> Array:
+    """(G, components, m + k, m + k) for rates (G,) [1/min], blocks at time (m,) [min] after the first reading, unit [min].
+
+    last [min] is the time of the last reading: limit and settling take room and load to stay as they are then.
+    """
+    nodes = len(rate)
+    b = rate[:, None]
+    settles = LOG_TWENTY / rate[:, None]
+    one = np.ones((nodes, 1))
+    # Rows: blocks, the limit, then 95 % and the beginning, which settling is made of, then the times asked for.
+    times = np.concatenate([one * time, one * FOREVER, settles, 0.0 * one, one * asked.times], axis=1)
+    rows = times.shape[1]
+    m = len(time)
+    x = np.minimum(b * times, 700.0)
+    waits = np.arange(rows) <= m + 2  # room and load stay as they are at the last reading
+    waits[:m] = False
+
+    def squares(columns: list[Array]) -> Array:
+        stacked = np.stack(columns, axis=-1)
+        found: Array = stacked @ np.swapaxes(stacked, 1, 2)
+        return found
+
+    slow = np.stack([-np.expm1(-k * x) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
+    slow_rest = np.stack([np.exp(-k * rate * last) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
+    fast = squares([np.exp(-k * x) / np.sqrt(len(FAST)) for k in FAST])
+    exponent = squares([np.interp(x, *_LOSS)])
+    decay = squares([(np.exp(-k * x) - np.exp(-x)) / (1.0 - k) / np.sqrt(len(DECAY)) for k in DECAY])
+    steps = np.linspace(0.0, last, STEPS + 1)[:-1]
+    until = float(asked.times.max(initial=0.0))
+    if until > last:
+        steps = np.concatenate([steps, np.linspace(last, until, STEPS_AHEAD + 1)[:-1]])
+    since = times[:, :, None] - steps
+    response = np.where(since > 0.0, -np.expm1(-np.minimum(b[..., None] * np.maximum(since, 0.0), 700.0)), 0.0)
+    response[:, waits, STEPS:] = 0.0
+    width = np.diff(np.append(steps, 2.0 * steps[-1] - steps[-2])) / unit / 60.0
+    wandering = response * np.sqrt(width)
+    walk = wandering @ np.swapaxes(wandering, 1, 2)
+    cycle = squares(_swings(b, times, np.append(np.diff(time, prepend=0.0), np.zeros(rows - m)), waits, unit))
+    units = steps / unit
+    jumps = np.eye(len(steps)) - np.eye(len(steps), k=-1)
+    memory = jumps @ np.exp(-np.abs(units[:, None] - units) / LOAD_MEMORY) @ jumps.T
+    load = response @ memory @ np.swapaxes(response, 1, 2)
+    at = np.minimum(times / unit, 1e6)
+    start = np.exp(-np.abs(at[:, :, None] - at[:, None]) / START_MEMORY - (at[:, :, None] + at[:, None]) / START_DECAY)
+    # A room that drifts goes on to the last reading and stays; a probe that drifts is no part of the machine's temperature.
+    held = np.where(waits, np.minimum(times, last), times)
+    lagged = held + np.expm1(-b * held) / b
+    lagged = np.where(waits & (times > last), lagged + (last - lagged) * -np.expm1(-np.minimum(b * (times - last), 700.0)), lagged)
+    probe = np.where(waits, 0.0, times)
+    ramp = squares([lagged, probe]) / (60.0 * unit) ** 2
+    by_name = {"fast": fast, "exponent": exponent, "decay": decay, "load": load, "cycle": cycle, "walk": walk, "start": start, "room": walk, "ramp": ramp}
+    mixing = np.eye(rows)
+    mixing[m + SETTLING, m] = -0.95
+    mixing[m + SETTLING, m + 2] = -0.05
+    mixing[m + SLOW_AHEAD] = 0.0
+    found = np.empty((nodes, len(COMPONENTS), rows, rows))
+    for i, name in enumerate(COMPONENTS):
+        if name == "slow":
+            columns = mixing @ slow
+            columns[:, m + SLOW_AHEAD] = slow_rest
+            found[:, i] = columns @ np.swapaxes(columns, 1, 2)
+        else:
+            found[:, i] = mixing @ by_name[name] @ mixing.T
+    return found
