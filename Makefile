@@ -40,9 +40,9 @@ docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m benchmarks.notebook
 
 clean:
-	rm -rf .venv build dist out *.egg-info models/core/*.so filters/*.so models/core/*.c filters/*.c
+	rm -rf .venv build dist out *.egg-info models/core/*.so models/imperfection/*.so filters/*.so models/core/*.c models/imperfection/*.c filters/*.c
 
-$(STAMP): pyproject.toml setup.py $(wildcard models/core/*.pyx) filters/_loop.pyx
+$(STAMP): pyproject.toml setup.py $(wildcard models/*/*.pyx) filters/_loop.pyx
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"

@@ -13,7 +13,12 @@ setup(
         [
             Extension("thermofast.models.core._lump", ["models/core/_lump.pyx"], extra_compile_args=FLAGS, optional=True),
             Extension("thermofast.models.core._tails", ["models/core/_tails.pyx"], extra_compile_args=FLAGS, optional=True),
-            Extension("thermofast.models.core._mixture", ["models/core/_mixture.pyx"], extra_compile_args=FLAGS, optional=True),
+            Extension(
+                "thermofast.models.imperfection._mixture",
+                ["models/imperfection/_mixture.pyx"],
+                extra_compile_args=FLAGS,
+                optional=True,
+            ),
             Extension("thermofast.models.core._forward", ["models/core/_forward.pyx"], extra_compile_args=FLAGS, optional=True),
             Extension("thermofast.filters._loop", ["filters/_loop.pyx"], extra_compile_args=FLAGS, optional=True),
         ]

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from thermofast.estimation.bench import bench_run
-from thermofast.estimation.methods import known_filters
+from thermofast.analysis.bench import bench_run
 from thermofast.estimation.sensor import run_start
+from thermofast.pipeline.methods import known_filters
 from thermofast.reading import Options, read_runs
 from thermofast.records import BenchRecord
 

@@ -171,7 +171,7 @@ def inside() -> list[tuple[str, float, str, float, str]]:
 
         def peak(work: str) -> float:
             # Not getrusage: its peak is handed down from the process that starts this one.
-            code = "import re, sys, thermofast as tf, thermofast.pipeline.sensors, thermofast.estimation.methods; tf.read\n" + work
+            code = "import re, sys, thermofast as tf, thermofast.pipeline.sensors, thermofast.pipeline.methods; tf.read\n" + work
             code += "\nprint(int(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read()).group(1)) / 1024)"
             told = subprocess.run([sys.executable, "-c", code, large], check=True, capture_output=True, text=True, cwd=ROOT)
             return float(told.stdout)

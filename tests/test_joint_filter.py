@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from thermofast.estimation.bench import Trial, choose_among, clearly_better
+from thermofast.analysis.bench import Trial, choose_among, clearly_better
 from thermofast.filters import Afukf
 from thermofast.filters.joint import pooled_deviation, track_together
 from thermofast.models import Lump
@@ -95,7 +95,7 @@ def test_joint_at_the_command_line(tool, tmp_path):
 
 
 def test_bench_runs_every_filter_and_says_which_to_use(tool):
-    from thermofast.estimation.methods import known_filters
+    from thermofast.pipeline.methods import known_filters
 
     done = tool("filters", "bench", "sample_runs/spindle.csv", "--until", 60, "--format", "json", "-q")
     assert done.code == 0, done.err

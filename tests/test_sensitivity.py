@@ -9,9 +9,9 @@ import pytest
 from thermofast.analysis.sensitivity import Sizes, _plain_factors, _points
 from thermofast.estimation.closing import estimate_at
 from thermofast.estimation.identify import remaining
-from thermofast.estimation.methods import choose
 from thermofast.estimation.sensor import Sensor
 from thermofast.models.uncertainty.chaos import fit_chaos
+from thermofast.pipeline.methods import choose
 
 METHOD = choose("afukf", None, ())
 

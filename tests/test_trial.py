@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from thermofast.analysis.bench import Trial, choose_among
 from thermofast.discovery.colour import spectral_line
-from thermofast.estimation.bench import Trial, choose_among
 from thermofast.estimation.rules import RULES
 from thermofast.models.joint import RATE
 from thermofast.models.noise.spikes import third_difference_noise

@@ -23,6 +23,8 @@ from .results import (
 )
 
 if TYPE_CHECKING:
+    from thermofast.models.imperfection import Imperfection, Rates
+
     from .machine.model import Model
 
 #: A run, a path (``file.csv#2``: its second run), a DataFrame, an Arrow table or a mapping of names to arrays; or a list of them.
@@ -120,6 +122,9 @@ def identify(
     model: "Model | str | Path | None" = None,
     joint: bool = False,
     pace: str | None = None,
+    at: float | None = None,
+    imperfection: "Imperfection | str" = "typical",
+    rates: "Rates" = "auto",
     start: Start = "auto",
     details: bool | None = None,
     jobs: int | None = 1,
@@ -129,6 +134,9 @@ def identify(
 ) -> Identification:
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
+    imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share;
+    `at` [min after the start] asks for a temperature.
+
     settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes,
     or anybody's executor, share the sensors; progress is told how many are done; reading as for :func:`read`.
 
@@ -136,13 +144,15 @@ def identify(
     ------
     ThermofastError: as the command would refuse.
     """
-    from .estimation.methods import choose, paces
+    from .machine.lab import read_imperfection
+    from .pipeline.methods import choose, paces
     from .pipeline.sensors import identify_runs
 
     learnt = _model(model)
-    method = replace(choose(filter, preset, _texts(filter, settings)), paces=paces(pace))
+    prior = read_imperfection(imperfection)
+    method = replace(choose(filter, preset, _texts(filter, settings), prior, rates), paces=paces(pace))
     started = _started(runs, start, learnt is None, reading)
-    return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress))
+    return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress), at)
 
 
 def sweep(
@@ -168,7 +178,7 @@ def sweep(
     ------
     ThermofastError: as the command would refuse.
     """
-    from .estimation.methods import choose
+    from .pipeline.methods import choose
     from .pipeline.sensors import default_times, sweep_runs
 
     learnt = _model(model)
@@ -323,8 +333,8 @@ def sensitivity(
     ThermofastError: as the command would refuse.
     """
     from .analysis.sensitivity import Sizes
-    from .estimation.methods import choose
     from .pipeline.around import sensitivity_runs
+    from .pipeline.methods import choose
 
     known = [f.name for f in fields(Sizes)]
     for key in sizes or {}:

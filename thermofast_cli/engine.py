@@ -62,9 +62,12 @@ class Work:
 
 
 def share_out(
-    started: Sequence[Started], jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False
+    started: Sequence[Started], jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False, together: int = 1
 ) -> tuple[list[Any], int]:
-    """Tasks over all sensors of all runs, `whole` runs or parts of them, and the number of processes that they pay for."""
+    """Tasks over all sensors of all runs, and the number of processes that they pay for.
+
+    `whole` runs, or parts of them that hold each `together` neighbouring columns or a multiple.
+    """
     sensors = sum(len(run.channels) for run, _ in started)
     longest = max((len(run.time_s) for run, _ in started), default=0)
     processes = jobs if jobs is not None else worth(sensors, longest, weight)
@@ -72,7 +75,7 @@ def share_out(
     for run, start in started:
         channels = list(run.channels)
         size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
-        size = len(channels) if whole else size
+        size = len(channels) if whole else -(-size // together) * together
         for i in range(0, len(channels), size):
             part = tuple(channels[i : i + size])
             values = np.stack([run.channels[c] for c in part])

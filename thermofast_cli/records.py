@@ -33,8 +33,10 @@ class IdentifyRecord(Record):
     """Steady state and settling time of one sensor; temperatures degC, times min, rate 1/min.
 
     steady_state_limit_c is the smallest standard deviation that any unbiased method could reach on these readings;
-    *_measured_* stand where the record itself is complete. time_to_go_* count from the last reading used to the time at which
-    95 % of the rise is done for good.
+    reading_half_width_c is half the interval that the readings of a machine without imperfections would give; at_* the
+    temperature at a time asked for; unseen what the record cannot exclude; rate_shared_with the sensors whose rates helped.
+    *_measured_* stand where the record itself is complete. time_to_go_* count from the last reading used to the time at which 95
+    % of the rise is done for good.
     """
 
     filter: str
@@ -58,6 +60,13 @@ class IdentifyRecord(Record):
     noise_c: float | None = None
     rmse_fit_c: float | None = None
     rmse_ahead_c: float | None = None
+    reading_half_width_c: float | None = None
+    at_min: float | None = None
+    at_c: float | None = None
+    at_lo_c: float | None = None
+    at_hi_c: float | None = None
+    unseen: str = ""
+    rate_shared_with: str = ""
     status: str = "ok"
     message: str = ""
 

@@ -28,8 +28,8 @@ class Blocks:
 def block_means(time: Array, reading: Array, noise: Array, resolution: Array, tau: float, most: int = MOST) -> Blocks:
     """Blocks of the readings (S, n) at time (n,) [min], of equal length at first, growing where a record is long against tau [min].
 
-    noise (S,) [K] is a reading's standard deviation, resolution (S,) [K] the logger's step. The first twentieth of a time constant is
-    left out, of a short record a tenth at most: a probe's own lag and uneven starts live there.
+    noise (S,) [K] is a reading's standard deviation, resolution (S,) [K] the logger's step. The first twentieth of a time constant
+    is left out, of a short record a tenth at most: a probe's own lag and uneven starts live there.
     """
     span = float(time[-1] - time[0])
     kept = time - time[0] >= min(0.05 * tau, 0.1 * span)

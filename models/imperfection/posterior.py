@@ -1,7 +1,7 @@
 """Where sensors will settle when their machine is not the law: law, discrepancy and noise, averaged over all that is unknown.
 
 The rate is the one parameter that is not linear; it and the size of the discrepancy run over grids, and all the rest is closed form
-(``models/core/_mixture_numpy.py``). Sensors of a run tell each other two things: how large the disturbances of this run are, and,
+(``_mixture_numpy.py``). Sensors of a run tell each other two things: how large the disturbances of this run are, and,
 where their rates agree, the rate.
 """
 
@@ -12,15 +12,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import _mixture_numpy
 from ..core.tails import f_tail, normal_tail
+from . import _mixture_numpy
 from .blocks import Blocks, block_means
-from .prior import COMPONENTS, LOG_TWENTY, Imperfection
-from .shapes import LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law
+from .prior import COMPONENTS, Imperfection
+from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law
 
 core: Any
 try:
-    from ..core import _mixture as core
+    from . import _mixture as core
 except ImportError:
     core = _mixture_numpy
 
@@ -29,13 +29,15 @@ Rates = Literal["auto", "own", "shared"]
 
 #: Between nodes of the log rate the covariances are straight lines; the law itself is exact at every rate.
 NODE_STEP = 0.12
-#: Rates looked at lie between these over the length of the record.
-SLOWEST, FASTEST = 1.0 / 12.0, 60.0
+#: Rates looked at lie between these over the length of the record, or so many times the pilot's.
+SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
 #: Rates at a time, and how often the grid is drawn closer around the posterior.
 FINE, PASSES = 24, 4
 #: Sensors beyond this many add nothing that the first have not said: their disturbances are common.
 COUNTED_OTHERS = 2.0
 LEVELS = np.array([0.025, 0.5, 0.975])
+#: Degrees of freedom of a variance that is known.
+ENDLESS = 10**9
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 2e-5
 
@@ -54,11 +56,12 @@ class Part:
 class Settled:
     """What S sensors will do; three numbers are the 2.5 %, 50 % and 97.5 % quantiles.
 
-    steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k, 3)
-    [degC] at the times asked for; rate (S, 3) [1/min]; log_rate_sd (S,), and that of the prior; check_p (S,): of readings that leave law and discrepancy
-    this far; strong (S,): probability of a strong effect; unseen (S,) [K]: what a slow second mass may add after the last reading,
-    where there is one (95 %), unseen_from (S,) [min] its least time constant; hides (S,): probability that slow modes add more than the half-width of the interval;
-    agrees (S, S): whose rates were shared.
+    steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
+    3) [degC] at the times asked for; rate (S, 3) [1/min]; log_rate_sd (S,), and that of the prior; check_p (S,): probability of
+    readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; scale (S,): of the background;
+    unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %); unseen_from (S,) [min]:
+    its least time constant; hides (S,): probability that slow modes add more than the half-width of the interval; agrees (S, S):
+    whose rates were shared.
     """
 
     steady: Array
@@ -76,26 +79,32 @@ class Settled:
     agrees: NDArray[np.bool_]
 
 
-def settle(parts: Sequence[Part], tau: float, prior: Imperfection, at: Sequence[float] = (), rates: Rates = "auto") -> Settled:
+def settle(
+    parts: Sequence[Part], tau: float, prior: Imperfection, at: Sequence[float] | Array = (), rates: Rates = "auto"
+) -> Settled:
     """The posterior of S sensors of one run, their parts one after the other.
 
-    tau [min] is the pilot's time constant, a guess that sets the scale of the prior; at [min] are times after the first reading.
+    tau [min] is the pilot's time constant, a guess that sets the scale of the prior; at [min] are times on the parts' own clock.
     """
-    return _Run(parts, tau, prior, Asked(np.asarray(at, dtype=float)), rates).settled()
+    return _Run(parts, tau, prior, np.asarray(at, dtype=float), rates).settled()
 
 
 class _Run:
     """Everything about a run that the passes share."""
 
-    def __init__(self, parts: Sequence[Part], tau: float, prior: Imperfection, asked: Asked, rates: Rates) -> None:
-        self.prior, self.asked, self.rates = prior, asked, rates
+    def __init__(self, parts: Sequence[Part], tau: float, prior: Imperfection, at: Array, rates: Rates) -> None:
+        self.prior, self.rates = prior, rates
+        self.asked = [Asked(at - p.time[0]) for p in parts]
+        self.times = len(at)
         self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, tau) for p in parts]
         self.rows = np.cumsum([0, *(len(p.reading) for p in parts)])
         self.count = int(self.rows[-1])
         span = max(b.last for b in self.blocks)
-        self.nodes = np.arange(np.log(SLOWEST / span), np.log(FASTEST / span) + NODE_STEP, NODE_STEP)
+        fastest = max(FASTEST / span, BEYOND_PILOT / tau)
+        self.nodes = np.arange(np.log(SLOWEST / span), np.log(fastest) + NODE_STEP, NODE_STEP)
         self.covariance = [
-            np.ascontiguousarray(covariances(np.exp(self.nodes), b.time, b.last, tau / 60.0, asked)) for b in self.blocks
+            np.ascontiguousarray(covariances(np.exp(self.nodes), b.time, b.last, tau / 60.0, asked))
+            for b, asked in zip(self.blocks, self.asked, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()
         self.relative, self.absolute = prior.kinds()
@@ -116,7 +125,7 @@ class _Run:
             rows = slice(self.rows[i], self.rows[i + 1])
             some = log_rate[rows]
             rate = np.exp(some)
-            of_law = np.ascontiguousarray(law(rate, blocks.time, blocks.spread, self.asked))
+            of_law = np.ascontiguousarray(law(rate, blocks.time, blocks.spread, self.asked[i]))
             rise[rows] = _slope(blocks, of_law[..., : len(blocks.time)]) / rate
             place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
             node = place.astype(np.intp)
@@ -125,7 +134,7 @@ class _Run:
             core.mixture(
                 np.ascontiguousarray(np.broadcast_to(blocks.mean[:, None], (*some.shape, len(blocks.time)))),
                 np.ascontiguousarray(blocks.noise),
-                constant(blocks.time, self.asked),
+                constant(blocks.time, self.asked[i]),
                 of_law,
                 node,
                 place - node,
@@ -160,7 +169,7 @@ class _Run:
         return found
 
     def told(self, log_rate: Array, marginal: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """What the others' rates say of each sensor's (S, F), a log likelihood ratio against knowing nothing; and who agrees (S, S)."""
+        """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing; and who agrees (S, S)."""
         prior, count = self.prior, self.count
         alone = np.zeros_like(log_rate), np.zeros((count, count), dtype=bool)
         if self.rates == "own" or count < 2:
@@ -227,12 +236,12 @@ class _Run:
         return np.concatenate([base, np.array(strong, dtype=np.intp)])
 
     def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_]) -> Settled:
-        asked = self.asked.count
+        asked = self.asked[0].count
         active = weight > LEAST_WEIGHT
         _, _, mean, variance, rise = self.evaluate(log_rate, active, asked)
         count = self.count
         steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
-        at = np.full((count, len(self.asked.times), 3), np.nan)
+        at = np.full((count, self.times, 3), np.nan)
         spread_of_rate, check, strong, unseen, hides, scale = (np.full(count, np.nan) for _ in range(6))
         slow = np.concatenate([[False], self.relative[1:, COMPONENTS.index("slow")] >= 0.03])[self.kind]
         for i in range(count):
@@ -243,19 +252,17 @@ class _Run:
             mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
             steady[i] = _quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
             b, r = np.exp(log_rate[i, places]), rise[i, places]
-            slope = 0.05 * r * b
-            with np.errstate(all="ignore"):
-                late = LOG_TWENTY / b - mu[:, SETTLING] / slope
-                t95[i] = np.maximum(_quantiles(w, np.maximum(late, 0.0), np.minimum(sd[:, SETTLING] / np.abs(slope), 1e6)), 0.0)
-            for k in range(len(self.asked.times)):
-                at[i, k] = _quantiles(w, mu[:, 3 + k], sd[:, 3 + k])
+            late, spread = _settling(b, r, mu[:, SETTLING], sd[:, SETTLING])
+            t95[i] = np.maximum(_quantiles(w, late, spread), 0.0)
+            for k in range(self.times):
+                at[i, k] = _quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
             of_rate = weight[i].sum(axis=1)
             middle = of_rate @ log_rate[i]
             step = log_rate[i, 1] - log_rate[i, 0]
             spread_of_rate[i] = np.sqrt(max(of_rate @ (log_rate[i] - middle) ** 2, 0.0) + step**2 / 12.0)
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], np.full(len(of_rate), 0.5 * step)))
             m = self._blocks_of(i)
-            check[i] = weight[i].ravel() @ np.nan_to_num(f_tail(m - 2.0, 1e9, squares[i].ravel() / (m - 2.0)))
+            check[i] = weight[i].ravel() @ np.nan_to_num(f_tail(m - 2, ENDLESS, squares[i].ravel() / (m - 2)))
             strong[i] = weight[i][:, ~self.base].sum()
             of_base = weight[i][:, self.base].sum(axis=0)
             scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)
@@ -285,6 +292,19 @@ class _Run:
 
     def _blocks_of(self, sensor: int) -> int:
         return len(self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1].time)
+
+
+def _settling(rate: Array, rise: Array, ahead: Array, spread: Array) -> tuple[Array, Array]:
+    """Minutes until 95 % are done and their deviation, where a discrepancy has the point `ahead` [K] of the law at that time.
+
+    exp(-b t) = 0.05 + ahead / rise, which far behind the law has no solution: from half of the 5 % on its tangent stands.
+    """
+    with np.errstate(all="ignore"):
+        share = np.nan_to_num(ahead / rise, nan=0.0, posinf=0.0, neginf=0.0)
+        near = np.clip(share, -0.025, 0.95)
+        left = 0.05 + near
+        time = (-np.log(left) - (share - near) / left) / rate
+        return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * rate), 1e6)
 
 
 def _slope(blocks: Blocks, of_law: Array) -> Array:

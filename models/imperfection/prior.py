@@ -1,15 +1,14 @@
 """How far real machines leave the law of one exponential: sizes of what they do beside it, and how often.
 
-The law y = T0 + R (1 - exp(-b t)) is a good first word about every warming body and the last word about none. What a machine does
-beside it enters the fit as a Gaussian process of small known shapes with unknown sizes: a **discrepancy**. Its prior is in two parts:
-a background that every machine has, and rarer strong effects, of which a record holds one or none.
+The law y = T0 + R (1 - exp(-b t)) is a good first word about every warming body and the last word about none. What a machine
+does beside it enters the fit as a Gaussian process of small known shapes with unknown sizes: a **discrepancy**. Its prior is in
+two parts: a background that every machine has, and rarer strong effects, of which a record holds one or none.
 
 Sizes are standard deviations. Those without a unit are relative to the rise R, so that they are the same for a spindle and for a
 pot; times are counted in **units** of a sixtieth of the time constant, so that a machine with a time constant of an hour counts
 in minutes.
 """
 
-import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: What a discrepancy is made of, in the order of the covariances of ``shapes.py``; the last two are absolute, the others relative to the rise.
+#: What a discrepancy is made of, in the order of the covariances of ``shapes.py``.
 COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp")
 ABSOLUTE = frozenset({"room", "ramp"})
 
@@ -26,11 +25,11 @@ ABSOLUTE = frozenset({"room", "ramp"})
 class Sizes:
     """Standard deviations of one kind of discrepancy.
 
-    slow: modes 0.2, 0.35 and 0.6 times as fast as the law's (a mass behind the one measured), together; fast: modes 1.5 to 9 times as
+    slow: modes 0.1 and 0.3 times as fast as the law's (a mass behind the one measured), together; fast: modes 1.5 to 9 times as
     fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial share of the heat;
-    load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to 45 units; walk: of a heat that wanders, per root hour of units; start: of the first
-    minutes (a late or uneven start); room [K per root hour of units]: of surroundings that wander; ramp [K per hour of units]: of a
-    room and of a probe that drift evenly.
+    load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to 45 units; walk: of a
+    heat that wanders, per root hour of units; start: of the first minutes (a late or uneven start); room [K per root hour of
+    units]: of surroundings that wander; ramp [K per hour of units]: of a room and of a probe that drift evenly.
     """
 
     slow: float = 0.0
@@ -79,12 +78,13 @@ STRONG = (
 class Imperfection:
     """The prior of the discrepancy; ``TYPICAL`` is for machines that nobody knows, ``NONE`` the bare law.
 
-    background: what every machine has, times a scale that is estimated (log-normal about 1, deviation `scale_spread`, never below
-    `least`; `clean` of all machines are at the least). strong: effects one of which a record holds with probability `strong_share`,
-    each times a scale of `strong_scales`. evidence_power: to which the evidence for a strong effect counts, because its shapes are
-    caricatures; from_others: the share of another sensor's evidence that counts, because disturbances are common to a run.
-    rate_spread: deviation of the log rate between sensors of a machine that agree; apart: probability that one does not.
-    log_rate_spread: prior deviation of the log rate about the pilot's. multiplier: of all sizes, learnt from complete runs.
+    background: what every machine has, times a scale that is estimated: one of `scales`, log-normal about 1 with deviation
+    `scale_spread`; `clean` of all machines have the least. strong: effects one of which a record holds with probability
+    `strong_share`, in shares as `strong_weights` (alike without), each times one of `strong_scales`. evidence_power: to which the
+    evidence for a strong effect counts, because its shapes are caricatures; from_others: the share of another sensor's evidence
+    that counts, because disturbances are common to a run. rate_spread: deviation of the log rate between sensors of a machine
+    that agree; apart: probability that one does not. log_rate_spread: prior deviation of the log rate about the pilot's.
+    multiplier: of all sizes, learnt from complete runs.
     """
 
     background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10)
@@ -114,7 +114,7 @@ class Imperfection:
         return np.array([relative for relative, _ in both]), np.array([absolute for _, absolute in both])
 
     def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array]:
-        """(kind, scale squared, log prior), each (H,): kind 0 is the background at a scale, another that effect over the background."""
+        """(kind, scale squared, log prior), each (H,): kind 0 is the background alone, another that effect over the background."""
         scales, count = np.array(self.scales), len(self.strong)
         weight = np.exp(-0.5 * (np.log(scales) / self.scale_spread) ** 2)
         weight *= (1.0 - self.clean) / weight.sum()
@@ -130,6 +130,13 @@ class Imperfection:
 
 TYPICAL = Imperfection()
 NONE = replace(
-    TYPICAL, background=Sizes(), strong=(), strong_weights=(), scales=(1.0,), clean=0.0, strong_share=0.0, rate_spread=0.002, name="none"
+    TYPICAL,
+    background=Sizes(),
+    strong=(),
+    strong_weights=(),
+    scales=(1.0,),
+    clean=0.0,
+    strong_share=0.0,
+    rate_spread=0.002,
+    name="none",
 )
-LOG_TWENTY = math.log(20.0)

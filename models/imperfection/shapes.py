@@ -1,7 +1,7 @@
 """Covariances of the discrepancy's components, between the blocks that were read and the quantities that are asked for.
 
-All follow from one picture: a drive d(t) reaches the point through its own lag, y' = b (d - y), so a drive that steps at time s leaves
-1 - exp(-b (t - s)). A quantity asked for is a row beside the blocks: it has covariances with them, and a value of the law.
+All follow from one picture: a drive d(t) reaches the point through its own lag, y' = b (d - y), so a drive that steps at time s
+leaves 1 - exp(-b (t - s)). A quantity asked for is a row beside the blocks: it has covariances with them, and a value of the law.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .prior import COMPONENTS, LOG_TWENTY
+from ..decay import LOG_TWENTY
+from .prior import COMPONENTS
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ LOAD_MEMORY, START_MEMORY, START_DECAY = 30.0, 5.0, 10.0
 #: Steps by which a random drive is drawn over the readings, and over the time ahead.
 STEPS, STEPS_AHEAD = 24, 12
 #: Quantities asked for first: the limit, 95 % of the rise, what slow modes still add after the last reading.
-LIMIT, SETTLING, SLOW_AHEAD = 0, 1, 2
+LIMIT, SETTLING, SLOW_AHEAD, FIRST_TIME = 0, 1, 2, 3
 FOREVER = 1e9
 
 
@@ -35,7 +36,7 @@ class Asked:
 
     @property
     def count(self) -> int:
-        return 3 + len(self.times)
+        return FIRST_TIME + len(self.times)
 
 
 def _loss_shape() -> tuple[Array, Array]:
@@ -139,7 +140,17 @@ def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked
     lagged = np.where(waits & (times > last), lagged + (last - lagged) * -np.expm1(-np.minimum(b * (times - last), 700.0)), lagged)
     probe = np.where(waits, 0.0, times)
     ramp = squares([lagged, probe]) / (60.0 * unit) ** 2
-    by_name = {"fast": fast, "exponent": exponent, "decay": decay, "load": load, "cycle": cycle, "walk": walk, "start": start, "room": walk, "ramp": ramp}
+    by_name = {
+        "fast": fast,
+        "exponent": exponent,
+        "decay": decay,
+        "load": load,
+        "cycle": cycle,
+        "walk": walk,
+        "start": start,
+        "room": walk,
+        "ramp": ramp,
+    }
     mixing = np.eye(rows)
     mixing[m + SETTLING, m] = -0.95
     mixing[m + SETTLING, m + 2] = -0.05

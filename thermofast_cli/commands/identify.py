@@ -1,6 +1,6 @@
 """``thermofast identify``."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -8,11 +8,15 @@ from ..shell.options import (
     Finite,
     RunCommand,
     filter_options,
+    imperfection_options,
     model_option,
     output_options,
     reading_options,
     runs_argument,
 )
+
+if TYPE_CHECKING:
+    from thermofast.models.imperfection import Rates
 
 
 @click.command(
@@ -25,6 +29,8 @@ from ..shell.options import (
     metavar="MIN",
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
+@click.option("--at", type=Finite(0, min_open=True), metavar="MIN", help="Say the temperature MIN minutes after the start too.")
+@imperfection_options
 @model_option
 @click.option(
     "--pace",
@@ -41,6 +47,9 @@ from ..shell.options import (
 def command(
     runs: tuple[str, ...],
     until: float | None,
+    at: float | None,
+    imperfection: str,
+    rates: "Rates",
     model: str | None,
     pace: str | None,
     joint: bool,
@@ -59,30 +68,31 @@ def command(
     """Say where each sensor of each RUN will settle and when 95 % of the rise is done.
 
     RUN is a CSV or Parquet file, or - for standard input. One record per sensor; status tells how far to trust it:
-    ok, not_determined (a side of an interval is open), model_doubtful (the base model does not fit).
+    ok, not_determined (a side of an interval is open), model_doubtful (more is at work than machines usually do).
+    Intervals count readings and machine; --imperfection none counts the readings alone.
     """
     from dataclasses import replace
 
     from ..errors import UsageError
-    from ..estimation.methods import choose, paces
     from ..output.files import write_table
     from ..output.screen import interval, number, text
+    from ..pipeline.methods import choose, paces
     from ..pipeline.sensors import identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, working
 
-    method = replace(choose(filter_name, preset, settings), paces=paces(pace))
+    method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
     if plot_trace and not save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
     if model and (trace or plot_trace):
         raise UsageError("--trace shows a filter at work; with --model a joint fit takes its place", do="leave one of them out")
     check_outputs([output, trace], save_plot)
     learnt = load_model(model)
-    identify_runs([], method, model=learnt, joint=joint)  # what is wrong with the options is said before any file is read
+    identify_runs([], method, model=learnt, joint=joint, at_min=at)  # what is wrong with options is said before reading
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None)
     with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
-        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how)
+        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),
@@ -95,6 +105,8 @@ def command(
         ("ahead K", number("rmse_ahead_c", 3)),
         ("status", text("status")),
     ]
+    if at is not None:
+        drawn[4:4] = [(f"at {at:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]
     name = "joint_fit" if learnt else filter_name
     code = deliver(result, failed(IdentifyRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
     if trace:

@@ -72,9 +72,9 @@ def command(
     """
     from ..analysis.sensitivity import Sizes
     from ..errors import UsageError
-    from ..estimation.methods import choose
     from ..output.screen import number, text
     from ..pipeline.around import sensitivity_runs
+    from ..pipeline.methods import choose
     from ..records import SensitivityRecord
     from ..results import failed
     from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working

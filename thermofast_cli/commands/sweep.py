@@ -58,8 +58,8 @@ def command(
     its RMSE is least, shortest_time_min the time from which it stays within the noise of that in every window, and
     tolerance_time_min the time from which the interval of the steady state is narrower than --tolerance.
     """
-    from ..estimation.methods import choose
     from ..output.screen import number, text
+    from ..pipeline.methods import choose
     from ..pipeline.sensors import default_times, sweep_runs
     from ..records import SweepRecord
     from ..results import failed

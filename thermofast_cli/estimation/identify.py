@@ -10,27 +10,42 @@ from numpy.typing import NDArray
 
 from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.filters.joint import track_together
-from thermofast.models import spike_weights
+from thermofast.models import PrintedLump, spike_weights
+from thermofast.models.imperfection import TYPICAL, Imperfection, Rates
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from ..records import IdentifyRecord
 from .closing import estimates_of, track_of, tracks_of
-from .contradiction import contradicts, words
+from .contradiction import contradicts, outside_band
 from .estimate import Estimate, Estimates, FilterError, Model
+from .imperfect import Claims, Closed, claims, said_of_slow, times_asked
 from .measured import measured_equilibria
 from .rules import RULES
-from .sensor import Sensor, Sensors, prepare_all
+from .sensor import Sensor, Sensors, prepare_all, refusal
+from .verdicts import claimed_verdicts, law_verdicts, with_claims
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Method:
-    """What every sensor of a run is treated with; paces: how the rate will change after the last reading used."""
+    """What every sensor of a run is treated with.
+
+    paces: how the rate will change after the last reading used; imperfection: how far the machine may leave the law; rates: what
+    sensors tell each other of theirs.
+    """
 
     model: Model
     filter: Filter
     paces: tuple[Pace, ...] = ()
+    imperfection: Imperfection = TYPICAL
+    rates: Rates = "auto"
+
+    @property
+    def widens(self) -> bool:
+        """Whether the closing estimate counts the machine: not with the bare law, and not for a filter whose own state stands."""
+        exact = self.imperfection.none and self.rates == "own"
+        return not exact and self.filter.closing != "never" and not isinstance(self.model, PrintedLump)
 
 
 @dataclass(frozen=True)
@@ -72,10 +87,12 @@ def identify_sensors(
     notes: Sequence[str] = (),
     want_trace: bool = False,
     together: bool = False,
+    at_min: float | None = None,
 ) -> list[Identified]:
     """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
 
     Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
+    at_min: when a temperature is asked for [min after the start].
 
     Raises
     ------
@@ -99,9 +116,10 @@ def identify_sensors(
         if keep.any():
             blocks.append(block if keep.all() else block.some(keep))
     shared = _tracks_together(method, blocks, until_min) if together else {}
-    for block in blocks:
-        job = _Block(run, channels, name, method, block, until_min, start_min, time_min, notes, want_trace)
-        for row, one in zip(block.rows, job.identified(shared), strict=True):
+    jobs = [_Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min) for b in blocks]
+    opened = [job.opened(shared) for job in jobs]
+    for job, o, claimed in zip(jobs, opened, _claims(jobs, opened, method), strict=True):
+        for row, one in zip(job.sensors.rows, job.identified(o, claimed), strict=True):
             found[row] = one
     return [one for one in found if one is not None]
 
@@ -134,6 +152,40 @@ def _tracks_together(method: Method, blocks: Sequence[Sensors], until_min: float
 
 
 @dataclass(frozen=True)
+class _Opened:
+    """What filter and likelihood say of a block: None where the filter ran on no sensor; and why it broke on some."""
+
+    tracks: Tracks | None
+    found: Estimates | None
+    single: Callable[[int], Track]
+    broken: dict[int, str]
+
+
+def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method) -> list[Claims | None]:
+    """What the sensors of each block may claim, all blocks of a run together; None where the law is all."""
+    live = [i for i, o in enumerate(opened) if o.found is not None]
+    claimed: list[Claims | None] = [None] * len(jobs)
+    if not live or not method.widens:
+        return claimed
+    closed, last, end, drawn = [], 0.0, 0.0, None
+    for i in live:
+        job, found = jobs[i], opened[i].found
+        assert found is not None
+        usable = np.array([k not in opened[i].broken for k in range(len(job.sensors))])
+        closed.append(Closed(job.sensors, job.count, found, usable))
+        last, end = max(last, float(job.sensors.time[job.count - 1])), max(end, float(job.sensors.time[-1]))
+        if job.want_trace:
+            settled = np.nanmedian(np.append(found.t95, end))
+            drawn = max(drawn or 0.0, min(1.1 * float(settled), 5.0 * end) if job.count == len(job.sensors.time) else end)
+    first = jobs[live[0]]
+    at_min = None if first.at_min is None else first.at_min + first.start_min
+    times = times_asked(last, end, at_min, drawn)
+    for i, one in zip(live, claims(closed, times, method.imperfection, method.rates, lambda row: first.channels[row]), strict=True):
+        claimed[i] = one
+    return claimed
+
+
+@dataclass(frozen=True)
 class _Block:
     """Sensors of one run on one grid, on their way from readings to records."""
 
@@ -147,25 +199,35 @@ class _Block:
     time_min: Array
     notes: Sequence[str]
     want_trace: bool
+    at_min: float | None
 
     @property
     def count(self) -> int:
         return self.sensors.until(self.until_min)
 
-    def identified(self, shared: dict[int, Track]) -> list[Identified]:
-        """Of every sensor; `shared` holds the tracks by row where one filter has run over all."""
+    def opened(self, shared: dict[int, Track]) -> _Opened:
+        """Filter and likelihood of every sensor; `shared` holds the tracks by row where one filter has run over all."""
         tracks, single, failed = self._tracks(shared)
         if tracks is None:
-            return [self._diverged(i, failed[i]) for i in range(len(self.sensors))]
-        broken = {i: self._broke_at(int(k)) for i, k in enumerate(tracks.diverged_at) if k >= 0}
-        broken |= failed
+            return _Opened(None, None, single, failed)
+        broken = {i: self._broke_at(int(k)) for i, k in enumerate(tracks.diverged_at) if k >= 0} | failed
         n, sensors = self.count, self.sensors
         time, reading = sensors.time[:n], sensors.reading[:, :n]
         found = estimates_of(self.method.model, self.method.filter, tracks, time, reading, sensors.resolution, single)
-        records = self._records(found, tracks, broken)
+        return _Opened(tracks, found, single, broken)
+
+    def identified(self, opened: _Opened, claimed: Claims | None) -> list[Identified]:
+        """Of every sensor, with what it may claim."""
+        if opened.tracks is None or opened.found is None:
+            return [self._diverged(i, opened.broken[i]) for i in range(len(self.sensors))]
+        records = self._records(opened.found, opened.tracks, opened.broken, claimed)
         if not self.want_trace:
             return [Identified(r) for r in records]
-        return [self._with_pictures(i, r, found, single) if i not in broken else Identified(r) for i, r in enumerate(records)]
+        found, single = opened.found, opened.single
+        return [
+            self._with_pictures(i, r, found, single, claimed) if i not in opened.broken else Identified(r)
+            for i, r in enumerate(records)
+        ]
 
     def _tracks(self, shared: dict[int, Track]) -> tuple[Tracks | None, Callable[[int], Track], dict[int, str]]:
         """What the filter makes of all; a sensor's whole track, where it is asked for; and why it could not run on some."""
@@ -203,14 +265,20 @@ class _Block:
         blank = IdentifyRecord(self.run, self.channels[row], self.filter, self.until_min, self.count, self.start_min)
         return Identified(replace(blank, status="diverged", message=message))
 
-    def _records(self, found: Estimates, tracks: Tracks, broken: dict[int, str]) -> list[IdentifyRecord]:
+    def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> list[IdentifyRecord]:
         sensors, n = self.sensors, self.count
         steady, settled = measured_equilibria(sensors.time, sensors.reading)
-        ahead, against = self._ahead(found)
-        status, messages = _verdicts(found, tracks, sensors, against, float(sensors.time[n - 1]))
+        ahead, against = self._ahead(law, claimed)
+        found, until_used = law, float(sensors.time[n - 1])
+        if claimed is None:
+            status, messages = law_verdicts(law, tracks, sensors, against, until_used)
+        else:
+            found = with_claims(law, claimed)
+            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used)
         elapsed = max(found.time - self.start_min, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
-        for k in np.flatnonzero(found.faded if not self.method.paces else np.isfinite(found.t95)).tolist():
+        faded = found.faded if claimed is None else np.zeros_like(found.faded)
+        for k in np.flatnonzero(faded if not self.method.paces else np.isfinite(found.t95)).tolist():
             left = remaining(found.one(k), elapsed, self.method.paces)
             for side, value in zip(to_go, (left.median, left.low, left.high), strict=True):
                 side[k] = math.nan if value is None else value
@@ -234,6 +302,8 @@ class _Block:
             "noise_c": found.noise,
             "rmse_fit_c": found.misfit,
             "rmse_ahead_c": ahead,
+            "reading_half_width_c": 0.5 * (law.steady_high - law.steady_low),
+            **self._at(claimed, found),
         }
         columns = [_or_none(column) for column in numbers.values()]
         until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
@@ -244,25 +314,48 @@ class _Block:
                 continue
             message = _joined([*messages.get(i, ()), *sensors.notes[i], self.notes[row]])
             told: dict[str, Any] = dict(zip(numbers, values, strict=True))
+            if claimed is not None:
+                told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
+                told["rate_shared_with"] = claimed.shared_with[i]
             head = self.run, self.channels[row], self.filter, until, n, self.start_min
             records.append(IdentifyRecord(*head, **told, status=status[i], message=message))
         return records
 
-    def _ahead(self, found: Estimates) -> tuple[Array, dict[int, float]]:
+    def _at(self, claimed: Claims | None, found: Estimates) -> dict[str, Array]:
+        """Time, temperature and its interval at the time asked for."""
+        none = np.full(len(self.sensors), np.nan)
+        if self.at_min is None:
+            return {"at_min": none, "at_c": none, "at_lo_c": none, "at_hi_c": none}
+        named = np.full_like(none, self.at_min)
+        time = self.at_min + self.start_min
+        if claimed is not None:
+            at = claimed.at[:, int(np.abs(claimed.times - time).argmin())]
+            return {"at_min": named, "at_c": at[:, 1], "at_lo_c": at[:, 0], "at_hi_c": at[:, 2]}
+        there = np.array([time])
+        middle, half = found.free_run(there)[:, 0], found.band_from_tangent(there)[:, 0]
+        return {"at_min": named, "at_c": middle, "at_lo_c": middle - half, "at_hi_c": middle + half}
+
+    def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
         """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""
         sensors, n = self.sensors, self.count
         ahead = np.full(len(sensors), np.nan)
-        told = np.isfinite(found.rate)
+        told = np.isfinite(found.rate) if claimed is None else claimed.held
         if n == len(sensors.time) or not told.any():
             return ahead, {}
         later = sensors.time[n:]
         kept = spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0
-        error = np.where(kept & told[:, None], sensors.reading[:, n:] - found.free_run(later), np.nan)
+        low, curve, high = claimed.curves(later) if claimed is not None else (None, found.free_run(later), None)
+        error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
         number = np.isfinite(error).sum(axis=1)
         told &= number > 0
         ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
-        half = found.band_from_tangent(later)
         against = {}
+        if low is not None and high is not None:
+            half = np.where(error > 0.0, high - curve, curve - low)
+            for k in np.flatnonzero(told & contradicts(error, half, found.noise)).tolist():
+                against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k])]).max())
+            return ahead, against
+        half = found.band_from_tangent(later)
         # The covariance alone costs little; what it finds is looked at again with the curved band of draws.
         for i in np.flatnonzero(told & contradicts(error, half, found.noise)):
             good = np.isfinite(error[i])
@@ -271,28 +364,17 @@ class _Block:
                 against[int(i)] = size
         return ahead, against
 
-    def _with_pictures(self, i: int, record: IdentifyRecord, found: Estimates, single: Callable[[int], Track]) -> Identified:
+    def _with_pictures(
+        self, i: int, record: IdentifyRecord, found: Estimates, single: Callable[[int], Track], claimed: Claims | None
+    ) -> Identified:
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
-        return Identified(record, trace, _curves(record, sensor, found.one(i), trace, n, self.until_min))
+        return Identified(record, trace, _curves(record, sensor, found.one(i), trace, n, self.until_min, claimed, i))
 
 
 def _or_none(column: Array) -> list[float | None]:
     """Numbers, None for what is none."""
     return [v if math.isfinite(v) else None for v in column.tolist()]
-
-
-def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | None:
-    """(status, message, readings) where a sensor gives nothing to identify, else None."""
-    count = sensor.until(until_min)
-    if not len(sensor.reading):
-        return "no_data", "no reading in this column", 0
-    if count < RULES.fewest_readings:
-        within = f" in the first {until_min:g} min" if until_min is not None else ""
-        return "too_short", f"{count} readings{within}; at least {RULES.fewest_readings} are needed", count
-    if float(np.ptp(sensor.reading[:count])) == 0.0:
-        return "constant", f"every reading is {sensor.reading[0]:g} degC: is the probe connected?", count
-    return None
 
 
 def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) -> TimeToGo:
@@ -308,69 +390,6 @@ def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) ->
     sides = estimate.t95_interval.low, estimate.t95, estimate.t95_interval.high
     low, median, high = (clock_time(max(v - elapsed, 0.0), paces) if v is not None else None for v in sides)
     return TimeToGo(low, median, high)
-
-
-def _verdicts(
-    found: Estimates, tracks: Tracks, sensors: Sensors, against: dict[int, float], until: float
-) -> tuple[list[str], dict[int, list[str]]]:
-    """Status of each sensor, and of some what to say: how far the numbers can be trusted."""
-    bounded, seen = found.bounded, np.abs(found.state[:, 0] - found.initial)
-    with np.errstate(invalid="ignore"):
-        width = found.steady_high - found.steady_low
-        too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
-        largest = np.abs(sensors.reading).max(axis=1)
-        doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
-    out = (found.weights == 0.0).sum(axis=1)
-    status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
-    messages: dict[int, list[str]] = {}
-    for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
-        said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
-        if out[i]:
-            said.append(f"{out[i]} outlier{'s' if out[i] > 1 else ''} left out")
-        if not bounded[i]:
-            said.insert(0, _open_side(found.one(i)))
-        elif too_wide[i]:
-            unsure = "the steady state is known only to within"
-            said.insert(0, f"{unsure} {width[i]:.3g} K, many times the rise so far; measure longer")
-        messages[i] = said
-    for i, size in against.items():
-        status[i] = "model_doubtful" if status[i] == "ok" else status[i]
-        messages[i] = [words(size, until), *messages.get(i, [])]
-    return status, messages
-
-
-def _open_side(estimate: Estimate) -> str:
-    sides = estimate.steady_state_interval
-    if estimate.steady_state is None:
-        return "no bend is seen yet: the steady state cannot be told; measure longer"
-    if sides.low is None or sides.high is None:
-        return "these readings do not bound the steady state on one side; measure longer"
-    return "these readings do not bound the settling time on one side; measure longer"
-
-
-def _misfits(pattern_p: Any, too_large: Any, misfit: Any, resolution: Any, largest: Any) -> Any:
-    """Whether residuals are more than noise; broadcasts. largest: the largest reading by amount [degC]."""
-    # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
-    return ((pattern_p < RULES.doubt) | too_large) & (misfit > np.maximum(0.5 * resolution, 1e-9 * largest))
-
-
-def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:
-    """Why the base model does not fit, in words; empty where nothing speaks against it.
-
-    woke: the reading at which the filter began to fade.
-    """
-    if estimate.faded:
-        return [
-            f"the base model fails from about {sensor.time[woke]:.4g} min on and the filter forgets what was before; "
-            "the interval is that of its last readings and may be too narrow"
-        ]
-    largest = float(np.abs(sensor.reading).max())
-    if _misfits(estimate.pattern_p, estimate.too_large, estimate.misfit, sensor.resolution, largest):
-        return [
-            f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
-            "the interval does not cover what the model lacks"
-        ]
-    return []
 
 
 def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> dict[str, Array]:
@@ -400,13 +419,24 @@ def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> di
 
 
 def _curves(
-    record: IdentifyRecord, sensor: Sensor, estimate: Estimate, trace: dict[str, Array] | None, count: int, until_min: float | None
+    record: IdentifyRecord,
+    sensor: Sensor,
+    estimate: Estimate,
+    trace: dict[str, Array] | None,
+    count: int,
+    until_min: float | None,
+    claimed: Claims | None = None,
+    row: int = 0,
 ) -> Curves:
     end = float(sensor.time[-1])
     if count == len(sensor.time) and estimate.t95 is not None:
         end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
     grid = np.linspace(float(sensor.time[0]), end, 300)
-    low, high = estimate.band(grid)
+    curve = estimate.free_run(grid)
+    if claimed is not None and claimed.held[row]:
+        low, curve, high = (side[row] for side in claimed.curves(grid, drawn=True))
+    else:
+        low, high = estimate.band(grid)
     until = float(sensor.time[count - 1]) if until_min is None else until_min
     start = record.start_min or 0.0
     return Curves(
@@ -415,7 +445,7 @@ def _curves(
         sensor.time,
         sensor.reading,
         grid,
-        estimate.free_run(grid),
+        curve,
         low,
         high,
         until,

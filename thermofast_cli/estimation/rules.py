@@ -16,6 +16,11 @@ class EstimationRules:
     widen: float = rule(
         0.05, "1", "residuals this patterned are no doubt yet, but intervals make room for their colour", "the usual 5 %"
     )
+    unfit: float = rule(
+        0.01, "1", "a machine of the prior's kind leaves the law this far with this probability", "once in a hundred records"
+    )
+    strong: float = rule(0.6, "1", "probability of an effect beside the law from which a row is doubtful", BY_HAND)
+    hides: float = rule(0.1, "1", "probability that a slow second mass moves the limit out of the interval", BY_HAND)
     kept_share: float = rule(
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
     )

@@ -21,9 +21,10 @@ from .closing import (
     tracks_of,
 )
 from .estimate import FilterError
-from .identify import Method, doubts, refusal
+from .identify import Method
 from .rules import RULES
-from .sensor import Sensors, prepare_all
+from .sensor import Sensors, prepare_all, refusal
+from .verdicts import doubts
 
 Array = NDArray[np.float64]
 

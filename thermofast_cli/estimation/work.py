@@ -39,6 +39,7 @@ class IdentifyTask(Task):
     until_min: float | None = None
     want_trace: bool = False
     together: bool = False
+    at_min: float | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ def identify_task(task: IdentifyTask) -> list[Identified]:
         task.notes,
         task.want_trace,
         task.together,
+        task.at_min,
     )
 
 

@@ -21,7 +21,7 @@ def bench_runs(started: Sequence[Started], until_min: float | None = None, how: 
     ------
     UsageError: an identification time that leaves nothing before or after it.
     """
-    from ..estimation.bench import bench_run
+    from ..analysis.bench import bench_run
     from ..plugins.filters import known_filters
 
     for run, start in started:

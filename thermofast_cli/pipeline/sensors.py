@@ -9,6 +9,7 @@ from thermofast.filters import Afukf
 from ..engine import Started, Work, over_runs, over_sensors, share_out
 from ..errors import UsageError
 from ..estimation.identify import Method
+from ..estimation.imperfect import GROUP
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task
 from ..reading import Run
 from ..results import Identification, Sweeping
@@ -36,14 +37,17 @@ def identify_runs(
     joint: bool = False,
     details: bool = False,
     how: Work | None = None,
+    at_min: float | None = None,
 ) -> Identification:
-    """Steady state and settling time of every sensor; ``details`` adds curves and traces.
+    """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time.
 
     Raises
     ------
     UsageError: an identification time outside a record, or settings that exclude each other.
     """
     how = how or Work()
+    if model is not None and at_min is not None:
+        raise UsageError("--at asks the base model", do="leave --at or --model out")
     if model is not None and method.paces:
         raise UsageError("--pace changes the rate of the base model", do="leave --pace or --model out")
     if joint and (model is not None or type(method.filter) is not Afukf):
@@ -62,9 +66,10 @@ def identify_runs(
     else:
 
         def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> IdentifyTask:
-            return IdentifyTask(name, minutes, part, values, notes, method, start, until_min, details, joint)
+            return IdentifyTask(name, minutes, part, values, notes, method, start, until_min, details, joint, at_min)
 
-        sensor_tasks, processes = share_out(started, how.jobs, 1.0 if not joint else 100.0, make, whole=joint)
+        weight = 100.0 if joint else 10.0 if method.widens else 1.0
+        sensor_tasks, processes = share_out(started, how.jobs, weight, make, joint, GROUP if method.widens else 1)
         found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
     return Identification(
         tuple(one.record for one in found_all),

@@ -61,6 +61,23 @@ filter_options = _together(
     ),
 )
 
+imperfection_options = _together(
+    click.option(
+        "--imperfection",
+        default="typical",
+        show_default=True,
+        metavar="typical|none|FILE",
+        help="How far the machine may leave the law: FILE.toml holds a lab's own sizes.",
+    ),
+    click.option(
+        "--rates",
+        type=click.Choice(["auto", "own", "shared"]),
+        default="auto",
+        show_default=True,
+        help="Whether sensors share their rate: those that agree, none, all.",
+    ),
+)
+
 jobs_option = click.option(
     "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."
 )

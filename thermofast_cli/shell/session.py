@@ -24,6 +24,8 @@ from ..records import FAILURES
 from ..results import Result
 
 if TYPE_CHECKING:
+    from thermofast.models.imperfection import Imperfection
+
     from ..machine.model import Model
 
 
@@ -119,6 +121,18 @@ def load_model(path: str | None) -> "Model | None":
     from ..machine.model import Model
 
     return Model.load(path)
+
+
+def load_imperfection(named: str) -> "Imperfection":
+    """``typical``, ``none`` or the prior of a file.
+
+    Raises
+    ------
+    UsageError: as :func:`read_imperfection`.
+    """
+    from ..machine.lab import read_imperfection
+
+    return read_imperfection(named)
 
 
 def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> None:

@@ -33,4 +33,4 @@ def load_settings(path: str | None) -> dict[str, Any]:
         settings = msgspec.convert(raw, Settings)
     except msgspec.ValidationError as error:
         raise UsageError(f"{target}: {error}", allowed=known_keys(), do="mend the key or its value") from None
-    return settings.defaults()
+    return settings.defaults(str(target))

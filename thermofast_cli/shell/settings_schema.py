@@ -52,9 +52,11 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
     input: Reading = Reading()
     identify: Identify = Identify()
     sweep: Sweep = Sweep()
+    rates: Literal["auto", "own", "shared"] | None = None
+    imperfection: dict[str, Any] | None = None
 
-    def defaults(self) -> dict[str, Any]:
-        """As Click's default map: what a command takes where its option is not given."""
+    def defaults(self, source: str) -> dict[str, Any]:
+        """As Click's default map: what a command takes where its option is not given; source is the settings file itself."""
         joined = {k: ",".join(v) if isinstance(v, tuple) else v for k, v in msgspec.structs.asdict(self.input).items()}
         shared = {**joined, "filter_name": self.filter, "preset": self.preset, "settings": self.set, "jobs": self.jobs}
         sweep = msgspec.structs.asdict(self.sweep)
@@ -62,8 +64,9 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
         given = {"runs": self.runs}
         reading = {**joined, "jobs": self.jobs}
         loop = {name: _given(reading) | given for name in ("compare", "diagnose", "improve")}
+        machine = {"rates": self.rates, "imperfection": source if self.imperfection is not None else None}
         return loop | {
-            "identify": _given(shared | msgspec.structs.asdict(self.identify)) | given,
+            "identify": _given(shared | machine | msgspec.structs.asdict(self.identify)) | given,
             "sweep": _given(shared | sweep) | given,
         }
 
@@ -75,6 +78,6 @@ def _given(values: dict[str, Any]) -> dict[str, Any]:
 def known_keys() -> str:
     """All keys, tables with theirs in brackets."""
     tables = {"input": Reading, "identify": Identify, "sweep": Sweep}
-    top = [f for f in Settings.__struct_fields__ if f not in tables]
+    top = [f for f in Settings.__struct_fields__ if f not in (*tables, "imperfection")]
     inner = [f"[{name}] {' '.join(table.__struct_fields__)}" for name, table in tables.items()]
-    return " ".join(top) + "; " + "; ".join(inner)
+    return " ".join(top) + "; " + "; ".join(inner) + "; [imperfection], see thermofast identify --imperfection"

@@ -1,7 +1,7 @@
 from numpy import intp, uint8
 from numpy.typing import NDArray
 
-from .fit import Array
+from ..core.fit import Array
 
 def mixture(
     reading: Array,

@@ -12,12 +12,12 @@ from thermofast.filters import Afukf, Filter, Track
 from thermofast.filters.joint import track_together
 from thermofast.models import Lump, spike_weights
 
+from ..estimation.closing import estimate_at, track_of
+from ..estimation.estimate import Estimate, FilterError
+from ..estimation.rules import RULES
+from ..estimation.sensor import Sensor, prepare
 from ..reading import Run
 from ..records import BenchRecord, finite
-from .closing import estimate_at, track_of
-from .estimate import Estimate, FilterError
-from .rules import RULES
-from .sensor import Sensor, prepare
 
 Array = NDArray[np.float64]
 

@@ -5,14 +5,17 @@ from typing import Any
 
 from thermofast.filters import PRINTED, Filter
 from thermofast.models import Lump, PrintedLump
+from thermofast.models.imperfection import TYPICAL, Imperfection, Rates
 from thermofast.models.uncertainty.first_passage import Pace
 
 from ..errors import UsageError, listed, nearest
+from ..estimation.identify import Method
 from ..plugins.filters import filter_class, known_filters
-from .identify import Method
 
 
-def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
+def choose(
+    name: str, preset: str | None, settings: tuple[str, ...], imperfection: Imperfection = TYPICAL, rates: Rates = "auto"
+) -> Method:
     """The method for a filter name, ``paper`` or no preset, and ``filter.setting=value`` texts.
 
     Raises
@@ -39,7 +42,7 @@ def choose(name: str, preset: str | None, settings: tuple[str, ...]) -> Method:
         chosen = kind()
     for text in settings:
         chosen = _set(chosen, text, known)
-    return Method(PrintedLump() if preset == "paper" else Lump(), chosen)
+    return Method(PrintedLump() if preset == "paper" else Lump(), chosen, imperfection=imperfection, rates=rates)
 
 
 def _set(chosen: Filter, text: str, known: dict[str, type[Filter]]) -> Filter:

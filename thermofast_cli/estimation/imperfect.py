@@ -1,0 +1,184 @@
+"""What may be claimed of sensors whose machine is not the law: joins blocks of sensors and ``models/imperfection``.
+
+Sensors of a run are taken in groups, in the order of its columns, so that what one says does not depend on the number of processes.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, settle
+
+from .estimate import Estimates
+from .sensor import Sensors
+
+Array = NDArray[np.float64]
+
+#: Sensors that share what they say: columns of a run in their order.
+GROUP = 50
+#: Times at which the readings ahead are foretold, and those of a picture.
+AHEAD, DRAWN = 9, 30
+#: Names of sensors that a row lists before it counts the rest.
+NAMED = 6
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Sensors of one block on their way: the first `count` readings were used, found is what they say by the law alone.
+
+    usable (S,): whose filter held.
+    """
+
+    sensors: Sensors
+    count: int
+    found: Estimates
+    usable: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Claims:
+    """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names."""
+
+    steady: Array
+    t95: Array
+    at: Array
+    rate: Array
+    log_rate_sd: Array
+    prior_log_rate_sd: float
+    check_p: Array
+    strong: Array
+    unseen: Array
+    unseen_from: Array
+    hides: Array
+    shared_with: tuple[str, ...]
+    times: Array
+    ahead: NDArray[np.bool_]
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which sensors have a posterior (S,)."""
+        return np.isfinite(self.steady[:, 1])
+
+    @property
+    def unknown_rate(self) -> NDArray[np.bool_]:
+        """Whose readings shrink the prior spread of the log rate by less than half (S,)."""
+        with np.errstate(invalid="ignore"):
+            found: NDArray[np.bool_] = self.log_rate_sd > 0.5 * self.prior_log_rate_sd
+        return found
+
+    def curves(self, times: Array, drawn: bool = False) -> tuple[Array, Array, Array]:
+        """Temperatures foretold (S, n) [degC] at times (n,) [min of the run] between the sides of their 95 % band.
+
+        Straight over 1 - exp(-rate t) between those asked for over the readings ahead, or where `drawn`, between all.
+        """
+        some = np.ones_like(self.ahead) if drawn else self.ahead
+        rate = np.where(self.held, self.rate[:, 1], 1.0)[:, None]
+        there, asked = -np.expm1(-rate * times), -np.expm1(-rate * self.times[some])
+        sides = np.moveaxis(self.at[:, some], 2, 0)
+        low, middle, high = (np.array([np.interp(*line) for line in zip(there, asked, side, strict=True)]) for side in sides)
+        return low, middle, high
+
+
+def claims(
+    closed: Sequence[Closed], asked: tuple[Array, NDArray[np.bool_]], prior: Imperfection, rates: Rates, name: Callable[[int], str]
+) -> list[Claims]:
+    """Of all blocks of a task, by groups of its run's columns; temperatures as :func:`times_asked`; `name` names a column."""
+    times = asked[0]
+    empty = [_empty(c, *asked, prior) for c in closed]
+    together = GROUP if rates != "own" else 1  # its own word only: a sensor says the same alone
+    groups = sorted({int(row) // together for c in closed for row in c.sensors.rows})
+    for group in groups:
+        members = [np.flatnonzero((c.sensors.rows // together == group) & c.usable) for c in closed]
+        some = [(i, rows) for i, rows in enumerate(members) if len(rows)]
+        if not some:
+            continue
+        parts = [_part(closed[i], rows) for i, rows in some]
+        elapsed = max(float(closed[i].sensors.time[closed[i].count - 1] - closed[i].sensors.time[0]) for i, _ in some)
+        with np.errstate(all="ignore"):
+            pilots = np.concatenate([1.0 / closed[i].found.rate[rows] for i, rows in some])
+        pilots = pilots[np.isfinite(pilots) & (pilots > 0.0)]
+        tau = float(np.median(np.clip(pilots, elapsed / 500.0, 2.0 * elapsed))) if len(pilots) else elapsed
+        found = settle(parts, tau, prior, times, rates)
+        names = [name(int(closed[i].sensors.rows[r])) for i, rows in some for r in rows]
+        at = 0
+        for i, rows in some:
+            _put(empty[i], rows, found, slice(at, at + len(rows)), names)
+            at += len(rows)
+    return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
+
+
+def times_asked(last: float, end: float, at_min: float | None, drawn_until: float | None) -> tuple[Array, NDArray[np.bool_]]:
+    """When temperatures are asked for (k,) [min], and which of them (k,) lie over the readings from `last` to `end`.
+
+    The others are for a picture and at a named time.
+    """
+    times: list[float] = []
+    if end > last:
+        times += (last + (end - last) * np.linspace(0.0, 1.0, AHEAD) ** 1.5).tolist()
+    over = set(np.round(times, 9).tolist())
+    if drawn_until is not None:
+        times += np.linspace(0.0, max(end, drawn_until), DRAWN).tolist()
+    if at_min is not None:
+        times.append(at_min)
+    asked = np.unique(np.round(times, 9)) if times else np.zeros(0)
+    return asked, np.array([t in over for t in asked.tolist()], dtype=bool)
+
+
+def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
+    """What a record could not exclude of a slow second mass, in words; empty where that is nothing worth a word."""
+    size, width = float(claimed.unseen[i]), float(claimed.steady[i, 2] - claimed.steady[i, 0])
+    if not math.isfinite(size) or not abs(rise) > 0.0 or size < 0.25 * width:
+        return ""
+    share = 100.0 * size / abs(rise)
+    return f"a second mass slower than {claimed.unseen_from[i]:.2g} min, up to {min(share, 999.0):.2g} % of the rise"
+
+
+def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
+    n, sensors = closed.count, closed.sensors
+    time, reading = sensors.time[:n], sensors.reading[rows, :n]
+    left_out = closed.found.weights[rows] == 0.0
+    if left_out.any():  # an outlier is replaced by what its neighbours say, so that all keep the same times
+        reading = reading.copy()
+        for line, out in zip(reading, left_out, strict=True):
+            if out.any() and not out.all():
+                line[out] = np.interp(time[out], time[~out], line[~out])
+    return Part(time, reading, _noise(reading), sensors.resolution[rows])
+
+
+def _noise(reading: Array) -> Array:
+    """Standard deviation [K] of the white noise of readings (S, n), from third differences: a smooth curve leaves none of them."""
+    if reading.shape[1] < 8:
+        least: Array = np.abs(np.diff(reading, axis=1)).min(axis=1) / math.sqrt(2.0)
+        return least
+    third = np.abs(np.diff(reading, 3, axis=1)) / math.sqrt(20.0)
+    robust = 1.4826 * np.median(third, axis=1)
+    # Readings of few steps differ by nothing more often than not; then the rare steps tell.
+    trimmed = np.sqrt(np.mean(np.minimum(third, np.quantile(third, 0.98, axis=1, keepdims=True)) ** 2, axis=1))
+    return np.where(robust > 0.0, robust, trimmed)
+
+
+def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
+    count = len(closed.sensors)
+    numbers = {n: np.full(count, np.nan) for n in ("log_rate_sd", "check_p", "strong", "unseen", "unseen_from", "hides")}
+    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate")}
+    return Claims(
+        **numbers,
+        **threes,
+        at=np.full((count, len(times), 3), np.nan),
+        prior_log_rate_sd=prior.log_rate_spread,
+        shared_with=[""] * count,  # type: ignore[arg-type]
+        times=times,
+        ahead=ahead,
+    )
+
+
+def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: slice, names: Sequence[str]) -> None:
+    for name in ("steady", "t95", "at", "rate", "log_rate_sd", "check_p", "strong", "unseen", "unseen_from", "hides"):
+        getattr(into, name)[rows] = getattr(found, name)[of]
+    for row, agrees in zip(rows.tolist(), found.agrees[of], strict=True):
+        those = [names[j] for j in np.flatnonzero(agrees).tolist()]
+        more = f" and {len(those) - NAMED} more" if len(those) > NAMED else ""
+        into.shared_with[row] = ", ".join(those[:NAMED]) + more  # type: ignore[index]

@@ -1,0 +1,142 @@
+"""How far the numbers of a sensor can be trusted, in a status and in words."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.filters import Tracks
+
+from .contradiction import words
+from .estimate import Estimate, Estimates
+from .imperfect import Claims
+from .rules import RULES
+from .sensor import Sensor, Sensors
+
+Array = NDArray[np.float64]
+
+
+def with_claims(law: Estimates, claimed: Claims) -> Estimates:
+    """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan."""
+    steady, t95 = claimed.steady.copy(), claimed.t95.copy()
+    # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior.
+    rises = law.state[:, 0] >= law.initial
+    open_ = claimed.unknown_rate
+    steady[open_ & rises, 2] = np.nan
+    steady[open_ & ~rises, 0] = np.nan
+    t95[open_, 2] = np.nan
+    return replace(
+        law,
+        steady_state=steady[:, 1],
+        steady_low=steady[:, 0],
+        steady_high=steady[:, 2],
+        rate=claimed.rate[:, 1],
+        t95=t95[:, 1],
+        t95_low=t95[:, 0],
+        t95_high=t95[:, 2],
+    )
+
+
+def claimed_verdicts(
+    found: Estimates, claimed: Claims, tracks: Tracks, sensors: Sensors, against: dict[int, float], until: float
+) -> tuple[list[str], dict[int, list[str]]]:
+    """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
+    bounded, seen = found.bounded, np.abs(found.state[:, 0] - found.initial)
+    with np.errstate(invalid="ignore"):
+        width = found.steady_high - found.steady_low
+        too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
+        unfit = claimed.check_p < RULES.unfit
+        strong = claimed.strong > RULES.strong
+        hides = claimed.hides > RULES.hides
+    out = (found.weights == 0.0).sum(axis=1)
+    undetermined = ~bounded | too_wide
+    doubted = unfit | strong | hides
+    status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
+    messages: dict[int, list[str]] = {}
+    for i in np.flatnonzero(undetermined | doubted | found.faded | (out > 0)).tolist():
+        said = []
+        if not bounded[i]:
+            said.append(_open_side(found.one(i)))
+        elif too_wide[i]:
+            unsure = "the steady state is known only to within"
+            said.append(f"{unsure} {width[i]:.3g} K, many times the rise so far; measure longer")
+        if unfit[i]:
+            p = f"p = {claimed.check_p[i]:.1g}"
+            said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
+        elif strong[i]:
+            said.append("an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it")
+        if found.faded[i]:
+            said.append(f"the law fails from about {sensors.time[tracks.woke[i]]:.4g} min on")
+        if hides[i]:
+            said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
+        if out[i]:
+            said.append(f"{out[i]} outlier{'s' if out[i] > 1 else ''} left out")
+        messages[i] = said
+    for i, size in against.items():
+        status[i] = "model_doubtful" if status[i] == "ok" else status[i]
+        messages[i] = [words(size, until), *messages.get(i, [])]
+    return status, messages
+
+
+def law_verdicts(
+    found: Estimates, tracks: Tracks, sensors: Sensors, against: dict[int, float], until: float
+) -> tuple[list[str], dict[int, list[str]]]:
+    """Status of each sensor, and of some what to say: how far the numbers can be trusted."""
+    bounded, seen = found.bounded, np.abs(found.state[:, 0] - found.initial)
+    with np.errstate(invalid="ignore"):
+        width = found.steady_high - found.steady_low
+        too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
+        largest = np.abs(sensors.reading).max(axis=1)
+        doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
+    out = (found.weights == 0.0).sum(axis=1)
+    status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
+    messages: dict[int, list[str]] = {}
+    for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
+        said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
+        if out[i]:
+            said.append(f"{out[i]} outlier{'s' if out[i] > 1 else ''} left out")
+        if not bounded[i]:
+            said.insert(0, _open_side(found.one(i)))
+        elif too_wide[i]:
+            unsure = "the steady state is known only to within"
+            said.insert(0, f"{unsure} {width[i]:.3g} K, many times the rise so far; measure longer")
+        messages[i] = said
+    for i, size in against.items():
+        status[i] = "model_doubtful" if status[i] == "ok" else status[i]
+        messages[i] = [words(size, until), *messages.get(i, [])]
+    return status, messages
+
+
+def _open_side(estimate: Estimate) -> str:
+    sides = estimate.steady_state_interval
+    if estimate.steady_state is None:
+        return "no bend is seen yet: the steady state cannot be told; measure longer"
+    if sides.low is None or sides.high is None:
+        return "these readings do not bound the steady state on one side; measure longer"
+    return "these readings do not bound the settling time on one side; measure longer"
+
+
+def _misfits(pattern_p: Any, too_large: Any, misfit: Any, resolution: Any, largest: Any) -> Any:
+    """Whether residuals are more than noise; broadcasts. largest: the largest reading by amount [degC]."""
+    # A misfit smaller than the logger's step is its rounding, and one of the last digit is the computer's.
+    return ((pattern_p < RULES.doubt) | too_large) & (misfit > np.maximum(0.5 * resolution, 1e-9 * largest))
+
+
+def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:
+    """Why the base model does not fit, in words; empty where nothing speaks against it.
+
+    woke: the reading at which the filter began to fade.
+    """
+    if estimate.faded:
+        return [
+            f"the base model fails from about {sensor.time[woke]:.4g} min on and the filter forgets what was before; "
+            "the interval is that of its last readings and may be too narrow"
+        ]
+    largest = float(np.abs(sensor.reading).max())
+    if _misfits(estimate.pattern_p, estimate.too_large, estimate.misfit, sensor.resolution, largest):
+        return [
+            f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
+            "the interval does not cover what the model lacks"
+        ]
+    return []
