@@ -1,5 +1,7 @@
 """Records of ``identify`` and ``sweep``: right numbers, honest statuses, and the two agree."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulator import lump, spindle
@@ -9,6 +11,7 @@ from thermofast.estimation.identify import Method, identify_sensor, identify_sen
 from thermofast.estimation.sweep import sweep_sensor, sweep_sensors
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
+from thermofast.models.imperfection import NONE
 
 DEFAULT = Method(Lump(), Afukf())
 
@@ -57,7 +60,7 @@ def test_a_wrong_model_is_doubted_and_a_right_one_hardly_ever():
     two = 18 + 5 * (1 - np.exp(-0.05 * time)) + 5 * (1 - np.exp(-0.006 * time)) + 0.01 * rng.standard_normal(240)
     r = record(time, two)
     assert r.status in {"model_doubtful", "not_determined"}
-    assert "model" in r.message
+    assert "an effect beside the law is likely" in r.message
     doubted = sum(record(*spindle(np.random.default_rng(100 + i), 200.0)).status != "ok" for i in range(150))
     assert doubted <= 3
 
@@ -96,8 +99,9 @@ def test_a_sweep_is_identify_at_every_time(method):
     swept = sweep_sensor("run", "T", time, y, method, windows, times, 50.0)
     track = method.filter.track(method.model, time, y, 0.0)
     progress = estimates_at(method.model, method.filter, track, time, y, [int(t) for t in times], 0.0)
+    bare = replace(method, imperfection=NONE, rates="own")
     for i, minutes in enumerate(times):
-        alone = record(time, y, minutes, method)
+        alone = record(time, y, minutes, bare)
         steady = Lump().steady_state(progress.state[i])
         if alone.steady_state_c is not None:
             assert steady == pytest.approx(alone.steady_state_c, rel=1e-9)
@@ -196,7 +200,7 @@ def mixed_block():
 @pytest.mark.parametrize("kind", [Afukf, LeastSquares, Ukf])
 def test_a_block_gives_each_sensor_what_it_gets_alone(kind, until):
     time, y, names = mixed_block()
-    method = Method(Lump(), kind())
+    method = Method(Lump(), kind(), rates="own")
     together = [found.record for found in identify_sensors("run", names, time, y, method, until)]
     for i, record in enumerate(together):
         alone = identify_sensor("run", names[i], time, y[i], method, until).record

@@ -84,7 +84,7 @@ def test_joint_at_the_command_line(tool, tmp_path):
     time, y = machine(np.random.default_rng(5), ramp=1.0, sensors=4)
     columns = {"time_min": time, **{f"T{i}": row for i, row in enumerate(y)}, "dead": np.full(len(time), 20.0)}
     write_columns(str(tmp_path / "run.csv"), columns)
-    done = tool("identify", tmp_path / "run.csv", "--joint", "--format", "json", "-q")
+    done = tool("identify", tmp_path / "run.csv", "--joint", "--imperfection", "none", "--rates", "own", "--format", "json", "-q")
     found = json.loads(done.out)["records"]
     assert done.code == 1
     assert [r["status"] for r in found] == ["model_doubtful"] * 4 + ["constant"]

@@ -20,6 +20,7 @@ from thermofast.estimation.identify import Method, identify_sensor
 from thermofast.estimation.measured import measured_equilibrium
 from thermofast.filters import Filter
 from thermofast.models import Lump
+from thermofast.models.imperfection import NONE
 from thermofast.output.table import GAP, Column, blocks, folded, lines_of
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
@@ -181,11 +182,17 @@ def test_a_piped_table_is_as_wide_as_it_needs(tool):
 def test_a_row_is_not_ok_against_the_readings_after_it(tool):
     time = np.arange(401.0)
     two = 20 + 8 * (1 - np.exp(-time / 40)) + 6 * (1 - np.exp(-time / 400)) + 0.02 * np.random.default_rng(0).standard_normal(401)
-    record = identify_sensor("run", "T1", time, two, Method(Lump(), Filter_()), 45.0).record
+    bare = Method(Lump(), Filter_(), imperfection=NONE, rates="own")
+    law = identify_sensor("run", "T1", time, two, bare, 45.0).record
+    assert law.steady_state_hi_c - law.steady_state_lo_c < law.rmse_ahead_c
+    assert law.status == "model_doubtful"
+    assert "the readings after 45 min leave the prediction's band, by up to" in law.message
+    record = identify_sensor("run", "T1", time, two, Method(Lump(), Filter_()), 60.0).record
     assert record.rmse_ahead_c > 1.0
-    assert record.steady_state_hi_c - record.steady_state_lo_c < record.rmse_ahead_c
+    assert record.steady_state_hi_c - record.steady_state_lo_c > 4.0 * (law.steady_state_hi_c - law.steady_state_lo_c)
     assert record.status == "model_doubtful"
-    assert "the readings after 45 min leave the prediction's band, by up to" in record.message
+    assert "the readings after 60 min leave the prediction's band, by up to" in record.message
+    assert "a second mass slower than" in record.unseen
 
 
 def Filter_():  # noqa: N802

@@ -94,7 +94,7 @@ class _Run:
 
     def __init__(self, parts: Sequence[Part], tau: float, prior: Imperfection, at: Array, rates: Rates) -> None:
         self.prior, self.rates = prior, rates
-        self.asked = [Asked(at - p.time[0]) for p in parts]
+        self.asked = [Asked(np.maximum(at - p.time[0], 0.0)) for p in parts]
         self.times = len(at)
         self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, tau) for p in parts]
         self.rows = np.cumsum([0, *(len(p.reading) for p in parts)])

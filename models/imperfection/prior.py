@@ -125,7 +125,7 @@ class Imperfection:
         apiece = np.array(self.strong_weights or (1.0,) * count)
         each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(self.strong_scales))
         prior = np.concatenate([(1.0 - share) * weight, each])
-        return kind, squares, np.log(prior)
+        return kind, squares, np.log(np.maximum(prior, 1e-300))
 
 
 TYPICAL = Imperfection()

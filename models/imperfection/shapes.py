@@ -137,7 +137,8 @@ def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked
     # A room that drifts goes on to the last reading and stays; a probe that drifts is no part of the machine's temperature.
     held = np.where(waits, np.minimum(times, last), times)
     lagged = held + np.expm1(-b * held) / b
-    lagged = np.where(waits & (times > last), lagged + (last - lagged) * -np.expm1(-np.minimum(b * (times - last), 700.0)), lagged)
+    going = -np.expm1(-np.clip(b * (times - last), 0.0, 700.0))
+    lagged = np.where(waits & (times > last), lagged + (last - lagged) * going, lagged)
     probe = np.where(waits, 0.0, times)
     ramp = squares([lagged, probe]) / (60.0 * unit) ** 2
     by_name = {

@@ -21,8 +21,8 @@ from ..discovery.loop import LoopTask, failure_records, in_order, ready, refused
 from ..errors import ThermofastError
 from ..estimation.closing import estimate_at, track_of
 from ..estimation.estimate import Estimate, FilterError
-from ..estimation.identify import Method, refusal
-from ..estimation.sensor import Sensor, prepare
+from ..estimation.identify import Method
+from ..estimation.sensor import Sensor, prepare, refusal
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile
 from ..machine.settle import covariance_root, reference_of, settling_point

@@ -8,16 +8,16 @@ from .rules import RULES
 Array = NDArray[np.float64]
 
 
-def outside_band(residual: Array, half_width: Array, noise: Array | float) -> NDArray[np.bool_]:
-    """Which residuals (..., n) leave the prediction's band; nan ones do not. Broadcasts."""
+def outside_band(residual: Array, half_width: Array, noise: Array | float, factor: float = RULES.band_factor) -> NDArray[np.bool_]:
+    """Which residuals (..., n) leave `factor` times the prediction's band; nan ones do not. Broadcasts."""
     with np.errstate(invalid="ignore"):
-        outside: NDArray[np.bool_] = np.abs(residual) > RULES.band_factor * half_width + RULES.noise_factor * noise
+        outside: NDArray[np.bool_] = np.abs(residual) > factor * half_width + RULES.noise_factor * noise
     return outside
 
 
-def contradicts(residual: Array, half_width: Array, noise: Array) -> NDArray[np.bool_]:
+def contradicts(residual: Array, half_width: Array, noise: Array, factor: float = RULES.band_factor) -> NDArray[np.bool_]:
     """Whether the readings ahead (S, n), nan for one that does not count, leave the bands of S predictions; noise (S,) [K]."""
-    outside = outside_band(residual, half_width, noise[:, None]).sum(axis=1)
+    outside = outside_band(residual, half_width, noise[:, None], factor).sum(axis=1)
     found: NDArray[np.bool_] = outside >= np.maximum(RULES.fewest_outside, RULES.share_outside * np.isfinite(residual).sum(axis=1))
     return found
 

@@ -167,18 +167,20 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     claimed: list[Claims | None] = [None] * len(jobs)
     if not live or not method.widens:
         return claimed
-    closed, last, end, drawn = [], 0.0, 0.0, None
+    closed, drawn = [], None
     for i in live:
         job, found = jobs[i], opened[i].found
         assert found is not None
         usable = np.array([k not in opened[i].broken for k in range(len(job.sensors))])
         closed.append(Closed(job.sensors, job.count, found, usable))
-        last, end = max(last, float(job.sensors.time[job.count - 1])), max(end, float(job.sensors.time[-1]))
         if job.want_trace:
+            end = float(job.sensors.time[-1])
             settled = np.nanmedian(np.append(found.t95, end))
             drawn = max(drawn or 0.0, min(1.1 * float(settled), 5.0 * end) if job.count == len(job.sensors.time) else end)
     first = jobs[live[0]]
     at_min = None if first.at_min is None else first.at_min + first.start_min
+    end = float(first.time_min[-1])
+    last = end if first.until_min is None else min(first.until_min, end)
     times = times_asked(last, end, at_min, drawn)
     for i, one in zip(live, claims(closed, times, method.imperfection, method.rates, lambda row: first.channels[row]), strict=True):
         claimed[i] = one
@@ -273,7 +275,7 @@ class _Block:
         if claimed is None:
             status, messages = law_verdicts(law, tracks, sensors, against, until_used)
         else:
-            found = with_claims(law, claimed)
+            found = with_claims(law, claimed, sensors)
             status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used)
         elapsed = max(found.time - self.start_min, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
@@ -352,8 +354,8 @@ class _Block:
         against = {}
         if low is not None and high is not None:
             half = np.where(error > 0.0, high - curve, curve - low)
-            for k in np.flatnonzero(told & contradicts(error, half, found.noise)).tolist():
-                against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k])]).max())
+            for k in np.flatnonzero(told & contradicts(error, half, found.noise, RULES.claimed_factor)).tolist():
+                against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], RULES.claimed_factor)]).max())
             return ahead, against
         half = found.band_from_tangent(later)
         # The covariance alone costs little; what it finds is looked at again with the curved band of draws.

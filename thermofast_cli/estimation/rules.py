@@ -28,6 +28,7 @@ class EstimationRules:
     band_factor: float = rule(
         3.29 / 1.96, "1", "times the 95 % band that readings ahead may leave it by", "the normal quantile of one in a thousand"
     )
+    claimed_factor: float = rule(1.0, "1", "as band_factor, for a band that counts the machine", "an interval holds or it does not")
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")

@@ -17,7 +17,7 @@ from .sensor import Sensor, Sensors
 Array = NDArray[np.float64]
 
 
-def with_claims(law: Estimates, claimed: Claims) -> Estimates:
+def with_claims(law: Estimates, claimed: Claims, sensors: Sensors) -> Estimates:
     """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan."""
     steady, t95 = claimed.steady.copy(), claimed.t95.copy()
     # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior.
@@ -26,6 +26,7 @@ def with_claims(law: Estimates, claimed: Claims) -> Estimates:
     steady[open_ & rises, 2] = np.nan
     steady[open_ & ~rises, 0] = np.nan
     t95[open_, 2] = np.nan
+    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
     return replace(
         law,
         steady_state=steady[:, 1],
@@ -36,6 +37,16 @@ def with_claims(law: Estimates, claimed: Claims) -> Estimates:
         t95_low=t95[:, 0],
         t95_high=t95[:, 2],
     )
+
+
+def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
+    """Minutes (S,) after the first reading before which 95 % of the least rise claimed had not been read."""
+    used = sensors.time <= law.time
+    time, reading = sensors.time[used], sensors.reading[:, used]
+    done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
+    first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
+    found: Array = time[first] - time[0]
+    return found
 
 
 def claimed_verdicts(
