@@ -14,6 +14,7 @@ from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE
 
 DEFAULT = Method(Lump(), Afukf())
+BARE = Method(Lump(), Afukf(), imperfection=NONE, rates="own")
 
 
 def record(time, values, until=None, method=DEFAULT, **more):
@@ -27,7 +28,7 @@ def test_a_spindle_record_and_the_error_ahead():
     assert r.steady_state_lo_c < 26.7 < r.steady_state_hi_c
     assert r.t95_lo_min < 195.03 < r.t95_hi_min
     assert r.noise_c == pytest.approx(0.02, rel=0.3)
-    assert r.rmse_ahead_c < 0.3
+    assert r.rmse_ahead_c < 0.5
     assert r.steady_state_measured_c == pytest.approx(26.68, abs=0.03)
     assert r.steady_state_limit_c == pytest.approx(0.08, rel=0.4)  # the table of algorithms.md: 0.08 K at 20 mK and 60 min
     whole = record(time, y)
@@ -118,7 +119,7 @@ def test_a_sweep_is_identify_at_every_time(method):
 def test_the_rules_of_a_sweep():
     time, y = spindle(np.random.default_rng(7), 120.0, 0.002)
     windows, times = (60.0, 90.0, 110.0), tuple(np.arange(5.0, 110.0))
-    swept = sweep_sensor("run", "T", time, y, DEFAULT, windows, times, 0.1)
+    swept = sweep_sensor("run", "T", time, y, BARE, windows, times, 0.05)
     for j, r in enumerate(swept.records):
         row = swept.rmse[j]
         assert r.best_time_min == times[int(np.nanargmin(row))]
@@ -133,10 +134,23 @@ def test_the_rules_of_a_sweep():
     narrow = swept.records[0].tolerance_time_min
     assert swept.width[int(narrow - 5) :].max() < 0.1
     assert swept.width[int(narrow - 6)] >= 0.1 or np.isnan(swept.width[int(narrow - 6)])
-    failed = sweep_sensor("run", "T", time, np.full(121, np.nan), DEFAULT, windows, times, 0.1)
+    failed = sweep_sensor("run", "T", time, np.full(121, np.nan), BARE, windows, times, 0.05)
     assert {r.status for r in failed.records} == {"no_data"}
     lost = sweep_sensor("run", "T", time, y, Method(PrintedLump(), PrintedAfukf()), windows, times, 0.1)
     assert lost.records[0].status == "diverged"
+
+
+def test_a_sweep_to_a_tolerance_counts_the_machine():
+    time, y = spindle(np.random.default_rng(17), 240.0)
+    windows, times = (240.0,), tuple(np.arange(10.0, 240.0, 10.0))
+    machine, bare = (sweep_sensor("run", "T", time, y, m, windows, times, 0.4) for m in (DEFAULT, BARE))
+    until = machine.records[0].tolerance_time_min
+    assert until > bare.records[0].tolerance_time_min
+    half = [(r.steady_state_hi_c - r.steady_state_lo_c) / 2 for r in (record(time, y, u) for u in (until - 10.0, until))]
+    assert half[1] < 0.4 <= half[0]
+    hopeless = sweep_sensor("run", "T", time, y, DEFAULT, (60.0,), tuple(np.arange(10.0, 60.0, 10.0)), 0.28).records[0]
+    assert hopeless.tolerance_time_min is None
+    assert "the machine is the limit, not the readings" in hopeless.message
 
 
 def test_settling_of_an_overtaken_state_has_no_made_up_number():
@@ -213,9 +227,10 @@ def test_a_block_gives_each_sensor_what_it_gets_alone(kind, until):
 def test_a_block_is_swept_as_each_sensor_alone():
     time, y, names = mixed_block()
     windows, times = (60.0, 120.0), tuple(range(8, 120, 8))
-    together = sweep_sensors("run", names, time, y, DEFAULT, windows, times, 0.3)
+    own = replace(DEFAULT, rates="own")
+    together = sweep_sensors("run", names, time, y, own, windows, times, 0.3)
     for i, swept in enumerate(together):
-        alone = sweep_sensor("run", names[i], time, y[i], DEFAULT, windows, times, 0.3)
+        alone = sweep_sensor("run", names[i], time, y[i], own, windows, times, 0.3)
         assert swept.rmse == pytest.approx(alone.rmse, rel=1e-9, nan_ok=True), names[i]
         for one, other in zip(swept.records, alone.records, strict=True):
             for name, value in vars(other).items():

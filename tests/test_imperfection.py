@@ -181,7 +181,7 @@ def test_blocks_are_means_and_their_noise_is_that_of_a_mean():
     time = np.arange(0.0, 60.0, 0.1)
     reading = 20 + 0.02 * rng.standard_normal((400, len(time)))
     blocks = block_means(time, reading, np.full(400, 0.02), np.zeros(400), 60.0)
-    assert len(blocks.time) == 14
+    assert len(blocks.time) == 12
     assert blocks.time[0] > 3.0
     assert blocks.mean.std(axis=0) == pytest.approx(np.sqrt(blocks.noise[0]), rel=0.15)
     coarse = block_means(time, np.round(reading), np.full(400, 1e-9), np.ones(400), 60.0)

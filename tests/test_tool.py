@@ -124,10 +124,10 @@ def test_sweep_and_its_columns(tool):
         assert 5 <= r["best_time_min"] < r["window_min"]
         assert isinstance(r["agreed"], bool)
     loose = tool(
-        "sweep", "--times", "10:200:10", "--windows", "200", "--tolerance", "0.5", SPINDLE, "--channels", "T5", "--format", "json"
+        "sweep", "--times", "10:200:10", "--windows", "200", "--tolerance", "1", SPINDLE, "--channels", "T5", "--format", "json"
     )
     record = json.loads(loose.out)["records"][0]
-    assert 20 <= record["tolerance_time_min"] <= 80
+    assert 20 <= record["tolerance_time_min"] <= 150
     assert tool("sweep", SPINDLE, "--format", "table", "-q").out.count("T10") >= 4
 
 

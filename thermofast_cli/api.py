@@ -165,6 +165,8 @@ def sweep(
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
     model: "Model | str | Path | None" = None,
+    imperfection: "Imperfection | str" = "typical",
+    rates: "Rates" = "auto",
     start: Start = "auto",
     details: bool | None = None,
     jobs: int | None = 1,
@@ -174,15 +176,18 @@ def sweep(
 ) -> Sweeping:
     """The shortest identification time that serves, over sampling windows and identification times [min].
 
+    tolerance [K] is the half-width of the steady state's interval to reach; imperfection and rates as for :func:`identify`.
+
     Raises
     ------
     ThermofastError: as the command would refuse.
     """
+    from .machine.lab import read_imperfection
     from .pipeline.methods import choose
     from .pipeline.sensors import default_times, sweep_runs
 
     learnt = _model(model)
-    method = choose(filter, preset, _texts(filter, settings))
+    method = choose(filter, preset, _texts(filter, settings), read_imperfection(imperfection), rates)
     spans = _minutes(windows, "windows")
     grid = _minutes(times, "times") if times is not None else default_times(spans)
     started = _started(runs, start, learnt is None, reading)

@@ -1,4 +1,4 @@
-"""Means of readings over blocks: the discrepancy is smooth, so a dozen and a half of them say what thousands of readings say."""
+"""Means of readings over blocks: the discrepancy is smooth, so a dozen of them say what thousands of readings say."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 #: Blocks of a record: half as many leave the intervals as they are to a few per cent (``python -m benchmarks.imperfect``).
-MOST = 14
+MOST = 12
 
 
 @dataclass(frozen=True)
@@ -25,14 +25,16 @@ class Blocks:
     last: float
 
 
-def block_means(time: Array, reading: Array, noise: Array, resolution: Array, tau: float, most: int = MOST) -> Blocks:
+def block_means(
+    time: Array, reading: Array, noise: Array, resolution: Array, tau: float, skip: bool = True, most: int = MOST
+) -> Blocks:
     """Blocks of the readings (S, n) at time (n,) [min], of equal length at first, growing where a record is long against tau [min].
 
     noise (S,) [K] is a reading's standard deviation, resolution (S,) [K] the logger's step. The first twentieth of a time constant
-    is left out, of a short record a tenth at most: a probe's own lag and uneven starts live there.
+    is left out where `skip`, of a short record a tenth at most: a probe's own lag and uneven starts live there.
     """
     span = float(time[-1] - time[0])
-    kept = time - time[0] >= min(0.05 * tau, 0.1 * span)
+    kept = time - time[0] >= (min(0.05 * tau, 0.1 * span) if skip else 0.0)
     if kept.sum() < 6:
         kept = np.ones(len(time), dtype=bool)
     t, y = time[kept], reading[:, kept]

@@ -31,15 +31,15 @@ Rates = Literal["auto", "own", "shared"]
 NODE_STEP = 0.12
 #: Rates looked at lie between these over the length of the record, or so many times the pilot's.
 SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
-#: Rates at a time, and how often the grid is drawn closer around the posterior.
-FINE, PASSES = 24, 4
+#: Rates of the first pass that closes in on the posterior, of those after it, and how many more there may be.
+FEW, FINE, MORE = 10, 20, 3
 #: Sensors beyond this many add nothing that the first have not said: their disturbances are common.
 COUNTED_OTHERS = 2.0
 LEVELS = np.array([0.025, 0.5, 0.975])
 #: Degrees of freedom of a variance that is known.
 ENDLESS = 10**9
 #: A hypothesis below this share of the posterior is left out of the predictions.
-LEAST_WEIGHT = 2e-5
+LEAST_WEIGHT = 5e-5
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class _Run:
         self.prior, self.rates = prior, rates
         self.asked = [Asked(np.maximum(at - p.time[0], 0.0)) for p in parts]
         self.times = len(at)
-        self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, tau) for p in parts]
+        self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, tau, not prior.none) for p in parts]
         self.rows = np.cumsum([0, *(len(p.reading) for p in parts)])
         self.count = int(self.rows[-1])
         span = max(b.last for b in self.blocks)
@@ -110,6 +110,7 @@ class _Run:
         self.relative, self.absolute = prior.kinds()
         self.base = self.kind == 0
         self.centre = -np.log(tau)
+        self._known = np.zeros(0), np.zeros(0)
 
     def log_rate_prior(self, log_rate: Array) -> Array:
         found: Array = -0.5 * ((log_rate - self.centre) / self.prior.log_rate_spread) ** 2
@@ -168,12 +169,14 @@ class _Run:
         found: Array = own + weight[:, None]
         return found
 
-    def told(self, log_rate: Array, marginal: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing; and who agrees (S, S)."""
+    def told(self, log_rate: Array, marginal: Array) -> tuple[Array, Array, Array]:
+        """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing.
+
+        Also, over common log rates (D,), how likely each other agrees there (S, D).
+        """
         prior, count = self.prior, self.count
-        alone = np.zeros_like(log_rate), np.zeros((count, count), dtype=bool)
         if self.rates == "own" or count < 2:
-            return alone
+            return np.zeros_like(log_rate), np.zeros(0), np.zeros((count, 0))
         apart = prior.apart if self.rates == "auto" else 1e-9
         low, high = float(log_rate.min()), float(log_rate.max())
         spread = np.sqrt(2.0) * prior.rate_spread
@@ -194,15 +197,19 @@ class _Run:
         counted = min(1.0, COUNTED_OTHERS / (count - 1)) if not prior.none else 1.0
         others = counted * (together.sum(axis=0) - together)
         said = np.stack([np.interp(rates, dense, line) for rates, line in zip(log_rate, others, strict=True)])
-        agreeing = messages / (messages + apart)
-        agrees = np.zeros((count, count), dtype=bool)
-        for i in range(count):
-            mine = marginal[i] + said[i]
-            mine = np.exp(mine - mine.max())
-            mine /= mine.sum()
-            for j in range(count):
-                agrees[i, j] = i != j and float(np.interp(log_rate[i], dense, agreeing[j]) @ mine) > 0.5
-        return said, agrees
+        return said, dense, messages / (messages + apart)
+
+    def agrees(self, log_rate: Array, marginal: Array, dense: Array, agreeing: Array) -> NDArray[np.bool_]:
+        """Who agrees with whom (S, S): more likely than not, over what is known of the sensor's own rate."""
+        found = np.zeros((self.count, self.count), dtype=bool)
+        if not len(dense):
+            return found
+        for i in range(self.count):
+            mine = np.exp(marginal[i] - marginal[i].max())
+            nearest = np.clip(np.searchsorted(dense, log_rate[i]), 0, len(dense) - 1)
+            found[i] = agreeing[:, nearest] @ (mine / mine.sum()) > 0.5
+            found[i, i] = False
+        return found
 
     def settled(self) -> Settled:
         """Coarse look over all rates, then passes that close in on the posterior, then what is asked for."""
@@ -213,21 +220,39 @@ class _Run:
         posterior = self.weighed(coarse, evidence)
         marginal = _log_sum(posterior, 2)
         low, high = _range(coarse, marginal, 14.0, 1.0)
-        for turn in range(PASSES):
-            log_rate = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, FINE)
-            evidence, squares, *_ = self.evaluate(log_rate, np.ones((*log_rate.shape, len(self.kind)), dtype=bool), 0)
-            posterior = self.weighed(log_rate, evidence)
-            marginal = _log_sum(posterior, 2)
-            said, agrees = self.told(log_rate, marginal)
-            posterior = posterior + said[..., None]
-            marginal = marginal + said
-            closer_low, closer_high = _range(log_rate, marginal, 9.0, 1.0)
-            if turn == PASSES - 1 or not ((closer_high - closer_low) < 0.45 * (high - low)).any():
+        first = self._spread(low, high, FEW)
+        marginal = self._looked(first, np.ones(self.count, dtype=bool))[1]
+        low, high = _range(first, marginal, 9.0, 1.0)
+        log_rate, open_ = self._spread(low, high, FINE), np.ones(self.count, dtype=bool)
+        posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
+        for _ in range(MORE):
+            closer = _range(log_rate, marginal, 9.0, 1.0)
+            open_ = (closer[1] - closer[0]) < 0.35 * (log_rate[:, -1] - log_rate[:, 0])
+            if not open_.any():
                 break
-            low, high = closer_low, closer_high
+            log_rate = np.where(open_[:, None], self._spread(*closer, FINE), log_rate)
+            posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
+        agrees = self.agrees(log_rate, marginal, dense, agreeing)
         weight = np.exp(posterior - posterior.max(axis=(1, 2), keepdims=True))
         weight /= weight.sum(axis=(1, 2), keepdims=True)
         return self._predicted(log_rate, weight, squares, agrees)
+
+    @staticmethod
+    def _spread(low: Array, high: Array, count: int) -> Array:
+        found: Array = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, count)
+        return found
+
+    def _looked(self, log_rate: Array, anew: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Array]:
+        """Log posterior (S, F, H), marginal (S, F), squares (S, F, H), and of agreement as ``told``; worked out for `anew` (S,) only."""
+        active = np.broadcast_to(anew[:, None, None], (*log_rate.shape, len(self.kind)))
+        evidence, squares, *_ = self.evaluate(log_rate, active, 0)
+        if not anew.all():
+            evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]
+        self._known = evidence, squares
+        posterior = self.weighed(log_rate, evidence)
+        marginal = _log_sum(posterior, 2)
+        said, dense, agreeing = self.told(log_rate, marginal)
+        return posterior + said[..., None], marginal + said, squares, dense, agreeing
 
     def _few(self) -> NDArray[np.intp]:
         """Hypotheses enough to find where the posterior lies: every other scale of the background, each strong effect once."""
@@ -262,7 +287,7 @@ class _Run:
             spread_of_rate[i] = np.sqrt(max(of_rate @ (log_rate[i] - middle) ** 2, 0.0) + step**2 / 12.0)
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], np.full(len(of_rate), 0.5 * step)))
             m = self._blocks_of(i)
-            check[i] = weight[i].ravel() @ np.nan_to_num(f_tail(m - 2, ENDLESS, squares[i].ravel() / (m - 2)))
+            check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, squares[i, places, hypotheses] / (m - 2))) / w.sum()
             strong[i] = weight[i][:, ~self.base].sum()
             of_base = weight[i][:, self.base].sum(axis=0)
             scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)

@@ -1,6 +1,6 @@
 """``thermofast sweep``."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -8,11 +8,15 @@ from ..shell.options import (
     Finite,
     RunCommand,
     filter_options,
+    imperfection_options,
     model_option,
     output_options,
     reading_options,
     runs_argument,
 )
+
+if TYPE_CHECKING:
+    from thermofast.models.imperfection import Rates
 
 
 @click.command(
@@ -29,8 +33,9 @@ from ..shell.options import (
     default=0.1,
     show_default=True,
     metavar="K",
-    help="Width of the steady state's interval to reach.",
+    help="Half-width of the steady state's interval to reach.",
 )
+@imperfection_options
 @model_option
 @filter_options
 @reading_options
@@ -41,6 +46,8 @@ def command(
     windows: str,
     times: str | None,
     tolerance: float,
+    imperfection: str,
+    rates: "Rates",
     model: str | None,
     filter_name: str,
     preset: str | None,
@@ -56,7 +63,7 @@ def command(
 
     For every identification time the model identified on the readings so far runs over the whole window; best_time_min is where
     its RMSE is least, shortest_time_min the time from which it stays within the noise of that in every window, and
-    tolerance_time_min the time from which the interval of the steady state is narrower than --tolerance.
+    tolerance_time_min the time from which the steady state is known to within +- the --tolerance, the machine counted.
     """
     from ..output.screen import number, text
     from ..pipeline.methods import choose
@@ -64,9 +71,9 @@ def command(
     from ..records import SweepRecord
     from ..results import failed
     from ..shell.options import numbers
-    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, working
 
-    method = choose(filter_name, preset, settings)
+    method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
     check_outputs([output], save_plot)

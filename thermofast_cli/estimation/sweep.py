@@ -1,6 +1,6 @@
 """From one sensor's readings to the records of ``sweep``: the paper's search for the shortest identification time (section 1.5)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from .closing import (
     tracks_of,
 )
 from .estimate import FilterError
-from .identify import Method
+from .identify import Method, identify_sensors
 from .rules import RULES
 from .sensor import Sensors, prepare_all, refusal
 from .verdicts import doubts
@@ -65,7 +65,48 @@ def sweep_sensors(
         job = _Block(run, channels, method, block, windows, np.array(times), tolerance_c, notes)
         for row, swept in zip(block.rows.tolist(), job.swept(), strict=True):
             found[row] = swept
-    return [one for one in found if one is not None]
+    whole = [one for one in found if one is not None]
+    if not method.widens:
+        return whole
+
+    def half_widths(until: float) -> Array:
+        records = [f.record for f in identify_sensors(run, channels, time_min, values, method, until, start_min)]
+        sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in records]
+        return np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
+
+    return _with_machine(whole, half_widths, tolerance_c)
+
+
+def _with_machine(swept: list[Swept], half_widths: Callable[[float], Array], tolerance_c: float) -> list[Swept]:
+    """Times from which the interval that counts the machine is narrow enough, where the readings alone would be.
+
+    half_widths gives those (S,) [K] of ``identify`` at a time [min]; they are taken to fall, and looked for by halving.
+    """
+    known: dict[int, Array] = {}
+
+    def half(k: int) -> Array:
+        if k not in known:
+            known[k] = half_widths(float(times[k]))
+        return known[k]
+
+    found = list(swept)
+    for i, one in enumerate(swept):
+        head, times = one.records[0], one.times
+        if head.tolerance_time_min is None:
+            continue
+        low, high = int(np.abs(times - head.tolerance_time_min).argmin()), len(times) - 1
+        if half(high)[i] >= tolerance_c:
+            narrowest = f"{half(high)[i]:.2g} K at {times[high]:g} min" if np.isfinite(half(high)[i]) else "no bound yet"
+            limits = f"the machine is the limit, not the readings, which alone would do at {head.tolerance_time_min:g} min"
+            why = f"the steady state is not known to +-{tolerance_c:g} K at any of these times ({narrowest}): {limits}"
+            message = "; ".join(m for m in (why, head.message) if m)
+            found[i] = replace(one, records=tuple(replace(r, tolerance_time_min=None, message=message) for r in one.records))
+            continue
+        while low < high:
+            middle = (low + high) // 2
+            low, high = (low, middle) if half(middle)[i] < tolerance_c else (middle + 1, high)
+        found[i] = replace(one, records=tuple(replace(r, tolerance_time_min=float(times[high])) for r in one.records))
+    return found
 
 
 def sweep_sensor(
@@ -155,7 +196,7 @@ class _Block:
         rows, indices = rows[same], at[same][0][usable]
         chosen = tracks.some(same)
         reading, resolution = sensors.reading[rows, :n], sensors.resolution[rows]
-        progress = progresses_of(method.filter, chosen, time, reading, indices, resolution, self.tolerance_c)
+        progress = progresses_of(method.filter, chosen, time, reading, indices, resolution, 2.0 * self.tolerance_c)
         errors = progress.state[..., :1] + progress.state[..., 1:2] * growth(progress.state[..., 2:], time - time[indices][:, None])
         errors -= reading[:, None, :]
         rmse, width = self._rmse(errors, reading, resolution, usable), np.full((len(rows), len(self.times)), np.nan)
@@ -206,7 +247,9 @@ class _Block:
         doubted: list[str] = []
         if usable.any():
             indices = at[usable].tolist()
-            progress = estimates_at(method.model, method.filter, track, time, reading, indices, sensor.resolution, self.tolerance_c)
+            progress = estimates_at(
+                method.model, method.filter, track, time, reading, indices, sensor.resolution, 2.0 * self.tolerance_c
+            )
             errors = window_errors(progress, indices, track.state, time, reading)
             rmse = self._rmse(errors[None], reading[None], np.array([sensor.resolution]), usable)
             width[0, usable] = progress.width
@@ -263,7 +306,7 @@ def sweep_records(
     earliest = np.maximum(after, counted.argmax(axis=2))
     serves = np.asarray((counted & (np.arange(len(times)) >= earliest[..., None])).any(axis=2))
     with np.errstate(invalid="ignore"):
-        narrow = _from_there_on(width < tolerance_c)
+        narrow = _from_there_on(width < 2.0 * tolerance_c)
     records = []
     for s, blank in enumerate(blanks):
         told = [m for m in messages[s] if m]
@@ -274,8 +317,8 @@ def sweep_records(
             continue
         if narrow[s] < 0:
             finite = width[s][np.isfinite(width[s])]
-            reached = f" (narrowest {finite.min():.2g} K)" if len(finite) and finite.min() > tolerance_c else ""
-            told.insert(0, f"the steady state is not known to {tolerance_c:g} K at any of these times{reached}")
+            reached = f" (narrowest {0.5 * finite.min():.2g} K)" if len(finite) and finite.min() > 2.0 * tolerance_c else ""
+            told.insert(0, f"the steady state is not known to +-{tolerance_c:g} K at any of these times{reached}: measure longer")
         shortest, agreed = None, None
         if serves[s].all():
             shortest = float(times[earliest[s].max()])

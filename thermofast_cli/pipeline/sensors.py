@@ -126,7 +126,9 @@ def sweep_runs(
         def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
             return SweepTask(name, minutes, part, values, notes, method, start, windows_min, times_min, tolerance_c, details)
 
-        sensor_tasks, processes = share_out(started, how.jobs, 1.0 + 0.02 * len(times_min), make)
+        sensor_tasks, processes = share_out(
+            started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1
+        )
         swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how)
     records = tuple(record for one in swept for record in one.records)
     return Sweeping(records, tuple(run for run, _ in started), interrupted, tuple(swept) if details else ())

@@ -67,7 +67,7 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
         machine = {"rates": self.rates, "imperfection": source if self.imperfection is not None else None}
         return loop | {
             "identify": _given(shared | machine | msgspec.structs.asdict(self.identify)) | given,
-            "sweep": _given(shared | sweep) | given,
+            "sweep": _given(shared | machine | sweep) | given,
         }
 
 
