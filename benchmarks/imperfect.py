@@ -10,7 +10,7 @@ import importlib
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -156,6 +156,19 @@ def _mean(values: Any) -> str:
     return f"{values.mean():.3f}" if len(values) else "-"
 
 
+def learnt(simulator: str, seed: int, exact: bool) -> Imperfection:
+    """What calibrate says of ten machines."""
+    records = []
+    for k in range(seed, seed + 10):
+        run = importlib.import_module(f"benchmarks.machines.{simulator}").simulate(k, exact=exact).runs[0]
+        good = np.isfinite(run.reading).all(axis=0)
+        columns = {"time_min": run.time[good]} | {f"T{i}": line for i, line in enumerate(run.reading[:, good])}
+        records.append(tf.read(columns, name=f"past {k}"))
+    prior = tf.calibrate(records).prior
+    assert prior is not None
+    return prior
+
+
 def main() -> None:
     """Prints the tables."""
     parser = argparse.ArgumentParser()
@@ -163,17 +176,25 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=50000)
     parser.add_argument("--simulator", choices=["bar", "network", "both"], default="both")
     parser.add_argument("--scale", action="store_true", help="backgrounds twice as large and 0.4 times as large too")
+    parser.add_argument("--calibrated", action="store_true", help="after calibrate on ten past runs of other machines too")
     given = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     seeds = range(given.seed, given.seed + given.machines)
     with ProcessPoolExecutor() as pool:
 
-        def run(simulator: str, effects: Sequence[str | None], background: float, exact: bool, which: Iterable[int]) -> list[Row]:
+        def run(
+            simulator: str,
+            effects: Sequence[str | None],
+            background: float,
+            exact: bool,
+            which: Iterable[int],
+            prior: Imperfection = TYPICAL,
+        ) -> list[Row]:
             found: list[Row] = []
             for effect in effects:
                 those = list(which)[EFFECTS_IN_ORDER.index(effect) :: len(EFFECTS)] if effect else list(which)
                 work = partial(
-                    rows_of, simulator=simulator, effect=effect, background=background, exact=exact, times=TIMES, prior=PRIOR
+                    rows_of, simulator=simulator, effect=effect, background=background, exact=exact, times=TIMES, prior=prior
                 )
                 found += [r for rows in pool.map(work, those, chunksize=2) for r in rows]
             return found
@@ -181,6 +202,12 @@ def main() -> None:
         for simulator in ("bar", "network") if given.simulator == "both" else (given.simulator,):
             background = run(simulator, [None], 1.0, False, seeds)
             table(background, TIMES, f"{simulator}, background only")
+            if given.calibrated:
+                for exact in (False, True):
+                    prior = learnt(simulator, given.seed + 2_000_000, exact)
+                    kind = "exact" if exact else "background only"
+                    title = f"{simulator}, {kind}, after calibrate on 10 past runs of such machines"
+                    table(run(simulator, [None], 1.0, exact, seeds, prior), TIMES, title)
             if given.scale:
                 for factor in (2.0, 0.4):
                     table(run(simulator, [None], factor, False, seeds), TIMES, f"{simulator}, background times {factor:g}")
@@ -191,7 +218,6 @@ def main() -> None:
 
 
 EFFECTS_IN_ORDER = list(EFFECTS)
-PRIOR = replace(TYPICAL)
 
 if __name__ == "__main__":
     main()

@@ -12,6 +12,7 @@ __version__ = "0.4.0.dev0"
 if TYPE_CHECKING:
     from .api import (
         bench,
+        calibrate,
         compare,
         diagnose,
         displacement,
@@ -45,6 +46,7 @@ __all__ = [
     "ThermofastError",
     "UsageError",
     "bench",
+    "calibrate",
     "compare",
     "diagnose",
     "displacement",

@@ -12,6 +12,7 @@ from .reading import Run, read_runs
 from .reading_options import names, options_from
 from .results import (
     Bench,
+    Calibration,
     Comparison,
     Diagnosis,
     Displacement,
@@ -153,6 +154,25 @@ def identify(
     method = replace(choose(filter, preset, _texts(filter, settings), prior, rates), paces=paces(pace))
     started = _started(runs, start, learnt is None, reading)
     return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress), at)
+
+
+def calibrate(
+    runs: Source,
+    *,
+    start: Start = "auto",
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Calibration:
+    """How imperfect a lab's machines are, learnt from complete runs; its ``prior`` goes into ``identify(imperfection=...)``.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .pipeline.around import calibrate_runs
+    from .pipeline.methods import choose
+
+    return calibrate_runs(_started(runs, start, True, reading), choose("afukf", None, ()), _work(1, None, progress))
 
 
 def sweep(

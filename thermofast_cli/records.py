@@ -88,6 +88,29 @@ class SweepRecord(Record):
 
 
 @dataclass(frozen=True)
+class CalibrateRecord(Record):
+    """How what was foretold of complete runs held, read up to so many time constants; each run by factors learnt from the others.
+
+    held_* is the share of 95 % intervals that held the end, width_*_c their median width, score_ratio the interval score after
+    over before. factor multiplies half-widths; conformal_factor is that of plain split conformal prediction, None where runs are
+    too few.
+    """
+
+    time_constants: float | None = None
+    runs: int = 0
+    sensors: int = 0
+    held_typical: float | None = None
+    width_typical_c: float | None = None
+    held_lab: float | None = None
+    width_lab_c: float | None = None
+    score_ratio: float | None = None
+    factor: float | None = None
+    conformal_factor: float | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
 class CompareRecord(Record):
     """Model beside measurement for one sensor; errors in K, reading minus model.
 

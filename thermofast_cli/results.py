@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from .reading import Run, read_runs, told
 from .records import (
     BenchRecord,
+    CalibrateRecord,
     CompareRecord,
     DiagnoseRecord,
     DisplacementRecord,
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
     from matplotlib.figure import Figure
+
+    from thermofast.models.imperfection import Imperfection
 
     from .analysis.displacement import Panel as DisplacementPanel
     from .discovery.compare import Panel
@@ -158,6 +161,25 @@ class Sweeping(Result):
         from .output.plots import draw_sweep
 
         return _drawn(draw_sweep(self.curves), path)
+
+
+@dataclass(frozen=True)
+class Calibration(Result):
+    """What ``calibrate`` learnt: how it held, and the prior for ``imperfection=``."""
+
+    command: ClassVar[str] = "calibrate"
+    kind: ClassVar[type[Record]] = CalibrateRecord
+    prior: "Imperfection | None" = None
+    learnt_from: tuple[str, ...] = ()
+
+    def save(self, path: str | Path) -> None:
+        """Write the prior: .toml for ``--imperfection``; any other suffix the rows."""
+        if str(path).endswith(".toml") and self.prior is not None:
+            from .machine.lab import write_imperfection
+
+            write_imperfection(str(path), self.prior, self.learnt_from)
+        else:
+            super().save(path)
 
 
 @dataclass(frozen=True)

@@ -243,7 +243,7 @@ class _Run:
         return found
 
     def _looked(self, log_rate: Array, anew: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Array]:
-        """Log posterior (S, F, H), marginal (S, F), squares (S, F, H), and of agreement as ``told``; worked out for `anew` (S,) only."""
+        """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) only."""
         active = np.broadcast_to(anew[:, None, None], (*log_rate.shape, len(self.kind)))
         evidence, squares, *_ = self.evaluate(log_rate, active, 0)
         if not anew.all():
@@ -286,11 +286,12 @@ class _Run:
             step = log_rate[i, 1] - log_rate[i, 0]
             spread_of_rate[i] = np.sqrt(max(of_rate @ (log_rate[i] - middle) ** 2, 0.0) + step**2 / 12.0)
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], np.full(len(of_rate), 0.5 * step)))
-            m = self._blocks_of(i)
+            m = len(self.blocks_of(i).time)
             check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, squares[i, places, hypotheses] / (m - 2))) / w.sum()
             strong[i] = weight[i][:, ~self.base].sum()
             of_base = weight[i][:, self.base].sum(axis=0)
             scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)
+            self._stretch(steady[i], t95[i], at[i], self.blocks_of(i).last * rate[i, 1])
             half = 0.5 * (steady[i, 2] - steady[i, 0])
             with np.errstate(all="ignore"):
                 near, far = ((side * half - mu[:, SLOW_AHEAD]) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
@@ -315,8 +316,19 @@ class _Run:
             agrees=agrees,
         )
 
-    def _blocks_of(self, sensor: int) -> int:
-        return len(self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1].time)
+    def blocks_of(self, sensor: int) -> Blocks:
+        """The blocks of the part that a sensor is in."""
+        return self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1]
+
+    def _stretch(self, steady: Array, t95: Array, at: Array, read: float) -> None:
+        """Multiplies the half-widths of one sensor as past runs ask for, `read` time constants into the record."""
+        if not self.prior.factors:
+            return
+        turns, factors = np.array(self.prior.factors).T
+        factor = float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
+        for three in (steady, t95, *at):
+            three[...] = three[1] + factor * (three - three[1])
+        t95[0] = max(t95[0], 0.0)
 
 
 def _settling(rate: Array, rise: Array, ahead: Array, spread: Array) -> tuple[Array, Array]:

@@ -84,7 +84,7 @@ class Imperfection:
     evidence for a strong effect counts, because its shapes are caricatures; from_others: the share of another sensor's evidence
     that counts, because disturbances are common to a run. rate_spread: deviation of the log rate between sensors of a machine
     that agree; apart: probability that one does not. log_rate_spread: prior deviation of the log rate about the pilot's.
-    multiplier: of all sizes, learnt from complete runs.
+    multiplier: of all sizes. factors: (time constants read, factor on half-widths), learnt from complete runs.
     """
 
     background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10)
@@ -101,6 +101,7 @@ class Imperfection:
     apart: float = 0.1
     log_rate_spread: float = 0.6
     multiplier: float = 1.0
+    factors: tuple[tuple[float, float], ...] = ()
     name: str = "typical"
 
     @property

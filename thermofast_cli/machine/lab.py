@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ NUMBERS = {
     "log_rate_spread": (0.01, 3.0),
     "apart": (0.0, 0.9),
     "clean": (0.0, 0.99),
+    "scale_spread": (0.05, 3.0),
 }
 SIZES = tuple(f.name for f in fields(Sizes))
 
@@ -59,6 +61,8 @@ def prior_from(table: dict[str, Any], source: str) -> Imperfection:
     for key, value in table.items():
         if key == "background":
             changes["background"] = replace(TYPICAL.background, **_sizes(value, source))
+        elif key == "factors":
+            changes[key] = _factors(value, source)
         elif key in NUMBERS:
             changes[key] = _number(f"{source}: {key}", value, *NUMBERS[key])
         else:
@@ -73,6 +77,37 @@ def _sizes(table: Any, source: str) -> dict[str, float]:
         if name not in SIZES:
             raise UsageError(f"{source}: unknown key background.{name}", allowed=", ".join(SIZES), do=nearest(name, SIZES))
     return {name: _number(f"{source}: background.{name}", size, 0.0, 10.0) for name, size in table.items()}
+
+
+def _factors(value: Any, source: str) -> tuple[tuple[float, float], ...]:
+    what = f"{source}: factors"
+    if not isinstance(value, list) or not value or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
+        raise UsageError(f"{what} is no list of pairs", allowed="[[TIME CONSTANTS, FACTOR], ...]")
+    pairs = [(_number(what, turn, 1e-3, 1e3), _number(what, factor, 0.01, 100.0)) for turn, factor in value]
+    if sorted({turn for turn, _ in pairs}) != [turn for turn, _ in pairs]:
+        raise UsageError(f"{what} is out of order", found=repr(value), allowed="time constants ascending, each once")
+    return tuple(pairs)
+
+
+def write_imperfection(path: str, prior: Imperfection, learnt_from: Sequence[str]) -> None:
+    """The prior as a table [imperfection] that :func:`read_imperfection` reads; what is as in the typical one is left out.
+
+    Raises
+    ------
+    UsageError: another suffix than .toml, or a place that cannot be written.
+    """
+    from ..output.files import check_target, write_text_whole
+
+    check_target(path, (".toml",))
+    lines = [f"# How imperfect the machines of this lab are: learnt by thermofast calibrate from {len(learnt_from)} complete runs."]
+    lines += [f"#   {name}" for name in learnt_from]
+    lines += ["# For: thermofast identify --imperfection THIS FILE. Not for machines of another kind.", "", "[imperfection]"]
+    lines += [f"{key} = {getattr(prior, key):g}" for key in NUMBERS if getattr(prior, key) != getattr(TYPICAL, key)]
+    sizes = [(name, getattr(prior.background, name)) for name in SIZES]
+    lines += [f"background.{name} = {size:g}" for name, size in sizes if size != getattr(TYPICAL.background, name)]
+    if prior.factors:
+        lines.append(f"factors = [{', '.join(f'[{turn:g}, {factor:.4g}]' for turn, factor in prior.factors)}]")
+    write_text_whole(path, "\n".join(lines) + "\n")
 
 
 def _number(what: str, value: Any, least: float, most: float) -> float:

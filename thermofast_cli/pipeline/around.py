@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..engine import Started, Work, over_runs
 from ..errors import UsageError, listed
-from ..results import Bench, Displacement, Sensitivity, Simulated
+from ..results import Bench, Calibration, Displacement, Sensitivity, Simulated
 
 if TYPE_CHECKING:
     from ..analysis.sensitivity import Sizes
@@ -35,6 +35,37 @@ def bench_runs(started: Sequence[Started], until_min: float | None = None, how: 
     known = known_filters()
     records = [r for run, start in started for r in bench_run(run, start, until_min, known, advance)]
     return Bench(tuple(records), tuple(run for run, _ in started))
+
+
+def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | None = None) -> Calibration:
+    """How imperfect a lab's machines are, from complete runs of them.
+
+    Raises
+    ------
+    UsageError: fewer than two runs that are complete.
+    """
+    from ..analysis.calibration import Past, learn, past_run
+    from ..records import CalibrateRecord
+
+    past, left_out = [], []
+    advance = (how or Work()).advance
+    for one in started:
+        found = past_run(one, method)
+        advance(1)
+        if isinstance(found, Past):
+            past.append(found)
+        else:
+            left_out.append((one[0].name, found))
+    if len(past) < 2:
+        raise UsageError(
+            f"calibrate learns from complete runs, and {len(past)} of {len(started)} is one",
+            found="; ".join(f"{name}: {why}" for name, why in left_out) or "one run",
+            allowed="two runs or more that went on until nothing changed",
+            do="measure to the end a few times, or stay with --imperfection typical",
+        )
+    lab = learn(past, left_out)
+    unused = [CalibrateRecord(name, "all", status="not_used", message=why) for name, why in left_out]
+    return Calibration((*lab.records, *unused), tuple(run for run, _ in started), prior=lab.prior, learnt_from=lab.names)
 
 
 def sensitivity_runs(

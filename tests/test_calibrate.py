@@ -1,0 +1,107 @@
+"""What is learnt from complete runs: factors by the formula, a file that is read back, and intervals that hold on other machines."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+import thermofast as tf
+from benchmarks.machines import bar
+from thermofast.analysis.calibration import CANDIDATES, PRIOR_RUNS, TURNS, Past, learn
+from thermofast.machine.lab import read_imperfection
+
+
+def columns(run, until=None):
+    kept = run.time <= (until if until is not None else np.inf)
+    return {"time_min": run.time[kept]} | {f"T{i}": line[kept] for i, line in enumerate(run.reading)}
+
+
+def pasts(errors, half=0.5):
+    """Runs of two sensors whose ends lie `errors` (runs, 2) [K] below what was foretold, to within +-half at every turn."""
+    found = []
+    for k, pair in enumerate(errors):
+        end = np.array([30.0, 31.0])
+        middle = end + np.array(pair)
+        three = np.stack([middle - half, middle, middle + half], axis=1)
+        found.append(Past(f"run {k}", np.broadcast_to(three, (len(CANDIDATES), len(TURNS), 2, 3)).copy(), end))
+    return found
+
+
+def test_factors_are_those_of_the_formula():
+    errors = [(0.5, -0.25), (0.75, 0.5), (-1.0, 0.25)]
+    lab = learn(pasts(errors))
+    squares = sum(np.mean((1.96 * np.array(pair) / 0.5) ** 2) for pair in errors)
+    size = np.sqrt((PRIOR_RUNS + squares) / (PRIOR_RUNS + 3))
+    expected = student.ppf(0.975, PRIOR_RUNS + 3) * size / 1.96
+    assert [factor for _, factor in lab.prior.factors] == pytest.approx([expected] * len(TURNS), rel=1e-6)
+    assert lab.records[0].factor == pytest.approx(expected, rel=1e-6)
+    assert lab.records[0].held_typical == pytest.approx(4 / 6)
+    assert lab.records[0].conformal_factor is None  # 95 % of three runs cannot be told
+
+
+def test_conformal_prediction_is_shown_where_runs_suffice():
+    errors = [(0.1 * k, 0.05 * k) for k in range(1, 21)]
+    [row, *_] = learn(pasts(errors)).records
+    assert row.conformal_factor == pytest.approx(2.0 / 0.5)  # rank 20 of 20: the largest run
+
+
+@pytest.fixture(scope="module")
+def lab():
+    return tf.calibrate([tf.read(columns(bar.simulate(seed).runs[0]), name=f"past {seed}") for seed in range(8000, 8006)])
+
+
+def test_intervals_after_calibration_hold_on_other_machines_and_are_narrower(lab):
+    held, width = {"typical": [], "lab": []}, {"typical": [], "lab": []}
+    for seed in range(8100, 8112):
+        run = bar.simulate(seed).runs[0]
+        for name, prior in (("typical", "typical"), ("lab", lab.prior)):
+            for i, r in enumerate(tf.identify(columns(run), until=60, at=410, imperfection=prior).records):
+                held[name].append(r.at_lo_c <= run.clean[i, int(np.searchsorted(run.time, 410.0))] <= r.at_hi_c)
+                width[name].append(r.at_hi_c - r.at_lo_c)
+    assert np.mean(held["lab"]) >= 0.83  # of 36 sensors on 12 machines
+    assert np.median(width["lab"]) < 0.95 * np.median(width["typical"])
+
+
+def test_machines_that_are_the_law_get_the_intervals_of_the_law():
+    past = [tf.read(columns(bar.simulate(s, exact=True).runs[0]), name=f"past {s}") for s in range(8200, 8204)]
+    prior = tf.calibrate(past).prior
+    run = bar.simulate(8300, exact=True).runs[0]
+    typical, lab = (tf.identify(columns(run), until=120, imperfection=p).records[0] for p in ("typical", prior))
+    assert lab.steady_state_hi_c - lab.steady_state_lo_c < 0.6 * (typical.steady_state_hi_c - typical.steady_state_lo_c)
+
+
+def test_the_file_is_read_back(lab, tmp_path):
+    lab.save(tmp_path / "lab.toml")
+    again = read_imperfection(str(tmp_path / "lab.toml"))
+    rounded = tuple((t, pytest.approx(f, rel=1e-3)) for t, f in lab.prior.factors)
+    assert replace(again, name="", factors=()) == replace(lab.prior, name="", factors=())
+    assert again.factors == rounded
+    text = (tmp_path / "lab.toml").read_text()
+    assert "# How imperfect the machines of this lab are: learnt by thermofast calibrate from 6 complete runs." in text
+    lab.save(tmp_path / "rows.csv")
+    assert (tmp_path / "rows.csv").read_text().startswith("run,channel,time_constants")
+    (tmp_path / "lab.toml").write_text("[imperfection]\nfactors = [[2, 1], [1, 1]]\n")
+    with pytest.raises(tf.ThermofastError, match="out of order"):
+        read_imperfection(str(tmp_path / "lab.toml"))
+
+
+def test_runs_that_cannot_be_used_are_told_and_one_is_too_few(tmp_path, tool):
+    names = []
+    for k, until in enumerate((None, None, 60.0)):
+        run = columns(bar.simulate(8000 + k).runs[0], until)
+        lines = [",".join(run), *(",".join(f"{v:.4f}" for v in row) for row in zip(*run.values(), strict=True))]
+        names.append(tmp_path / f"past{k}.csv")
+        names[-1].write_text("\n".join(lines))
+    done = tool("calibrate", *names, "--lab", tmp_path / "lab.toml", "--format", "json", "-q")
+    assert done.code == 0
+    found = json.loads(done.out)["records"]
+    assert [r["status"] for r in found] == ["ok"] * len(TURNS) + ["not_used"]
+    assert "a complete run has 3.5" in found[-1]["message"]
+    assert tool("identify", names[2], "--imperfection", tmp_path / "lab.toml", "-q").code == 0
+    refused = tool("calibrate", names[0], names[2], "-q")
+    assert refused.code == 2
+    assert "calibrate learns from complete runs, and 1 of 2 is one" in refused.err
+    assert "stay with --imperfection typical" in refused.err
+    assert "--lab writes TOML" in tool("calibrate", *names, "--lab", tmp_path / "lab.csv").err

@@ -1,0 +1,195 @@
+"""How imperfect the machines of a lab are, learnt from complete runs of them: which prior, and how wide its intervals must be.
+
+Each past run is read at several times, as if it went on only that far, and what was foretold of its end is held against the end.
+The prior among a few that scores best stands; its intervals are multiplied by a factor that the errors ask for, drawn towards one
+where runs are few. Runs, not sensors, are what is counted: the sensors of a run share its disturbances.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import t_quantile
+from thermofast.models.imperfection import NONE, TYPICAL, Imperfection
+
+from ..engine import Started
+from ..estimation.identify import Method, identify_sensors
+from ..records import CalibrateRecord
+
+Array = NDArray[np.float64]
+
+#: When a past run is read, in time constants; a run counts as complete from the last of COMPLETE on.
+TURNS = (0.4, 0.6, 0.8, 1.0, 1.4, 2.0, 3.0)
+COMPLETE = 3.5
+#: Readings whose mean is the end of a run.
+LAST = 20
+#: Runs that "as wide as the prior says" counts for.
+PRIOR_RUNS = 6.0
+LEAST, MOST = 0.25, 4.0
+
+#: Priors to choose among, from machines that nobody knows to machines that are the law.
+CANDIDATES = (
+    TYPICAL,
+    replace(TYPICAL, strong_share=0.05),
+    replace(TYPICAL, strong_share=0.005),
+    replace(TYPICAL, strong_share=0.005, scale_spread=0.4),
+    replace(TYPICAL, strong_share=0.005, scale_spread=0.4, multiplier=0.6),
+    replace(TYPICAL, strong_share=0.005, scale_spread=0.4, multiplier=1.6),
+    replace(TYPICAL, strong_share=0.002, clean=0.9, multiplier=0.3),
+)
+
+
+@dataclass(frozen=True)
+class Past:
+    """One complete run: what was foretold of its end (turns, S, 3) under each prior (candidates, ...), and the end (S,) [degC]."""
+
+    name: str
+    foretold: Array
+    end: Array
+
+
+@dataclass(frozen=True)
+class Lab:
+    """What was learnt: the prior, and a row for each turn; `left_out` names runs that could not be used, and why."""
+
+    prior: Imperfection
+    records: tuple[CalibrateRecord, ...]
+    names: tuple[str, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+
+def past_run(started: Started, method: Method, advance: Callable[[int], None] = lambda _: None) -> Past | str:
+    """A run as it was foretold at each turn, or why it cannot be used."""
+    run, start = started
+    minutes, channels = run.time_s / 60.0, tuple(run.channels)
+    values = np.stack([run.channels[c] for c in channels])
+    bare = replace(method, imperfection=NONE, rates="own")
+    whole = [f.record for f in identify_sensors(run.name, channels, minutes, values, bare, None, start)]
+    rates = [r.rate_per_min for r in whole if r.rate_per_min is not None and r.status in ("ok", "model_doubtful")]
+    advance(1)
+    if not rates:
+        return "no sensor of it shows where it settles"
+    tau = 1.0 / float(np.median(rates))
+    length = float(minutes[-1]) - start
+    if length < COMPLETE * tau:
+        return f"it ends after {length / tau:.2g} time constants; a complete run has {COMPLETE:g}"
+    count = min(LAST, max(3, len(minutes) // 20))
+    end, at = values[:, -count:].mean(axis=1), float(minutes[-count:].mean()) - start
+    foretold = np.full((len(CANDIDATES), len(TURNS), len(channels), 3), np.nan)
+    for c, prior in enumerate(CANDIDATES):
+        of_prior = replace(method, imperfection=prior)
+        for t, turn in enumerate(TURNS):
+            until = start + turn * tau
+            found = identify_sensors(run.name, channels, minutes, values, of_prior, until, start, at_min=at)
+            for s, one in enumerate(found):
+                r = one.record
+                if r.at_lo_c is not None and r.at_c is not None and r.at_hi_c is not None and r.status != "not_determined":
+                    foretold[c, t, s] = r.at_lo_c, r.at_c, r.at_hi_c
+        advance(1)
+    good = np.isfinite(end) & np.isfinite(foretold).all(axis=3).any(axis=(0, 1))
+    return Past(run.name, foretold[:, :, good], end[good]) if good.any() else "nothing was foretold of it at any time"
+
+
+def learn(past: Sequence[Past], left_out: Sequence[tuple[str, str]] = ()) -> Lab:
+    """The prior and its factors from complete runs.
+
+    Every figure of the rows is of runs that the factors were not learnt from: each is left out in turn.
+    """
+    before = _scores(past, 0, np.ones((len(past), len(TURNS))))
+    level = np.nanmean(before, axis=0)
+    best, chosen = np.inf, 0
+    for c in range(len(CANDIDATES)):
+        scores = _scores(past, c, _left_out_factors(past, c))
+        with np.errstate(invalid="ignore"):
+            score = float(np.nanmean(np.nanmean(scores, axis=0) / level))
+        # A prior other than the typical one has to show its worth, the more the fewer runs there are.
+        cost = 0.0 if c == 0 else 0.3 / np.sqrt(len(past))
+        if score + cost < best:
+            best, chosen = score + cost, c
+    factors = _factors(past, chosen, np.arange(len(past)))
+    prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)), name="lab")
+    return Lab(prior, tuple(_rows(past, chosen, factors)), tuple(p.name for p in past), tuple(left_out))
+
+
+def _parts(one: Past, candidate: int, turn: int) -> tuple[Array, Array, Array]:
+    """(low, middle, high) less the end (S,) of the sensors foretold at a turn."""
+    three = one.foretold[candidate, turn] - one.end[:, None]
+    three = three[np.isfinite(three).all(axis=1)]
+    return three[:, 0], three[:, 1], three[:, 2]
+
+
+def _factors(past: Sequence[Past], candidate: int, of: NDArray[np.intp]) -> Array:
+    """By what the half-widths of each turn (turns,) must be multiplied, from these runs."""
+    found = np.ones(len(TURNS))
+    for t in range(len(TURNS)):
+        squares = []
+        for k in of.tolist():
+            low, middle, high = _parts(past[k], candidate, t)
+            if len(middle):
+                half = np.where(middle > 0.0, middle - low, high - middle)  # the side on which the end lies
+                squares.append(float(np.mean((1.96 * middle / half) ** 2)))
+        n = len(squares)
+        size = np.sqrt((PRIOR_RUNS + sum(squares)) / (PRIOR_RUNS + n))
+        found[t] = np.clip(float(t_quantile(PRIOR_RUNS + n)) * size / 1.96, LEAST, MOST)
+    return found
+
+
+def _left_out_factors(past: Sequence[Past], candidate: int) -> Array:
+    """Factors (runs, turns) for each run from all the others."""
+    every = np.arange(len(past))
+    return np.array([_factors(past, candidate, np.delete(every, k)) for k in every])
+
+
+def _scores(past: Sequence[Past], candidate: int, factors: Array) -> Array:
+    """Mean interval score (runs, turns) [K] of each run's sensors."""
+    found = np.full((len(past), len(TURNS)), np.nan)
+    for k, one in enumerate(past):
+        for t in range(len(TURNS)):
+            low, middle, high = _parts(one, candidate, t)
+            if len(middle):
+                low, high = middle - factors[k, t] * (middle - low), middle + factors[k, t] * (high - middle)
+                found[k, t] = np.mean(high - low + 40.0 * np.maximum(low, 0.0) + 40.0 * np.maximum(-high, 0.0))
+    return found
+
+
+def _rows(past: Sequence[Past], chosen: int, factors: Array) -> list[CalibrateRecord]:
+    apart = _left_out_factors(past, chosen)
+    ones = np.ones_like(apart)
+    before, after = _scores(past, 0, ones), _scores(past, chosen, apart)
+    rows = []
+    for t, turn in enumerate(TURNS):
+        held: tuple[list[bool], list[bool]] = ([], [])
+        widths: tuple[list[float], list[float]] = ([], [])
+        sensors, conformal = 0, []
+        for k, one in enumerate(past):
+            for which, (candidate, factor) in enumerate(((0, 1.0), (chosen, float(apart[k, t])))):
+                low, middle, high = _parts(one, candidate, t)
+                low, high = middle - factor * (middle - low), middle + factor * (high - middle)
+                held[which].extend(((low <= 0.0) & (high >= 0.0)).tolist())
+                widths[which].extend((high - low).tolist())
+            low, middle, high = _parts(one, chosen, t)
+            sensors += len(middle)
+            if len(middle):
+                conformal.append(float(np.max(np.abs(middle) / np.where(middle > 0.0, middle - low, high - middle))))
+        if not sensors:
+            continue
+        rank = int(np.ceil(0.95 * (len(conformal) + 1)))
+        rows.append(
+            CalibrateRecord(
+                run=f"{len(past)} runs",
+                channel="all",
+                time_constants=turn,
+                runs=len(conformal),
+                sensors=sensors,
+                held_typical=float(np.mean(held[0])) if held[0] else None,
+                width_typical_c=float(np.median(widths[0])) if widths[0] else None,
+                held_lab=float(np.mean(held[1])),
+                width_lab_c=float(np.median(widths[1])),
+                score_ratio=float(np.nanmean(after[:, t]) / np.nanmean(before[:, t])) if np.isfinite(before[:, t]).any() else None,
+                factor=float(factors[t]),
+                conformal_factor=float(np.sort(conformal)[rank - 1]) if rank <= len(conformal) else None,
+            )
+        )
+    return rows
