@@ -28,6 +28,8 @@ LAST = 20
 #: Runs that "as wide as the prior says" counts for.
 PRIOR_RUNS = 6.0
 LEAST, MOST = 0.25, 4.0
+#: Runs from which on another prior than the typical one may be chosen: two alike may be chance.
+ENOUGH = 4
 
 #: Priors to choose among, from machines that nobody knows to machines that are the law.
 CANDIDATES = (
@@ -100,7 +102,7 @@ def learn(past: Sequence[Past], left_out: Sequence[tuple[str, str]] = ()) -> Lab
     before = _scores(past, 0, np.ones((len(past), len(TURNS))))
     level = np.nanmean(before, axis=0)
     best, chosen = np.inf, 0
-    for c in range(len(CANDIDATES)):
+    for c in range(len(CANDIDATES) if len(past) >= ENOUGH else 1):
         scores = _scores(past, c, _left_out_factors(past, c))
         with np.errstate(invalid="ignore"):
             score = float(np.nanmean(np.nanmean(scores, axis=0) / level))
