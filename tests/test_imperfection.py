@@ -13,7 +13,7 @@ from benchmarks.machines import bar, network
 from thermofast.estimation.identify import Method, identify_sensors
 from thermofast.filters import Afukf
 from thermofast.models import Lump
-from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, settle
+from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, settle
 from thermofast.models.imperfection.blocks import block_means
 from thermofast.models.imperfection.posterior import core
 from thermofast.models.imperfection.prior import COMPONENTS
@@ -311,3 +311,31 @@ def test_little_is_said_of_little():
     [record] = tf.identify({"time_min": time, "A": y}).records
     assert record.status == "not_determined"
     assert record.steady_state_hi_c is None
+
+
+def test_a_room_that_is_logged_is_used():
+    """Rooms that drift by degrees: with the column the limit is nearer, the row is not held against the room's later ways."""
+    errors, oks, held = {True: [], False: []}, [], []
+    for seed in range(9000, 9006):
+        run = bar.simulate(seed, effect="ambient").runs[0]
+        for logged in (True, False):
+            record = {"time_min": run.time} | {f"T{i}": line for i, line in enumerate(run.reading)}
+            if logged:
+                record["ambient"] = np.round(run.room, 2)
+            last = int(np.searchsorted(run.time, 90.0, "right")) - 1
+            for i, r in enumerate(tf.identify(record, until=90).records):
+                errors[logged].append(r.steady_state_c - run.limit[i, last])
+                if logged:
+                    oks.append(r.status == "ok")
+                    held.append(r.steady_state_lo_c <= run.limit[i, last] <= r.steady_state_hi_c)
+    assert np.sqrt(np.mean(np.square(errors[True]))) < 0.8 * np.sqrt(np.mean(np.square(errors[False])))
+    assert np.mean(oks) > 0.6
+    assert np.mean(held) > 0.85
+
+
+def test_the_response_to_a_room_is_the_equations():
+    grid = np.linspace(0.0, 100.0, 300)
+    drive = 2.0 * np.sin(grid / 15.0)
+    found = lagged(np.array([0.02]), grid[1], drive)[0]
+    exact = solve_ivp(lambda t, y: 0.02 * (2.0 * np.sin(t / 15.0) - y), (0, 100.0), [0.0], t_eval=grid, rtol=1e-10, atol=1e-12).y[0]
+    assert found == pytest.approx(exact, abs=2e-4)

@@ -74,13 +74,14 @@ def share_out(
     tasks = []
     for run, start in started:
         channels = list(run.channels)
+        room = np.mean(list(run.ambient.values()), axis=0) if run.ambient else None
         size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
         size = len(channels) if whole else -(-size // together) * together
         for i in range(0, len(channels), size):
             part = tuple(channels[i : i + size])
             values = np.stack([run.channels[c] for c in part])
             notes = tuple(run.channel_notes.get(c, "") for c in part)
-            tasks.append(make(run.name, run.time_s / 60.0, part, values, notes, start))
+            tasks.append(make(run.name, run.time_s / 60.0, part, values, notes, start, room))
     return tasks, processes
 
 

@@ -2,5 +2,6 @@
 
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
+from .shapes import lagged
 
-__all__ = ["NONE", "TYPICAL", "Imperfection", "Part", "Rates", "Settled", "Sizes", "settle"]
+__all__ = ["NONE", "TYPICAL", "Imperfection", "Part", "Rates", "Settled", "Sizes", "lagged", "settle"]

@@ -16,7 +16,7 @@ from ..core.tails import f_tail, normal_tail
 from . import _mixture_numpy
 from .blocks import Blocks, block_means
 from .prior import COMPONENTS, Imperfection
-from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law
+from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law, of_room
 
 core: Any
 try:
@@ -44,12 +44,13 @@ LEAST_WEIGHT = 5e-5
 
 @dataclass(frozen=True)
 class Part:
-    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]."""
+    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged."""
 
     time: Array
     reading: Array
     noise: Array
     resolution: Array
+    room: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,14 @@ class _Run:
         span = max(b.last for b in self.blocks)
         fastest = max(FASTEST / span, BEYOND_PILOT / tau)
         self.nodes = np.arange(np.log(SLOWEST / span), np.log(fastest) + NODE_STEP, NODE_STEP)
+        node_rates = np.exp(self.nodes)
+        self.logged = [
+            None if p.room is None else of_room(node_rates, b.time, p.time - p.time[0], p.room, asked)
+            for p, b, asked in zip(parts, self.blocks, self.asked, strict=True)
+        ]
         self.covariance = [
-            np.ascontiguousarray(covariances(np.exp(self.nodes), b.time, b.last, tau / 60.0, asked))
-            for b, asked in zip(self.blocks, self.asked, strict=True)
+            np.ascontiguousarray(covariances(node_rates, b.time, b.last, tau / 60.0, asked, logged))
+            for b, asked, logged in zip(self.blocks, self.asked, self.logged, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()
         self.relative, self.absolute = prior.kinds()
@@ -127,13 +133,16 @@ class _Run:
             some = log_rate[rows]
             rate = np.exp(some)
             of_law = np.ascontiguousarray(law(rate, blocks.time, blocks.spread, self.asked[i]))
-            rise[rows] = _slope(blocks, of_law[..., : len(blocks.time)]) / rate
+            m = len(blocks.time)
             place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
             node = place.astype(np.intp)
+            known = self._of_room(i, node, place - node)
+            reading = blocks.mean[:, None] - known[..., :m]
+            rise[rows] = _slope(blocks, reading, of_law[..., :m]) / rate
             found = [np.ascontiguousarray(a[rows]) for a in (evidence, squares, mean, variance)]
             sensors = len(some)
             core.mixture(
-                np.ascontiguousarray(np.broadcast_to(blocks.mean[:, None], (*some.shape, len(blocks.time)))),
+                np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))),
                 np.ascontiguousarray(blocks.noise),
                 constant(blocks.time, self.asked[i]),
                 of_law,
@@ -149,9 +158,18 @@ class _Run:
                 asked,
                 *found,
             )
+            found[2] += known[:, :, None, m : m + asked]
             for whole, part in zip((evidence, squares, mean, variance), found, strict=True):
                 whole[rows] = part
         return evidence, squares, mean, variance, rise
+
+    def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:
+        """What the logged room does at rates between nodes (s, F, m + k) [K]; nothing where none is logged."""
+        logged = self.logged[part]
+        if logged is None:
+            return np.zeros((1, 1, self.covariance[part].shape[-1]))
+        found: Array = (1.0 - share[..., None]) * logged[node] + share[..., None] * logged[node + 1]
+        return found
 
     def weighed(self, log_rate: Array, evidence: Array) -> Array:
         """Log posterior (S, F, H) up to a constant: evidence, priors, and what other sensors say of size and kind."""
@@ -344,13 +362,13 @@ def _settling(rate: Array, rise: Array, ahead: Array, spread: Array) -> tuple[Ar
         return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * rate), 1e6)
 
 
-def _slope(blocks: Blocks, of_law: Array) -> Array:
-    """Initial slope (S, F) of the law fitted to the block means by least squares, each weighed by its noise."""
+def _slope(blocks: Blocks, reading: Array, of_law: Array) -> Array:
+    """Initial slope (S, F) of the law fitted to means (S, F, m) by least squares, each weighed by its noise."""
     weight = 1.0 / blocks.noise
     weight = (weight / weight.sum(axis=1, keepdims=True))[:, None]
     centred = of_law - (weight * of_law).sum(axis=2, keepdims=True)
     with np.errstate(all="ignore"):
-        slope = (weight * centred * blocks.mean[:, None]).sum(axis=2) / (weight * centred**2).sum(axis=2)
+        slope = (weight * centred * reading).sum(axis=2) / (weight * centred**2).sum(axis=2)
     found: Array = np.nan_to_num(slope)
     return found
 

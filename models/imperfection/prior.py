@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 #: What a discrepancy is made of, in the order of the covariances of ``shapes.py``.
-COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp")
-ABSOLUTE = frozenset({"room", "ramp"})
+COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp", "logged")
+ABSOLUTE = frozenset({"room", "ramp", "logged"})
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class Sizes:
     fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial share of the heat;
     load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to 45 units; walk: of a
     heat that wanders, per root hour of units; start: of the first minutes (a late or uneven start); room [K per root hour of
-    units]: of surroundings that wander; ramp [K per hour of units]: of a room and of a probe that drift evenly.
+    units]: of surroundings that wander; ramp [K per hour of units]: of a room and of a probe that drift evenly; logged: of the gain
+    of a room that is logged, about 1.
     """
 
     slow: float = 0.0
@@ -42,6 +43,7 @@ class Sizes:
     start: float = 0.0
     room: float = 0.0
     ramp: float = 0.0
+    logged: float = 0.0
 
     def variances(self) -> tuple[Array, Array]:
         """(relative, absolute) (len(COMPONENTS),) squares of the sizes, in the order of COMPONENTS."""
@@ -87,7 +89,7 @@ class Imperfection:
     multiplier: of all sizes. factors: (time constants read, factor on half-widths), learnt from complete runs.
     """
 
-    background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10)
+    background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10, logged=0.3)
     strong: tuple[Sizes, ...] = STRONG
     strong_share: float = 0.25
     strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)

@@ -26,6 +26,8 @@ STEPS, STEPS_AHEAD = 24, 12
 #: Quantities asked for first: the limit, 95 % of the rise, what slow modes still add after the last reading.
 LIMIT, SETTLING, SLOW_AHEAD, FIRST_TIME = 0, 1, 2, 3
 FOREVER = 1e9
+#: Share of the room's wandering that a logged room leaves open, and points by which its record is drawn.
+UNLOGGED, ROOM_POINTS = 0.3, 300
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,44 @@ def _swings(b: Array, times: Array, width: Array, waits: NDArray[np.bool_], unit
     return found
 
 
-def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked) -> Array:
+def lagged(rate: Array, step: float, drive: Array) -> Array:
+    """Response (G, n) of y' = b (d - y) at rates (G,) [1/min] to a drive (n,) straight between its points, `step` [min] apart."""
+    fall = np.exp(-rate * step)
+    late = (1.0 - fall) / np.maximum(rate * step, 1e-12)  # the response to a ramp is exact
+    line = np.zeros((len(rate), len(drive)))
+    for i in range(1, len(drive)):
+        line[:, i] = line[:, i - 1] * fall + drive[i] * (1.0 - late) + drive[i - 1] * (late - fall)
+    return line
+
+
+def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) -> Array:
+    """What a logged room (n,) [degC] at `when` (n,) [min] does at rates (G,): (G, m + k) [K], against the room at the beginning.
+
+    After its last reading, for limit, settling and times asked for, the room stays as it was.
+    """
+    grid = np.linspace(0.0, float(when[-1]), ROOM_POINTS)
+    step = float(grid[1] - grid[0])
+    ends = max(1, len(room) // 50)
+    level = np.interp(grid, when, room) - float(np.median(room[:ends]))
+    now = float(np.median(room[-ends:]) - np.median(room[:ends]))
+    line = lagged(rate, step, level)
+
+    def at(times: Array) -> Array:
+        inside = np.array([np.interp(times, grid, row) for row in line])
+        after = now + (line[:, -1:] - now) * np.exp(-rate[:, None] * np.maximum(times - grid[-1], 0.0))
+        return np.where(times > grid[-1], after, inside)
+
+    settles = np.array([at(np.array([t]))[i, 0] for i, t in enumerate(LOG_TWENTY / rate)])
+    late = settles - 0.95 * now
+    columns = [at(time), np.full((len(rate), 1), now), late[:, None], np.zeros((len(rate), 1)), at(asked.times)]
+    return np.concatenate(columns, axis=1)
+
+
+def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None = None) -> Array:
     """(G, components, m + k, m + k) for rates (G,) [1/min], blocks at time (m,) [min] after the first reading, unit [min].
 
-    last [min] is the time of the last reading: limit and settling take room and load to stay as they are then.
+    last [min] is the time of the last reading: limit and settling take room and load to stay as they are then. logged (G, m + k)
+    [K] is what a room that is logged does to each row, as :func:`of_room` gives it: little is left of its wandering until then.
     """
     nodes = len(rate)
     b = rate[:, None]
@@ -127,6 +163,8 @@ def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked
     width = np.diff(np.append(steps, 2.0 * steps[-1] - steps[-2])) / unit / 60.0
     wandering = response * np.sqrt(width)
     walk = wandering @ np.swapaxes(wandering, 1, 2)
+    unlogged = wandering * np.where(steps < last, UNLOGGED, 1.0) if logged is not None else wandering
+    room = unlogged @ np.swapaxes(unlogged, 1, 2)
     cycle = squares(_swings(b, times, np.append(np.diff(time, prepend=0.0), np.zeros(rows - m)), waits, unit))
     units = steps / unit
     jumps = np.eye(len(steps)) - np.eye(len(steps), k=-1)
@@ -149,7 +187,7 @@ def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked
         "cycle": cycle,
         "walk": walk,
         "start": start,
-        "room": walk,
+        "room": room,
         "ramp": ramp,
     }
     mixing = np.eye(rows)
@@ -162,6 +200,8 @@ def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked
             columns = mixing @ slow
             columns[:, m + SLOW_AHEAD] = slow_rest
             found[:, i] = columns @ np.swapaxes(columns, 1, 2)
+        elif name == "logged":
+            found[:, i] = 0.0 if logged is None else logged[:, :, None] * logged[:, None, :]
         else:
             found[:, i] = mixing @ by_name[name] @ mixing.T
     return found

@@ -7,7 +7,11 @@ import click
 from ..shell.options import RunCommand, reading_options, runs_argument, table_options
 
 
-@click.command("calibrate", cls=RunCommand, epilog="Example: thermofast calibrate sample_runs/spindle.csv sample_runs/cool_down.csv --lab lab.toml")
+@click.command(
+    "calibrate",
+    cls=RunCommand,
+    epilog="Example: thermofast calibrate sample_runs/spindle.csv sample_runs/cool_down.csv --lab lab.toml",
+)
 @runs_argument
 @click.option("--lab", metavar="FILE.toml", help="Write what was learnt, for --imperfection of identify and sweep.")
 @reading_options

@@ -18,7 +18,7 @@ from ..records import IdentifyRecord
 from .closing import estimates_of, track_of, tracks_of
 from .contradiction import contradicts, outside_band
 from .estimate import Estimate, Estimates, FilterError, Model
-from .imperfect import Claims, Closed, claims, said_of_slow, times_asked
+from .imperfect import Claims, Closed, claims, moved_by_room, room_at, said_of_slow, times_asked
 from .measured import measured_equilibria
 from .rules import RULES
 from .sensor import Sensor, Sensors, prepare_all, refusal
@@ -88,11 +88,12 @@ def identify_sensors(
     want_trace: bool = False,
     together: bool = False,
     at_min: float | None = None,
+    room: Array | None = None,
 ) -> list[Identified]:
     """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
 
     Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
-    at_min: when a temperature is asked for [min after the start].
+    at_min: when a temperature is asked for [min after the start]; room (N,) [degC]: the surroundings where they are logged.
 
     Raises
     ------
@@ -116,7 +117,7 @@ def identify_sensors(
         if keep.any():
             blocks.append(block if keep.all() else block.some(keep))
     shared = _tracks_together(method, blocks, until_min) if together else {}
-    jobs = [_Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min) for b in blocks]
+    jobs = [_Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room) for b in blocks]
     opened = [job.opened(shared) for job in jobs]
     for job, o, claimed in zip(jobs, opened, _claims(jobs, opened, method), strict=True):
         for row, one in zip(job.sensors.rows, job.identified(o, claimed), strict=True):
@@ -172,7 +173,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
         job, found = jobs[i], opened[i].found
         assert found is not None
         usable = np.array([k not in opened[i].broken for k in range(len(job.sensors))])
-        closed.append(Closed(job.sensors, job.count, found, usable))
+        closed.append(Closed(job.sensors, job.count, found, usable, room_at(job.time_min, job.room, job.sensors.time)))
         if job.want_trace:
             end = float(job.sensors.time[-1])
             settled = np.nanmedian(np.append(found.t95, end))
@@ -202,6 +203,7 @@ class _Block:
     notes: Sequence[str]
     want_trace: bool
     at_min: float | None
+    room: Array | None
 
     @property
     def count(self) -> int:
@@ -347,12 +349,15 @@ class _Block:
         later = sensors.time[n:]
         kept = spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0
         low, curve, high = claimed.curves(later) if claimed is not None else (None, found.free_run(later), None)
+        if claimed is not None and low is not None and high is not None:
+            moved = moved_by_room(self.time_min, self.room, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
+            low, curve, high = low + moved, curve + moved, high + moved
         error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
         number = np.isfinite(error).sum(axis=1)
         told &= number > 0
         ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
         against = {}
-        if low is not None and high is not None:
+        if claimed is not None and low is not None and high is not None:
             half = np.where(error > 0.0, high - curve, curve - low)
             for k in np.flatnonzero(told & contradicts(error, half, found.noise, RULES.claimed_factor)).tolist():
                 against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], RULES.claimed_factor)]).max())

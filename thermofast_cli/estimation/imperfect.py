@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, settle
+from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, lagged, settle
 
 from .estimate import Estimates
 from .sensor import Sensors
@@ -29,13 +29,14 @@ NAMED = 6
 class Closed:
     """Sensors of one block on their way: the first `count` readings were used, found is what they say by the law alone.
 
-    usable (S,): whose filter held.
+    usable (S,): whose filter held; room (N,) [degC] at the sensors' times where it is logged.
     """
 
     sensors: Sensors
     count: int
     found: Estimates
     usable: NDArray[np.bool_]
+    room: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,28 @@ def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
     return f"a second mass slower than {claimed.unseen_from[i]:.2g} min, up to {min(share, 999.0):.2g} % of the rise"
 
 
+def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
+    """A room logged (N,) at time_min (N,), at times (n,), straight over its gaps; None where too little of it is logged."""
+    known = np.isfinite(room) if room is not None else np.zeros(0, dtype=bool)
+    if room is None or known.sum() < max(4, 0.5 * len(known)):
+        return None
+    found: Array = np.interp(times, time_min[known], room[known])
+    return found
+
+
+def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float, later: Array) -> Array:
+    """What a logged room does (S, m) [K] at times (m,) after the `last` reading used, from which on a prediction took it to stay.
+
+    That is not held against it; rate (S,) [1/min].
+    """
+    grid = np.linspace(last, float(later[-1]), 200)
+    there = room_at(time_min, room, grid)
+    if there is None or grid[-1] <= grid[0]:
+        return np.zeros((len(rate), len(later)))
+    moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
+    return np.array([np.interp(later, grid, line) for line in moved])
+
+
 def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
     n, sensors = closed.count, closed.sensors
     time, reading = sensors.time[:n], sensors.reading[rows, :n]
@@ -145,7 +168,8 @@ def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
         for line, out in zip(reading, left_out, strict=True):
             if out.any() and not out.all():
                 line[out] = np.interp(time[out], time[~out], line[~out])
-    return Part(time, reading, _noise(reading), sensors.resolution[rows])
+    room = None if closed.room is None else closed.room[:n]
+    return Part(time, reading, _noise(reading), sensors.resolution[rows], room)
 
 
 def _noise(reading: Array) -> Array:

@@ -53,6 +53,7 @@ def sweep_sensors(
     tolerance_c: float,
     start_min: float = 0.0,
     notes: Sequence[str] = (),
+    room: Array | None = None,
 ) -> list[Swept]:
     """RMSE (38) of the model over each window against identification time, from one filter pass, for S sensors values (S, N).
 
@@ -70,7 +71,7 @@ def sweep_sensors(
         return whole
 
     def half_widths(until: float) -> Array:
-        records = [f.record for f in identify_sensors(run, channels, time_min, values, method, until, start_min)]
+        records = [f.record for f in identify_sensors(run, channels, time_min, values, method, until, start_min, room=room)]
         sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in records]
         return np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
 

@@ -24,6 +24,7 @@ class Task:
     notes: tuple[str, ...]
     method: Method
     start_min: float
+    room: Array | None
 
     def singles(self) -> list[Any]:
         """The same task for each sensor alone."""
@@ -69,6 +70,7 @@ def identify_task(task: IdentifyTask) -> list[Identified]:
         task.want_trace,
         task.together,
         task.at_min,
+        task.room,
     )
 
 
@@ -92,6 +94,7 @@ def sweep_task(task: SweepTask) -> list[Swept]:
         task.tolerance_c,
         task.start_min,
         task.notes,
+        task.room,
     )
     # Curves travel back from the worker only where a picture wants them.
     return swept if task.want_curves else [replace(s, rmse=_NONE, times=_NONE, width=_NONE) for s in swept]

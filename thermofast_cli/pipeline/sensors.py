@@ -65,8 +65,10 @@ def identify_runs(
         found_all = [one for results in by_run for one in results]
     else:
 
-        def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> IdentifyTask:
-            return IdentifyTask(name, minutes, part, values, notes, method, start, until_min, details, joint, at_min)
+        def make(
+            name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
+        ) -> IdentifyTask:
+            return IdentifyTask(name, minutes, part, values, notes, method, start, room, until_min, details, joint, at_min)
 
         weight = 100.0 if joint else 10.0 if method.widens else 1.0
         sensor_tasks, processes = share_out(started, how.jobs, weight, make, joint, GROUP if method.widens else 1)
@@ -123,8 +125,10 @@ def sweep_runs(
         swept = [one for results in by_run for one in results]
     else:
 
-        def make(name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float) -> SweepTask:
-            return SweepTask(name, minutes, part, values, notes, method, start, windows_min, times_min, tolerance_c, details)
+        def make(
+            name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
+        ) -> SweepTask:
+            return SweepTask(name, minutes, part, values, notes, method, start, room, windows_min, times_min, tolerance_c, details)
 
         sensor_tasks, processes = share_out(
             started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1
