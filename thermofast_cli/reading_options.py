@@ -33,6 +33,8 @@ class Options:
     long: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     strict: bool = False
+    from_min: float | None = None
+    to_min: float | None = None
 
 
 def options_from(given: dict[str, Any]) -> Options:
@@ -50,6 +52,9 @@ def options_from(given: dict[str, Any]) -> Options:
     for key in SEVERAL:
         given[key] = names(given.get(key))
     given["long"] = _long(given.get("long"))
+    first, last = given.get("from_min"), given.get("to_min")
+    if first is not None and last is not None and not first < last:
+        raise UsageError("--to is not after --from", found=f"from {first:g} to {last:g} min", allowed="minutes that ascend")
     delimiter = given.get("delimiter")
     delimiter = DELIMITERS.get(delimiter, delimiter) if delimiter else None
     if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):

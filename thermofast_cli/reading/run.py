@@ -1,10 +1,14 @@
 """What a run is once it is read, and what was guessed on the way."""
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..errors import UsageError
 
 Array = NDArray[np.float64]
 
@@ -49,3 +53,30 @@ class Run:
     channel_notes: dict[str, str] = field(default_factory=dict)
     displacements: dict[str, Array] = field(default_factory=dict)
     guesses: tuple[Guess, ...] = ()
+
+
+def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:
+    """The readings of a run from one minute to another, its clock begun anew; the run itself where neither is given.
+
+    Raises
+    ------
+    UsageError: fewer than two readings lie in it.
+    """
+    if from_min is None and to_min is None:
+        return run
+    minutes = run.time_s / 60.0
+    kept = (minutes >= (from_min or 0.0) - 1e-9) & (minutes <= (math.inf if to_min is None else to_min) + 1e-9)
+    length = float(minutes[-1])
+    if kept.sum() < 2:
+        raise UsageError(
+            f"{run.name}: no two readings from {from_min or 0.0:g} to {length if to_min is None else to_min:g} min",
+            found=f"a record of {length:.4g} min",
+            allowed="a stretch inside it",
+            do="mend --from or --to",
+        )
+    first = float(run.time_s[kept][0])
+    columns: dict[str, Any] = {
+        f: {n: v[kept] for n, v in getattr(run, f).items()} for f in ("channels", "ambient", "inputs", "displacements")
+    }
+    note = f"{first / 60.0:.4g} to {float(minutes[kept][-1]):.4g} min of {length:.4g} kept (--from, --to)"
+    return replace(run, time_s=run.time_s[kept] - first, notes=(*run.notes, note), **columns)

@@ -15,7 +15,7 @@ from .columns import Roles, check_names, classify, sign_of, to_micrometres, with
 from .degrees import Temperatures
 from .long import find_long, to_wide
 from .order import in_order
-from .run import Run
+from .run import Run, stretch
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.table import Table, read_parquet
@@ -48,7 +48,7 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
         table = read_parquet(held.pop(), name) if parquet else read_text(held.pop(), name, options)
     else:
         table = table_of(source, name or IN_MEMORY)
-    runs = runs_from_table(table, options)
+    runs = [stretch(run, options.from_min, options.to_min) for run in runs_from_table(table, options)]
     if options.strict:
         for run in runs:
             refuse_guesses(run)

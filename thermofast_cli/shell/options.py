@@ -132,6 +132,10 @@ reading_options = _together(
         help="One row per sensor and time: the columns that name the sensor (A+B for two) and read it.",
     ),
     _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
+    _hidden(
+        "--from", "from_min", type=Finite(0), metavar="MIN", help="Use what was read from MIN minutes on; its clock begins anew."
+    ),
+    _hidden("--to", "to_min", type=Finite(0, min_open=True), metavar="MIN", help="End with the reading at MIN minutes."),
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
