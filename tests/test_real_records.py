@@ -78,7 +78,7 @@ def test_the_laptops_graphics_chip_settles_where_it_was_measured(shared, tool):
 def test_the_pots_water_is_no_single_lump(shared, tool):
     done = tool("identify", shared / "cooking_pot" / "0cm_1L_a.csv", "--format", "jsonl", "-q")
     statuses = [json.loads(line)["status"] for line in done.out.splitlines()]
-    assert statuses.count("ok") <= 2  # water that boils is not an exponential rise
+    assert statuses.count("ok") <= 3  # water that boils is not an exponential rise
 
 
 def test_the_loop_ranks_the_known_physics_first_and_admits_what_it_lacks(shared):

@@ -314,7 +314,7 @@ def test_help_lists_commands_by_task_and_reading_options_once(tool):
         assert f"{task}:" in shown
         assert all(name in shown for name in commands)
     reading = tool("help", "reading").out
-    options = ["--" + name.removesuffix("_s").replace("_", "-") for name in (*vars(Options()), "start")]
+    options = ["--" + name.removesuffix("_s").removesuffix("_min").replace("_", "-") for name in (*vars(Options()), "start")]
     for option in options:
         assert re.search(rf"^\s*{option} ", reading, re.M)
     for name in ("identify", "diagnose", "sweep"):
@@ -341,7 +341,7 @@ def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
 
 
 def test_pictures_promise_nothing_that_is_not_determined(tool, tmp_path):
-    from thermofast.estimation.identify import marks
+    from thermofast.estimation.verdicts import marks
     from thermofast.records import IdentifyRecord
 
     open_ended = IdentifyRecord("r", "T1", "afukf", steady_state_c=25.0, t95_min=90.0, status="not_determined")

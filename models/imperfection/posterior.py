@@ -33,11 +33,19 @@ NODE_STEP = 0.12
 SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
 #: Rates of the first pass that closes in on the posterior, of those after it, and how many more there may be.
 FEW, FINE, MORE = 10, 20, 3
+#: Of a record that is hardly bent the time constant is a guess, and its discrepancies are counted by its own length.
+LONGEST_UNIT = 1.0
+#: A record that is nearly straight has a pilot that is too fast: towards slower rates the prior is so many times as wide.
+SLOWER = 2.0
 #: Sensors beyond this many add nothing that the first have not said: their disturbances are common.
 COUNTED_OTHERS = 2.0
 LEVELS = np.array([0.025, 0.5, 0.975])
 #: Degrees of freedom of a variance that is known.
 ENDLESS = 10**9
+#: A posterior this near to the slowest rate looked at knows no bound on that side.
+EDGE = 0.5
+#: Readings left this unlikely widen the intervals.
+DOUBTED = 0.05
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 5e-5
 
@@ -58,19 +66,18 @@ class Settled:
     """What S sensors will do; three numbers are the 2.5 %, 50 % and 97.5 % quantiles.
 
     steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
-    3) [degC] at the times asked for; rate (S, 3) [1/min]; log_rate_sd (S,), and that of the prior; check_p (S,): probability of
-    readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; scale (S,): of the background;
-    unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %); unseen_from (S,) [min]:
-    its least time constant; hides (S,): probability that slow modes add more than the half-width of the interval; agrees (S, S):
-    whose rates were shared.
+    3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
+    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; scale
+    (S,): of the background; unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %);
+    unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes add more than the half-width of the
+    interval; agrees (S, S): whose rates were shared.
     """
 
     steady: Array
     t95: Array
     at: Array
     rate: Array
-    log_rate_sd: Array
-    prior_log_rate_sd: float
+    rate_unknown: Array
     check_p: Array
     strong: Array
     scale: Array
@@ -97,7 +104,9 @@ class _Run:
         self.prior, self.rates = prior, rates
         self.asked = [Asked(np.maximum(at - p.time[0], 0.0)) for p in parts]
         self.times = len(at)
-        self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, tau, not prior.none) for p in parts]
+        length = max(float(p.time[-1] - p.time[0]) for p in parts)
+        scale = min(tau, LONGEST_UNIT * length)
+        self.blocks = [block_means(p.time - p.time[0], p.reading, p.noise, p.resolution, scale, not prior.none) for p in parts]
         self.rows = np.cumsum([0, *(len(p.reading) for p in parts)])
         self.count = int(self.rows[-1])
         span = max(b.last for b in self.blocks)
@@ -109,7 +118,7 @@ class _Run:
             for p, b, asked in zip(parts, self.blocks, self.asked, strict=True)
         ]
         self.covariance = [
-            np.ascontiguousarray(covariances(node_rates, b.time, b.last, tau / 60.0, asked, logged))
+            np.ascontiguousarray(covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged))
             for b, asked, logged in zip(self.blocks, self.asked, self.logged, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()
@@ -119,7 +128,8 @@ class _Run:
         self._known = np.zeros(0), np.zeros(0)
 
     def log_rate_prior(self, log_rate: Array) -> Array:
-        found: Array = -0.5 * ((log_rate - self.centre) / self.prior.log_rate_spread) ** 2
+        off = log_rate - self.centre
+        found: Array = -0.5 * (off / np.where(off > 0.0, self.prior.log_rate_spread, SLOWER * self.prior.log_rate_spread)) ** 2
         return found
 
     def evaluate(self, log_rate: Array, active: NDArray[np.bool_], asked: int) -> tuple[Array, Array, Array, Array, Array]:
@@ -303,13 +313,18 @@ class _Run:
             middle = of_rate @ log_rate[i]
             step = log_rate[i, 1] - log_rate[i, 0]
             spread_of_rate[i] = np.sqrt(max(of_rate @ (log_rate[i] - middle) ** 2, 0.0) + step**2 / 12.0)
+            if of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
+                spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], np.full(len(of_rate), 0.5 * step)))
-            m = len(self.blocks_of(i).time)
-            check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, squares[i, places, hypotheses] / (m - 2))) / w.sum()
             strong[i] = weight[i][:, ~self.base].sum()
             of_base = weight[i][:, self.base].sum(axis=0)
             scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)
-            self._stretch(steady[i], t95[i], at[i], self.blocks_of(i).last * rate[i, 1])
+            m = len(self.blocks_of(i).time)
+            left = squares[i, places, hypotheses]
+            check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
+            # Readings beyond what the prior holds: as elsewhere in statistics, the spread makes room for what is left.
+            beyond = float(np.sqrt(max(w @ left / w.sum() / (m - 2), 1.0))) if check[i] < DOUBTED else 1.0
+            self._stretch(steady[i], t95[i], at[i], self.blocks_of(i).last * rate[i, 1], beyond)
             half = 0.5 * (steady[i, 2] - steady[i, 0])
             with np.errstate(all="ignore"):
                 near, far = ((side * half - mu[:, SLOW_AHEAD]) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
@@ -323,8 +338,7 @@ class _Run:
             t95=t95,
             at=at,
             rate=rate,
-            log_rate_sd=spread_of_rate,
-            prior_log_rate_sd=self.prior.log_rate_spread,
+            rate_unknown=spread_of_rate / (0.5 * (1.0 + SLOWER) * self.prior.log_rate_spread),
             check_p=check,
             strong=strong,
             scale=scale,
@@ -338,15 +352,16 @@ class _Run:
         """The blocks of the part that a sensor is in."""
         return self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1]
 
-    def _stretch(self, steady: Array, t95: Array, at: Array, read: float) -> None:
-        """Multiplies the half-widths of one sensor as past runs ask for, `read` time constants into the record."""
-        if not self.prior.factors:
-            return
-        turns, factors = np.array(self.prior.factors).T
-        factor = float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
-        for three in (steady, t95, *at):
-            three[...] = three[1] + factor * (three - three[1])
-        t95[0] = max(t95[0], 0.0)
+    def _stretch(self, steady: Array, t95: Array, at: Array, read: float, beyond: float) -> None:
+        """Multiplies the half-widths of one sensor by `beyond`, and as past runs ask for, `read` time constants into the record."""
+        factor = beyond
+        if self.prior.factors:
+            turns, factors = np.array(self.prior.factors).T
+            factor *= float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
+        if factor != 1.0:
+            for three in (steady, t95, *at):
+                three[...] = three[1] + factor * (three - three[1])
+            t95[0] = max(t95[0], 0.0)
 
 
 def _settling(rate: Array, rise: Array, ahead: Array, spread: Array) -> tuple[Array, Array]:

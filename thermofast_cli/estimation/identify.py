@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,11 @@ from ..records import IdentifyRecord
 from .closing import estimates_of, track_of, tracks_of
 from .contradiction import contradicts, outside_band
 from .estimate import Estimate, Estimates, FilterError, Model
-from .imperfect import Claims, Closed, claims, moved_by_room, room_at, said_of_slow, times_asked
+from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, room_at, said_of_slow, times_asked
 from .measured import measured_equilibria
 from .rules import RULES
 from .sensor import Sensor, Sensors, prepare_all, refusal
-from .verdicts import claimed_verdicts, law_verdicts, with_claims
+from .verdicts import claimed_verdicts, law_verdicts, marks, with_claims
 
 Array = NDArray[np.float64]
 
@@ -173,7 +174,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
         job, found = jobs[i], opened[i].found
         assert found is not None
         usable = np.array([k not in opened[i].broken for k in range(len(job.sensors))])
-        closed.append(Closed(job.sensors, job.count, found, usable, room_at(job.time_min, job.room, job.sensors.time)))
+        closed.append(Closed(job.sensors, job.count, found, usable, job.surroundings))
         if job.want_trace:
             end = float(job.sensors.time[-1])
             settled = np.nanmedian(np.append(found.t95, end))
@@ -208,6 +209,13 @@ class _Block:
     @property
     def count(self) -> int:
         return self.sensors.until(self.until_min)
+
+    @cached_property
+    def surroundings(self) -> Array | None:
+        """The room at the sensors' times (N,) [degC]; None where none is logged, or where it moves with the machine."""
+        room = room_at(self.time_min, self.room, self.sensors.time)
+        n = self.count
+        return None if room is None or follows_machine(self.sensors.reading[:, :n], room[:n]) else room
 
     def opened(self, shared: dict[int, Track]) -> _Opened:
         """Filter and likelihood of every sensor; `shared` holds the tracks by row where one filter has run over all."""
@@ -321,6 +329,8 @@ class _Block:
             if claimed is not None:
                 told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
                 told["rate_shared_with"] = claimed.shared_with[i]
+                if self.room is not None and self.surroundings is None:
+                    message = _joined([message, "the logged surroundings move with the machine and are not used"])
             head = self.run, self.channels[row], self.filter, until, n, self.start_min
             records.append(IdentifyRecord(*head, **told, status=status[i], message=message))
         return records
@@ -350,7 +360,8 @@ class _Block:
         kept = spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0
         low, curve, high = claimed.curves(later) if claimed is not None else (None, found.free_run(later), None)
         if claimed is not None and low is not None and high is not None:
-            moved = moved_by_room(self.time_min, self.room, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
+            logged = self.room if self.surroundings is not None else None
+            moved = moved_by_room(self.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
             low, curve, high = low + moved, curve + moved, high + moved
         error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
         number = np.isfinite(error).sum(axis=1)
@@ -459,17 +470,6 @@ def _curves(
         *marks(record, start),
         trace or {},
     )
-
-
-def marks(record: IdentifyRecord, start_min: float) -> tuple[str, float | None, float | None]:
-    """(note, steady state [degC], time [min] at which 95 % is done) for a picture; no number over what is not determined."""
-    if record.status == "not_determined" or record.steady_state_c is None:
-        return "not determined", None, None
-    low, high = record.steady_state_lo_c, record.steady_state_hi_c
-    around = f" ({low:.2f}..{high:.2f})" if low is not None and high is not None else ""
-    doubt = ", model doubtful" if record.status == "model_doubtful" else ""
-    done = record.t95_min + start_min if record.t95_min is not None else None
-    return f"settles at {record.steady_state_c:.2f} °C{around}{doubt}", record.steady_state_c, done
 
 
 def _joined(messages: list[Any]) -> str:

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, lagged, settle
+from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, lagged, pilot, settle
 
 from .estimate import Estimates
+from .rules import RULES
 from .sensor import Sensors
 
 Array = NDArray[np.float64]
@@ -47,8 +48,7 @@ class Claims:
     t95: Array
     at: Array
     rate: Array
-    log_rate_sd: Array
-    prior_log_rate_sd: float
+    rate_unknown: Array
     check_p: Array
     strong: Array
     unseen: Array
@@ -67,7 +67,7 @@ class Claims:
     def unknown_rate(self) -> NDArray[np.bool_]:
         """Whose readings shrink the prior spread of the log rate by less than half (S,)."""
         with np.errstate(invalid="ignore"):
-            found: NDArray[np.bool_] = self.log_rate_sd > 0.5 * self.prior_log_rate_sd
+            found: NDArray[np.bool_] = self.rate_unknown > 0.5
         return found
 
     def curves(self, times: Array, drawn: bool = False) -> tuple[Array, Array, Array]:
@@ -97,11 +97,7 @@ def claims(
         if not some:
             continue
         parts = [_part(closed[i], rows) for i, rows in some]
-        elapsed = max(float(closed[i].sensors.time[closed[i].count - 1] - closed[i].sensors.time[0]) for i, _ in some)
-        with np.errstate(all="ignore"):
-            pilots = np.concatenate([1.0 / closed[i].found.rate[rows] for i, rows in some])
-        pilots = pilots[np.isfinite(pilots) & (pilots > 0.0)]
-        tau = float(np.median(np.clip(pilots, elapsed / 500.0, 2.0 * elapsed))) if len(pilots) else elapsed
+        tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
         found = settle(parts, tau, prior, times, rates)
         names = [name(int(closed[i].sensors.rows[r])) for i, rows in some for r in rows]
         at = 0
@@ -146,6 +142,14 @@ def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
     return found
 
 
+def follows_machine(reading: Array, room: Array) -> bool:
+    """Whether a logged room (n,) moves with the machine read (S, n): a thermometer in its warmth tells nothing of the air."""
+    ends = max(1, len(room) // 20)
+    moved = abs(float(np.median(room[-ends:]) - np.median(room[:ends])))
+    rises = np.abs(np.median(reading[:, -ends:], axis=1) - np.median(reading[:, :ends], axis=1))
+    return moved > RULES.room_share * float(np.median(rises)) and moved > RULES.room_least
+
+
 def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float, later: Array) -> Array:
     """What a logged room does (S, m) [K] at times (m,) after the `last` reading used, from which on a prediction took it to stay.
 
@@ -186,13 +190,12 @@ def _noise(reading: Array) -> Array:
 
 def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
     count = len(closed.sensors)
-    numbers = {n: np.full(count, np.nan) for n in ("log_rate_sd", "check_p", "strong", "unseen", "unseen_from", "hides")}
+    numbers = {n: np.full(count, np.nan) for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides")}
     threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate")}
     return Claims(
         **numbers,
         **threes,
         at=np.full((count, len(times), 3), np.nan),
-        prior_log_rate_sd=prior.log_rate_spread,
         shared_with=[""] * count,  # type: ignore[arg-type]
         times=times,
         ahead=ahead,
@@ -200,7 +203,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
 
 
 def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: slice, names: Sequence[str]) -> None:
-    for name in ("steady", "t95", "at", "rate", "log_rate_sd", "check_p", "strong", "unseen", "unseen_from", "hides"):
+    for name in ("steady", "t95", "at", "rate", "rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides"):
         getattr(into, name)[rows] = getattr(found, name)[of]
     for row, agrees in zip(rows.tolist(), found.agrees[of], strict=True):
         those = [names[j] for j in np.flatnonzero(agrees).tolist()]

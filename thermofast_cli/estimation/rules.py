@@ -21,6 +21,8 @@ class EstimationRules:
     )
     strong: float = rule(0.6, "1", "probability of an effect beside the law from which a row is doubtful", BY_HAND)
     hides: float = rule(0.1, "1", "probability that a slow second mass moves the limit out of the interval", BY_HAND)
+    room_share: float = rule(0.4, "rise so far", "a logged room that moves by more is warmed by the machine: not used", BY_HAND)
+    room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     kept_share: float = rule(
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
     )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
 
+from ..records import IdentifyRecord
 from .contradiction import words
 from .estimate import Estimate, Estimates
 from .imperfect import Claims
@@ -151,3 +152,14 @@ def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:
             "the interval does not cover what the model lacks"
         ]
     return []
+
+
+def marks(record: IdentifyRecord, start_min: float) -> tuple[str, float | None, float | None]:
+    """(note, steady state [degC], time [min] at which 95 % is done) for a picture; no number over what is not determined."""
+    if record.status == "not_determined" or record.steady_state_c is None:
+        return "not determined", None, None
+    low, high = record.steady_state_lo_c, record.steady_state_hi_c
+    around = f" ({low:.2f}..{high:.2f})" if low is not None and high is not None else ""
+    doubt = ", model doubtful" if record.status == "model_doubtful" else ""
+    done = record.t95_min + start_min if record.t95_min is not None else None
+    return f"settles at {record.steady_state_c:.2f} °C{around}{doubt}", record.steady_state_c, done

@@ -14,9 +14,10 @@ from thermofast.models.search.rules import RULES
 from ..discovery.loop import LoopTask, ids_of, in_order, ready
 from ..errors import ThermofastError
 from ..estimation.contradiction import contradiction, words
-from ..estimation.identify import Curves, Identified, marks
+from ..estimation.identify import Curves, Identified
 from ..estimation.measured import measured_equilibrium
 from ..estimation.sweep import Swept, sweep_records
+from ..estimation.verdicts import marks
 from ..records import IdentifyRecord, SweepRecord, finite
 from .learnt import carry
 
