@@ -33,6 +33,8 @@ NODE_STEP = 0.12
 SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
 #: Rates of the first pass that closes in on the posterior, of those after it, and how many more there may be.
 FEW, FINE, MORE = 10, 20, 3
+#: Every so many nodes the first look over all rates takes.
+COARSE = 3
 #: Of a record that is hardly bent the time constant is a guess, and its discrepancies are counted by its own length.
 LONGEST_UNIT = 1.0
 #: A record that is nearly straight has a pilot that is too fast: towards slower rates the prior is so many times as wide.
@@ -191,8 +193,8 @@ class _Run:
         counted = prior.from_others * min(1.0, COUNTED_OTHERS / max(count - 1, 1))
         weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
         level = _log_sum(kinds[:, self.base] + background, 1)
-        weight[:, ~self.base] += (prior.evidence_power - 1.0) * (kinds[:, ~self.base] - level[:, None])
         relative = np.maximum(kinds - level[:, None], -60.0)
+        weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
         weight += counted * (relative.sum(axis=0) - relative)
         found: Array = own + weight[:, None]
         return found
@@ -241,7 +243,7 @@ class _Run:
 
     def settled(self) -> Settled:
         """Coarse look over all rates, then passes that close in on the posterior, then what is asked for."""
-        coarse = np.broadcast_to(self.nodes[::2], (self.count, len(self.nodes[::2])))
+        coarse = np.broadcast_to(self.nodes[::COARSE], (self.count, len(self.nodes[::COARSE])))
         looked = np.zeros((*coarse.shape, len(self.kind)), dtype=bool)
         looked[..., self._few()] = True
         evidence = self.evaluate(coarse, looked, 0)[0]
@@ -255,7 +257,7 @@ class _Run:
         posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
         for _ in range(MORE):
             closer = _range(log_rate, marginal, 9.0, 1.0)
-            open_ = (closer[1] - closer[0]) < 0.35 * (log_rate[:, -1] - log_rate[:, 0])
+            open_ = (closer[1] - closer[0]) < 0.6 * (log_rate[:, -1] - log_rate[:, 0])
             if not open_.any():
                 break
             log_rate = np.where(open_[:, None], self._spread(*closer, FINE), log_rate)
@@ -400,6 +402,7 @@ def _range(log_rate: Array, marginal: Array, depth: float, margin: float) -> tup
 
 def _log_sum(values: Array, axis: int) -> Array:
     top = values.max(axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(all="ignore"):
         found: Array = np.squeeze(top, axis) + np.log(np.exp(values - top).sum(axis=axis))
     return found
