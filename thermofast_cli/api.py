@@ -18,6 +18,7 @@ from .results import (
     Displacement,
     Identification,
     Improvement,
+    Plan,
     Sensitivity,
     Simulated,
     Sweeping,
@@ -173,6 +174,30 @@ def calibrate(
     from .pipeline.methods import choose
 
     return calibrate_runs(_started(runs, start, True, reading), choose("afukf", None, ()), _work(1, None, progress))
+
+
+def plan(
+    tolerance: float | Sequence[float] = 0.5,
+    *,
+    like: Source = None,
+    imperfection: "Imperfection | str" = "typical",
+    progress: Callable[[int], None] | None = None,
+    **design: float,
+) -> Plan:
+    """How long a test must run until the steady state is known to +-tolerance [K], and what would save time.
+
+    design: sensors, interval_s, noise_c, rise_c, tau_min; what is not said is that of the run `like`, or of a usual test.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .machine.lab import read_imperfection
+    from .pipeline.around import design_like, plan_design
+
+    wishes = (tolerance,) if isinstance(tolerance, int | float) else tuple(tolerance)
+    base = design_like(_started(like, "auto", True, {})[0]) if like is not None else None
+    return plan_design(dict(design), wishes, read_imperfection(imperfection), base, _work(1, None, progress))
 
 
 def sweep(

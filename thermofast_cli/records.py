@@ -111,6 +111,25 @@ class CalibrateRecord(Record):
 
 
 @dataclass(frozen=True)
+class PlanRecord(Record):
+    """How long a test must run until the steady state is known to +-tolerance_c; channel names what is changed of the test;
+    time_lo_min and time_hi_min are the extremes of six machines drawn, the latter None where one of them never gets there.
+    """
+
+    sensors: int = 0
+    interval_s: float | None = None
+    noise_c: float | None = None
+    tolerance_c: float | None = None
+    time_min: float | None = None
+    time_lo_min: float | None = None
+    time_hi_min: float | None = None
+    time_constants: float | None = None
+    least_half_width_c: float | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
 class CompareRecord(Record):
     """Model beside measurement for one sensor; errors in K, reading minus model.
 

@@ -14,6 +14,7 @@ from .records import (
     DisplacementRecord,
     IdentifyRecord,
     ImproveRecord,
+    PlanRecord,
     Record,
     SensitivityRecord,
     SweepRecord,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
 
     from .analysis.displacement import Panel as DisplacementPanel
+    from .analysis.planning import Curve
     from .discovery.compare import Panel
     from .discovery.improve import Improved
     from .estimation.identify import Curves
@@ -180,6 +182,21 @@ class Calibration(Result):
             write_imperfection(str(path), self.prior, self.learnt_from)
         else:
             super().save(path)
+
+
+@dataclass(frozen=True)
+class Plan(Result):
+    """How long a test must run; `curves` are half-widths against the time measured."""
+
+    command: ClassVar[str] = "plan"
+    kind: ClassVar[type[Record]] = PlanRecord
+    curves: tuple["Curve", ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """Half-width against the time measured, a curve for each alternative."""
+        from .output.plan_plots import draw_plan
+
+        return _drawn(draw_plan(self.curves, sorted({r.tolerance_c for r in self.records})), path)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..engine import Started, Work, over_runs
 from ..errors import UsageError, listed
-from ..results import Bench, Calibration, Displacement, Sensitivity, Simulated
+from ..results import Bench, Calibration, Displacement, Plan, Sensitivity, Simulated
 
 if TYPE_CHECKING:
+    from thermofast.models.imperfection import Imperfection
+
+    from ..analysis.planning import Design
     from ..analysis.sensitivity import Sizes
     from ..estimation.identify import Method
     from ..machine.model import Model
@@ -66,6 +69,64 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
     lab = learn(past, left_out)
     unused = [CalibrateRecord(name, "all", status="not_used", message=why) for name, why in left_out]
     return Calibration((*lab.records, *unused), tuple(run for run, _ in started), prior=lab.prior, learnt_from=lab.names)
+
+
+def design_like(one: Started) -> "Design":
+    """Sensors, interval, noise, rise and time constant of a record.
+
+    Raises
+    ------
+    UsageError: no sensor of it shows where it settles.
+    """
+    import numpy as np
+
+    from ..analysis.planning import Design
+    from ..estimation.identify import identify_sensors
+    from ..machine.lab import KNOWN
+    from .methods import choose
+
+    run, start = one
+    minutes = run.time_s / 60.0
+    values = np.stack(list(run.channels.values()))
+    method = choose("afukf", None, (), KNOWN["none"], "own")
+    found = [f.record for f in identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start)]
+    told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None and r.noise_c]
+    if not told:
+        raise UsageError(f"{run.name}: no sensor of it shows where it settles", do="say --tau, --rise and --noise")
+    return Design(
+        len(run.channels),
+        60.0 * float(np.median(np.diff(minutes))),
+        float(np.median([r.noise_c for r in told])),
+        float(np.median([abs((r.steady_state_c or 0.0) - (r.initial_c or 0.0)) for r in told])),
+        1.0 / float(np.median([r.rate_per_min for r in told])),
+    )
+
+
+def plan_design(
+    given: dict[str, Any],
+    tolerances_c: tuple[float, ...],
+    prior: "Imperfection",
+    base: "Design | None" = None,
+    how: Work | None = None,
+) -> Plan:
+    """How long a test must run; given are what is said of the :class:`Design`, the rest is `base`'s or the default.
+
+    Raises
+    ------
+    UsageError: an unknown word, or a number that is none.
+    """
+    from dataclasses import fields, replace
+
+    from ..analysis.planning import Design, plan
+
+    known = [f.name for f in fields(Design)]
+    for name, value in given.items():
+        if name not in known:
+            raise UsageError(f"unknown word of a design {name!r}", allowed=", ".join(known))
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"{name} is not such a number", found=repr(value), allowed="above zero")
+    rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance)
+    return Plan(tuple(rows), curves=tuple(curves))
 
 
 def sensitivity_runs(

@@ -1,0 +1,72 @@
+"""How long a test must run: known limits on machines that are the law, and words where no time will do."""
+
+import json
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.analysis import planning
+from thermofast.models.imperfection import TYPICAL
+from thermofast.models.imperfection.draw import draw_record
+
+
+def test_the_law_alone_needs_what_the_cramer_rao_limit_says():
+    """One sensor of 8.8 K, 65.1 min, 20 mK, a reading a minute: the least standard deviation at 60 min is 0.08 K."""
+    found = tf.plan(0.08 * 1.96, imperfection="none", sensors=1, interval_s=60.0, rise_c=8.8, tau_min=65.1)
+    [row] = [r for r in found if r.channel == "as asked"]
+    assert row.time_min == pytest.approx(60.0, rel=0.12)
+    assert row.time_lo_min <= row.time_min <= row.time_hi_min
+    often, quiet = (next(r for r in found if r.channel == c) for c in ("readings ten times as often", "half the noise"))
+    assert often.time_min < quiet.time_min < row.time_min
+
+
+def test_draws_of_the_background_are_of_its_size():
+    rng, time, tau = np.random.default_rng(3), np.linspace(0.0, 240.0, 60), 60.0
+    rises = np.full(3, 10.0)
+    ends, pairs = [], []
+    for _ in range(400):
+        reading, limit = draw_record(TYPICAL, time, tau, rises, np.zeros(3), rng)
+        ends.append(limit - 10.0)
+        pairs.append(reading[:, -1])
+    spread = np.std(ends)
+    room, load, slow = 0.10 * np.sqrt(240.0 / 60.0), 0.1, 0.2
+    assert spread == pytest.approx(np.sqrt(room**2 + load**2 + slow**2), rel=0.12)
+    apart = np.std(np.array(ends)[:, 0] - np.array(ends)[:, 1]) / np.sqrt(2.0)
+    assert apart == pytest.approx(slow, rel=0.15)  # room and load are common to a run
+
+
+def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path):
+    monkeypatch.setattr(planning, "DRAWS", 2)
+    monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 5))
+    picture = tmp_path / "plan.png"
+    done = tool(
+        "plan", "--tolerance", "1.5,0.02", "--sensors", 3, "--interval", "30s", "--format", "json", "-q", "--save-plot", picture
+    )
+    assert done.code == 0
+    rows = {(r["channel"], r["tolerance_c"]): r for r in json.loads(done.out)["records"]}
+    assert rows["as asked", 1.5]["status"] == "ok"
+    assert rows["as asked", 1.5]["interval_s"] == 30.0
+    hopeless = rows["as asked", 0.02]
+    assert (hopeless["status"], hopeless["time_min"]) == ("hopeless", None)
+    assert "the machine is the limit, not the readings, which alone would do after" in hopeless["message"]
+    assert rows["a machine that is the law", 0.02]["status"] == "ok"
+    assert picture.stat().st_size > 10_000
+
+
+def test_a_test_like_another(tool, monkeypatch):
+    monkeypatch.setattr(planning, "DRAWS", 2)
+    monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 5))
+    done = tool("plan", "--like", "sample_runs/spindle.csv", "--noise", 0.05, "--tolerance", 1, "--format", "json", "-q")
+    row = json.loads(done.out)["records"][0]
+    assert (row["sensors"], row["interval_s"], row["noise_c"]) == (10, pytest.approx(60.0), 0.05)
+    for words, said in (
+        (("--interval", "soon"), "not a time"),
+        (("--tolerance", "0"), "not a list"),
+        (("--tau", "-3"), "not in the range"),
+    ):
+        refused = tool("plan", *words)
+        assert refused.code == 2
+        assert said in refused.err
+    with pytest.raises(tf.ThermofastError, match="unknown word"):
+        tf.plan(0.5, taus=3.0)

@@ -1,0 +1,148 @@
+"""How long a test must run for an accuracy: half-widths of records that the prior holds for likely, against the time measured."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models.imperfection import NONE, Imperfection, Part, Rates, settle
+from thermofast.models.imperfection.draw import draw_record
+
+from ..records import PlanRecord
+
+Array = NDArray[np.float64]
+
+#: Times looked at, in time constants; draws of a record; readings that a draw is thinned to.
+TURNS = np.geomspace(0.15, 7.0, 15)
+DRAWS, READINGS = 6, 120
+#: Sensors of a draw: more say no more of each other.
+MOST_SENSORS = 12
+#: Machines known to be quiet, as calibrate finds them from complete runs.
+QUIET_SHARE, QUIET_SPREAD = 0.005, 0.4
+
+
+@dataclass(frozen=True)
+class Design:
+    """A test: sensors, seconds between readings, noise [K], rise [K] and time constant [min] that are expected."""
+
+    sensors: int = 10
+    interval_s: float = 1.0
+    noise_c: float = 0.02
+    rise_c: float = 9.0
+    tau_min: float = 65.0
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Half-width of the steady state's interval (n,) [K] against the time measured (n,) [min]; nan where a side is open.
+
+    draws (d, n) are those of single records, half_width their median.
+    """
+
+    name: str
+    time: Array
+    half_width: Array
+    draws: Array
+
+
+def alternatives(design: Design, prior: Imperfection) -> list[tuple[str, Design, Imperfection, Rates]]:
+    """The design itself and what could be changed of it."""
+    found: list[tuple[str, Design, Imperfection, Rates]] = [
+        ("as asked", design, prior, "auto"),
+        ("readings ten times as often", replace(design, interval_s=design.interval_s / 10.0), prior, "auto"),
+        ("half the noise", replace(design, noise_c=design.noise_c / 2.0), prior, "auto"),
+        ("twice the sensors", replace(design, sensors=2 * design.sensors), prior, "auto"),
+    ]
+    if not prior.none:
+        if prior.strong_share > QUIET_SHARE:
+            quiet = replace(prior, strong_share=QUIET_SHARE, scale_spread=QUIET_SPREAD)
+            found.append(("after calibrate on quiet machines", design, quiet, "auto"))
+        found.append(("a machine that is the law", design, NONE, "shared"))
+    return found
+
+
+def plan(
+    design: Design, tolerances_c: tuple[float, ...], prior: Imperfection, advance: Callable[[int], None] = lambda _: None
+) -> tuple[list[PlanRecord], list[Curve]]:
+    """A row for each alternative and tolerance [K], and the curves behind them."""
+    curves = []
+    options = alternatives(design, prior)
+    for name, one, of_prior, rates in options:
+        curves.append(_curve(name, one, of_prior, rates))
+        advance(1)
+    law = next((c for c in curves if c.name == "a machine that is the law"), curves[0])
+    rows = []
+    for (name, one, *_), curve in zip(options, curves, strict=True):
+        for tolerance in tolerances_c:
+            time = needed(curve.time, curve.half_width, tolerance)
+            each = [needed(curve.time, line, tolerance) for line in curve.draws]
+            told = [t for t in each if t is not None]
+            best = float(np.nanmin(curve.half_width)) if np.isfinite(curve.half_width).any() else math.nan
+            rows.append(
+                PlanRecord(
+                    run="plan",
+                    channel=name,
+                    sensors=one.sensors,
+                    interval_s=one.interval_s,
+                    noise_c=one.noise_c,
+                    tolerance_c=tolerance,
+                    time_min=time,
+                    time_lo_min=min(told) if time is not None and told else None,
+                    time_hi_min=max(told) if time is not None and len(told) == len(each) else None,
+                    time_constants=time / one.tau_min if time is not None else None,
+                    least_half_width_c=best if math.isfinite(best) else None,
+                    status="ok" if time is not None else "hopeless",
+                    message="" if time is not None else _why(curve, law, tolerance, best),
+                )
+            )
+    return rows, curves
+
+
+def needed(time: Array, half_width: Array, tolerance_c: float) -> float | None:
+    """The time [min] from which the half-width stays below the tolerance, straight between logarithms; None if it never does."""
+    below = half_width < tolerance_c
+    above = np.flatnonzero(~below)
+    first = int(above[-1]) + 1 if len(above) else 0
+    if first >= len(below):
+        return None
+    if first == 0 or not np.isfinite(half_width[first - 1]):
+        return float(time[first])
+    sides = np.log(half_width[first - 1 : first + 1])
+    share = (sides[0] - math.log(tolerance_c)) / (sides[0] - sides[1])
+    times = np.log(time[first - 1 : first + 1])
+    return float(np.exp(times[0] + share * (times[1] - times[0])))
+
+
+def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
+    reached = f"it comes to +-{best:.2g} K at best" if math.isfinite(best) else "no side is ever closed"
+    alone = needed(law.time, law.half_width, tolerance)
+    if curve.name != law.name and alone is not None:
+        return f"{reached}: the machine is the limit, not the readings, which alone would do after {alone:.3g} min"
+    return f"{reached}: the readings are the limit; read more often, or with less noise"
+
+
+def _curve(name: str, design: Design, prior: Imperfection, rates: Rates) -> Curve:
+    sensors = min(design.sensors, MOST_SENSORS)
+    rng = np.random.default_rng(7)
+    rises = design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
+    half = np.full((DRAWS, len(TURNS)), np.nan)
+    for d in range(DRAWS):
+        for k, turn in enumerate(TURNS):
+            span = turn * design.tau_min
+            count = span * 60.0 / design.interval_s + 1.0
+            if count < 6.0:
+                continue
+            # Fewer readings of less noise say the same as all of them.
+            drawn = int(min(count, READINGS))
+            noise = np.full(sensors, design.noise_c * math.sqrt(drawn / count))
+            time = np.linspace(0.0, span, drawn)
+            reading, _ = draw_record(prior, time, design.tau_min, rises, noise, rng)
+            part = Part(time, reading, noise, np.zeros(sensors))
+            found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=rates)
+            width = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
+            half[d, k] = np.median(np.where(found.rate_unknown > 0.5, np.inf, width))
+    middle = np.median(half, axis=0)
+    half = np.where(np.isfinite(half), half, np.nan)
+    return Curve(name, TURNS * design.tau_min, np.where(np.isfinite(middle), middle, np.nan), half)

@@ -1,0 +1,90 @@
+"""``thermofast plan``."""
+
+import math
+
+import click
+
+from ..shell.options import Finite, table_options
+
+
+@click.command("plan", epilog="Example: thermofast plan --sensors 3 --interval 30s --tau 65 --tolerance 0.5")
+@click.option("--sensors", type=click.IntRange(1, 10_000), metavar="N", help="How many sensors; 10 by default.")
+@click.option("--interval", "every", metavar="TIME", help="Between readings, as 1s, 0.5min; 1s by default.")
+@click.option("--noise", type=Finite(0, min_open=True), metavar="K", help="Standard deviation of a reading; 0.02 by default.")
+@click.option("--rise", type=Finite(0, min_open=True), metavar="K", help="Rise that is expected; 9 by default.")
+@click.option("--tau", type=Finite(0, min_open=True), metavar="MIN", help="Time constant that is expected; 65 by default.")
+@click.option("--like", metavar="RUN", help="Take what is not said from a record of such a test.")
+@click.option("--tolerance", default="0.5", show_default=True, metavar="K,K", help="Half-widths of the interval to reach.")
+@click.option("--imperfection", default="typical", show_default=True, metavar="typical|none|FILE", help="As for identify.")
+@table_options
+@click.option("--save-plot", metavar="FILE", help="Draw half-width against the time measured: .png .pdf .svg.")
+def command(
+    sensors: int | None,
+    every: str | None,
+    noise: float | None,
+    rise: float | None,
+    tau: float | None,
+    like: str | None,
+    tolerance: str,
+    imperfection: str,
+    form: str | None,
+    output: str | None,
+    quiet: bool,
+    save_plot: str | None,
+) -> int:
+    """Say how long a test must run for an accuracy, and what reading faster, more sensors or past runs would save.
+
+    Records such as the machine's imperfection makes likely are drawn and identified at many times. A wish that no time fulfils is
+    told to be hopeless, with what is the limit: the readings, or the machine.
+    """
+    from ..output.screen import interval, number, text
+    from ..pipeline.around import design_like, plan_design
+    from ..shell.options import numbers
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, read_all
+
+    wishes = numbers(tolerance, "--tolerance")
+    check_outputs([output], save_plot)
+    prior = load_imperfection(imperfection)
+    given = {"sensors": sensors, "interval_s": seconds(every), "noise_c": noise, "rise_c": rise, "tau_min": tau}
+    base = None
+    if like is not None:
+        base = design_like(read_all((like,), {"start": "auto"}, quiet, [output, save_plot], 1).runs[0])
+    result = plan_design({k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base)
+    drawn = [
+        ("test", text("channel")),
+        ("sensors", number("sensors", 0)),
+        ("every s", number("interval_s", 3)),
+        ("noise K", number("noise_c", 3)),
+        ("to +- K", number("tolerance_c", 3)),
+        ("min", number("time_min", 0)),
+        ("of six machines", interval("time_lo_min", "time_hi_min", 0)),
+        ("time constants", number("time_constants", 2)),
+        ("at best +- K", number("least_half_width_c", 3)),
+        ("status", text("status")),
+    ]
+    code = deliver(result, [], output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code
+
+
+def seconds(text: str | None) -> float | None:
+    """'1s', '0.5min', '200ms', '1h' or a number of seconds.
+
+    Raises
+    ------
+    UsageError: none of these, or not above zero.
+    """
+    from ..errors import UsageError
+
+    if text is None:
+        return None
+    for unit, factor in (("ms", 1e-3), ("min", 60.0), ("s", 1.0), ("h", 3600.0), ("", 1.0)):
+        if text.endswith(unit):
+            try:
+                value = float(text.removesuffix(unit)) * factor
+            except ValueError:
+                break
+            if 0.0 < value < math.inf:
+                return value
+            break
+    raise UsageError("--interval: not a time", found=repr(text), allowed="as 1s, 200ms, 0.5min")
