@@ -339,3 +339,21 @@ def test_the_response_to_a_room_is_the_equations():
     found = lagged(np.array([0.02]), grid[1], drive)[0]
     exact = solve_ivp(lambda t, y: 0.02 * (2.0 * np.sin(t / 15.0) - y), (0, 100.0), [0.0], t_eval=grid, rtol=1e-10, atol=1e-12).y[0]
     assert found == pytest.approx(exact, abs=2e-4)
+
+
+def test_the_steady_state_in_a_room_that_is_asked_for(tool):
+    run = bar.simulate(7400).runs[0]
+    record = {"time_min": run.time, "ambient": run.room} | {f"T{i}": line for i, line in enumerate(run.reading)}
+    last = int(np.searchsorted(run.time, 120.0, "right")) - 1
+    now = float(np.median(run.room[last - 4 : last + 1]))
+    for moved in (0.0, 3.0):
+        for r in tf.identify(record, until=120, room=now + moved).records:
+            half = r.steady_state_hi_c - r.steady_state_c
+            assert r.room_steady_c - r.steady_state_c == pytest.approx(moved, abs=0.1)
+            assert r.room_steady_hi_c - r.room_steady_c == pytest.approx(np.hypot(half, 1.96 * 0.3 * moved), rel=0.05)
+    del record["ambient"]
+    [r, *_] = tf.identify(record, until=120, room=20).records
+    assert r.room_steady_c is None
+    assert "--room needs a column of the surroundings" in r.message
+    shown = tool("identify", "sample_runs/spindle.csv", "--until", 60, "--room", 25, "--format", "table", "-q").out
+    assert "in 25 degC" in shown

@@ -125,6 +125,7 @@ def identify(
     joint: bool = False,
     pace: str | None = None,
     at: float | None = None,
+    room: float | None = None,
     imperfection: "Imperfection | str" = "typical",
     rates: "Rates" = "auto",
     start: Start = "auto",
@@ -137,7 +138,7 @@ def identify(
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
     imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share;
-    `at` [min after the start] asks for a temperature.
+    `at` [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room.
 
     settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes,
     or anybody's executor, share the sensors; progress is told how many are done; reading as for :func:`read`.
@@ -154,7 +155,7 @@ def identify(
     prior = read_imperfection(imperfection)
     method = replace(choose(filter, preset, _texts(filter, settings), prior, rates), paces=paces(pace))
     started = _started(runs, start, learnt is None, reading)
-    return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress), at)
+    return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress), at, room)
 
 
 def calibrate(

@@ -34,9 +34,9 @@ class IdentifyRecord(Record):
 
     steady_state_limit_c is the smallest standard deviation that any unbiased method could reach on these readings;
     reading_half_width_c is half the interval that the readings of a machine without imperfections would give; at_* the
-    temperature at a time asked for; unseen what the record cannot exclude; rate_shared_with the sensors whose rates helped.
-    *_measured_* stand where the record itself is complete. time_to_go_* count from the last reading used to the time at which 95
-    % of the rise is done for good.
+    temperature at a time asked for; room_steady_* the steady state in a room asked for; unseen what the record cannot exclude;
+    rate_shared_with the sensors whose rates helped. *_measured_* stand where the record itself is complete. time_to_go_* count
+    from the last reading used to the time at which 95 % of the rise is done for good.
     """
 
     filter: str
@@ -65,6 +65,10 @@ class IdentifyRecord(Record):
     at_c: float | None = None
     at_lo_c: float | None = None
     at_hi_c: float | None = None
+    room_c: float | None = None
+    room_steady_c: float | None = None
+    room_steady_lo_c: float | None = None
+    room_steady_hi_c: float | None = None
     unseen: str = ""
     rate_shared_with: str = ""
     status: str = "ok"

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
 @click.option("--at", type=Finite(0, min_open=True), metavar="MIN", help="Say the temperature MIN minutes after the start too.")
+@click.option("--room", type=Finite(-100, 500), metavar="DEGC", help="Say the steady state in such a room too; needs its column.")
 @imperfection_options
 @model_option
 @click.option(
@@ -48,6 +49,7 @@ def command(
     runs: tuple[str, ...],
     until: float | None,
     at: float | None,
+    room: float | None,
     imperfection: str,
     rates: "Rates",
     model: str | None,
@@ -89,10 +91,10 @@ def command(
         raise UsageError("--trace shows a filter at work; with --model a joint fit takes its place", do="leave one of them out")
     check_outputs([output, trace], save_plot)
     learnt = load_model(model)
-    identify_runs([], method, model=learnt, joint=joint, at_min=at)  # what is wrong with options is said before reading
+    identify_runs([], method, model=learnt, joint=joint, at_min=at, room_c=room)  # wrong options are told before reading
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None)
     with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
-        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at)
+        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),
@@ -107,6 +109,11 @@ def command(
     ]
     if at is not None:
         drawn[4:4] = [(f"at {at:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]
+    if room is not None:
+        drawn[3:3] = [
+            (f"in {room:g} degC", number("room_steady_c")),
+            ("95 % interval", interval("room_steady_lo_c", "room_steady_hi_c")),
+        ]
     name = "joint_fit" if learnt else filter_name
     code = deliver(result, failed(IdentifyRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
     if trace:

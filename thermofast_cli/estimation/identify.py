@@ -16,7 +16,7 @@ from thermofast.models.imperfection import TYPICAL, Imperfection, Rates
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from ..records import IdentifyRecord
-from .closing import estimates_of, track_of, tracks_of
+from .closing import estimates_of, trace_columns, track_of, tracks_of
 from .contradiction import contradicts, outside_band
 from .estimate import Estimate, Estimates, FilterError, Model
 from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, room_at, said_of_slow, times_asked
@@ -90,11 +90,13 @@ def identify_sensors(
     together: bool = False,
     at_min: float | None = None,
     room: Array | None = None,
+    room_c: float | None = None,
 ) -> list[Identified]:
     """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
 
     Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
     at_min: when a temperature is asked for [min after the start]; room (N,) [degC]: the surroundings where they are logged.
+    room_c [degC]: a room for which the steady state is asked for too.
 
     Raises
     ------
@@ -118,7 +120,10 @@ def identify_sensors(
         if keep.any():
             blocks.append(block if keep.all() else block.some(keep))
     shared = _tracks_together(method, blocks, until_min) if together else {}
-    jobs = [_Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room) for b in blocks]
+    jobs = [
+        _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c)
+        for b in blocks
+    ]
     opened = [job.opened(shared) for job in jobs]
     for job, o, claimed in zip(jobs, opened, _claims(jobs, opened, method), strict=True):
         for row, one in zip(job.sensors.rows, job.identified(o, claimed), strict=True):
@@ -205,6 +210,7 @@ class _Block:
     want_trace: bool
     at_min: float | None
     room: Array | None
+    room_c: float | None
 
     @property
     def count(self) -> int:
@@ -316,6 +322,7 @@ class _Block:
             "rmse_ahead_c": ahead,
             "reading_half_width_c": 0.5 * (law.steady_high - law.steady_low),
             **self._at(claimed, found),
+            **self._in_room(found),
         }
         columns = [_or_none(column) for column in numbers.values()]
         until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
@@ -329,6 +336,8 @@ class _Block:
             if claimed is not None:
                 told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
                 told["rate_shared_with"] = claimed.shared_with[i]
+                if self.room_c is not None and self.room is None:
+                    message = _joined([message, "--room needs a column of the surroundings, and there is none"])
                 if self.room is not None and self.surroundings is None:
                     message = _joined([message, "the logged surroundings move with the machine and are not used"])
             head = self.run, self.channels[row], self.filter, until, n, self.start_min
@@ -348,6 +357,22 @@ class _Block:
         there = np.array([time])
         middle, half = found.free_run(there)[:, 0], found.band_from_tangent(there)[:, 0]
         return {"at_min": named, "at_c": middle, "at_lo_c": middle - half, "at_hi_c": middle + half}
+
+    def _in_room(self, found: Estimates) -> dict[str, Array]:
+        """The steady state in the room asked for: it moves as the room does, by a gain near one."""
+        none = np.full(len(self.sensors), np.nan)
+        names = ("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c")
+        room = self.surroundings
+        if self.room_c is None or room is None:
+            return dict.fromkeys(names, none)
+        used = room[: self.count]
+        moved = self.room_c - float(np.median(used[-max(1, len(used) // 50) :]))
+        doubt = 1.96 * self.method.imperfection.background.logged * abs(moved)
+        low, high = (
+            np.hypot(side, doubt) for side in (found.steady_state - found.steady_low, found.steady_high - found.steady_state)
+        )
+        middle = found.steady_state + moved
+        return dict(zip(names, (np.full_like(none, self.room_c), middle, middle - low, middle + high), strict=True))
 
     def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
         """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""
@@ -408,32 +433,6 @@ def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) ->
     sides = estimate.t95_interval.low, estimate.t95, estimate.t95_interval.high
     low, median, high = (clock_time(max(v - elapsed, 0.0), paces) if v is not None else None for v in sides)
     return TimeToGo(low, median, high)
-
-
-def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> dict[str, Array]:
-    """Per reading (n,): the paper's convergence figures; nan before the filter has started."""
-    n = len(time)
-    temperature, rate, steady = (np.full(n, np.nan) for _ in range(3))
-    deviations = np.full((n, 3), np.nan)
-    for k in range(min(track.first, n), n):
-        t, s, b = model.curve_state(track.state[k])
-        temperature[k], rate[k], steady[k] = t, b, t + s / b if b != 0.0 else np.nan
-        deviations[k] = model.deviations(track.state[k], track.covariance[k] * track.noise_variance[k])
-    return {
-        "time_min": time,
-        "reading_c": reading,
-        "temperature_c": temperature,
-        "temperature_sd_c": deviations[:, 0],
-        "rate_per_min": rate,
-        "rate_sd_per_min": deviations[:, 1],
-        "steady_state_c": steady,
-        "steady_state_sd_c": deviations[:, 2],
-        "innovation_c": track.innovation,
-        "fading": track.fading,
-        "process_noise_k2": track.process_noise,
-        "measurement_noise_k2": track.noise_variance * track.noise_factor,
-        "weight": track.weight,
-    }
 
 
 def _curves(

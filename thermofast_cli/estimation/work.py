@@ -41,6 +41,7 @@ class IdentifyTask(Task):
     want_trace: bool = False
     together: bool = False
     at_min: float | None = None
+    room_c: float | None = None
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ def identify_task(task: IdentifyTask) -> list[Identified]:
         task.together,
         task.at_min,
         task.room,
+        task.room_c,
     )
 
 

@@ -38,16 +38,18 @@ def identify_runs(
     details: bool = False,
     how: Work | None = None,
     at_min: float | None = None,
+    room_c: float | None = None,
 ) -> Identification:
-    """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time.
+    """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time,
+    room_c [degC] the steady state in that room.
 
     Raises
     ------
     UsageError: an identification time outside a record, or settings that exclude each other.
     """
     how = how or Work()
-    if model is not None and at_min is not None:
-        raise UsageError("--at asks the base model", do="leave --at or --model out")
+    if model is not None and (at_min is not None or room_c is not None):
+        raise UsageError("--at and --room ask the base model", do="leave them or --model out")
     if model is not None and method.paces:
         raise UsageError("--pace changes the rate of the base model", do="leave --pace or --model out")
     if joint and (model is not None or type(method.filter) is not Afukf):
@@ -68,7 +70,7 @@ def identify_runs(
         def make(
             name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
         ) -> IdentifyTask:
-            return IdentifyTask(name, minutes, part, values, notes, method, start, room, until_min, details, joint, at_min)
+            return IdentifyTask(name, minutes, part, values, notes, method, start, room, until_min, details, joint, at_min, room_c)
 
         weight = 100.0 if joint else 10.0 if method.widens else 1.0
         sensor_tasks, processes = share_out(started, how.jobs, weight, make, joint, GROUP if method.widens else 1)
