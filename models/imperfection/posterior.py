@@ -32,7 +32,9 @@ NODE_STEP = 0.12
 #: Rates looked at lie between these over the length of the record, or so many times the pilot's.
 SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
 #: Rates of the first pass that closes in on the posterior, of those after it, and how many more there may be.
-FEW, FINE, MORE = 10, 20, 3
+FEW, FINE, MORE = 6, 16, 3
+#: Rates looked at beside the grid, in deviations of the law's own.
+ANCHORS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 #: Every so many nodes the first look over all rates takes.
 COARSE = 3
 #: Of a record that is hardly bent the time constant is a guess, and its discrepancies are counted by its own length.
@@ -54,13 +56,18 @@ LEAST_WEIGHT = 5e-5
 
 @dataclass(frozen=True)
 class Part:
-    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged."""
+    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged.
+
+    log_rate (s, 2): the law's own log rate and its deviation, nan where unknown: a posterior that is all but the law's is looked
+    for there, however narrow it is.
+    """
 
     time: Array
     reading: Array
     noise: Array
     resolution: Array
     room: Array | None = None
+    log_rate: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -127,6 +134,9 @@ class _Run:
         self.relative, self.absolute = prior.kinds()
         self.base = self.kind == 0
         self.centre = -np.log(tau)
+        none = [np.full((len(p.reading), 2), np.nan) for p in parts]
+        law_rate = np.concatenate([n if p.log_rate is None else p.log_rate for p, n in zip(parts, none, strict=True)])
+        self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
         self._known = np.zeros(0), np.zeros(0)
 
     def log_rate_prior(self, log_rate: Array) -> Array:
@@ -186,9 +196,10 @@ class _Run:
     def weighed(self, log_rate: Array, evidence: Array) -> Array:
         """Log posterior (S, F, H) up to a constant: evidence, priors, and what other sensors say of size and kind."""
         prior, count = self.prior, self.count
-        own = np.where(np.isnan(evidence), -np.inf, evidence) + self.log_rate_prior(log_rate)[..., None]
+        cell = np.log(np.maximum(_cells(log_rate), 1e-12))
+        own = np.where(np.isnan(evidence), -np.inf, evidence) + (self.log_rate_prior(log_rate) + cell)[..., None]
         own -= own.max(axis=(1, 2), keepdims=True)
-        kinds = _log_sum(own, 1) + np.log(log_rate[:, 1] - log_rate[:, 0])[:, None]
+        kinds = _log_sum(own, 1)
         background = self.log_prior[self.base] - np.log1p(-prior.strong_share)
         counted = prior.from_others * min(1.0, COUNTED_OTHERS / max(count - 1, 1))
         weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
@@ -220,7 +231,7 @@ class _Run:
         for j in range(count):
             chance = marginal[j] - self.log_rate_prior(log_rate[j])
             chance = np.exp(chance - chance.max())
-            width = np.hypot(wide, 0.5 * (log_rate[j, 1] - log_rate[j, 0]))
+            width = np.hypot(wide, 0.5 * _cells(log_rate[j]))
             heard = np.exp(-0.5 * ((dense[:, None] - log_rate[j]) / width) ** 2) @ chance
             messages[j] = (1.0 - apart) * heard / (heard @ weight)
         together = np.log(messages + apart)
@@ -243,7 +254,8 @@ class _Run:
 
     def settled(self) -> Settled:
         """Coarse look over all rates, then passes that close in on the posterior, then what is asked for."""
-        coarse = np.broadcast_to(self.nodes[::COARSE], (self.count, len(self.nodes[::COARSE])))
+        slowest, fastest = (np.full(self.count, self.nodes[k]) for k in (0, -1))
+        coarse = self._spread(slowest, fastest, len(self.nodes) // COARSE + 1)
         looked = np.zeros((*coarse.shape, len(self.kind)), dtype=bool)
         looked[..., self._few()] = True
         evidence = self.evaluate(coarse, looked, 0)[0]
@@ -267,10 +279,11 @@ class _Run:
         weight /= weight.sum(axis=(1, 2), keepdims=True)
         return self._predicted(log_rate, weight, squares, agrees)
 
-    @staticmethod
-    def _spread(low: Array, high: Array, count: int) -> Array:
-        found: Array = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, count)
-        return found
+    def _spread(self, low: Array, high: Array, count: int) -> Array:
+        """Log rates (S, F) from low to high (S,), evenly, and those about the law's own."""
+        even = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, count)
+        law_rate = np.where(np.isnan(self.anchors), low[:, None], self.anchors)
+        return np.sort(np.concatenate([even, np.clip(law_rate, low[:, None], high[:, None])], axis=1), axis=1)
 
     def _looked(self, log_rate: Array, anew: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Array]:
         """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) only."""
@@ -313,11 +326,11 @@ class _Run:
                 at[i, k] = _quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
             of_rate = weight[i].sum(axis=1)
             middle = of_rate @ log_rate[i]
-            step = log_rate[i, 1] - log_rate[i, 0]
-            spread_of_rate[i] = np.sqrt(max(of_rate @ (log_rate[i] - middle) ** 2, 0.0) + step**2 / 12.0)
+            cell = _cells(log_rate[i])
+            spread_of_rate[i] = np.sqrt(max(of_rate @ ((log_rate[i] - middle) ** 2 + cell**2 / 12.0), 0.0))
             if of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
                 spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
-            rate[i] = np.exp(_quantiles(of_rate, log_rate[i], np.full(len(of_rate), 0.5 * step)))
+            rate[i] = np.exp(_quantiles(of_rate, log_rate[i], 0.5 * cell))
             strong[i] = weight[i][:, ~self.base].sum()
             of_base = weight[i][:, self.base].sum(axis=0)
             scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)
@@ -387,6 +400,12 @@ def _slope(blocks: Blocks, reading: Array, of_law: Array) -> Array:
     with np.errstate(all="ignore"):
         slope = (weight * centred * reading).sum(axis=2) / (weight * centred**2).sum(axis=2)
     found: Array = np.nan_to_num(slope)
+    return found
+
+
+def _cells(log_rate: Array) -> Array:
+    """What each of ascending log rates (..., F) stands for: half the way to its neighbours."""
+    found: Array = np.gradient(log_rate, axis=-1)
     return found
 
 

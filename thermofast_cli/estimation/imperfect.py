@@ -173,7 +173,11 @@ def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
             if out.any() and not out.all():
                 line[out] = np.interp(time[out], time[~out], line[~out])
     room = None if closed.room is None else closed.room[:n]
-    return Part(time, reading, _noise(reading), sensors.resolution[rows], room)
+    found = closed.found
+    with np.errstate(all="ignore"):
+        spread = np.log(found.t95_high[rows] / found.t95_low[rows]) / 3.92
+        log_rate = np.stack([np.log(found.rate[rows]), np.where(spread > 0.0, spread, np.nan)], axis=1)
+    return Part(time, reading, _noise(reading), sensors.resolution[rows], room, log_rate)
 
 
 def _noise(reading: Array) -> Array:
