@@ -38,6 +38,7 @@ class Row:
     end: float
     at: tuple[float, float, float]
     bare_error: float
+    bare_held: bool
 
 
 def rows_of(
@@ -79,6 +80,7 @@ def rows_of(
                     truth,
                     _three(r.at_lo_c, r.at_c, r.at_hi_c),
                     (b.at_c if b.at_c is not None else np.nan) - truth,
+                    _holds(_three(b.steady_state_lo_c, b.steady_state_c, b.steady_state_hi_c), float(run.limit[:, good][i, last])),
                 )
             )
     return found
@@ -86,6 +88,10 @@ def rows_of(
 
 def _three(low: float | None, middle: float | None, high: float | None) -> tuple[float, float, float]:
     return (-np.inf if low is None else low, np.nan if middle is None else middle, np.inf if high is None else high)
+
+
+def _holds(three: tuple[float, float, float], truth: float) -> bool:
+    return three[0] <= truth <= three[2]
 
 
 def score(low: Any, high: Any, truth: Any) -> Any:
@@ -108,8 +114,9 @@ def table(rows: Iterable[Row], times: Sequence[float], title: str) -> None:
     """Background machines: temperatures at the end, and limits."""
     rows = list(rows)
     print(f"\n{title}: {len({r.machine for r in rows})} machines\n")
-    print("| min | at 410: held | `ok` held | width K | score / oracle | RMS K | RMS / bare law | limit held | `ok` held | share |")
-    print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    heads = "min | at 410: held | `ok` held | width K | score / oracle | RMS K | RMS / law | limit held | `ok` held | share `ok`"
+    print(f"| {heads} | law's held |")
+    print("|" + " ---: |" * 11)
     for until in times:
         some = [r for r in rows if r.until == until]
         at, end = np.array([r.at for r in some]), np.array([r.end for r in some])
@@ -122,6 +129,7 @@ def table(rows: Iterable[Row], times: Sequence[float], title: str) -> None:
         best = np.mean(score(at[both, 0], at[both, 2], end[both])) / oracle(error[both])
         parts = [f"{until:g}", f"{held.mean():.3f}", f"{_mean(held[ok])}", f"{np.median(at[:, 2] - at[:, 0]):.2f}", f"{best:.2f}"]
         parts += [f"{rms:.3f}", f"{rms / of_bare:.2f}", f"{held_limit.mean():.3f}", _mean(held_limit[ok]), f"{ok.mean():.2f}"]
+        parts.append(f"{np.mean([r.bare_held for r in some]):.3f}")
         print("| " + " | ".join(parts) + " |")
 
 

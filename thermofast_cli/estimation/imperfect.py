@@ -177,10 +177,10 @@ def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
     with np.errstate(all="ignore"):
         spread = np.log(found.t95_high[rows] / found.t95_low[rows]) / 3.92
         log_rate = np.stack([np.log(found.rate[rows]), np.where(spread > 0.0, spread, np.nan)], axis=1)
-    return Part(time, reading, _noise(reading), sensors.resolution[rows], room, log_rate)
+    return Part(time, reading, noise_of(reading), sensors.resolution[rows], room, log_rate)
 
 
-def _noise(reading: Array) -> Array:
+def noise_of(reading: Array) -> Array:
     """Standard deviation [K] of the white noise of readings (S, n), from third differences: a smooth curve leaves none of them."""
     if reading.shape[1] < 8:
         least: Array = np.abs(np.diff(reading, axis=1)).min(axis=1) / math.sqrt(2.0)

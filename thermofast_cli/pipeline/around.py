@@ -82,21 +82,21 @@ def design_like(one: Started) -> "Design":
 
     from ..analysis.planning import Design
     from ..estimation.identify import identify_sensors
-    from ..machine.lab import KNOWN
+    from ..estimation.imperfect import noise_of
     from .methods import choose
 
     run, start = one
     minutes = run.time_s / 60.0
     values = np.stack(list(run.channels.values()))
-    method = choose("afukf", None, (), KNOWN["none"], "own")
+    method = choose("afukf", None, ())
     found = [f.record for f in identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start)]
-    told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None and r.noise_c]
+    told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None]
     if not told:
         raise UsageError(f"{run.name}: no sensor of it shows where it settles", do="say --tau, --rise and --noise")
     return Design(
         len(run.channels),
         60.0 * float(np.median(np.diff(minutes))),
-        float(np.median([r.noise_c for r in told])),
+        max(float(np.median([noise_of(v[np.isfinite(v)][None])[0] for v in values if np.isfinite(v).sum() > 8])), 1e-6),
         float(np.median([abs((r.steady_state_c or 0.0) - (r.initial_c or 0.0)) for r in told])),
         1.0 / float(np.median([r.rate_per_min for r in told])),
     )
