@@ -123,8 +123,8 @@ def mixture_case(rng, asked=4):
         "node": np.zeros((2, 3), dtype=np.intp),
         "share": np.array([[0.0, 0.4, 0.9]] * 2),
         "covariance": found,
-        "relative": np.ascontiguousarray(np.broadcast_to(kinds[:, 0], (2, *kinds[:, 0].shape))),
-        "absolute": np.ascontiguousarray(np.broadcast_to(kinds[:, 1], (2, *kinds[:, 1].shape))),
+        "relative": np.ascontiguousarray(kinds[:, 0]),
+        "absolute": np.ascontiguousarray(kinds[:, 1]),
         "rise": np.full((2, 3), 64.0),
         "kind": kind,
         "scale": np.array([0.04, 1.0, 0.3, 1.0, 0.3, 1.0]),
@@ -161,7 +161,7 @@ def test_evidence_and_predictions_are_those_of_one_large_gaussian():
     m = len(TIME)
     logs = []
     for h in range(6):
-        kinds = 64.0 * given["relative"][0] + given["absolute"][0]
+        kinds = 64.0 * given["relative"] + given["absolute"]
         types = np.einsum("kn,nrc->krc", kinds, given["covariance"][0])
         whole = given["scale"][h] * types[given["kind"][h]] + (types[0] if given["kind"][h] else 0.0)
         x = np.stack([given["ones"], given["law"][0, 0]], axis=1)

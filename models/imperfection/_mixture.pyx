@@ -20,8 +20,8 @@ def mixture(
     const Py_ssize_t[:, ::1] node,
     const double[:, ::1] share,
     const double[:, :, :, ::1] covariance,
-    const double[:, :, ::1] relative,
-    const double[:, :, ::1] absolute,
+    const double[:, ::1] relative,
+    const double[:, ::1] absolute,
     const double[:, ::1] rise,
     const Py_ssize_t[::1] kind,
     const double[::1] scale,
@@ -33,7 +33,7 @@ def mixture(
     double[:, :, :, ::1] variance,
 ):
     cdef Py_ssize_t sensors = reading.shape[0], rates = reading.shape[1], m = reading.shape[2]
-    cdef Py_ssize_t components = covariance.shape[1], kinds = relative.shape[1], hypotheses = kind.shape[0]
+    cdef Py_ssize_t components = covariance.shape[1], kinds = relative.shape[0], hypotheses = kind.shape[0]
     cdef Py_ssize_t wide = m + asked, all_ = m + asked + 3
     cdef Py_ssize_t i, f, h, k, n, r, c, j, g, at, some
     cdef double w, v, a0, a1, p00, p01, p11, q0, q1, qq, determinant, b0, b1, u, t0, t1, logs, product, mixed
@@ -88,7 +88,7 @@ def mixture(
                     for j in range(asked):
                         own_kind[k * asked + j] = 0.0
                     for n in range(components):
-                        v = rise[i, f] * relative[i, k, n] + absolute[i, k, n]
+                        v = rise[i, f] * relative[k, n] + absolute[k, n]
                         if v == 0.0:
                             continue
                         for r in range(m):

@@ -35,7 +35,7 @@ def mixture(
     """Fills evidence, squares (S, F, H), mean and variance (S, F, H, asked); nan in evidence where not active or not solvable.
 
     reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k); node (S, F) and share (S, F) place a rate between nodes of
-    covariance (G, components, m + k, m + k); relative, absolute (S, kinds, components); rise (S, F) [K^2]; kind, scale (H,).
+    covariance (G, components, m + k, m + k); relative, absolute (kinds, components); rise (S, F) [K^2]; kind, scale (H,).
     """
     m = reading.shape[2]
     wide = m + asked
@@ -43,7 +43,7 @@ def mixture(
     for i, f in np.argwhere(active.any(axis=2)).tolist():
         g, w = node[i, f], share[i, f]
         parts = (1.0 - w) * covariance[g, :, :wide, :wide] + w * covariance[g + 1, :, :wide, :wide]
-        types = np.einsum("kn,nrc->krc", rise[i, f] * relative[i] + absolute[i], parts)
+        types = np.einsum("kn,nrc->krc", rise[i, f] * relative + absolute, parts)
         rows = np.flatnonzero(active[i, f])
         whole = scale[rows, None, None] * types[kind[rows]] + np.where(kind[rows, None, None] > 0, types[0], 0.0)
         try:

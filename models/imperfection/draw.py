@@ -35,8 +35,8 @@ def draw_record(
     tiny = 1e-12 * np.eye(rows)
     of_room, of_load, of_own = (np.linalg.cholesky(k + tiny) for k in (room, common, own))
     sensors = len(rises)
-    swing = of_load @ rng.standard_normal(rows) + (of_own @ rng.standard_normal((rows, sensors))).T
-    beside = rises[:, None] * swing + of_room @ rng.standard_normal(rows)
+    swing, air = of_load @ rng.standard_normal(rows), of_room @ rng.standard_normal(rows)
+    beside = rises[:, None] * (swing + (of_own @ rng.standard_normal((rows, sensors))).T) + air
     own_tau = tau * np.exp(prior.rate_spread * rng.standard_normal((sensors, 1)))
     clean = rises[:, None] * np.concatenate([-np.expm1(-time / own_tau), np.ones((sensors, 1))], axis=1) + beside
     white = np.broadcast_to(noise, (sensors,))[:, None] * rng.standard_normal((sensors, len(time)))

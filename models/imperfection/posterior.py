@@ -76,8 +76,7 @@ class Settled:
 
     steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
     3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
-    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; scale
-    (S,): of the background; unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %);
+    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %);
     unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes add more than the half-width of the
     interval; agrees (S, S): whose rates were shared.
     """
@@ -89,7 +88,6 @@ class Settled:
     rate_unknown: Array
     check_p: Array
     strong: Array
-    scale: Array
     unseen: Array
     unseen_from: Array
     hides: Array
@@ -162,7 +160,6 @@ class _Run:
             reading = blocks.mean[:, None] - known[..., :m]
             rise[rows] = _slope(blocks, reading, of_law[..., :m]) / rate
             found = [np.ascontiguousarray(a[rows]) for a in (evidence, squares, mean, variance)]
-            sensors = len(some)
             core.mixture(
                 np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))),
                 np.ascontiguousarray(blocks.noise),
@@ -171,8 +168,8 @@ class _Run:
                 node,
                 place - node,
                 self.covariance[i],
-                np.ascontiguousarray(np.broadcast_to(self.relative, (sensors, *self.relative.shape))),
-                np.ascontiguousarray(np.broadcast_to(self.absolute, (sensors, *self.absolute.shape))),
+                self.relative,
+                self.absolute,
                 np.ascontiguousarray(rise[rows] ** 2),
                 self.kind,
                 self.scale,
@@ -287,7 +284,9 @@ class _Run:
 
     def _looked(self, log_rate: Array, anew: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Array]:
         """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) only."""
-        active = np.broadcast_to(anew[:, None, None], (*log_rate.shape, len(self.kind)))
+        # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
+        stands = anew[:, None] & (_cells(log_rate) > 0.0)
+        active = np.broadcast_to(stands[..., None], (*log_rate.shape, len(self.kind)))
         evidence, squares, *_ = self.evaluate(log_rate, active, 0)
         if not anew.all():
             evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]
@@ -310,7 +309,7 @@ class _Run:
         count = self.count
         steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
         at = np.full((count, self.times, 3), np.nan)
-        spread_of_rate, check, strong, unseen, hides, scale = (np.full(count, np.nan) for _ in range(6))
+        spread_of_rate, check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(5))
         slow = np.concatenate([[False], self.relative[1:, COMPONENTS.index("slow")] >= 0.03])[self.kind]
         for i in range(count):
             places, hypotheses = np.nonzero(active[i])
@@ -332,8 +331,6 @@ class _Run:
                 spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], 0.5 * cell))
             strong[i] = weight[i][:, ~self.base].sum()
-            of_base = weight[i][:, self.base].sum(axis=0)
-            scale[i] = of_base @ np.sqrt(self.scale[self.base]) / max(of_base.sum(), 1e-12)
             m = len(self.blocks_of(i).time)
             left = squares[i, places, hypotheses]
             check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
@@ -356,7 +353,6 @@ class _Run:
             rate_unknown=spread_of_rate / (0.5 * (1.0 + SLOWER) * self.prior.log_rate_spread),
             check_p=check,
             strong=strong,
-            scale=scale,
             unseen=unseen,
             unseen_from=1.0 / (max(SLOW) * rate[:, 1]),
             hides=hides,

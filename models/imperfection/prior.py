@@ -104,7 +104,6 @@ class Imperfection:
     log_rate_spread: float = 0.6
     multiplier: float = 1.0
     factors: tuple[tuple[float, float], ...] = ()
-    name: str = "typical"
 
     @property
     def none(self) -> bool:
@@ -141,5 +140,4 @@ NONE = replace(
     clean=0.0,
     strong_share=0.0,
     rate_spread=0.002,
-    name="none",
 )

@@ -5,7 +5,7 @@ The prior among a few that scores best stands; its intervals are multiplied by a
 where runs are few. Runs, not sensors, are what is counted: the sensors of a run share its disturbances.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,15 +54,14 @@ class Past:
 
 @dataclass(frozen=True)
 class Lab:
-    """What was learnt: the prior, and a row for each turn; `left_out` names runs that could not be used, and why."""
+    """What was learnt, of which runs: the prior, and a row for each turn."""
 
     prior: Imperfection
     records: tuple[CalibrateRecord, ...]
     names: tuple[str, ...]
-    left_out: tuple[tuple[str, str], ...]
 
 
-def past_run(started: Started, method: Method, advance: Callable[[int], None] = lambda _: None) -> Past | str:
+def past_run(started: Started, method: Method) -> Past | str:
     """A run as it was foretold at each turn, or why it cannot be used."""
     run, start = started
     minutes, channels = run.time_s / 60.0, tuple(run.channels)
@@ -70,7 +69,6 @@ def past_run(started: Started, method: Method, advance: Callable[[int], None] = 
     bare = replace(method, imperfection=NONE, rates="own")
     whole = [f.record for f in identify_sensors(run.name, channels, minutes, values, bare, None, start)]
     rates = [r.rate_per_min for r in whole if r.rate_per_min is not None and r.status in ("ok", "model_doubtful")]
-    advance(1)
     if not rates:
         return "no sensor of it shows where it settles"
     tau = 1.0 / float(np.median(rates))
@@ -89,12 +87,11 @@ def past_run(started: Started, method: Method, advance: Callable[[int], None] = 
                 r = one.record
                 if r.at_lo_c is not None and r.at_c is not None and r.at_hi_c is not None and r.status != "not_determined":
                     foretold[c, t, s] = r.at_lo_c, r.at_c, r.at_hi_c
-        advance(1)
     good = np.isfinite(end) & np.isfinite(foretold).all(axis=3).any(axis=(0, 1))
     return Past(run.name, foretold[:, :, good], end[good]) if good.any() else "nothing was foretold of it at any time"
 
 
-def learn(past: Sequence[Past], left_out: Sequence[tuple[str, str]] = ()) -> Lab:
+def learn(past: Sequence[Past]) -> Lab:
     """The prior and its factors from complete runs.
 
     Every figure of the rows is of runs that the factors were not learnt from: each is left out in turn.
@@ -111,8 +108,8 @@ def learn(past: Sequence[Past], left_out: Sequence[tuple[str, str]] = ()) -> Lab
         if score + cost < best:
             best, chosen = score + cost, c
     factors = _factors(past, chosen, np.arange(len(past)))
-    prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)), name="lab")
-    return Lab(prior, tuple(_rows(past, chosen, factors)), tuple(p.name for p in past), tuple(left_out))
+    prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)))
+    return Lab(prior, tuple(_rows(past, chosen, factors)), tuple(p.name for p in past))
 
 
 def _parts(one: Past, candidate: int, turn: int) -> tuple[Array, Array, Array]:

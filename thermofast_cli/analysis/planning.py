@@ -14,7 +14,7 @@ from ..records import PlanRecord
 
 Array = NDArray[np.float64]
 
-#: Times looked at, in time constants; draws of a record; readings that a draw is thinned to.
+#: Times looked at, in time constants; draws of a record; readings that stand for all of a draw.
 TURNS = np.geomspace(0.15, 7.0, 15)
 DRAWS, READINGS = 6, 120
 #: Sensors of a draw: more say no more of each other.
@@ -125,7 +125,6 @@ def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
 
 def _curve(name: str, design: Design, prior: Imperfection, rates: Rates) -> Curve:
     sensors = min(design.sensors, MOST_SENSORS)
-    rng = np.random.default_rng(7)
     rises = design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
     half = np.full((DRAWS, len(TURNS)), np.nan)
     for d in range(DRAWS):
@@ -134,10 +133,10 @@ def _curve(name: str, design: Design, prior: Imperfection, rates: Rates) -> Curv
             count = span * 60.0 / design.interval_s + 1.0
             if count < 6.0:
                 continue
-            # Fewer readings of less noise say the same as all of them.
-            drawn = int(min(count, READINGS))
-            noise = np.full(sensors, design.noise_c * math.sqrt(drawn / count))
-            time = np.linspace(0.0, span, drawn)
+            # So many readings of other noise say the same as all of them, and every alternative meets the same machines.
+            rng = np.random.default_rng([7, d, k])
+            noise = np.full(sensors, design.noise_c * math.sqrt(READINGS / count))
+            time = np.linspace(0.0, span, READINGS)
             reading, _ = draw_record(prior, time, design.tau_min, rises, noise, rng)
             part = Part(time, reading, noise, np.zeros(sensors))
             found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=rates)

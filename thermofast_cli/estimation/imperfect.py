@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models import third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, lagged, pilot, settle
 
 from .estimate import Estimates
@@ -174,22 +175,11 @@ def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
                 line[out] = np.interp(time[out], time[~out], line[~out])
     room = None if closed.room is None else closed.room[:n]
     found = closed.found
+    noise = np.array([third_difference_noise(line, time) for line in reading])
     with np.errstate(all="ignore"):
         spread = np.log(found.t95_high[rows] / found.t95_low[rows]) / 3.92
         log_rate = np.stack([np.log(found.rate[rows]), np.where(spread > 0.0, spread, np.nan)], axis=1)
-    return Part(time, reading, noise_of(reading), sensors.resolution[rows], room, log_rate)
-
-
-def noise_of(reading: Array) -> Array:
-    """Standard deviation [K] of the white noise of readings (S, n), from third differences: a smooth curve leaves none of them."""
-    if reading.shape[1] < 8:
-        least: Array = np.abs(np.diff(reading, axis=1)).min(axis=1) / math.sqrt(2.0)
-        return least
-    third = np.abs(np.diff(reading, 3, axis=1)) / math.sqrt(20.0)
-    robust = 1.4826 * np.median(third, axis=1)
-    # Readings of few steps differ by nothing more often than not; then the rare steps tell.
-    trimmed = np.sqrt(np.mean(np.minimum(third, np.quantile(third, 0.98, axis=1, keepdims=True)) ** 2, axis=1))
-    return np.where(robust > 0.0, robust, trimmed)
+    return Part(time, reading, noise, sensors.resolution[rows], room, log_rate)
 
 
 def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:

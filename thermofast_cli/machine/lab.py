@@ -67,7 +67,7 @@ def prior_from(table: dict[str, Any], source: str) -> Imperfection:
             changes[key] = _number(f"{source}: {key}", value, *NUMBERS[key])
         else:
             raise UsageError(f"{source}: unknown key {key} in [imperfection]", allowed=_allowed(), do=nearest(key, NUMBERS))
-    return replace(TYPICAL, **changes, name=source)
+    return replace(TYPICAL, **changes)
 
 
 def _sizes(table: Any, source: str) -> dict[str, float]:

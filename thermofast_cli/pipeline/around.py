@@ -66,7 +66,7 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
             allowed="two runs or more that went on until nothing changed",
             do="measure to the end a few times, or stay with --imperfection typical",
         )
-    lab = learn(past, left_out)
+    lab = learn(past)
     unused = [CalibrateRecord(name, "all", status="not_used", message=why) for name, why in left_out]
     return Calibration((*lab.records, *unused), tuple(run for run, _ in started), prior=lab.prior, learnt_from=lab.names)
 
@@ -80,9 +80,10 @@ def design_like(one: Started) -> "Design":
     """
     import numpy as np
 
+    from thermofast.models import third_difference_noise
+
     from ..analysis.planning import Design
     from ..estimation.identify import identify_sensors
-    from ..estimation.imperfect import noise_of
     from .methods import choose
 
     run, start = one
@@ -93,10 +94,19 @@ def design_like(one: Started) -> "Design":
     told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None]
     if not told:
         raise UsageError(f"{run.name}: no sensor of it shows where it settles", do="say --tau, --rise and --noise")
+    known = [np.isfinite(v) for v in values]
+    noises = [third_difference_noise(v[k], minutes[k]) for v, k in zip(values, known, strict=True) if k.sum() > 8]
     return Design(
         len(run.channels),
         60.0 * float(np.median(np.diff(minutes))),
-        max(float(np.median([noise_of(v[np.isfinite(v)][None])[0] for v in values if np.isfinite(v).sum() > 8])), 1e-6),
+        max(
+            float(
+                np.median(
+                    [third_difference_noise(v[np.isfinite(v)], minutes[np.isfinite(v)]) for v in values if np.isfinite(v).sum() > 8]
+                )
+            ),
+            1e-6,
+        ),
         float(np.median([abs((r.steady_state_c or 0.0) - (r.initial_c or 0.0)) for r in told])),
         1.0 / float(np.median([r.rate_per_min for r in told])),
     )
