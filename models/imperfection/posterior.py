@@ -76,9 +76,10 @@ class Settled:
 
     steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
     3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
-    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %);
-    unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes add more than the half-width of the
-    interval; agrees (S, S): whose rates were shared.
+    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; unseen
+    (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %); unseen_from (S,) [min]: its least
+    time constant; hides (S,): probability that slow modes add more than the half-width of the interval; agrees (S, S): whose
+    rates were shared.
     """
 
     steady: Array

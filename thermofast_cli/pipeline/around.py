@@ -99,14 +99,7 @@ def design_like(one: Started) -> "Design":
     return Design(
         len(run.channels),
         60.0 * float(np.median(np.diff(minutes))),
-        max(
-            float(
-                np.median(
-                    [third_difference_noise(v[np.isfinite(v)], minutes[np.isfinite(v)]) for v in values if np.isfinite(v).sum() > 8]
-                )
-            ),
-            1e-6,
-        ),
+        max(float(np.median(noises)), 1e-6),
         float(np.median([abs((r.steady_state_c or 0.0) - (r.initial_c or 0.0)) for r in told])),
         1.0 / float(np.median([r.rate_per_min for r in told])),
     )
