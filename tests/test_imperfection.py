@@ -357,3 +357,38 @@ def test_the_steady_state_in_a_room_that_is_asked_for(tool):
     assert "--room needs a column of the surroundings" in r.message
     shown = tool("identify", "sample_runs/spindle.csv", "--until", 60, "--room", 25, "--format", "table", "-q").out
     assert "in 25 degC" in shown
+
+
+def test_a_thermometer_that_moves_with_the_machine_is_no_room():
+    run = bar.simulate(7500).runs[0]
+    record = {"time_min": run.time} | {f"T{i}": line for i, line in enumerate(run.reading)}
+    hung = run.room[0] + 0.6 * (run.reading[0] - run.reading[0][0])
+    without, with_it = tf.identify(record, until=90).records, tf.identify(record | {"ambient": hung}, until=90).records
+    for a, b in zip(without, with_it, strict=True):
+        assert "move with the machine and are not used" in b.message
+        assert (a.steady_state_c, a.steady_state_hi_c) == (b.steady_state_c, b.steady_state_hi_c)
+
+
+def test_readings_beyond_what_the_prior_holds_widen_the_interval_and_are_told():
+    rng, time = np.random.default_rng(9), np.arange(0.0, 120.0, 0.25)
+    jagged = (
+        20 + 8 * -np.expm1(-time / 60.0) + 0.25 * np.sign(np.sin(time / 11.0)) * (time > 20) + 0.01 * rng.standard_normal(len(time))
+    )
+    law_of_few = replace(TYPICAL, strong=(), strong_weights=(), strong_share=0.0, scales=(0.03, 0.08), clean=0.5)
+    found = settle([Part(time, jagged[None], np.array([0.01]), np.zeros(1))], 60.0, law_of_few)
+    assert found.check_p[0] < 1e-6
+    smooth = 20 + 8 * -np.expm1(-time / 60.0) + 0.01 * rng.standard_normal(len(time))
+    plain = settle([Part(time, smooth[None], np.array([0.01]), np.zeros(1))], 60.0, law_of_few)
+    assert plain.check_p[0] > 0.01
+    assert np.diff(found.steady[0, ::2]) > 5.0 * np.diff(plain.steady[0, ::2])
+
+
+def test_a_slow_mass_that_may_hide_outside_the_interval_is_seen():
+    time = np.arange(0.0, 90.0, 0.5)
+    y = 20 + 8 * -np.expm1(-time / 40.0) + 0.01 * np.random.default_rng(10).standard_normal(len(time))
+    part = Part(time, y[None], np.array([0.01]), np.zeros(1))
+    rare, usual = (replace(TYPICAL, strong=(Sizes(slow=0.4),), strong_weights=(), strong_share=share) for share in (0.02, 0.6))
+    few, many = settle([part], 40.0, rare), settle([part], 40.0, usual)
+    assert 0.002 < few.hides[0] < 0.05
+    assert few.unseen[0] > 2.0 * np.diff(few.steady[0, ::2])[0] / 2
+    assert np.diff(many.steady[0, ::2]) > 3.0 * np.diff(few.steady[0, ::2])
