@@ -41,7 +41,11 @@ def test_the_import_is_quick_and_lists_what_there_is():
 
 def test_identify_gives_what_the_command_prints(tool, told):
     printed = json.loads(tool("identify", SPINDLE, "--until", 60, "--format", "json", "-q").out)
-    assert json.loads(told.to_json()) == printed
+    ours = json.loads(told.to_json())
+    assert {k: v for k, v in ours.items() if k != "records"} == {k: v for k, v in printed.items() if k != "records"}
+    for mine, theirs in zip(ours["records"], printed["records"], strict=True):
+        # A linear algebra library may round another way in another process: the last digits are its own.
+        assert mine == {k: pytest.approx(v, rel=1e-8) if isinstance(v, float) else v for k, v in theirs.items()}
     assert len(told) == 10
     assert told["T5"] is told[4]
     assert [r.channel for r in told] == [f"T{i}" for i in range(1, 11)]

@@ -14,6 +14,7 @@ def mixture(
     relative: Array,
     absolute: Array,
     rise: Array,
+    doubt: Array,
     kind: NDArray[intp],
     scale: Array,
     active: NDArray[uint8],

@@ -23,6 +23,7 @@ def mixture(
     const double[:, ::1] relative,
     const double[:, ::1] absolute,
     const double[:, ::1] rise,
+    const double[:, :, ::1] doubt,
     const Py_ssize_t[::1] kind,
     const double[::1] scale,
     const unsigned char[:, :, ::1] active,
@@ -44,6 +45,9 @@ def mixture(
     cdef double *from_
     if covariance.shape[2] < wide or law.shape[2] < wide or ones.shape[0] < wide:
         raise ValueError("fewer rows than quantities asked for")
+    cdef bint doubted = doubt.shape[0] > 0
+    if doubted and (doubt.shape[0] < sensors or doubt.shape[1] < wide or doubt.shape[2] < wide):
+        raise ValueError("fewer rows of doubt than quantities asked for")
     parts = <double *> malloc((components + kinds + 1) * m * all_ * sizeof(double))
     if parts == NULL:
         raise MemoryError()
@@ -113,6 +117,9 @@ def mixture(
                             from_ = types + r * wide
                             for j in range(r, wide):
                                 row[j] += from_[j]
+                        if doubted:
+                            for j in range(r, wide):
+                                row[j] += rise[i, f] * doubt[i, r, j]
                         row[r] += noise[i, r]
                         row[wide] = reading[i, f, r]
                         row[wide + 1] = ones[r]
@@ -169,6 +176,8 @@ def mixture(
                         u = law[i, f, m + j] - a1
                         mean[i, f, h, j] = t0 + b0 * t1 + b1 * u
                         v = scale[h] * own_kind[k * asked + j] + mixed * own_kind[j] - v
+                        if doubted:
+                            v += rise[i, f] * doubt[i, m + j, m + j]
                         v += (p11 * t1 * t1 - 2.0 * p01 * t1 * u + p00 * u * u) / determinant
                         variance[i, f, h, j] = v if v > 0.0 else 0.0
     free(parts)

@@ -23,6 +23,7 @@ def mixture(
     relative: Array,
     absolute: Array,
     rise: Array,
+    doubt: Array,
     kind: NDArray[np.intp],
     scale: Array,
     active: NDArray[np.uint8],
@@ -36,6 +37,7 @@ def mixture(
 
     reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k); node (S, F) and share (S, F) place a rate between nodes of
     covariance (G, components, m + k, m + k); relative, absolute (kinds, components); rise (S, F) [K^2]; kind, scale (H,).
+    doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a shape that past runs told; (0, 0, 0) for none.
     """
     m = reading.shape[2]
     wide = m + asked
@@ -46,6 +48,8 @@ def mixture(
         types = np.einsum("kn,nrc->krc", rise[i, f] * relative + absolute, parts)
         rows = np.flatnonzero(active[i, f])
         whole = scale[rows, None, None] * types[kind[rows]] + np.where(kind[rows, None, None] > 0, types[0], 0.0)
+        if len(doubt):
+            whole = whole + rise[i, f] * doubt[i, :wide, :wide]
         try:
             factor = np.linalg.cholesky(whole[:, :m, :m] + np.diag(noise[i]))
         except np.linalg.LinAlgError:

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.tails import f_tail, normal_tail
+from ..decay import LOG_TWENTY
 from . import _mixture_numpy
 from .blocks import Blocks, block_means
+from .known import Known
 from .prior import COMPONENTS, Imperfection
 from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law, of_room
 
@@ -43,6 +45,8 @@ LONGEST_UNIT = 1.0
 SLOWER = 2.0
 #: Sensors beyond this many add nothing that the first have not said: their disturbances are common.
 COUNTED_OTHERS = 2.0
+#: Rates of a machine that is known are looked at within so many deviations.
+AROUND_KNOWN = 6.0
 LEVELS = np.array([0.025, 0.5, 0.975])
 #: Degrees of freedom of a variance that is known.
 ENDLESS = 10**9
@@ -59,7 +63,7 @@ class Part:
     """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged.
 
     log_rate (s, 2): the law's own log rate and its deviation, nan where unknown: a posterior that is all but the law's is looked
-    for there, however narrow it is.
+    for there, however narrow it is. known: what past runs of this machine say; of all parts of a run or of none.
     """
 
     time: Array
@@ -68,6 +72,7 @@ class Part:
     resolution: Array
     room: Array | None = None
     log_rate: Array | None = None
+    known: Known | None = None
 
 
 @dataclass(frozen=True)
@@ -119,28 +124,55 @@ class _Run:
         self.count = int(self.rows[-1])
         span = max(b.last for b in self.blocks)
         fastest = max(FASTEST / span, BEYOND_PILOT / tau)
-        self.nodes = np.arange(np.log(SLOWEST / span), np.log(fastest) + NODE_STEP, NODE_STEP)
+        slow, fast = np.log(SLOWEST / span), np.log(fastest)
+        self.known = (
+            np.concatenate([p.known.log_rate for p in parts if p.known is not None]) if parts[0].known is not None else None
+        )
+        if self.known is not None:
+            slow, fast = (
+                float(v)
+                for v in (
+                    (self.known[:, 0] - AROUND_KNOWN * self.known[:, 1]).min(),
+                    (self.known[:, 0] + AROUND_KNOWN * self.known[:, 1]).max(),
+                )
+            )
+        self.nodes = np.arange(slow, fast + NODE_STEP, NODE_STEP)
         node_rates = np.exp(self.nodes)
         self.logged = [
             None if p.room is None else of_room(node_rates, b.time, p.time - p.time[0], p.room, asked)
             for p, b, asked in zip(parts, self.blocks, self.asked, strict=True)
         ]
+        turns = [LOG_TWENTY if p.known is None else float(np.median(p.known.turns)) for p in parts]
         self.covariance = [
-            np.ascontiguousarray(covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged))
-            for b, asked, logged in zip(self.blocks, self.asked, self.logged, strict=True)
+            np.ascontiguousarray(covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged, late))
+            for b, asked, logged, late in zip(self.blocks, self.asked, self.logged, turns, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()
         self.relative, self.absolute = prior.kinds()
         self.base = self.kind == 0
-        self.centre = -np.log(tau)
+        self.centre = np.full(self.count, -np.log(tau)) if self.known is None else self.known[:, 0]
+        self.shape = [p.known for p in parts]
+        there = list(zip(self.shape, self.blocks, self.asked, strict=True))
+        self.doubt = [np.zeros((0, 0, 0)) if k is None else np.ascontiguousarray(k.doubts(b.time, a)) for k, b, a in there]
+        self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, a) for k, b, a in there]
+        settles = [
+            np.array([[LOG_TWENTY, 1.0]] * len(p.reading)) if k is None else np.stack([k.turns, k.pace], axis=1)
+            for p, k in zip(parts, self.shape, strict=True)
+        ]
+        self.settles = np.concatenate(settles)
         none = [np.full((len(p.reading), 2), np.nan) for p in parts]
         law_rate = np.concatenate([n if p.log_rate is None else p.log_rate for p, n in zip(parts, none, strict=True)])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
         self._known = np.zeros(0), np.zeros(0)
 
-    def log_rate_prior(self, log_rate: Array) -> Array:
-        off = log_rate - self.centre
-        found: Array = -0.5 * (off / np.where(off > 0.0, self.prior.log_rate_spread, SLOWER * self.prior.log_rate_spread)) ** 2
+    def log_rate_prior(self, off: Array, sensor: int | None = None) -> Array:
+        """Log prior, up to a constant, of log rates (S, F) less the centres; of one sensor, (F,)."""
+        if self.known is None:
+            spread = self.prior.log_rate_spread
+            slow, fast = SLOWER * spread, np.asarray(spread)
+        else:
+            slow = fast = self.known[:, 1:] if sensor is None else self.known[sensor, 1]
+        found: Array = -0.5 * (off / np.where(off > 0.0, fast, slow)) ** 2
         return found
 
     def evaluate(self, log_rate: Array, active: NDArray[np.bool_], asked: int) -> tuple[Array, Array, Array, Array, Array]:
@@ -153,7 +185,11 @@ class _Run:
             rows = slice(self.rows[i], self.rows[i + 1])
             some = log_rate[rows]
             rate = np.exp(some)
-            of_law = np.ascontiguousarray(law(rate, blocks.time, blocks.spread, self.asked[i]))
+            of_law = law(rate, blocks.time, blocks.spread, self.asked[i])
+            shape = self.shape[i]
+            if shape is not None:
+                of_law = of_law + shape.beyond_law(rate, blocks.time, self.asked[i])
+            of_law = np.ascontiguousarray(of_law)
             m = len(blocks.time)
             place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
             node = place.astype(np.intp)
@@ -172,6 +208,7 @@ class _Run:
                 self.relative,
                 self.absolute,
                 np.ascontiguousarray(rise[rows] ** 2),
+                self.doubt[i],
                 self.kind,
                 self.scale,
                 np.ascontiguousarray(active[rows], dtype=np.uint8),
@@ -184,18 +221,21 @@ class _Run:
         return evidence, squares, mean, variance, rise
 
     def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:
-        """What the logged room does at rates between nodes (s, F, m + k) [K]; nothing where none is logged."""
-        logged = self.logged[part]
-        if logged is None:
-            return np.zeros((1, 1, self.covariance[part].shape[-1]))
-        found: Array = (1.0 - share[..., None]) * logged[node] + share[..., None] * logged[node + 1]
+        """What logged room and known inputs do at rates between nodes (s, F, m + k) [K]; nothing where none are."""
+        logged, beside = self.logged[part], self.beside[part]
+        found: Array = np.zeros((1, 1, self.covariance[part].shape[-1])) if beside is None else beside[:, None]
+        if logged is not None:
+            found = found + (1.0 - share[..., None]) * logged[node] + share[..., None] * logged[node + 1]
         return found
 
     def weighed(self, log_rate: Array, evidence: Array) -> Array:
         """Log posterior (S, F, H) up to a constant: evidence, priors, and what other sensors say of size and kind."""
         prior, count = self.prior, self.count
         cell = np.log(np.maximum(_cells(log_rate), 1e-12))
-        own = np.where(np.isnan(evidence), -np.inf, evidence) + (self.log_rate_prior(log_rate) + cell)[..., None]
+        own = (
+            np.where(np.isnan(evidence), -np.inf, evidence)
+            + (self.log_rate_prior(log_rate - self.centre[:, None]) + cell)[..., None]
+        )
         own -= own.max(axis=(1, 2), keepdims=True)
         kinds = _log_sum(own, 1)
         background = self.log_prior[self.base] - np.log1p(-prior.strong_share)
@@ -211,31 +251,32 @@ class _Run:
     def told(self, log_rate: Array, marginal: Array) -> tuple[Array, Array, Array]:
         """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing.
 
-        Also, over common log rates (D,), how likely each other agrees there (S, D).
+        Also, over common log rates (D,) less the centres, how likely each other agrees there (S, D).
         """
         prior, count = self.prior, self.count
         if self.rates == "own" or count < 2:
             return np.zeros_like(log_rate), np.zeros(0), np.zeros((count, 0))
+        off = log_rate - self.centre[:, None]  # sensors that are known for their own rates share how a run departs from them
         apart = prior.apart if self.rates == "auto" else 1e-9
-        low, high = float(log_rate.min()), float(log_rate.max())
+        low, high = float(off.min()), float(off.max())
         spread = np.sqrt(2.0) * prior.rate_spread
         dense = np.linspace(low, high, int(np.clip((high - low) / (spread / 3.0), 50, 1200)))
         step = dense[1] - dense[0]
-        weight = np.exp(self.log_rate_prior(dense))
+        weight = np.exp(self.log_rate_prior(dense, 0))
         weight /= weight.sum()
         # A grid finer than the spread between sensors is needed for the rates, not for what is made of them.
         wide = np.hypot(spread, 0.5 * step)
         messages = np.empty((count, len(dense)))
         for j in range(count):
-            chance = marginal[j] - self.log_rate_prior(log_rate[j])
+            chance = marginal[j] - self.log_rate_prior(off[j], j)
             chance = np.exp(chance - chance.max())
             width = np.hypot(wide, 0.5 * _cells(log_rate[j]))
-            heard = np.exp(-0.5 * ((dense[:, None] - log_rate[j]) / width) ** 2) @ chance
+            heard = np.exp(-0.5 * ((dense[:, None] - off[j]) / width) ** 2) @ chance
             messages[j] = (1.0 - apart) * heard / (heard @ weight)
         together = np.log(messages + apart)
         counted = min(1.0, COUNTED_OTHERS / (count - 1)) if not prior.none else 1.0
         others = counted * (together.sum(axis=0) - together)
-        said = np.stack([np.interp(rates, dense, line) for rates, line in zip(log_rate, others, strict=True)])
+        said = np.stack([np.interp(rates, dense, line) for rates, line in zip(off, others, strict=True)])
         return said, dense, messages / (messages + apart)
 
     def agrees(self, log_rate: Array, marginal: Array, dense: Array, agreeing: Array) -> NDArray[np.bool_]:
@@ -245,7 +286,7 @@ class _Run:
             return found
         for i in range(self.count):
             mine = np.exp(marginal[i] - marginal[i].max())
-            nearest = np.clip(np.searchsorted(dense, log_rate[i]), 0, len(dense) - 1)
+            nearest = np.clip(np.searchsorted(dense, log_rate[i] - self.centre[i]), 0, len(dense) - 1)
             found[i] = agreeing[:, nearest] @ (mine / mine.sum()) > 0.5
             found[i, i] = False
         return found
@@ -320,7 +361,7 @@ class _Run:
             mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
             steady[i] = _quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
             b, r = np.exp(log_rate[i, places]), rise[i, places]
-            late, spread = _settling(b, r, mu[:, SETTLING], sd[:, SETTLING])
+            late, spread = _settling(b, r, mu[:, SETTLING], sd[:, SETTLING], *self.settles[i].tolist())
             t95[i] = np.maximum(_quantiles(w, late, spread), 0.0)
             for k in range(self.times):
                 at[i, k] = _quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
@@ -328,7 +369,9 @@ class _Run:
             middle = of_rate @ log_rate[i]
             cell = _cells(log_rate[i])
             spread_of_rate[i] = np.sqrt(max(of_rate @ ((log_rate[i] - middle) ** 2 + cell**2 / 12.0), 0.0))
-            if of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
+            if self.known is not None:
+                spread_of_rate[i] = 0.0  # its prior is knowledge
+            elif of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
                 spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], 0.5 * cell))
             strong[i] = weight[i][:, ~self.base].sum()
@@ -376,17 +419,18 @@ class _Run:
             t95[0] = max(t95[0], 0.0)
 
 
-def _settling(rate: Array, rise: Array, ahead: Array, spread: Array) -> tuple[Array, Array]:
+def _settling(rate: Array, rise: Array, ahead: Array, spread: Array, turns: float, pace: float) -> tuple[Array, Array]:
     """Minutes until 95 % are done and their deviation, where a discrepancy has the point `ahead` [K] of the law at that time.
 
-    exp(-b t) = 0.05 + ahead / rise, which far behind the law has no solution: from half of the 5 % on its tangent stands.
+    The law is there after `turns` time constants, where what is left falls `pace` times as fast as it: for one exponential
+    exp(-b t) = 0.05 + ahead / rise. Far behind the law that has no solution: from half of the 5 % on its tangent stands.
     """
     with np.errstate(all="ignore"):
         share = np.nan_to_num(ahead / rise, nan=0.0, posinf=0.0, neginf=0.0)
         near = np.clip(share, -0.025, 0.95)
         left = 0.05 + near
-        time = (-np.log(left) - (share - near) / left) / rate
-        return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * rate), 1e6)
+        time = (turns - (np.log(left / 0.05) + (share - near) / left) / pace) / rate
+        return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * pace * rate), 1e6)
 
 
 def _slope(blocks: Blocks, reading: Array, of_law: Array) -> Array:

@@ -58,6 +58,12 @@ def _loss_shape() -> tuple[Array, Array]:
 _LOSS = _loss_shape()
 
 
+def loss_bend(x: Array) -> Array:
+    """What a loss exponent above 1 does to the rise at x = rate t, relative to it and to what the exponent is above 1."""
+    found: Array = np.interp(x, *_LOSS)
+    return found
+
+
 def law(rate: Array, time: Array, spread: Array, asked: Asked) -> Array:
     """(1 - exp(-b t)) / b (..., m + asked.count) of rates (...): means over blocks, then at what is asked for.
 
@@ -125,15 +131,18 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     return np.concatenate(columns, axis=1)
 
 
-def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None = None) -> Array:
+def covariances(
+    rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None = None, turns: float = LOG_TWENTY
+) -> Array:
     """(G, components, m + k, m + k) for rates (G,) [1/min], blocks at time (m,) [min] after the first reading, unit [min].
 
     last [min] is the time of the last reading: limit and settling take room and load to stay as they are then. logged (G, m + k)
     [K] is what a room that is logged does to each row, as :func:`of_room` gives it: little is left of its wandering until then.
+    turns: time constants after which 95 % are done.
     """
     nodes = len(rate)
     b = rate[:, None]
-    settles = LOG_TWENTY / rate[:, None]
+    settles = turns / rate[:, None]
     one = np.ones((nodes, 1))
     # Rows: blocks, the limit, then 95 % and the beginning, which settling is made of, then the times asked for.
     times = np.concatenate([one * time, one * FOREVER, settles, 0.0 * one, one * asked.times], axis=1)
@@ -151,7 +160,7 @@ def covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked
     slow = np.stack([-np.expm1(-k * x) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
     slow_rest = np.stack([np.exp(-k * rate * last) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
     fast = squares([np.exp(-k * x) / np.sqrt(len(FAST)) for k in FAST])
-    exponent = squares([np.interp(x, *_LOSS)])
+    exponent = squares([loss_bend(x)])
     decay = squares([(np.exp(-k * x) - np.exp(-x)) / (1.0 - k) / np.sqrt(len(DECAY)) for k in DECAY])
     steps = np.linspace(0.0, last, STEPS + 1)[:-1]
     until = float(asked.times.max(initial=0.0))

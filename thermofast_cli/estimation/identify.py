@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.filters.joint import track_together
 from thermofast.models import PrintedLump, spike_weights
-from thermofast.models.imperfection import TYPICAL, Imperfection, Rates
+from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from ..records import IdentifyRecord
@@ -33,7 +33,7 @@ class Method:
     """What every sensor of a run is treated with.
 
     paces: how the rate will change after the last reading used; imperfection: how far the machine may leave the law; rates: what
-    sensors tell each other of theirs.
+    sensors tell each other of theirs; past: what complete runs of this machine say of it.
     """
 
     model: Model
@@ -41,11 +41,12 @@ class Method:
     paces: tuple[Pace, ...] = ()
     imperfection: Imperfection = TYPICAL
     rates: Rates = "auto"
+    past: Past | None = None
 
     @property
     def widens(self) -> bool:
         """Whether the closing estimate counts the machine: not with the bare law, and not for a filter whose own state stands."""
-        exact = self.imperfection.none and self.rates == "own"
+        exact = self.imperfection.none and self.rates == "own" and self.past is None
         return not exact and self.filter.closing != "never" and not isinstance(self.model, PrintedLump)
 
 
@@ -189,7 +190,9 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     end = float(first.time_min[-1])
     last = end if first.until_min is None else min(first.until_min, end)
     times = times_asked(last, end, at_min, drawn)
-    for i, one in zip(live, claims(closed, times, method.imperfection, method.rates, lambda row: first.channels[row]), strict=True):
+    given = method.imperfection, method.rates
+    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past)
+    for i, one in zip(live, found_all, strict=True):
         claimed[i] = one
     return claimed
 

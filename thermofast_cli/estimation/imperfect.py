@@ -5,13 +5,14 @@ Sensors of a run are taken in groups, in the order of its columns, so that what 
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import third_difference_noise
-from thermofast.models.imperfection import Imperfection, Part, Rates, Settled, lagged, pilot, settle
+from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
 
 from .estimate import Estimates
 from .rules import RULES
@@ -43,7 +44,10 @@ class Closed:
 
 @dataclass(frozen=True)
 class Claims:
-    """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names."""
+    """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names.
+
+    known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run.
+    """
 
     steady: Array
     t95: Array
@@ -58,6 +62,8 @@ class Claims:
     shared_with: tuple[str, ...]
     times: Array
     ahead: NDArray[np.bool_]
+    known: NDArray[np.bool_]
+    let_go: NDArray[np.bool_]
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -85,27 +91,59 @@ class Claims:
 
 
 def claims(
-    closed: Sequence[Closed], asked: tuple[Array, NDArray[np.bool_]], prior: Imperfection, rates: Rates, name: Callable[[int], str]
+    closed: Sequence[Closed],
+    asked: tuple[Array, NDArray[np.bool_]],
+    prior: Imperfection,
+    rates: Rates,
+    name: Callable[[int], str],
+    past: Past | None = None,
 ) -> list[Claims]:
-    """Of all blocks of a task, by groups of its run's columns; temperatures as :func:`times_asked`; `name` names a column."""
-    times = asked[0]
+    """Of all blocks of a task, by groups of its run's columns; temperatures as :func:`times_asked`; `name` names a column.
+
+    past: what complete runs of this machine say of its sensors, by name; let go where the readings contradict it.
+    """
     empty = [_empty(c, *asked, prior) for c in closed]
     together = GROUP if rates != "own" else 1  # its own word only: a sensor says the same alone
     groups = sorted({int(row) // together for c in closed for row in c.sensors.rows})
     for group in groups:
-        members = [np.flatnonzero((c.sensors.rows // together == group) & c.usable) for c in closed]
-        some = [(i, rows) for i, rows in enumerate(members) if len(rows)]
-        if not some:
-            continue
-        parts = [_part(closed[i], rows) for i, rows in some]
-        tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
-        found = settle(parts, tau, prior, times, rates)
-        names = [name(int(closed[i].sensors.rows[r])) for i, rows in some for r in rows]
-        at = 0
-        for i, rows in some:
-            _put(empty[i], rows, found, slice(at, at + len(rows)), names)
-            at += len(rows)
+        members = [(c.sensors.rows // together == group) & c.usable for c in closed]
+        if past is not None:
+            for c, mine, one in zip(closed, members, empty, strict=True):
+                one.known[:] |= mine & np.array([name(int(r)) in past.shapes for r in c.sensors.rows], dtype=bool)
+            _claim(closed, [m & e.known for m, e in zip(members, empty, strict=True)], empty, past.prior(prior), rates, name, past)
+            for one in empty:
+                one.let_go[:] |= one.known & ~(one.check_p >= RULES.unfit)
+                one.known[:] &= ~one.let_go
+        _claim(closed, [m & ~e.known for m, e in zip(members, empty, strict=True)], empty, prior, rates, name)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
+
+
+def _claim(
+    closed: Sequence[Closed],
+    members: Sequence[NDArray[np.bool_]],
+    into: Sequence[Claims],
+    prior: Imperfection,
+    rates: Rates,
+    name: Callable[[int], str],
+    past: Past | None = None,
+) -> None:
+    """What the members (S,) of each block, taken together, may claim."""
+    some = [(i, np.flatnonzero(mine)) for i, mine in enumerate(members) if mine.any()]
+    if not some:
+        return
+    names = [name(int(closed[i].sensors.rows[r])) for i, rows in some for r in rows]
+    parts = [_part(closed[i], rows) for i, rows in some]
+    if past is None:
+        tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
+    else:
+        tau = float(np.exp(-np.median([past.shapes[n].log_rate for n in names])))
+        ends = np.cumsum([0, *(len(rows) for _, rows in some)])
+        parts = [replace(part, known=past.known(names[a:b])) for part, (a, b) in zip(parts, pairwise(ends.tolist()), strict=True)]
+    found = settle(parts, tau, prior, into[0].times, rates)
+    at = 0
+    for i, rows in some:
+        _put(into[i], rows, found, slice(at, at + len(rows)), names)
+        at += len(rows)
 
 
 def times_asked(last: float, end: float, at_min: float | None, drawn_until: float | None) -> tuple[Array, NDArray[np.bool_]]:
@@ -193,6 +231,8 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         shared_with=[""] * count,  # type: ignore[arg-type]
         times=times,
         ahead=ahead,
+        known=np.zeros(count, dtype=bool),
+        let_go=np.zeros(count, dtype=bool),
     )
 
 

@@ -1,0 +1,293 @@
+"""What complete runs of a machine say of its next one: the shape of its rise, how its rates scatter, how it is disturbed.
+
+A run of sensor i is T0 + R [ g(x) + stretch x g'(x) + sum a_j psi_j(x) ] + disturbance + noise with x = rate t: g is the law,
+psi are slow and fast modes and the bend of a loss exponent, and their amplitudes a are the machine's: the same in every run.
+Level, start and stretch are the run's own; room and load disturb each run anew. All of it is Gaussian once rate and rise are known
+well, which they are after a complete run; so the amplitudes have a mean and a covariance in closed form.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import block_means
+from .known import Known
+from .posterior import Part
+from .prior import Imperfection, Sizes
+from .shapes import Asked, covariances, law, loss_bend, of_room
+
+Array = NDArray[np.float64]
+
+#: Modes of the machine's own shape beside the law, as many times as fast as it; with the loss exponent they are the amplitudes.
+SLOW_MODES, FAST_MODES = (0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
+#: Prior deviations of all slow modes, all fast modes and the exponent; what a machine's shape may be before it was seen.
+SHAPE_SIZES = (0.1, 0.15, 0.1)
+#: Share of the typical structure (slow modes, loss exponent) that a shape learnt leaves open: the modes are few. Fast modes stay
+#: as they are: each run starts from its own uneven temperatures.
+LEFT_OPEN = 0.15
+#: Deviation of the log rate from run to run, and between the sensors of a run, before runs were compared; counts as so many runs.
+SCATTER, SPREAD, RUNS_ASSUMED = 0.06, 0.02, 4.0
+#: Blocks of a complete run.
+BLOCKS = 24
+#: Sizes of the disturbances that are compared, against the typical.
+SCALES = np.geomspace(0.08, 4.0, 12)
+ROUNDS = 3
+#: Deviation of the logarithm of the size from run to run, as one run lets it be known.
+SCALE_AGAIN = 0.6
+#: Points x = rate t at which a shape is drawn, and where all is over.
+GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 400)])
+
+
+def modes(x: Array) -> Array:
+    """What each amplitude adds (..., k) to the rise, relative to it, at x = rate t."""
+    slow = [-np.expm1(-k * x) for k in SLOW_MODES]
+    fast = [np.exp(-k * x) - 1.0 for k in FAST_MODES]
+    return np.stack([*slow, *fast, loss_bend(x)], axis=-1)
+
+
+def _deviations(sizes: tuple[float, float, float]) -> Array:
+    """Prior deviation of each amplitude (k,)."""
+    slow, fast, exponent = sizes
+    each = [slow / np.sqrt(len(SLOW_MODES))] * len(SLOW_MODES) + [fast / np.sqrt(len(FAST_MODES))] * len(FAST_MODES)
+    return np.array([*each, exponent])
+
+
+def _open(background: Sizes) -> Sizes:
+    """What a machine whose shape is known still does beside it."""
+    b = background
+    return replace(b, slow=LEFT_OPEN * b.slow, exponent=LEFT_OPEN * b.exponent)
+
+
+@dataclass(frozen=True)
+class SensorShape:
+    """The rise of one sensor: log rate [log 1/min] and its deviation, amplitudes (k,) and their covariance (k, k)."""
+
+    log_rate: float
+    deviation: float
+    amplitudes: Array
+    covariance: Array
+
+    @classmethod
+    def unseen(cls, log_rate: float, deviation: float, prior: Imperfection) -> "SensorShape":
+        """Of a sensor whose rate is known and whose shape is only as near to its law as that of machines in general."""
+        b = prior.background
+        variance = _deviations((b.slow, b.fast, b.exponent)) ** 2
+        return cls(log_rate, deviation, np.zeros(len(variance)), np.diag(variance))
+
+
+@dataclass(frozen=True)
+class Rise:
+    """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
+
+    curve, held (n,) over GRID, doubt (J, n), beside (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
+    """
+
+    curve: Array
+    held: Array
+    doubt: Array
+    beside_time: Array
+    beside: Array
+    beside_end: float
+
+    @classmethod
+    def law(cls) -> "Rise":
+        """One exponential."""
+        curve = -np.expm1(-GRID)
+        return cls(curve, curve, np.zeros((0, len(GRID))), np.array([0.0, 1.0]), np.zeros(2), 0.0)
+
+
+@dataclass(frozen=True)
+class Past:
+    """What `runs` complete runs say: a shape per sensor, scatter of the log rate from run to run and spread within a run, and the
+    size of disturbances over the typical with the deviation of its logarithm.
+
+    stretches (runs,) are those of the runs learnt from; factors those on half-widths that the runs ask for, as in
+    :class:`Imperfection`; rises are those of the run at hand, where a model of it has more than the law.
+    """
+
+    shapes: dict[str, SensorShape]
+    runs: int = 0
+    scatter: float = SCATTER
+    spread: float = SPREAD
+    scale: float = 1.0
+    scale_spread: float = 0.8
+    stretches: tuple[float, ...] = ()
+    factors: tuple[tuple[float, float], ...] = ()
+    rises: dict[str, Rise] = field(default_factory=dict)
+
+    def prior(self, given: Imperfection) -> Imperfection:
+        """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt."""
+        rare = [i for i, s in enumerate(given.strong) if not (s.slow or s.fast or s.exponent)]
+        weights = given.strong_weights or (1.0,) * len(given.strong)
+        return replace(
+            given,
+            background=_open(given.background),
+            strong=tuple(given.strong[i] for i in rare),
+            strong_weights=tuple(weights[i] for i in rare),
+            strong_share=given.strong_share * sum(weights[i] for i in rare) / max(sum(weights), 1e-12),
+            multiplier=given.multiplier * self.scale,
+            scale_spread=self.scale_spread,
+            clean=0.0 if self.runs else given.clean,
+            rate_spread=self.spread,
+            factors=self.factors,
+        )
+
+    def known(self, channels: Sequence[str]) -> Known:
+        """For the sensors of a part, in its order; all of them have a shape."""
+        columns = modes(GRID)
+        shapes, rises = [self.shapes[c] for c in channels], [self.rises.get(c) or Rise.law() for c in channels]
+        own = [columns @ s.amplitudes for s in shapes]
+        doubt = [
+            np.concatenate([(columns @ np.linalg.cholesky(s.covariance + 1e-14 * np.eye(len(s.amplitudes)))).T, r.doubt])
+            for s, r in zip(shapes, rises, strict=True)
+        ]
+        most = max(len(d) for d in doubt)
+        return Known(
+            np.array([[s.log_rate, np.hypot(s.deviation, self.scatter)] for s in shapes]),
+            GRID,
+            np.array([r.curve + more for r, more in zip(rises, own, strict=True)]),
+            np.array([r.held + more for r, more in zip(rises, own, strict=True)]),
+            np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in doubt]),
+            rises[0].beside_time,
+            np.array([np.interp(rises[0].beside_time, r.beside_time, r.beside) for r in rises]),
+            np.array([r.beside_end for r in rises]),
+        )
+
+
+@dataclass(frozen=True)
+class PastRun:
+    """One run of a machine: a part per sensor, log rates (S,) of a fit to it, and the rises where a model has more than the law."""
+
+    channels: tuple[str, ...]
+    parts: tuple[Part, ...]
+    log_rates: Array
+    rises: dict[str, Rise] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One run of one sensor at a rate: rows of its blocks, relative to the rise but for the readings and what is absolute."""
+
+    y: Array
+    law: Array
+    bend: Array
+    modes: Array
+    noise: Array
+    relative: Array
+    absolute: Array
+    rise: float
+
+
+def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None = None) -> Past:
+    """From runs of a machine, the more complete the better; a sensor need not be in every run.
+
+    near: what much the same runs have said, from which one round leads there.
+    """
+    names = list(dict.fromkeys(c for run in runs for c in run.channels))
+    scatter, spread, stretches = SCATTER, SPREAD, np.zeros(len(runs))
+    log_rate = {c: float(np.mean([r.log_rates[r.channels.index(c)] for r in runs if c in r.channels])) for c in names}
+    if near is not None:
+        scatter, spread, log_rate = near.scatter, near.spread, {c: near.shapes[c].log_rate for c in names}
+    for _ in range(ROUNDS if near is None else 1):
+        found = {c: _learn(c, runs, log_rate[c], scatter, spread, prior) for c in names}
+        # What the sensors say of the size is one thing: they share the disturbances.
+        total = np.mean([one.evidence for one in found.values()], axis=0)
+        weight = np.exp(total - total.max()) * np.exp(-0.5 * (np.log(SCALES) / prior.scale_spread) ** 2)
+        weight /= weight.sum()
+        at = np.array([weight @ one.stretch for one in found.values()])  # (sensors, runs)
+        for c, mine in zip(names, at, strict=True):
+            log_rate[c] += float(np.nanmean(mine))
+        at = at - np.nanmean(at, axis=1, keepdims=True)
+        stretches = np.nan_to_num(np.nanmean(at, axis=0))
+        own = np.nanmean((at - stretches) ** 2, axis=0).sum()
+        more = len(runs) - 1
+        scatter = float(np.sqrt((RUNS_ASSUMED * SCATTER**2 + (stretches**2).sum()) / (RUNS_ASSUMED + more)))
+        spread = float(np.sqrt((RUNS_ASSUMED * SPREAD**2 + own) / (RUNS_ASSUMED + more)))
+    middle = float(weight @ np.log(SCALES))
+    deviation = float(np.sqrt(weight @ (np.log(SCALES) - middle) ** 2))
+    shapes = {}
+    for c, one in found.items():
+        mean = weight @ one.amplitudes
+        apart = one.amplitudes - mean
+        covariance = np.einsum("s,sij->ij", weight, one.covariance) + np.einsum("s,si,sj->ij", weight, apart, apart)
+        seen = int(np.isfinite(one.stretch[0]).sum())
+        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance)
+    spread_of_scale = float(np.hypot(deviation, SCALE_AGAIN / np.sqrt(len(runs))))
+    return Past(shapes, len(runs), scatter, spread, float(np.exp(middle)), spread_of_scale, tuple(stretches.tolist()))
+
+
+@dataclass(frozen=True)
+class _Learnt:
+    """At each size of the disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs)."""
+
+    evidence: Array
+    amplitudes: Array
+    covariance: Array
+    stretch: Array
+
+
+def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _Seen:
+    part, rise = run.parts[run.channels.index(channel)], run.rises.get(channel) or Rise.law()
+    rate = np.exp([log_rate])
+    time, tau = part.time - part.time[0], float(1.0 / rate[0])
+    blocks = block_means(time, part.reading, part.noise, part.resolution, tau, True, BLOCKS)
+    asked, m = Asked(np.zeros(0)), len(blocks.time)
+    room = None if part.room is None else of_room(rate, blocks.time, time, part.room, asked)
+    there = covariances(rate, blocks.time, blocks.last, tau / 60.0, asked, room)[0, :, :m, :m]
+    relative, absolute = replace(prior, background=_open(prior.background), strong=(), strong_weights=()).kinds()
+    x = rate[0] * blocks.time
+    y = blocks.mean[0] - np.interp(blocks.time, rise.beside_time, rise.beside) - (0.0 if room is None else room[0, :m])
+    beyond = np.interp(x, GRID, rise.curve + np.expm1(-GRID))
+    shape = law(rate, blocks.time, blocks.spread, asked)[0, :m] * rate[0] + beyond
+    return _Seen(
+        y,
+        shape,
+        x * np.interp(x, GRID, np.gradient(rise.curve, GRID)),
+        modes(x),
+        blocks.noise[0],
+        np.einsum("n,nij->ij", relative[0], there),
+        np.einsum("n,nij->ij", absolute[0], there),
+        float(np.polyfit(shape, y, 1)[0]),
+    )
+
+
+def _learn(channel: str, runs: Sequence[PastRun], log_rate: float, scatter: float, spread: float, prior: Imperfection) -> _Learnt:
+    """One sensor over all runs that have it, as one Gaussian: start, rise, stretch, disturbances of each run; one shape of all."""
+    seen = [(r, _seen(run, channel, log_rate, prior)) for r, run in enumerate(runs) if channel in run.channels]
+    sizes = [len(s.y) for _, s in seen]
+    ends = np.cumsum([0, *sizes])
+    total = int(ends[-1])
+    y = np.concatenate([s.y for _, s in seen])
+    flat = np.zeros((total, 2 * len(seen)))
+    shape = np.concatenate([s.rise * s.modes for _, s in seen])
+    bend = np.zeros((total, len(seen)))
+    relative, absolute = np.zeros((total, total)), np.zeros((total, total))
+    for k, (_, s) in enumerate(seen):
+        at = slice(ends[k], ends[k + 1])
+        flat[at, 2 * k], flat[at, 2 * k + 1] = 1.0, s.law
+        bend[at, k] = s.rise * s.bend
+        relative[at, at], absolute[at, at] = s.rise**2 * s.relative, s.absolute
+    deviations = _deviations(SHAPE_SIZES)
+    noise = np.diag(np.concatenate([s.noise for _, s in seen]))
+    modes_prior = shape * deviations
+    bend_prior = bend * np.hypot(scatter, spread)
+    fixed = noise + modes_prior @ modes_prior.T + bend_prior @ bend_prior.T
+    count = len(deviations)
+    evidence, amplitudes = np.empty(len(SCALES)), np.empty((len(SCALES), count))
+    covariance, stretch = np.empty((len(SCALES), count, count)), np.full((len(SCALES), len(runs)), np.nan)
+    variance = deviations**2
+    for k, scale in enumerate(SCALES):
+        factor = np.linalg.cholesky(fixed + scale**2 * (relative + absolute))
+        white = np.linalg.solve(factor, np.column_stack([y, flat, shape, bend]))
+        x = white[:, 1 : 1 + flat.shape[1]]
+        q, r = np.linalg.qr(x)
+        left = white - q @ (q.T @ white)
+        mine = left[:, 1 + flat.shape[1] : 1 + flat.shape[1] + count]
+        bends = left[:, 1 + flat.shape[1] + count :]
+        evidence[k] = -np.log(np.diag(factor)).sum() - np.log(np.abs(np.diag(r))).sum() - 0.5 * float(left[:, 0] @ left[:, 0])
+        amplitudes[k] = variance * (mine.T @ left[:, 0])
+        covariance[k] = np.diag(variance) - variance[:, None] * (mine.T @ mine) * variance
+        stretch[k, [r for r, _ in seen]] = (scatter**2 + spread**2) * (bends.T @ left[:, 0])
+    return _Learnt(evidence, amplitudes, covariance, stretch)
