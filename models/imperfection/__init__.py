@@ -3,14 +3,17 @@
 from .blocks import pilot
 from .known import Known
 from .left_out import widths_left_out
-from .past import GRID, Past, PastRun, Rise, SensorShape, learn_past
+from .past import FAST_MODES, GRID, NODES, SLOW_MODES, Past, PastRun, Rise, SensorShape, learn_past
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged
 
 __all__ = [
+    "FAST_MODES",
     "GRID",
+    "NODES",
     "NONE",
+    "SLOW_MODES",
     "TYPICAL",
     "Imperfection",
     "Known",

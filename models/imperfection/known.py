@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 class Known:
     """Of the s sensors of a part, each over its own x = rate t (n,).
 
-    log_rate (s, 2): log rate and its deviation; curve (s, n): the rise over its law's own, 0 at first; held (s, n): the same with
+    log_rate (s, 2): log rate and its deviation; curve (s, L, n): the rise over its law's own, 0 at first, of rates whose logarithms
+    are `nodes` (L,) off the known one, one node where it does not depend on the rate but through x; held (s, L, n): the same with
     what is logged held as it was at the last reading used, which leads to the limit. doubt (s, J, n): columns whose amplitudes are
     standard normal, relative to the rise, in which the curve may be wrong. beside (s, k) [K] at beside_time (k,) [min after the
     first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit.
@@ -26,47 +27,66 @@ class Known:
     curve: Array
     held: Array
     doubt: Array
+    nodes: Array = field(default_factory=lambda: np.zeros(1))
     beside_time: Array = field(default_factory=lambda: np.array([0.0, 1.0]))
     beside: Array | None = None
     beside_end: Array | None = None
 
     @cached_property
     def turns(self) -> Array:
-        """X at which 95 % of each rise is done for good (s,)."""
-        outside = np.abs(self.held - self.held[:, -1:]) > 0.05 * np.abs(self.held[:, -1:])
-        last = self.held.shape[1] - 1 - np.argmax(outside[:, ::-1], axis=1)
-        found = np.empty(len(self.held))
-        for i, (place, line) in enumerate(zip(last.tolist(), self.held, strict=True)):
-            k = min(place, len(line) - 2)
-            here, there = abs(line[k] - line[-1]), abs(line[k + 1] - line[-1])
-            share = (here - 0.05 * abs(line[-1])) / (here - there) if here > there else 1.0
-            found[i] = self.x[k] + share * (self.x[k + 1] - self.x[k])
-        return np.maximum(found, 1e-3)
+        """Time constants until 95 % of each rise are done for good (s, L)."""
+        end = self.held[..., -1:]
+        left = np.abs(self.held - end) - 0.05 * np.abs(end)
+        count = left.shape[-1]
+        last = np.minimum(count - 1 - np.argmax((left > 0.0)[..., ::-1], axis=-1), count - 2)
+        here, there = (np.take_along_axis(left, (last + k)[..., None], -1)[..., 0] for k in (0, 1))
+        with np.errstate(all="ignore"):
+            share = np.where(here > there, here / (here - there), 1.0)
+        found: Array = np.maximum(self.x[last] + share * (self.x[last + 1] - self.x[last]), 1e-3)
+        return found
 
     @cached_property
     def pace(self) -> Array:
-        """How fast the 5 % that are left at `turns` fall there (s,), over the rate."""
-        near = self.turns[:, None] * np.array([0.9, 1.1])
-        left = np.array([np.interp(at, self.x, line[-1] - line) for at, line in zip(near, self.held, strict=True)])
-        with np.errstate(all="ignore"):
-            fall = np.log(left[:, 0] / left[:, 1]) / (near[:, 1] - near[:, 0])
-        return np.clip(np.nan_to_num(fall, nan=1.0), 0.1, 10.0)
+        """How fast the 5 % that are left at `turns` fall there (s, L), over the rate."""
+        found = np.ones_like(self.turns)
+        for place in np.ndindex(found.shape):
+            line, near = self.held[place], self.turns[place] * np.array([0.9, 1.1])
+            left = np.abs(line[-1] - np.interp(near, self.x, line))
+            if left.min() > 0.0:
+                found[place] = np.log(left[0] / left[1]) / (near[1] - near[0])
+        return np.clip(np.nan_to_num(found, nan=1.0), 0.1, 10.0)
+
+    def settles(self, sensor: int, log_rate: Array) -> tuple[Array, Array]:
+        """`turns` and `pace` (F,) of one sensor at log rates (F,)."""
+        node, share = self._place(sensor, log_rate)
+        both = (
+            (1.0 - share) * v[sensor, node] + share * v[sensor, np.minimum(node + 1, v.shape[1] - 1)]
+            for v in (self.turns, self.pace)
+        )
+        turns, pace = both
+        return turns, pace
 
     def beyond_law(self, rate: Array, time: Array, asked: Asked) -> Array:
         """What the curve has beyond the law over the rate, (s, F, m + k), at rates (s, F) and the rows of :func:`shapes.law`."""
         of_law = np.expm1(-self.x)
-        lines = zip(self.curve + of_law, self.held + of_law, strict=True)
-        rows = [self._rows(*both, i, r, time, asked) / r[:, None] for i, (both, r) in enumerate(zip(lines, rate, strict=True))]
-        found = np.stack(rows)
-        found[..., len(time) + 1] = 0.0  # settling is counted from where the curve itself has 5 % left
+        found = np.empty((*rate.shape, len(time) + asked.count))
+        for i, rates in enumerate(rate):
+            node, share = self._place(i, np.log(rates))
+            beyond = np.minimum(node + 1, self.curve.shape[1] - 1)
+            for f, (a, b, w, r) in enumerate(zip(node.tolist(), beyond.tolist(), share.tolist(), rates.tolist(), strict=True)):
+                curve = (1.0 - w) * self.curve[i, a] + w * self.curve[i, b] + of_law
+                end = (1.0 - w) * self.held[i, a, -1] + w * self.held[i, b, -1] - 1.0
+                found[i, f] = self._rows(curve, end, 0.0, r, time, asked) / r
         return found
 
     def doubts(self, time: Array, asked: Asked) -> Array:
         """Covariance (s, m + k, m + k) over the square of the rise, at the known rates."""
         found = []
+        middle = int(np.abs(self.nodes).argmin())
         for i, columns in enumerate(self.doubt):
-            rate = np.exp(self.log_rate[i, :1])
-            rows = np.concatenate([self._rows(c, c, i, rate, time, asked) for c in columns])
+            rate, turns = float(np.exp(self.log_rate[i, 0])), self.turns[i, middle]
+            late = [float(np.interp(turns, self.x, c)) - 0.95 * c[-1] - 0.05 * c[0] for c in columns]
+            rows = np.array([self._rows(c, c[-1], at, rate, time, asked) for c, at in zip(columns, late, strict=True)])
             found.append(rows.T @ rows)
         return np.array(found)
 
@@ -76,12 +96,19 @@ class Known:
         assert self.beside_end is not None
         ends = self.beside_end[:, None]
         there, later = (np.array([np.interp(at, self.beside_time, line) for line in self.beside]) for at in (time, asked.times))
-        settles = np.zeros_like(ends)  # counted from the limit with what is logged held
-        return np.concatenate([there, ends, settles, 0.0 * ends, later], axis=1)
+        return np.concatenate([there, ends, 0.0 * ends, 0.0 * ends, later], axis=1)
 
-    def _rows(self, line: Array, held: Array, i: int, rate: Array, time: Array, asked: Asked) -> Array:
-        """A line over x at the rows that are asked for (F, m + k), at rates (F,)."""
-        there, later = (np.interp(rate[:, None] * at, self.x, line) for at in (time, asked.times))
-        end = np.full((len(rate), 1), held[-1])
-        late = np.interp(self.turns[i], self.x, held) - 0.95 * held[-1] - 0.05 * held[0]
-        return np.concatenate([there, end, np.full_like(end, late), 0.0 * end, later], axis=1)
+    def _place(self, sensor: int, log_rate: Array) -> tuple[NDArray[np.intp], Array]:
+        """The node below each log rate (F,) and the share of the way to the next."""
+        if len(self.nodes) < 2:
+            return np.zeros(len(log_rate), dtype=np.intp), np.zeros(len(log_rate))
+        step = float(self.nodes[1] - self.nodes[0])
+        place = np.clip((log_rate - self.log_rate[sensor, 0] - self.nodes[0]) / step, 0.0, len(self.nodes) - 1.000001)
+        node = place.astype(np.intp)
+        return node, place - node
+
+    def _rows(self, line: Array, end: float, late: float, rate: float, time: Array, asked: Asked) -> Array:
+        """A line over x at the rows that are asked for (m + k,): blocks, limit, settling, slow rest, times."""
+        there, later = (np.interp(rate * at, self.x, line) for at in (time, asked.times))
+        found: Array = np.concatenate([there, [end, late, 0.0], later])
+        return found

@@ -36,8 +36,10 @@ SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS = 3
 #: Deviation of the logarithm of the size from run to run, as one run lets it be known.
 SCALE_AGAIN = 0.6
-#: Points x = rate t at which a shape is drawn, and where all is over.
-GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 400)])
+#: Log rates about the known one at which a rise is worked out: what is logged does not stretch with the machine. Points x = rate t
+#: at which a rise is drawn, and where all is over.
+NODES = np.linspace(-0.6, 0.6, 41)
+GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 600)])
 
 
 def modes(x: Array) -> Array:
@@ -81,9 +83,11 @@ class SensorShape:
 class Rise:
     """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
 
-    curve, held (n,) over GRID, doubt (J, n), beside (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
+    curve, held (L, n) over GRID, of rates whose logarithms are :data:`NODES` (L,) off `log_rate`; doubt (J, n), beside (k,) [K] at
+    beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
     """
 
+    log_rate: float
     curve: Array
     held: Array
     doubt: Array
@@ -91,11 +95,13 @@ class Rise:
     beside: Array
     beside_end: float
 
-    @classmethod
-    def law(cls) -> "Rise":
-        """One exponential."""
-        curve = -np.expm1(-GRID)
-        return cls(curve, curve, np.zeros((0, len(GRID))), np.array([0.0, 1.0]), np.zeros(2), 0.0)
+    def about(self, log_rate: float) -> tuple[Array, Array]:
+        """Both curves (L, n) at nodes about another rate."""
+        at = np.clip((NODES + log_rate - self.log_rate - NODES[0]) / (NODES[1] - NODES[0]), 0.0, len(NODES) - 1.000001)
+        node = at.astype(int)
+        share = (at - node)[:, None]
+        curve, held = ((1.0 - share) * v[node] + share * v[node + 1] for v in (self.curve, self.held))
+        return curve, held
 
 
 @dataclass(frozen=True)
@@ -135,23 +141,28 @@ class Past:
         )
 
     def known(self, channels: Sequence[str]) -> Known:
-        """For the sensors of a part, in its order; all of them have a shape."""
-        columns = modes(GRID)
-        shapes, rises = [self.shapes[c] for c in channels], [self.rises.get(c) or Rise.law() for c in channels]
+        """For the sensors of a part, in its order; all of them have a shape, and all or none a rise of this run."""
+        columns, law = modes(GRID), -np.expm1(-GRID)[None]
+        shapes = [self.shapes[c] for c in channels]
+        doubt = [(columns @ np.linalg.cholesky(s.covariance + 1e-14 * np.eye(len(s.amplitudes)))).T for s in shapes]
         own = [columns @ s.amplitudes for s in shapes]
-        doubt = [
-            np.concatenate([(columns @ np.linalg.cholesky(s.covariance + 1e-14 * np.eye(len(s.amplitudes)))).T, r.doubt])
-            for s, r in zip(shapes, rises, strict=True)
-        ]
+        log_rate = np.array([[s.log_rate, np.hypot(s.deviation, self.scatter)] for s in shapes])
+        rises = [self.rises[c] for c in channels if c in self.rises]
+        if not rises:
+            curve = np.array([law + more for more in own])
+            return Known(log_rate, GRID, curve, curve, np.array(doubt))
+        about = [r.about(s.log_rate) for r, s in zip(rises, shapes, strict=True)]
+        doubt = [np.concatenate([d, r.doubt]) for d, r in zip(doubt, rises, strict=True)]
         most = max(len(d) for d in doubt)
         return Known(
-            np.array([[s.log_rate, np.hypot(s.deviation, self.scatter)] for s in shapes]),
+            log_rate,
             GRID,
-            np.array([r.curve + more for r, more in zip(rises, own, strict=True)]),
-            np.array([r.held + more for r, more in zip(rises, own, strict=True)]),
+            np.array([curve + more for (curve, _), more in zip(about, own, strict=True)]),
+            np.array([held + more for (_, held), more in zip(about, own, strict=True)]),
             np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in doubt]),
+            NODES,
             rises[0].beside_time,
-            np.array([np.interp(rises[0].beside_time, r.beside_time, r.beside) for r in rises]),
+            np.array([r.beside for r in rises]),
             np.array([r.beside_end for r in rises]),
         )
 
@@ -229,7 +240,7 @@ class _Learnt:
 
 
 def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _Seen:
-    part, rise = run.parts[run.channels.index(channel)], run.rises.get(channel) or Rise.law()
+    part, rise = run.parts[run.channels.index(channel)], run.rises.get(channel)
     rate = np.exp([log_rate])
     time, tau = part.time - part.time[0], float(1.0 / rate[0])
     blocks = block_means(time, part.reading, part.noise, part.resolution, tau, True, BLOCKS)
@@ -238,13 +249,19 @@ def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _
     there = covariances(rate, blocks.time, blocks.last, tau / 60.0, asked, room)[0, :, :m, :m]
     relative, absolute = replace(prior, background=_open(prior.background), strong=(), strong_weights=()).kinds()
     x = rate[0] * blocks.time
-    y = blocks.mean[0] - np.interp(blocks.time, rise.beside_time, rise.beside) - (0.0 if room is None else room[0, :m])
-    beyond = np.interp(x, GRID, rise.curve + np.expm1(-GRID))
-    shape = law(rate, blocks.time, blocks.spread, asked)[0, :m] * rate[0] + beyond
+    y = blocks.mean[0] - (0.0 if room is None else room[0, :m])
+    shape, bend = law(rate, blocks.time, blocks.spread, asked)[0, :m] * rate[0], x * np.exp(-x)
+    if rise is not None:
+        y = y - np.interp(blocks.time, rise.beside_time, rise.beside)
+        node = len(NODES) // 2
+        curves = rise.about(log_rate)[0]
+        at_rate, faster = (np.interp(blocks.time, GRID / rate[0] * np.exp(-NODES[k]), curves[k]) for k in (node, node + 1))
+        shape = shape + np.interp(x, GRID, curves[node] + np.expm1(-GRID))
+        bend = (faster - at_rate) / NODES[node + 1]
     return _Seen(
         y,
         shape,
-        x * np.interp(x, GRID, np.gradient(rise.curve, GRID)),
+        bend,
         modes(x),
         blocks.noise[0],
         np.einsum("n,nij->ij", relative[0], there),

@@ -155,11 +155,6 @@ class _Run:
         there = list(zip(self.shape, self.blocks, self.asked, strict=True))
         self.doubt = [np.zeros((0, 0, 0)) if k is None else np.ascontiguousarray(k.doubts(b.time, a)) for k, b, a in there]
         self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, a) for k, b, a in there]
-        settles = [
-            np.array([[LOG_TWENTY, 1.0]] * len(p.reading)) if k is None else np.stack([k.turns, k.pace], axis=1)
-            for p, k in zip(parts, self.shape, strict=True)
-        ]
-        self.settles = np.concatenate(settles)
         none = [np.full((len(p.reading), 2), np.nan) for p in parts]
         law_rate = np.concatenate([n if p.log_rate is None else p.log_rate for p, n in zip(parts, none, strict=True)])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
@@ -361,7 +356,7 @@ class _Run:
             mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
             steady[i] = _quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
             b, r = np.exp(log_rate[i, places]), rise[i, places]
-            late, spread = _settling(b, r, mu[:, SETTLING], sd[:, SETTLING], *self.settles[i].tolist())
+            late, spread = _settling(b, r, mu[:, SETTLING], sd[:, SETTLING], *self._settles(i, log_rate[i, places]))
             t95[i] = np.maximum(_quantiles(w, late, spread), 0.0)
             for k in range(self.times):
                 at[i, k] = _quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
@@ -403,6 +398,12 @@ class _Run:
             agrees=agrees,
         )
 
+    def _settles(self, sensor: int, log_rate: Array) -> tuple[Array | float, Array | float]:
+        """Time constants until 95 % are done and how fast the rest falls then, at log rates (F,)."""
+        part = int(np.searchsorted(self.rows, sensor, "right")) - 1
+        shape = self.shape[part]
+        return (LOG_TWENTY, 1.0) if shape is None else shape.settles(sensor - int(self.rows[part]), log_rate)
+
     def blocks_of(self, sensor: int) -> Blocks:
         """The blocks of the part that a sensor is in."""
         return self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1]
@@ -419,7 +420,9 @@ class _Run:
             t95[0] = max(t95[0], 0.0)
 
 
-def _settling(rate: Array, rise: Array, ahead: Array, spread: Array, turns: float, pace: float) -> tuple[Array, Array]:
+def _settling(
+    rate: Array, rise: Array, ahead: Array, spread: Array, turns: Array | float, pace: Array | float
+) -> tuple[Array, Array]:
     """Minutes until 95 % are done and their deviation, where a discrepancy has the point `ahead` [K] of the law at that time.
 
     The law is there after `turns` time constants, where what is left falls `pace` times as fast as it: for one exponential

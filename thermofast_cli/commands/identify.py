@@ -87,13 +87,11 @@ def command(
     method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
     if plot_trace and not save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
-    if model and (trace or plot_trace):
-        raise UsageError("--trace shows a filter at work; with --model a joint fit takes its place", do="leave one of them out")
     check_outputs([output, trace], save_plot)
     learnt = load_model(model)
     identify_runs([], method, model=learnt, joint=joint, at_min=at, room_c=room)  # wrong options are told before reading
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None)
-    with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
+    with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
         result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room)
     drawn = [
         ("sensor", text("channel")),
@@ -114,8 +112,7 @@ def command(
             (f"in {room:g} degC", number("room_steady_c")),
             ("95 % interval", interval("room_steady_lo_c", "room_steady_hi_c")),
         ]
-    name = "joint_fit" if learnt else filter_name
-    code = deliver(result, failed(IdentifyRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
+    code = deliver(result, failed(IdentifyRecord, readings.unreadable, filter=filter_name), output, form, quiet, drawn)
     if trace:
         write_table(trace, "trace", TRACE_COLUMNS, result.trace_rows())
     draw(result, save_plot, trace=plot_trace)

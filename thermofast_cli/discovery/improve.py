@@ -17,6 +17,7 @@ from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
 from ..machine.modelfile import ModelFile, model_file
+from ..machine.past import learnt_past, run_learnt_from
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, unlogged_room, words
@@ -194,7 +195,8 @@ def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[S
             )
     records += refused_records(ImproveRecord, task.run.name, observed)
     files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
-    learnt = model_file(steps[-1].fit, task.run.name, prepared.readings, task.until_min, files)
+    past = learnt_past([run_learnt_from(steps[-1].fit, prepared.whole)])
+    learnt = model_file(steps[-1].fit, task.run.name, prepared.readings, task.until_min, files, past)
     ordered = [r for s in range(len(steps)) for r in in_order([x for x in records if x.step == s], task.run)]
     return Improved(
         ordered,

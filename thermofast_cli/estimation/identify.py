@@ -339,6 +339,8 @@ class _Block:
             if claimed is not None:
                 told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
                 told["rate_shared_with"] = claimed.shared_with[i]
+                if claimed.let_go[i]:
+                    message = _joined(["past runs of this machine do not fit this one and are not counted", message])
                 if self.room_c is not None and self.room is None:
                     message = _joined([message, "--room needs a column of the surroundings, and there is none"])
                 if self.room is not None and self.surroundings is None:

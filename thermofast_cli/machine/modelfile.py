@@ -9,7 +9,9 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Parameter
+from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape
 from thermofast.models.joint import Fit, Key, Part
 
 from .. import __version__
@@ -70,6 +72,31 @@ class Correlations(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, fro
     matrix: tuple[tuple[float, ...], ...]
 
 
+class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """The rise of one sensor over its model's: amplitudes of slow and fast modes and of the loss exponent, and their covariance."""
+
+    channel: str
+    rate_per_min: float
+    log_rate_deviation: float
+    amplitudes: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+
+class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
+    """What the runs learnt from say of the next one; see ``models/imperfection/past.py``."""
+
+    runs: int
+    log_rate_scatter: float
+    log_rate_spread: float
+    disturbance: float
+    disturbance_log_deviation: float
+    slow_modes: tuple[float, ...]
+    fast_modes: tuple[float, ...]
+    stretches: tuple[float, ...] = ()
+    factors: tuple[tuple[float, float], ...] = ()
+    shapes: tuple[ShapeEntry, ...] = ()
+
+
 class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """The whole file."""
 
@@ -81,10 +108,27 @@ class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     base: tuple[Number, ...]
     effects: tuple[EffectEntry, ...] = ()
     correlations: tuple[Correlations, ...] = ()
+    also_from: tuple[LearntFrom, ...] = ()
+    past: PastEntry | None = None
 
 
-def model_file(fit: Fit, source: str, readings: int, until_min: float | None, files: dict[str, str]) -> ModelFile:
-    """What a fit has learnt; `files` are the paths of a user's own effects by id."""
+def learnt_from(run: Observations, source: str, readings: int, until_min: float | None) -> LearntFrom:
+    """Which run, as the file tells it."""
+    return LearntFrom(
+        file=source,
+        sha256=sha256_of(source),
+        date=date.today().isoformat(),
+        readings=readings,
+        length_min=round(run.span, 3),
+        until_min=until_min,
+        drive=run.drive,
+    )
+
+
+def model_file(
+    fit: Fit, source: str, readings: int, until_min: float | None, files: dict[str, str], past: Past | None = None
+) -> ModelFile:
+    """What a fit has learnt; `files` are the paths of a user's own effects by id, past what the run says of the next one."""
     run, values, errors = fit.run, fit.values, fit.deviations
     model = fit.model
 
@@ -122,21 +166,66 @@ def model_file(fit: Fit, source: str, readings: int, until_min: float | None, fi
     return ModelFile(
         schema=SCHEMA,
         program=__version__,
-        learnt_from=LearntFrom(
-            file=source,
-            sha256=sha256_of(source),
-            date=date.today().isoformat(),
-            readings=readings,
-            length_min=round(run.span, 3),
-            until_min=until_min,
-            drive=run.drive,
-        ),
+        learnt_from=learnt_from(run, source, readings, until_min),
         must_not_be_used_for=NOT_FOR,
         channels=run.channels,
         base=numbers(-1),
         effects=tuple(effects),
         correlations=tuple(_correlations(fit, i) for i in range(run.sensors)),
+        past=None if past is None else past_entry(past),
     )
+
+
+def past_entry(past: Past) -> PastEntry:
+    """As the file tells it."""
+
+    def short(value: float) -> float:
+        return float(f"{value:.7g}")
+
+    shapes = [
+        ShapeEntry(
+            channel=channel,
+            rate_per_min=short(math.exp(shape.log_rate)),
+            log_rate_deviation=short(shape.deviation),
+            amplitudes=tuple(short(a) for a in shape.amplitudes),
+            covariance=tuple(tuple(short(v) for v in row[: i + 1]) for i, row in enumerate(shape.covariance)),
+        )
+        for channel, shape in past.shapes.items()
+    ]
+    return PastEntry(
+        runs=past.runs,
+        log_rate_scatter=short(past.scatter),
+        log_rate_spread=short(past.spread),
+        disturbance=short(past.scale),
+        disturbance_log_deviation=short(past.scale_spread),
+        slow_modes=SLOW_MODES,
+        fast_modes=FAST_MODES,
+        stretches=tuple(short(v) for v in past.stretches),
+        factors=tuple((turn, short(factor)) for turn, factor in past.factors),
+        shapes=tuple(shapes),
+    )
+
+
+def past_of(entry: PastEntry) -> Past:
+    """Back from the file.
+
+    Raises
+    ------
+    UsageError: it was written with other modes than this version knows, or numbers are missing.
+    """
+    count = len(SLOW_MODES) + len(FAST_MODES) + 1
+    sizes = {(len(s.amplitudes), len(s.covariance), *(len(row) for row in s.covariance)) for s in entry.shapes}
+    if (entry.slow_modes, entry.fast_modes) != (SLOW_MODES, FAST_MODES) or sizes - {(count, count, *range(1, count + 1))}:
+        raise UsageError("model file: [past] is of another version", do="learn the model anew with thermofast improve")
+    shapes = {}
+    for s in entry.shapes:
+        lower = np.zeros((count, count))
+        for i, row in enumerate(s.covariance):
+            lower[i, : i + 1] = row
+        covariance = lower + np.tril(lower, -1).T
+        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, np.array(s.amplitudes), covariance)
+    scale = entry.disturbance, entry.disturbance_log_deviation
+    return Past(shapes, entry.runs, entry.log_rate_scatter, entry.log_rate_spread, *scale, entry.stretches, entry.factors)
 
 
 def _correlations(fit: Fit, sensor: int) -> Correlations:
@@ -247,5 +336,8 @@ def _known_keys() -> str:
         "effects": EffectEntry,
         "effects.parameters": Number,
         "correlations": Correlations,
+        "also_from": LearntFrom,
+        "past": PastEntry,
+        "past.shapes": ShapeEntry,
     }
     return "; ".join(f"[{n}] {' '.join(t.__struct_fields__)}".replace("[] ", "") for n, t in tables.items())

@@ -1,7 +1,6 @@
-"""``identify`` and ``sweep`` with a learnt model: steady state and settling time with its effects in."""
+"""Steady state and settling time of a fitted model; ``sweep`` with a learnt one."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,125 +10,20 @@ from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
 from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
 
-from ..discovery.loop import LoopTask, ids_of, in_order, ready
+from ..discovery.loop import LoopTask, ready
 from ..errors import ThermofastError
-from ..estimation.contradiction import contradiction, words
-from ..estimation.identify import Curves, Identified
-from ..estimation.measured import measured_equilibrium
+from ..estimation.identify import Method, identify_sensors
 from ..estimation.sweep import Swept, sweep_records
-from ..estimation.verdicts import marks
-from ..records import IdentifyRecord, SweepRecord, finite
+from ..records import SweepRecord
 from .learnt import carry
+from .past import knowledge
 
 Array = NDArray[np.float64]
 
 NAME = "joint_fit"
-DRAWS = 200
 #: The free run goes on for this many of the slowest time constants.
 HORIZON = 12.0
 POINTS = 1200
-
-
-def identify_with_model(task: LoopTask) -> list[list[Identified]]:
-    """A run's sensors identified with a learnt model; whatever is wrong with the run is a record."""
-    try:
-        return [_identify(task)]
-    except ThermofastError as error:
-        return [[Identified(IdentifyRecord(task.run.name, "", NAME, status="unreadable", message=str(error)))]]
-
-
-def identify_model_lost(task: LoopTask) -> list[list[Identified]]:
-    """The record of a run whose worker died."""
-    return [[Identified(IdentifyRecord(task.run.name, "", NAME, status="diverged", message="the worker process died"))]]
-
-
-def _identify(task: LoopTask) -> list[Identified]:
-    assert task.model is not None
-    observed, prepared = ready(task)
-    refused = [
-        Identified(IdentifyRecord(task.run.name, c, NAME, until_min=task.until_min, status=status, message=why))
-        for c, status, why in observed.refused
-    ]
-    if prepared is None:
-        return refused
-    whole, seen = prepared.whole, prepared.seen
-    carried = carry(task.model.file, seen, task.run.name, task.model.source)
-    fit = carried.fit
-    floor = sensor_p_values(fit)
-    reference = reference_of(seen)
-    rng = np.random.default_rng(1)
-    found = []
-    for i, channel in enumerate(seen.channels):
-        settled = _settling(fit, i, reference, rng)
-        unused = whole.used[i] & ~fit.run.used[i]
-        error = whole.reading[i][unused] - fit.curve[i][unused]
-        measured = measured_equilibrium(whole.time[whole.used[i]], whole.reading[i][whole.used[i]])
-        notes = list(carried.notes)
-        if reference is not None:
-            notes.insert(0, f"at surroundings of {reference:.4g} degC")
-        if seen.drive is not None:
-            notes.append(f"with {seen.drive} as last logged")
-        notes.append(f"with {', '.join(ids_of(fit.model.parts)) or 'no effect'} of {task.model.source}")
-        status = "ok"
-        if floor[i] < RULES.pattern:
-            status = "model_doubtful"
-            notes.insert(0, "the readings leave the learnt model in a pattern: the interval does not cover what it lacks")
-        if unused.any():
-            against = contradiction(error, 1.96 * fit.curve_deviation(i)[unused], float(fit.noise[i]))
-            if against is not None:
-                status = "model_doubtful"
-                notes.insert(0, words(against, float(seen.time[np.flatnonzero(seen.used[i])[-1]])))
-        if settled["steady_state_lo_c"] is None or settled["t95_min"] is None:
-            status = "not_determined"
-        record = IdentifyRecord(
-            task.run.name,
-            channel,
-            NAME,
-            until_min=task.until_min if task.until_min is not None else seen.span,
-            samples=int(fit.readings[i]),
-            start_min=task.start_min,
-            initial_c=float(fit.values[START][i]),
-            rate_per_min=float(fit.values[RATE][i]),
-            noise_c=float(fit.noise[i]),
-            rmse_fit_c=float(fit.rmse[i]),
-            rmse_ahead_c=float(np.sqrt(np.mean(error**2))) if unused.any() else None,
-            steady_state_measured_c=measured[0] if measured and reference is None else None,
-            t95_measured_min=measured[1] if measured and reference is None else None,
-            status=status,
-            message="; ".join(notes),
-            **settled,
-            **_to_go(settled, float(seen.time[np.flatnonzero(seen.used[i])[-1]])),
-        )
-        found.append(Identified(record, None, _curves(task, whole, fit, i, record) if task.want_curves else None))
-    found += refused
-    order = in_order([f.record for f in found], task.run)
-    return [next(f for f in found if f.record is r) for r in order]
-
-
-def _to_go(settled: dict[str, Any], elapsed: float) -> dict[str, Any]:
-    """What is left of t95 after `elapsed` [min]."""
-    sides = {"": "t95_min", "_lo": "t95_lo_min", "_hi": "t95_hi_min"}
-    return {
-        f"time_to_go{side}_min": max(settled[name] - elapsed, 0.0) if settled[name] is not None else None
-        for side, name in sides.items()
-    }
-
-
-def _curves(task: LoopTask, whole: Observations, fit: Fit, i: int, record: IdentifyRecord) -> Curves:
-    spread = fit.curve_deviation(i)
-    return Curves(
-        task.run.name,
-        record.channel,
-        whole.time,
-        np.where(whole.used[i], whole.reading[i], np.nan),
-        whole.time,
-        fit.curve[i],
-        fit.curve[i] - 1.96 * spread,
-        fit.curve[i] + 1.96 * spread,
-        float(record.until_min or whole.span),
-        *marks(record, task.start_min),
-        {},
-    )
 
 
 def reference_of(seen: Observations) -> float | None:
@@ -145,23 +39,6 @@ def settling_point(fit: Fit, i: int, reference: float | None) -> tuple[float, fl
     """Steady state [degC] and t95 [min] of one sensor at the fitted parameters."""
     steady, t95 = _settled(fit, i, reference, np.zeros((1, fit.local.shape[1] + len(fit.shared))))
     return float(steady[0]), float(t95[0])
-
-
-def _settling(fit: Fit, i: int, reference: float | None, rng: np.random.Generator) -> dict[str, Any]:
-    """Steady state and t95 of one sensor with their 95 % intervals, over draws of the parameters."""
-    root = covariance_root(fit.joint_covariance(i))
-    draws = rng.standard_normal((DRAWS, len(root))) @ root.T
-    steady, t95 = _settled(fit, i, reference, np.concatenate([np.zeros((1, len(root))), draws]))
-    low, high = np.quantile(steady[1:], [0.025, 0.975])
-    t_low, t_high = np.quantile(t95[1:], [0.025, 0.975])
-    return {
-        "steady_state_c": finite(steady[0]),
-        "steady_state_lo_c": finite(min(low, steady[0])),
-        "steady_state_hi_c": finite(max(high, steady[0])),
-        "t95_min": finite(t95[0]),
-        "t95_lo_min": finite(min(t_low, t95[0])),
-        "t95_hi_min": finite(max(t_high, t95[0])),
-    }
 
 
 def _settled(fit: Fit, i: int, reference: float | None, moves: Array) -> tuple[Array, Array]:
@@ -220,10 +97,12 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
     return replace(alone, reading=curves, weight=np.ones_like(curves))
 
 
-def sweep_with_model(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[list[Swept]]:
+def sweep_with_model(
+    task: LoopTask, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float
+) -> list[list[Swept]]:
     """A run swept with a learnt model; whatever is wrong with it is a record."""
     try:
-        return [_sweep(task, windows, times, tolerance_c)]
+        return [_sweep(task, method, windows, times, tolerance_c)]
     except ThermofastError as error:
         return [[_no_sweep(SweepRecord(task.run.name, "", NAME, windows[0], status="unreadable", message=str(error)))]]
 
@@ -237,7 +116,19 @@ def _no_sweep(record: SweepRecord) -> Swept:
     return Swept((record,), np.empty(0), np.empty((0, 0)), np.empty(0))
 
 
-def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[Swept]:
+def half_widths(task: LoopTask, method: Method, until: float) -> dict[str, float]:
+    """Half-widths [K] of the steady states by ``identify`` with the model of a task, by sensor; infinite where a side is open."""
+    told = knowledge(replace(task, until_min=until))[0]
+    run, channels = task.run, tuple(task.run.channels)
+    values = np.stack([run.channels[c] for c in channels])
+    room = np.mean(list(run.ambient.values()), axis=0) if run.ambient and not told.uses_room else None
+    of_run = replace(method, past=told.past)
+    found = identify_sensors(run.name, channels, run.time_s / 60.0, values, of_run, until, task.start_min, room=room)
+    sides = {f.record.channel: (f.record.steady_state_lo_c, f.record.steady_state_hi_c) for f in found}
+    return {c: 0.5 * (b - a) if a is not None and b is not None else np.inf for c, (a, b) in sides.items()}
+
+
+def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[Swept]:
     """RMSE of the learnt model over each window against identification time, all sensors of a run."""
     assert task.model is not None
     observed, prepared = ready(task)
@@ -249,7 +140,6 @@ def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...],
     rmse = np.full((n, len(windows), len(times)), np.nan)
     width = np.full((n, len(times)), np.nan)
     doubted: list[list[str]] = [[] for _ in range(n)]
-    rng = np.random.default_rng(1)
     for k, until in enumerate(times):
         seen = whole.until(until)
         if seen.used.sum(axis=1).min() < 6:
@@ -260,10 +150,8 @@ def _sweep(task: LoopTask, windows: tuple[float, ...], times: tuple[float, ...],
             inside = (whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used
             if until < window - 1e-9:
                 rmse[:, j, k] = np.sqrt((np.where(inside, error, 0.0) ** 2).sum(axis=1) / np.maximum(inside.sum(axis=1) - 1, 1))
-        reference = reference_of(seen)
-        for i in range(n):
-            settled = _settling(fit, i, reference, rng)
-            width[i, k] = settled["steady_state_hi_c"] - settled["steady_state_lo_c"]
+        wide = half_widths(task, method, until)
+        width[:, k] = [2.0 * wide.get(c, np.inf) for c in whole.channels]
         if k == len(times) - 1:
             doubted = [
                 ["the readings leave the learnt model in a pattern"] if p < RULES.pattern else [] for p in sensor_p_values(fit)

@@ -1,6 +1,7 @@
 """Analyses of one sensor at a time: identify and sweep."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -8,14 +9,16 @@ from thermofast.filters import Afukf
 
 from ..engine import Started, Work, over_runs, over_sensors, share_out
 from ..errors import UsageError
-from ..estimation.identify import Method
+from ..estimation.identify import Identified, Method
 from ..estimation.imperfect import GROUP
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task
 from ..reading import Run
+from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
 
 if TYPE_CHECKING:
     from ..machine.model import Model
+    from ..machine.past import Knowledge
 
 
 def check_until(run: Run, until_min: float | None) -> None:
@@ -48,33 +51,44 @@ def identify_runs(
     UsageError: an identification time outside a record, or settings that exclude each other.
     """
     how = how or Work()
-    if model is not None and (at_min is not None or room_c is not None):
-        raise UsageError("--at and --room ask the base model", do="leave them or --model out")
-    if model is not None and method.paces:
-        raise UsageError("--pace changes the rate of the base model", do="leave --pace or --model out")
-    if joint and (model is not None or type(method.filter) is not Afukf):
-        other = f"--model {model.source}" if model is not None else "--preset paper"
-        found = other if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
+    if joint and type(method.filter) is not Afukf:
+        found = "--preset paper" if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
         raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
+    if model is not None and not method.widens:
+        raise UsageError(
+            "a learnt model counts the machine in the closing estimate, and this filter or --imperfection none leaves it out",
+            do="use --filter afukf with the model, or leave --model out",
+        )
     for run, _ in started:
         check_until(run, until_min)
+    told: dict[str, Knowledge] = {}
     if model is not None:
-        from ..machine.settle import identify_model_lost, identify_with_model
+        from ..machine.past import knowledge, knowledge_lost
         from .loop import loop_tasks
 
-        tasks = loop_tasks(started, until_min=until_min, model=model, want_curves=details)
-        by_run, interrupted = over_runs(identify_with_model, tasks, identify_model_lost, how)
-        found_all = [one for results in by_run for one in results]
-    else:
+        silent = replace(how, advance=lambda _steps: None)
+        by_run, _ = over_runs(knowledge, loop_tasks(started, until_min=until_min, model=model), knowledge_lost, silent)
+        told = {one.run: one for one in by_run}
+    failed = [one for one in told.values() if one.failed]
+    able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
 
-        def make(
-            name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
-        ) -> IdentifyTask:
-            return IdentifyTask(name, minutes, part, values, notes, method, start, room, until_min, details, joint, at_min, room_c)
+    def make(
+        name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
+    ) -> IdentifyTask:
+        of_run, known = method, told.get(name)
+        if known is not None and known.past is not None:
+            of_run = replace(method, past=known.past)
+            mine = known.past.shapes
+            notes = tuple(said_by_model(c in mine, known.notes, note) for c, note in zip(part, notes, strict=True))
+            room = None if known.uses_room else room
+        return IdentifyTask(name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c)
 
-        weight = 100.0 if joint else 10.0 if method.widens else 1.0
-        sensor_tasks, processes = share_out(started, how.jobs, weight, make, joint, GROUP if method.widens else 1)
-        found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
+    weight = 100.0 if joint else 10.0 if method.widens else 1.0
+    sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
+    found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
+    for one in failed:
+        record = IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed)
+        found_all.append(Identified(record))
     return Identification(
         tuple(one.record for one in found_all),
         tuple(run for run, _ in started),
@@ -82,6 +96,12 @@ def identify_runs(
         tuple(one.curves for one in found_all if one.curves is not None),
         tuple(one.trace for one in found_all),
     )
+
+
+def said_by_model(known: bool, notes: tuple[str, ...], note: str) -> str:
+    """What is said of a sensor that a model knows, or does not."""
+    said = notes if known else ("not in the model: identified on its own",)
+    return "; ".join(n for n in (*said, note) if n)
 
 
 def sweep_runs(
@@ -122,7 +142,7 @@ def sweep_runs(
         from ..machine.settle import sweep_model_lost, sweep_with_model
         from .loop import loop_tasks
 
-        doing = partial(sweep_with_model, windows=windows_min, times=times_min, tolerance_c=tolerance_c)
+        doing = partial(sweep_with_model, method=method, windows=windows_min, times=times_min, tolerance_c=tolerance_c)
         by_run, interrupted = over_runs(doing, loop_tasks(started, model=model), sweep_model_lost, how)
         swept = [one for results in by_run for one in results]
     else:

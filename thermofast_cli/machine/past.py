@@ -1,0 +1,128 @@
+"""Past runs of a machine: learnt from fits of them, and made ready for a run at hand."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermofast.models import Observations
+from thermofast.models.imperfection import (
+    TYPICAL,
+    Part,
+    Past,
+    PastRun,
+    SensorShape,
+    learn_past,
+    pilot,
+    widths_left_out,
+)
+from thermofast.models.joint import RATE, Fit
+
+from ..discovery.loop import LoopTask, ids_of, ready
+from ..errors import ThermofastError, UsageError
+from ..estimation.imperfect import follows_machine
+from .learnt import carry, changed_files
+from .modelfile import ModelFile, past_of
+from .rise import rises_of
+
+#: Rates outside these over the record's length say nothing of the machine.
+RATES = 0.3, 200.0
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What a model says of a run at hand, or why it cannot say anything.
+
+    notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged.
+    """
+
+    run: str
+    past: Past | None = None
+    notes: tuple[str, ...] = ()
+    uses_room: bool = False
+    failed: str = ""
+
+
+def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
+    """A fitted run as one to learn from."""
+    run = fit.run
+    plain = not fit.model.parts and run.heat is None
+    rises = {} if plain else rises_of(fit, whole or run)
+    room = _room(fit)
+    parts, log_rates = [], []
+    for i in range(run.sensors):
+        used = run.used[i]
+        time, reading = run.time[used], run.reading[i][used][None]
+        noise = np.array([run.noise[i] / np.sqrt(np.median(run.weight[i][used]))])
+        parts.append(Part(time, reading, noise, run.resolution[i : i + 1], None if room is None else room[used]))
+        rate, span = float(fit.values[RATE][i]), float(time[-1] - time[0])
+        known = not plain or RATES[0] < rate * span < RATES[1]
+        log_rates.append(np.log(rate if known else 1.0 / float(pilot(time, reading)[0])))
+    return PastRun(run.channels, tuple(parts), np.array(log_rates), rises)
+
+
+def learnt_past(runs: Sequence[PastRun]) -> Past:
+    """From runs that are fitted; how wide intervals must be is learnt from three on."""
+    return widths_left_out(learn_past(runs, TYPICAL), runs, TYPICAL)
+
+
+def _room(fit: Fit) -> np.ndarray | None:
+    """The surroundings that are logged, where no effect of the model accounts for them and they do not move with the machine."""
+    run = fit.run
+    if not run.ambient or any(p.effect.follows_ambient for p in fit.model.parts):
+        return None
+    room = np.mean(list(run.ambient.values()), axis=0)
+    seen = run.used.any(axis=0)
+    return None if follows_machine(run.filled[:, seen], room[seen]) else room
+
+
+def knowledge(task: LoopTask) -> list[Knowledge]:
+    """What the model of a task says of its run; trouble is told, not raised."""
+    try:
+        return [_knowledge(task)]
+    except ThermofastError as error:
+        return [Knowledge(task.run.name, failed=str(error).replace("\n ", ";"))]
+
+
+def knowledge_lost(task: LoopTask) -> list[Knowledge]:
+    """A run whose worker died."""
+    return [Knowledge(task.run.name, failed="the worker process died; run it alone with --jobs 1")]
+
+
+def _knowledge(task: LoopTask) -> Knowledge:
+    assert task.model is not None
+    file, name = task.model.file, task.run.name
+    mine = [c for c in task.run.channels if c in file.channels]
+    if not mine:
+        raise UsageError(
+            f"{name}: none of its sensors is in the model {task.model.source}",
+            found=", ".join(list(task.run.channels)[:12]),
+            allowed=", ".join(file.channels[:12]),
+            do="use a model of this machine, or name the sensors alike",
+        )
+    past = past_of(file.past) if file.past is not None else _old(file)
+    what = ", ".join(e.id for e in file.effects) or "no effect"
+    several = f" from {past.runs} runs" if past.runs > 1 else ""
+    notes = [f"with {what} of {task.model.source}{several}", *changed_files(file)]
+    if not file.effects and task.drive is None:
+        return Knowledge(name, past, tuple(notes))
+    _, prepared = ready(task)
+    if prepared is None:
+        return Knowledge(name, past, tuple(notes))
+    carried = carry(file, prepared.seen, name, task.model.source)
+    notes = [f"with {', '.join(ids_of(carried.fit.model.parts)) or what} of {task.model.source}{several}", *carried.notes]
+    rises = rises_of(carried.fit, prepared.whole)
+    known = {c: s for c, s in past.shapes.items() if c in rises}
+    uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
+    return Knowledge(name, replace(past, shapes=known, rises=rises), tuple(notes), uses_room)
+
+
+def _old(file: ModelFile) -> Past:
+    """Of a model file that tells no past: its rates, and the shapes of machines in general."""
+    found = {}
+    for c in file.channels:
+        rate = next((n for n in file.base if n.name == "rate" and n.channel in (None, c)), None)
+        if rate is not None and rate.value > 0.0:
+            share = (rate.standard_error or 0.0) / rate.value
+            found[c] = SensorShape.unseen(float(np.log(rate.value)), min(share, 0.5), TYPICAL)
+    return Past(found)

@@ -1,0 +1,131 @@
+"""The rise that a model with effects, or a logged drive, gives each sensor of a run, in place of one exponential."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import Observations
+from thermofast.models.imperfection import GRID, NODES, Rise
+from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
+
+Array = NDArray[np.float64]
+
+#: The free run goes on for this many of the slowest time constants, over so many points.
+HORIZON, AFTER = 12.0, 800
+#: A level this near to the start [K] has no shape of its own to be read off.
+LEAST_RISE = 1e-3
+
+
+def rises_of(fit: Fit, whole: Observations) -> dict[str, Rise]:
+    """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
+
+    Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
+    the rise; the uncertainty of an effect's parameters, level, start and rate given, is its doubt.
+    """
+    used = np.flatnonzero(fit.run.used.any(axis=0))
+    last = int(used[-1])
+    end = float(whole.time[-1])
+    horizon = end + HORIZON / max(_slowest(fit), 1e-5)
+    later = np.linspace(end, horizon, AFTER + 1)[1:]
+    seen = _extended(fit, whole, len(whole.time) - 1, later)
+    held = _extended(fit, whole, last, later)
+    lasting = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
+    return {channel: _rise(fit, i, seen, held, lasting) for i, channel in enumerate(fit.run.channels)}
+
+
+def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: list[int]) -> Rise:
+    level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
+    log_rate = float(np.log(fit.values[RATE][i]))
+    rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
+    moves, nodes, kl = _doubtful(fit, i), len(NODES), fit.local.shape[1]
+    # Rows: at each rate with the heat and without, then each doubt at the rate of the fit.
+    rows, shared = (np.tile(v, (2 * nodes + len(moves), 1)) for v in (fit.local[i], fit.shared))
+    rows[:nodes, fit.model.column(RATE)] = rows[nodes : 2 * nodes, fit.model.column(RATE)] = log_rate + NODES
+    rows[:, fit.model.column(LEVEL)] = start + rise
+    rows[nodes : 2 * nodes, fit.model.column(LEVEL)] = start
+    rows[2 * nodes :] += moves[:, :kl]
+    shared[2 * nodes :] += moves[:, kl:]
+    curves = _run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
+    kept = _run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting)
+    time, middle = seen.time - seen.time[0], nodes // 2
+    over = [GRID / np.exp(log_rate + off) for off in NODES]
+    unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
+    wrong = [np.interp(over[middle], time, (c - curves[middle]) / rise) for c in curves[2 * nodes :]]
+    return Rise(
+        log_rate,
+        np.array([np.interp(x, time, line - line[0]) for x, line in zip(over, unit, strict=True)]),
+        np.array([np.interp(x, time, line - line[0]) for x, line in zip(over, of_end, strict=True)]),
+        np.array(wrong).reshape(-1, len(GRID)),
+        time,
+        curves[nodes + middle] - start,
+        float(kept[nodes + middle, -1] - start),
+    )
+
+
+def _slowest(fit: Fit) -> float:
+    rates = [float(np.min(fit.values[RATE]))]
+    for k, part in enumerate(fit.model.parts):
+        for p in part.effect.parameters:
+            if p.settles and Key(k, p.name) in fit.values:
+                value = float(np.min(fit.values[Key(k, p.name)]))
+                rates.append(value if p.settles == "rate" else 1.0 / max(value, 1e-9))
+    return min(rates)
+
+
+def _extended(fit: Fit, whole: Observations, last: int, later: Array) -> Observations:
+    """The record and beyond it, what is logged held as it was about reading `last` from then on."""
+    tenth = max(1, last // 20)
+    count = len(whole.time)
+
+    def on(column: Array) -> Array:
+        known = column[: last + 1]
+        held = float(np.mean(known[-tenth:]))
+        return np.concatenate([known, np.full(count - len(known) + len(later), held)])
+
+    time = np.concatenate([whole.time, later])
+    values = fit.values
+    level, rate = values[LEVEL][:, None], values[RATE][:, None]
+    known = whole.filled[:, : last + 1]
+    since = time[last + 1 :] - time[last]
+    neighbours = np.concatenate([known, level + (known[:, -1:] - level) * np.exp(-rate * since)], axis=1)
+    return replace(
+        whole,
+        time=time,
+        reading=neighbours,
+        weight=np.ones_like(neighbours),
+        ambient={n: on(c) for n, c in whole.ambient.items()},
+        inputs={n: on(c) for n, c in whole.inputs.items()},
+        heat=None if whole.heat is None else on(whole.heat),
+    )
+
+
+def _run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:
+    """Curves (R, N) of one sensor over another record with the parts `keep` of the model."""
+    own = [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]
+    common = [j for j, c in enumerate(fit.model.shared) if c.part < 0 or c.part in keep]
+    model = Model(over, [fit.model.parts[k] for k in keep], fit.model.active[:, own])
+    local = rows[:, own].copy()
+    if fit.run.sink_c is not None:  # the level stands against the mean of what was logged, which is another over another record
+        local[:, model.column(LEVEL)] += model.sink_guess - fit.model.sink_guess
+    curves: Array = model.forward(local, shared[:, common], np.full(len(rows), sensor))
+    return curves
+
+
+def _doubtful(fit: Fit, sensor: int) -> Array:
+    """Moves (J, kl + ks) of an effect's parameters by a deviation each, the base model's given."""
+    kl = fit.local.shape[1]
+    base = [fit.model.column(key) for key in (RATE, LEVEL, START)]
+    active = np.concatenate([fit.model.active[sensor], np.ones(len(fit.shared), dtype=bool)])
+    others = [j for j in np.flatnonzero(active).tolist() if j not in base]
+    if not others:
+        return np.zeros((0, kl + len(fit.shared)))
+    whole = fit.joint_covariance(sensor)
+    given = whole[np.ix_(base, base)]
+    cross = whole[np.ix_(others, base)]
+    left = whole[np.ix_(others, others)] - cross @ np.linalg.pinv(given) @ cross.T
+    values, vectors = np.linalg.eigh(0.5 * (left + left.T))
+    roots = vectors * np.sqrt(np.clip(values, 0.0, 4.0))  # a parameter that nothing determines moves no further than this
+    moves = np.zeros((len(others), kl + len(fit.shared)))
+    moves[:, others] = roots.T
+    return moves
