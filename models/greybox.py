@@ -86,6 +86,12 @@ class Model:
                 self.active[:, j] = self.parts[c.part].concerns(n)
         self.active.flags.writeable = False
 
+    def of_machine(self, column: Column) -> bool:
+        """Whether a parameter is a constant of the machine, not of the run."""
+        # How strongly the machine follows a logged column is the machine's, though an unlogged change is the run's.
+        coupled = column.part >= 0 and column.parameter.name in self.parts[column.part].choice.coupled
+        return coupled or column.parameter.belongs == "machine"
+
     def column(self, key: Key) -> int:
         """Where a parameter of the sensors stands among the search coordinates."""
         return next(j for j, c in enumerate(self.local) if c.key == key)

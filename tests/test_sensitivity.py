@@ -8,7 +8,7 @@ import pytest
 
 from thermofast.analysis.sensitivity import Sizes, _plain_factors, _points
 from thermofast.estimation.closing import estimate_at
-from thermofast.estimation.identify import remaining
+from thermofast.estimation.estimate import remaining
 from thermofast.estimation.sensor import Sensor
 from thermofast.models.uncertainty.chaos import fit_chaos
 from thermofast.pipeline.methods import choose

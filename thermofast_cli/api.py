@@ -322,6 +322,7 @@ def improve(
     *,
     add: str | Iterable[str] = (),
     auto: bool = False,
+    together: bool = False,
     drive: str | None = None,
     extra: Iterable[str] = (),
     false_alarm: float = 0.01,
@@ -331,7 +332,7 @@ def improve(
     progress: Callable[[int], None] | None = None,
     **reading: Any,
 ) -> Improvement:
-    """Effects added, the error falling; ``.model`` is what was learnt.
+    """Effects added, the error falling; ``.model`` is what was learnt; together: one model of several runs of one machine.
 
     Raises
     ------
@@ -345,6 +346,7 @@ def improve(
         names(add),
         auto,
         _work(jobs, executor, progress),
+        together,
         until_min=until,
         extra=tuple(extra),
         drive=drive,

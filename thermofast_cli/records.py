@@ -187,12 +187,17 @@ class DiagnoseRecord(Record):
 
 @dataclass(frozen=True)
 class ImproveRecord(Record):
-    """One step of adding effects, for one sensor; step 0 is the base model."""
+    """One step of adding effects, for one sensor; step 0 is the base model.
+
+    rmse_other_runs_c: of several runs together, the error on this one when the model was learnt from the others and only level,
+    start and events were fitted, to the readings up to --until or the first third; on those after them.
+    """
 
     step: int = 0
     effects: list[str] = field(default_factory=list)
     rmse_fit_c: float | None = None
     rmse_ahead_c: float | None = None
+    rmse_other_runs_c: float | None = None
     noise_c: float | None = None
     whiteness_p: float | None = None
     parameters: dict[str, Any] = field(default_factory=dict)

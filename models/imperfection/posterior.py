@@ -124,18 +124,12 @@ class _Run:
         self.count = int(self.rows[-1])
         span = max(b.last for b in self.blocks)
         fastest = max(FASTEST / span, BEYOND_PILOT / tau)
-        slow, fast = np.log(SLOWEST / span), np.log(fastest)
-        self.known = (
-            np.concatenate([p.known.log_rate for p in parts if p.known is not None]) if parts[0].known is not None else None
-        )
+        slow, fast = float(np.log(SLOWEST / span)), float(np.log(fastest))
+        told = [p.known.log_rate for p in parts if p.known is not None]
+        self.known = np.concatenate(told) if told else None
         if self.known is not None:
-            slow, fast = (
-                float(v)
-                for v in (
-                    (self.known[:, 0] - AROUND_KNOWN * self.known[:, 1]).min(),
-                    (self.known[:, 0] + AROUND_KNOWN * self.known[:, 1]).max(),
-                )
-            )
+            reach = AROUND_KNOWN * self.known[:, 1]
+            slow, fast = float((self.known[:, 0] - reach).min()), float((self.known[:, 0] + reach).max())
         self.nodes = np.arange(slow, fast + NODE_STEP, NODE_STEP)
         node_rates = np.exp(self.nodes)
         self.logged = [
@@ -164,7 +158,7 @@ class _Run:
         """Log prior, up to a constant, of log rates (S, F) less the centres; of one sensor, (F,)."""
         if self.known is None:
             spread = self.prior.log_rate_spread
-            slow, fast = SLOWER * spread, np.asarray(spread)
+            slow, fast = np.asarray(SLOWER * spread), np.asarray(spread)
         else:
             slow = fast = self.known[:, 1:] if sensor is None else self.known[sensor, 1]
         found: Array = -0.5 * (off / np.where(off > 0.0, fast, slow)) ** 2
@@ -181,9 +175,9 @@ class _Run:
             some = log_rate[rows]
             rate = np.exp(some)
             of_law = law(rate, blocks.time, blocks.spread, self.asked[i])
-            shape = self.shape[i]
-            if shape is not None:
-                of_law = of_law + shape.beyond_law(rate, blocks.time, self.asked[i])
+            past = self.shape[i]
+            if past is not None:
+                of_law = of_law + past.beyond_law(rate, blocks.time, self.asked[i])
             of_law = np.ascontiguousarray(of_law)
             m = len(blocks.time)
             place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)

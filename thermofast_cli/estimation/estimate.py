@@ -1,6 +1,7 @@
 """What the readings of one sensor, or of several on one grid, say: numbers with their intervals. Arrays and plain numbers only."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Interval, Lump, PrintedLump, growth, growth_slope, interval
+from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from .contradiction import contradiction
 
@@ -173,3 +175,18 @@ class Estimates:
 
 class FilterError(Exception):
     """A filter that cannot run on a record, or a stranger's that raises; the message names it and says why."""
+
+
+def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) -> TimeToGo:
+    """Minutes from the last reading used until 95 % of the rise is done for good, `elapsed` [min] after its start.
+
+    Where one curve holds from the start on, what is left is t95 less what has passed. Where the filter has forgotten its past,
+    the start is a reading of its own, and the time is the first passage of the state's curve into the band around its steady state.
+    """
+    if estimate.t95 is None:
+        return TimeToGo(None, None, None)
+    if estimate.faded:
+        return time_to_go(estimate.state, estimate.covariance, estimate.initial, paces=paces)
+    sides = estimate.t95_interval.low, estimate.t95, estimate.t95_interval.high
+    low, median, high = (clock_time(max(v - elapsed, 0.0), paces) if v is not None else None for v in sides)
+    return TimeToGo(low, median, high)

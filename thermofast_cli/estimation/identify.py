@@ -13,12 +13,12 @@ from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.filters.joint import track_together
 from thermofast.models import PrintedLump, spike_weights
 from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates
-from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
+from thermofast.models.uncertainty.first_passage import Pace
 
 from ..records import IdentifyRecord
 from .closing import estimates_of, trace_columns, track_of, tracks_of
 from .contradiction import contradicts, outside_band
-from .estimate import Estimate, Estimates, FilterError, Model
+from .estimate import Estimate, Estimates, FilterError, Model, remaining
 from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, room_at, said_of_slow, times_asked
 from .measured import measured_equilibria
 from .rules import RULES
@@ -423,21 +423,6 @@ class _Block:
 def _or_none(column: Array) -> list[float | None]:
     """Numbers, None for what is none."""
     return [v if math.isfinite(v) else None for v in column.tolist()]
-
-
-def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) -> TimeToGo:
-    """Minutes from the last reading used until 95 % of the rise is done for good, `elapsed` [min] after its start.
-
-    Where one curve holds from the start on, what is left is t95 less what has passed. Where the filter has forgotten its past,
-    the start is a reading of its own, and the time is the first passage of the state's curve into the band around its steady state.
-    """
-    if estimate.t95 is None:
-        return TimeToGo(None, None, None)
-    if estimate.faded:
-        return time_to_go(estimate.state, estimate.covariance, estimate.initial, paces=paces)
-    sides = estimate.t95_interval.low, estimate.t95, estimate.t95_interval.high
-    low, median, high = (clock_time(max(v - elapsed, 0.0), paces) if v is not None else None for v in sides)
-    return TimeToGo(low, median, high)
 
 
 def _curves(

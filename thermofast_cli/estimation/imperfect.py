@@ -111,11 +111,29 @@ def claims(
             for c, mine, one in zip(closed, members, empty, strict=True):
                 one.known[:] |= mine & np.array([name(int(r)) in past.shapes for r in c.sensors.rows], dtype=bool)
             _claim(closed, [m & e.known for m, e in zip(members, empty, strict=True)], empty, past.prior(prior), rates, name, past)
-            for one in empty:
-                one.let_go[:] |= one.known & ~(one.check_p >= RULES.unfit)
-                one.known[:] &= ~one.let_go
+            _let_go(closed, members, empty, prior, rates, name)
         _claim(closed, [m & ~e.known for m, e in zip(members, empty, strict=True)], empty, prior, rates, name)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
+
+
+def _let_go(
+    closed: Sequence[Closed],
+    members: Sequence[NDArray[np.bool_]],
+    told: Sequence[Claims],
+    prior: Imperfection,
+    rates: Rates,
+    name: Callable[[int], str],
+) -> None:
+    """Marks sensors whose readings contradict the past: beyond all it allows, or by an effect that is not there without it."""
+    strange = [m & e.known & (~(e.check_p >= RULES.unfit) | (e.strong > RULES.strong)) for m, e in zip(members, told, strict=True)]
+    if not any(s.any() for s in strange):
+        return
+    alone = [_empty(c, e.times, e.ahead, prior) for c, e in zip(closed, told, strict=True)]
+    _claim(closed, strange, alone, prior, rates, name)
+    for one, other, some in zip(told, alone, strange, strict=True):
+        plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
+        one.let_go[:] |= some & (plain | ~(one.check_p >= RULES.unfit))
+        one.known[:] &= ~one.let_go
 
 
 def _claim(

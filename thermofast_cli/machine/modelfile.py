@@ -11,8 +11,11 @@ import numpy as np
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Parameter
+from thermofast.models.greybox import Column
+from thermofast.models.greybox import Model as FitModel
 from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape
-from thermofast.models.joint import Fit, Key, Part
+from thermofast.models.joint import Fit
+from thermofast.models.uncertainty.pooled import Pooled
 
 from .. import __version__
 from ..errors import UsageError
@@ -126,25 +129,43 @@ def learnt_from(run: Observations, source: str, readings: int, until_min: float 
 
 
 def model_file(
-    fit: Fit, source: str, readings: int, until_min: float | None, files: dict[str, str], past: Past | None = None
+    fit: Fit,
+    source: str,
+    readings: int,
+    until_min: float | None,
+    files: dict[str, str],
+    past: Past | None = None,
+    pooled: Pooled | None = None,
 ) -> ModelFile:
-    """What a fit has learnt; `files` are the paths of a user's own effects by id, past what the run says of the next one."""
-    run, values, errors = fit.run, fit.values, fit.deviations
-    model = fit.model
+    """What a fit has learnt; `files` are the paths of a user's own effects by id, past what the run says of the next one.
+
+    pooled: constants of the machine over several runs of it, which take the place of those of this fit.
+    """
+    run, model = fit.run, fit.model
+    deviations = fit.covariance
+    local, shared = fit.local, fit.shared
+    local_error = np.sqrt(np.maximum(np.diagonal(deviations[0], axis1=1, axis2=2), 0.0))
+    shared_error = np.sqrt(np.maximum(np.diagonal(deviations[1]), 0.0))
+    if pooled is not None:
+        both, common = np.hypot(pooled.error, pooled.scatter), np.hypot(pooled.shared_error, pooled.shared_scatter)
+        local, local_error = (np.where(np.isnan(pooled.mean), a, b) for a, b in ((local, pooled.mean), (local_error, both)))
+        known = np.isnan(pooled.shared_mean)
+        shared, shared_error = (np.where(known, a, b) for a, b in ((shared, pooled.shared_mean), (shared_error, common)))
+    values = model.named(local, shared)
 
     def numbers(part: int) -> tuple[Number, ...]:
         found = []
         for j, c in enumerate(model.local):
             if c.part == part:
-                p = c.parameter
+                p, belongs = c.parameter, _belongs(model, c)
                 for i in np.flatnonzero(model.active[:, j]):
-                    value, error = float(values[Key(part, p.name)][i]), float(errors[Key(part, p.name)][i])
-                    found.append(_number(p, model.parts, part, value, error * value if p.log else error, run.channels[i]))
-        for c in model.shared:
+                    value, error = float(values[c.key][i]), float(local_error[i, j])
+                    found.append(_number(p, belongs, value, error * value if p.log else error, run.channels[i]))
+        for j, c in enumerate(model.shared):
             if c.part == part:
                 p = c.parameter
-                value, error = float(values[Key(part, p.name)]), float(errors[Key(part, p.name)])
-                found.append(_number(p, model.parts, part, value, error * value if p.log else error, None))
+                value, error = float(values[c.key]), float(shared_error[j])
+                found.append(_number(p, _belongs(model, c), value, error * value if p.log else error, None))
         return tuple(found)
 
     effects = []
@@ -171,9 +192,13 @@ def model_file(
         channels=run.channels,
         base=numbers(-1),
         effects=tuple(effects),
-        correlations=tuple(_correlations(fit, i) for i in range(run.sensors)),
+        correlations=tuple(_correlations(fit, i) for i in range(run.sensors)) if pooled is None else (),
         past=None if past is None else past_entry(past),
     )
+
+
+def _belongs(model: FitModel, column: Column) -> Literal["machine", "run"]:
+    return "machine" if model.of_machine(column) else "run"
 
 
 def past_entry(past: Past) -> PastEntry:
@@ -246,10 +271,8 @@ def _named(fit: Fit, j: int) -> str:
     return f"{fit.model.parts[column.part].id}.{column.parameter.name}"
 
 
-def _number(p: Parameter, parts: tuple[Part, ...], part: int, value: float, error: float, channel: str | None) -> Number:
+def _number(p: Parameter, belongs: Literal["machine", "run"], value: float, error: float, channel: str | None) -> Number:
     shown = float(f"{error:.6g}") if math.isfinite(error) and error < 1e9 else None
-    # How strongly the machine follows a logged column is the machine's, though an unlogged change is the run's.
-    belongs: Any = "machine" if part >= 0 and p.name in parts[part].choice.coupled else p.belongs
     return Number(name=p.name, unit=p.unit, belongs=belongs, value=float(f"{value:.9g}"), standard_error=shown, channel=channel)
 
 

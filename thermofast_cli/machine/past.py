@@ -101,20 +101,23 @@ def _knowledge(task: LoopTask) -> Knowledge:
             do="use a model of this machine, or name the sensors alike",
         )
     past = past_of(file.past) if file.past is not None else _old(file)
-    what = ", ".join(e.id for e in file.effects) or "no effect"
-    several = f" from {past.runs} runs" if past.runs > 1 else ""
-    notes = [f"with {what} of {task.model.source}{several}", *changed_files(file)]
+    notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
     if not file.effects and task.drive is None:
         return Knowledge(name, past, tuple(notes))
     _, prepared = ready(task)
     if prepared is None:
         return Knowledge(name, past, tuple(notes))
     carried = carry(file, prepared.seen, name, task.model.source)
-    notes = [f"with {', '.join(ids_of(carried.fit.model.parts)) or what} of {task.model.source}{several}", *carried.notes]
+    notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *carried.notes]
     rises = rises_of(carried.fit, prepared.whole)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
     return Knowledge(name, replace(past, shapes=known, rises=rises), tuple(notes), uses_room)
+
+
+def _said(effects: Sequence[str], source: str, runs: int) -> str:
+    learnt = f", learnt from {runs} runs" if runs > 1 else ""
+    return f"with {', '.join(effects)} of {source}{learnt}" if effects else f"by {source}{learnt}"
 
 
 def _old(file: ModelFile) -> Past:

@@ -7,6 +7,7 @@ from ..discovery.compare import compare_lost, compare_task
 from ..discovery.diagnose import diagnose_lost, diagnose_task
 from ..discovery.improve import improve_lost, improve_task
 from ..discovery.loop import LoopTask, check_drive
+from ..discovery.together import improve_together
 from ..engine import Started, Work, over_runs
 from ..errors import UsageError
 from ..machine.learnt import check_effects
@@ -92,17 +93,35 @@ def diagnose_runs(started: Sequence[Started], effects: tuple[str, ...] = (), how
 
 
 def improve_runs(
-    started: Sequence[Started], add: tuple[str, ...] = (), auto: bool = False, how: Work | None = None, **options: Any
+    started: Sequence[Started],
+    add: tuple[str, ...] = (),
+    auto: bool = False,
+    how: Work | None = None,
+    together: bool = False,
+    **options: Any,
 ) -> Improvement:
     """Effects added step by step and the model learnt; options are those of :func:`loop_tasks` and ``false_alarm``.
 
+    together: the runs are of one machine, and one model is learnt from all of them.
+
     Raises
     ------
-    UsageError: both ``add`` and ``auto``, and as :func:`loop_tasks`.
+    UsageError: both ``add`` and ``auto``, runs together that are not of one machine, and as :func:`loop_tasks`.
     """
     if add and auto:
         raise UsageError("--add and --auto exclude each other", do="name the effects, or let the search name them")
     tasks = loop_tasks(started, names=add, auto=auto, **options)
+    if together and tasks:
+        work = how or Work()
+        all_ = improve_together(tasks)
+        work.advance(len(tasks))
+        return Improvement(
+            tuple(r for one in all_ for r in one.records),
+            tuple(run for run, _ in started),
+            False,
+            tuple(all_),
+            tuple(Model(one.model, f"{len(tasks)} runs") for one in all_ if one.model is not None),
+        )
     found, interrupted = over_runs(improve_task, tasks, improve_lost, how or Work(), shares=True)
     return Improvement(
         tuple(r for one in found for r in one.records),

@@ -1,0 +1,177 @@
+"""Several runs of one machine: what they share, what they foretell of the next one, and when they are let go."""
+
+import json
+import tomllib
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import thermofast as tf
+from thermofast.models import Observations
+from thermofast.models.imperfection import NONE, TYPICAL, Part, PastRun, learn_past, settle, widths_left_out
+from thermofast.models.joint import LEVEL, RATE, fit_model
+from thermofast.models.uncertainty.pooled import fit_together, pool
+
+TIME = np.arange(0.0, 420.0, 1.0)
+RATES = np.array([1 / 60, 1 / 75])
+
+
+def machine_run(rng, stretch=0.0, level=1.0, slow=0.15, noise=0.02, room=0.05):
+    """Two sensors of a machine with a second mass: a shape that no exponential has, a room that wanders a little."""
+    walk = room * np.cumsum(rng.standard_normal(len(TIME))) * np.sqrt(1 / 60)
+    rows, limits = [], []
+    for rate, rise in zip(RATES * np.exp(stretch), (9.0, 6.0), strict=True):
+        x = rate * TIME
+        curve = level * rise * ((1 - slow) * -np.expm1(-1.2 * x) + slow * -np.expm1(-0.3 * x))
+        lagged = np.zeros_like(TIME)
+        for k in range(1, len(TIME)):
+            lagged[k] = lagged[k - 1] + rate * (walk[k] - lagged[k - 1])
+        rows.append(20.0 + curve + lagged + noise * rng.standard_normal(len(TIME)))
+        limits.append(20.0 + level * rise)
+    return np.array(rows), np.array(limits)
+
+
+def past_run(reading, rates=RATES):
+    parts = [Part(TIME, reading[i : i + 1], np.full(1, 0.02), np.zeros(1)) for i in range(len(reading))]
+    return PastRun(("a", "b"), tuple(parts), np.log(rates))
+
+
+@pytest.fixture(scope="module")
+def several():
+    rng = np.random.default_rng(7)
+    return [past_run(machine_run(rng, 0.05 * rng.standard_normal(), rng.uniform(0.9, 1.1))[0]) for _ in range(5)]
+
+
+def test_shape_scatter_and_disturbances_are_learnt_and_foretell_the_next_run(several):
+    past = widths_left_out(learn_past(several, TYPICAL), several, TYPICAL)
+    assert past.runs == 5
+    assert 0.03 < past.scatter < 0.09
+    assert np.mean(past.stretches) == pytest.approx(0.0, abs=1e-9)
+    rng = np.random.default_rng(11)
+    inside, width, error, alone = [], [], [], []
+    for _ in range(20):
+        reading, _ = machine_run(rng, 0.05 * rng.standard_normal(), rng.uniform(0.9, 1.1))
+        n = 46
+        parts = [Part(TIME[:n], reading[i : i + 1, :n], np.full(1, 0.02), np.zeros(1)) for i in range(2)]
+        told = [Part(**{**vars(p), "known": past.known([c])}) for p, c in zip(parts, ("a", "b"), strict=True)]
+        at = settle(told, 60.0, past.prior(TYPICAL), [410.0]).at[:, 0]
+        end = reading[:, 405:].mean(axis=1)
+        inside += ((at[:, 0] <= end) & (end <= at[:, 2])).tolist()
+        width += (at[:, 2] - at[:, 0]).tolist()
+        error += (at[:, 1] - end).tolist()
+        alone += (settle(parts, 60.0, TYPICAL, [410.0]).at[:, 0, 1] - end).tolist()
+    assert np.mean(inside) >= 0.9
+    assert np.median(width) < 1.5
+    # Sixty minutes of a machine with a second mass tell little of its end; its past runs tell it.
+    assert np.sqrt(np.mean(np.square(error))) < 0.4 * np.sqrt(np.mean(np.square(alone)))
+
+
+def test_exact_runs_leave_no_disturbance_to_speak_of():
+    rng = np.random.default_rng(3)
+    runs = [past_run(machine_run(rng, 0.0, 1.0, slow=0.0, room=0.0)[0], 1.25 * RATES) for _ in range(4)]
+    past = learn_past(runs, TYPICAL)
+    assert past.scale < 0.25
+    assert past.scatter < 0.06
+    # Without its second mass the machine is 1.2 times as fast as its nominal rate; what was told wrong goes into rate and shape.
+    assert np.exp(past.shapes["a"].log_rate) == pytest.approx(1.2 / 60, rel=0.05)
+
+
+def observations(reading, name="run"):
+    n = len(reading)
+    return Observations(name, ("a", "b")[:n], TIME, reading, np.ones_like(reading), np.full(n, 0.02), np.zeros(n))
+
+
+def test_runs_fitted_together_agree_on_the_machine_and_keep_their_levels():
+    rng = np.random.default_rng(5)
+    levels, stretches = rng.uniform(0.8, 1.2, 6), 0.05 * rng.standard_normal(6)
+    readings = [machine_run(rng, s, v, slow=0.0, room=0.0)[0] for s, v in zip(stretches, levels, strict=True)]
+    fits = [fit_model(observations(r)) for r in readings]
+    found, known = fit_together(fits)
+    at = fits[0].model.column(RATE)
+    assert np.exp(known.mean[:, at]) == pytest.approx(1.2 * RATES * np.exp(stretches.mean()), rel=0.02)
+    assert known.scatter[0, at] == pytest.approx(np.hypot(0.06 * np.sqrt(4 / 9), stretches.std(ddof=1) * np.sqrt(5 / 9)), rel=0.2)
+    assert {(d.column.parameter.name, d.sensor) for d in known.differing} == {("rate", 0), ("rate", 1)}
+    assert [f.values[LEVEL][0] for f in found] == pytest.approx(20 + 9 * levels, abs=0.03)
+    alike = [fit_model(observations(machine_run(rng, 0.0, v, slow=0.0, room=0.0)[0])) for v in levels]
+    assert not pool(alike).differing
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder, rng = tmp_path_factory.mktemp("runs"), np.random.default_rng(21)
+    paths = []
+    for k in range(4):
+        reading, _ = machine_run(rng, 0.04 * rng.standard_normal(), rng.uniform(0.9, 1.1))
+        paths.append(folder / f"run{k}.csv")
+        pd.DataFrame({"time_min": TIME, "T1": reading[0], "T2": reading[1]}).to_csv(paths[-1], index=False)
+    return paths
+
+
+def test_improve_together_learns_one_model_that_identify_starts_from(tool, files, tmp_path):
+    model = tmp_path / "machine.toml"
+    done = tool("improve", *files[:3], "--together", "-o", model, "--format", "json", "-q")
+    assert done.code == 0, done.err
+    rows = json.loads(done.out)["records"]
+    assert len(rows) == 6
+    assert all(r["rmse_other_runs_c"] > r["rmse_fit_c"] for r in rows)
+    assert "from run to run" in rows[0]["message"]
+    kept = tomllib.loads(model.read_text())
+    assert kept["past"]["runs"] == 3
+    assert len(kept["also_from"]) == 2
+    assert len(kept["past"]["factors"]) == 5
+    with_past = json.loads(tool("identify", files[3], "--model", model, "--until", 45, "--at", 410, "--format", "json", "-q").out)
+    without = json.loads(tool("identify", files[3], "--until", 45, "--at", 410, "--format", "json", "-q").out)
+    end = pd.read_csv(files[3])[["T1", "T2"]].iloc[405:].mean()
+    for a, b in zip(with_past["records"], without["records"], strict=True):
+        assert a["at_lo_c"] <= end[a["channel"]] <= a["at_hi_c"]
+        assert a["at_hi_c"] - a["at_lo_c"] < 0.7 * (b["at_hi_c"] - b["at_lo_c"])
+        assert "learnt from 3 runs" in a["message"]
+    again = tf.identify(files[3], until=45, at=410, model=tf.improve(files[:3], together=True).model)
+    assert again["T1"].at_c == pytest.approx(with_past["records"][0]["at_c"], abs=2e-3)
+
+
+def test_an_effect_is_added_to_all_runs_and_runs_left_out_are_foretold_better(tool, files):
+    done = tool("improve", *files[:3], "--together", "--add", "second_mode", "--format", "json", "-q")
+    assert done.code == 0, done.err
+    rows = json.loads(done.out)["records"]
+    base, better = ([r for r in rows if r["step"] == k] for k in (0, 1))
+    assert {tuple(r["effects"]) for r in better} == {("second_mode",)}
+    error = [np.sqrt(np.mean([r["rmse_other_runs_c"] ** 2 for r in some])) for some in (base, better)]
+    assert error[1] < 0.7 * error[0]
+
+
+def test_a_model_of_another_machine_is_let_go(tool, files, tmp_path):
+    model, other = tmp_path / "machine.toml", tmp_path / "other.csv"
+    tool("improve", *files[:3], "--together", "-o", model, "-q")
+    rng = np.random.default_rng(2)
+    curve = 20 + 9 * -np.expm1(-TIME / 15.0)
+    pd.DataFrame({"time_min": TIME, "T1": curve + 0.02 * rng.standard_normal(len(TIME))}).to_csv(other, index=False)
+    told = json.loads(tool("identify", other, "--model", model, "--until", 60, "--format", "json", "-q").out)["records"][0]
+    assert "do not fit this one and are not counted" in told["message"]
+    assert told["steady_state_lo_c"] <= 29.0 <= told["steady_state_hi_c"]
+
+
+def test_together_needs_runs_of_one_machine(tool, files, tmp_path):
+    alone = tool("improve", files[0], "--together")
+    assert alone.code == 2
+    assert "two or more" in alone.err
+    strange = tmp_path / "strange.csv"
+    pd.read_csv(files[1]).rename(columns={"T1": "X1", "T2": "X2"}).to_csv(strange, index=False)
+    other = tool("improve", files[0], strange, "--together")
+    assert other.code == 2
+    assert "no sensor in common" in other.err
+    model = tool("improve", *files[:2], "-o", tmp_path / "m.toml")
+    assert model.code == 2
+    assert "--together" in model.err
+    bare = tool("identify", files[0], "--model", tmp_path / "no.toml", "--imperfection", "none", "--rates", "own")
+    assert bare.code == 2
+
+
+def test_the_bare_law_takes_no_model(tool, files, tmp_path):
+    model = tmp_path / "machine.toml"
+    tool("improve", files[0], "-o", model, "-q")
+    done = tool("identify", files[1], "--model", model, "--filter", "ukf")
+    assert done.code == 2
+    assert "--filter afukf" in done.err
+    assert NONE.none
