@@ -18,6 +18,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 TASKS = {
     "Foretell where a machine will settle": {
         "identify": "Steady state and settling time from the first part of a record.",
+        "watch": "Follow a test while it runs: when it can be stopped.",
         "plan": "How long a test must run for an accuracy.",
         "calibrate": "How imperfect a lab's machines are, learnt from complete runs.",
         "sweep": "The shortest identification time that serves.",

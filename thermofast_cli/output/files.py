@@ -105,6 +105,12 @@ def write_columns(path: str, columns: dict[str, Any]) -> None:
     write_whole(path, lambda p: _write_text(p, text))
 
 
+def append_line(path: str, line: str) -> None:
+    """One line more at the end of a file, written at once: what was there stays."""
+    with Path(path).open("a", encoding="utf-8") as file:
+        file.write(line + "\n")
+
+
 def _write_text(path: str, text: str) -> None:
     with open(path, "w", encoding="utf-8", errors="backslashreplace", newline="") as out:
         out.write(text)

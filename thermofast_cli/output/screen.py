@@ -144,3 +144,28 @@ def progress(total: int, what: str, quiet: bool) -> Iterator[Any]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total if total > 1 else None)
         yield lambda steps: bar.advance(task, steps)
+
+
+@contextmanager
+def live_table(on: bool) -> Iterator[Any]:
+    """A table on standard error that is drawn again in place; yields a function of a line, records and whether each is within."""
+    if not on:
+        yield lambda _line, _records, _within: None
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.table import Table
+
+    with Live(console=Console(stderr=True), transient=True, auto_refresh=False) as live:
+
+        def draw(line: str, records: Sequence[Any], within: Sequence[bool]) -> None:
+            table = Table(title=line, box=None, header_style="bold", title_justify="left")
+            for heading in ("sensor", "settles degC", "95 % interval", "to go min", "status", "within"):
+                table.add_column(heading, justify="left" if heading in ("sensor", "status", "within") else "right")
+            for r, inside in zip(records, within, strict=True):
+                row = r.as_dict()
+                cells = (number("steady_state_c")(row), interval("steady_state_lo_c", "steady_state_hi_c")(row))
+                table.add_row(r.channel, *cells, number("time_to_go_min", 0)(row), r.status, "yes" if inside else "")
+            live.update(table, refresh=True)
+
+        yield draw

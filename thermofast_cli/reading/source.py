@@ -27,6 +27,19 @@ from .vocabulary import words as words_of
 PARQUET_MAGIC = b"PAR1"
 
 
+def read_growing(data: bytes, options: Options, name: str) -> Run:
+    """The run that a logger is writing, from all whole lines so far: the last one, where time has begun anew.
+
+    Raises
+    ------
+    InputError, UsageError: as :func:`read_runs`.
+    """
+    runs = runs_from_table(read_text(data, name, options), options)
+    if options.strict:
+        refuse_guesses(runs[-1])
+    return stretch(runs[-1], options.from_min, options.to_min)
+
+
 def read_runs(source: Any, options: Options | None = None, name: str | None = None) -> list[Run]:
     """Read the runs of a file, mostly one, from a path (``file.csv#2`` for its second), or from standard input for ``-``.
 

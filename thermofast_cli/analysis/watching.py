@@ -1,0 +1,116 @@
+"""When a test may be stopped: a growing record looked at again and again, with one error rate for the whole watch.
+
+A posterior may be looked at as often as one likes: the probability that a limit lies in an interval is what it says whatever made
+one stop there. What is asked is that all sensors are within the tolerance together, and that it stays so.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import spike_weights
+
+from ..estimation.sensor import logger_step
+from ..reading import Run
+from ..records import IdentifyRecord
+
+Array = NDArray[np.float64]
+
+#: A look is due when the record has grown by this share.
+GROWTH = 0.01
+#: A record is averaged down to about this many readings: none of its time constants is that short.
+MOST = 2000
+#: Half-widths are multiplied by this against the tolerance: all sensors at once, where each interval holds 95 % by itself.
+TOGETHER = 1.15
+#: All sensors must be within the tolerance while the record grows by this share.
+HOLDS = 0.03
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is known after some minutes: records, and of each sensor whether it is within the tolerance; whether to stop."""
+
+    minutes: float
+    records: tuple[IdentifyRecord, ...]
+    within: tuple[bool, ...]
+    stop: bool
+
+    @property
+    def words(self) -> str:
+        """One line."""
+        if self.stop:
+            return f"{self.minutes:.4g} min: you can stop now, every sensor is within the tolerance"
+        halves = {r.channel: half_width(r) for r in self.records}
+        known = {c: h for c, h in halves.items() if h is not None}
+        count = f"{sum(self.within)} of {len(self.within)} sensors within the tolerance"
+        if len(known) < len(halves):
+            return f"{self.minutes:.4g} min: {count}; {len(halves) - len(known)} not determined yet"
+        widest = max(known, key=lambda c: known[c])
+        doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
+        doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
+        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{known[widest]:.2g} K{doubt}"
+
+
+def half_width(record: IdentifyRecord) -> float | None:
+    """Of the steady state's interval [K]; None where a side is open."""
+    low, high = record.steady_state_lo_c, record.steady_state_hi_c
+    return None if low is None or high is None or record.status == "not_determined" else 0.5 * (high - low)
+
+
+@dataclass
+class Watch:
+    """Looks at a growing record. identify: the records of a run; tolerance_c: half-width that is asked for [K]."""
+
+    identify: Callable[[Run], tuple[IdentifyRecord, ...]]
+    tolerance_c: float
+    last_min: float = field(default=0.0, init=False)
+    since_min: float | None = field(default=None, init=False)
+
+    def due(self, minutes: float) -> bool:
+        """Whether the record has grown enough since the last look."""
+        return minutes >= self.last_min * (1.0 + GROWTH) and minutes > self.last_min
+
+    def look(self, run: Run) -> Look:
+        """What is known now."""
+        minutes = float(run.time_s[-1]) / 60.0
+        records = self.identify(thinned(run))
+        halves = [half_width(r) if r.status == "ok" else None for r in records]
+        within = tuple(h is not None and TOGETHER * h <= self.tolerance_c for h in halves)
+        if minutes < self.last_min:  # another run has begun
+            self.since_min = None
+        self.last_min = minutes
+        if not within or not all(within):
+            self.since_min = None
+        elif self.since_min is None:
+            self.since_min = minutes
+        stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
+        return Look(minutes, records, within, stop)
+
+
+def thinned(run: Run, most: int = MOST) -> Run:
+    """A long record averaged over neighbours, outliers left out; the run itself where it is short."""
+    together = len(run.time_s) // most
+    if together < 2:
+        return run
+    edges = np.arange(0, len(run.time_s), together)
+    count = np.diff(np.append(edges, len(run.time_s)))
+
+    def mean(column: Array, good: NDArray[np.bool_]) -> Array:
+        number = np.add.reduceat(good.astype(float), edges)
+        with np.errstate(all="ignore"):
+            found: Array = np.add.reduceat(np.where(good, np.nan_to_num(column), 0.0), edges) / number
+        return found
+
+    def sensor(column: Array) -> Array:
+        good = np.isfinite(column)
+        if good.sum() > 6:
+            good[good] = spike_weights(np.ascontiguousarray(column[good]), logger_step(column[good])) > 0.0
+        return mean(column, good)
+
+    rest = {
+        name: {c: mean(v, np.isfinite(v)) for c, v in getattr(run, name).items()} for name in ("ambient", "inputs", "displacements")
+    }
+    time = np.add.reduceat(run.time_s, edges) / count
+    return replace(run, time_s=time, channels={c: sensor(v) for c, v in run.channels.items()}, **rest)

@@ -1,0 +1,93 @@
+"""``thermofast watch``."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ..shell.options import (
+    Finite,
+    RunCommand,
+    filter_options,
+    imperfection_options,
+    model_option,
+    reading_options,
+    table_options,
+)
+
+if TYPE_CHECKING:
+    from thermofast.models.imperfection import Rates
+
+
+@click.command("watch", cls=RunCommand, epilog="Example: thermofast watch sample_runs/spindle.csv --tolerance 1 --replay 6000x")
+@click.argument("run", metavar="RUN")
+@click.option(
+    "--tolerance",
+    type=Finite(0, min_open=True),
+    default=0.5,
+    show_default=True,
+    metavar="K",
+    help="Half-width to which every sensor's steady state is to be known.",
+)
+@click.option("--exit", "leave", is_flag=True, help="End as soon as the test can be stopped.")
+@click.option("--exec", "execute", metavar="COMMAND", help="Run a shell command at that moment.")
+@click.option("--jsonl", metavar="FILE", help="Append what is known at each look to FILE, a line of JSON each.")
+@click.option("--replay", metavar="600x|max", help="Play a finished record, so many times as fast as it was.")
+@click.option(
+    "--poll", type=Finite(0.05, 3600), default=1.0, show_default=True, metavar="SECONDS", help="How often to look for readings."
+)
+@click.option("--give-up", type=Finite(0, min_open=True), metavar="MIN", help="End after MIN minutes without a new reading.")
+@imperfection_options
+@model_option
+@filter_options
+@reading_options
+@table_options
+def command(
+    run: str,
+    tolerance: float,
+    leave: bool,
+    execute: str | None,
+    jsonl: str | None,
+    replay: str | None,
+    poll: float,
+    give_up: float | None,
+    imperfection: str,
+    rates: "Rates",
+    model: str | None,
+    filter_name: str,
+    preset: str | None,
+    settings: tuple[str, ...],
+    form: str | None,
+    output: str | None,
+    quiet: bool,
+    **reading: Any,
+) -> int:
+    """Follow a record while it is written, and say when the test can be stopped.
+
+    RUN is a file that a logger is writing, or - for standard input. It is looked at again whenever it has grown by one per cent.
+    "You can stop now" is said when every sensor is ok and within --tolerance and has stayed so; --channels chooses sensors.
+    The last look is printed at the end: of the input, by --exit, or by Ctrl-C.
+    """
+    from ..output.screen import interval, number, text
+    from ..pipeline.methods import choose
+    from ..pipeline.watching import speed_of, watch_run
+    from ..reading_options import options_from
+    from ..results import Identification
+    from ..shell.live import shown
+    from ..shell.session import check_outputs, deliver, load_imperfection, load_model
+
+    method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
+    speed = speed_of(replay)
+    check_outputs([output], None)
+    learnt = load_model(model)
+    options = options_from({name: value for name, value in reading.items() if name != "start"})
+    with shown(tolerance, quiet, jsonl, execute) as tell:
+        last, read = watch_run(run, options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up, tell)
+    drawn = [
+        ("sensor", text("channel")),
+        ("settles degC", number("steady_state_c")),
+        ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
+        ("t95 min", number("t95_min", 1)),
+        ("to go min", number("time_to_go_min", 0)),
+        ("status", text("status")),
+    ]
+    return deliver(Identification(last.records, (read,)), [], output, form, quiet, drawn)

@@ -1,0 +1,166 @@
+"""A record followed while it is written."""
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..analysis.watching import Look, Watch
+from ..engine import Work, with_start
+from ..errors import InputError, ThermofastError, UsageError
+from ..estimation.identify import Method
+from ..reading import Run, read_runs
+from ..reading.follow import Follower, Piped
+from ..reading.source import read_growing
+from ..reading_options import Options
+from ..records import IdentifyRecord
+from .sensors import identify_runs
+
+if TYPE_CHECKING:
+    from ..machine.model import Model
+
+#: Hears of each look, with what happened to the file since the last one; of None, that no reading came.
+Tell = Callable[[Look | None, tuple[str, ...]], None]
+#: Readings before which there is nothing to look at.
+FEWEST = 6
+#: Minutes without a reading, in usual intervals, after which it is said.
+SILENT = 20.0
+
+
+def speed_of(replay: str | None) -> float | None:
+    """``600x`` as 600; ``max`` as infinity; None for none.
+
+    Raises
+    ------
+    UsageError: not such a number.
+    """
+    if replay is None:
+        return None
+    if replay == "max":
+        return math.inf
+    try:
+        found = float(replay.removesuffix("x"))
+    except ValueError:
+        found = math.nan
+    if not 0.0 < found < math.inf:
+        raise UsageError("--replay: not a speed", found=repr(replay), allowed="as 600x, or max")
+    return found
+
+
+@dataclass
+class _Clock:
+    """When the last reading came [s], and how far they usually are apart."""
+
+    seen: float
+    interval: float = 1.0
+    said: bool = False
+
+
+def watch_run(
+    source: str,
+    options: Options,
+    start: str,
+    method: Method,
+    tolerance_c: float,
+    model: "Model | None" = None,
+    leave: bool = False,
+    speed: float | None = None,
+    poll_s: float = 1.0,
+    give_up_min: float | None = None,
+    tell: Tell = lambda _look, _notes: None,
+) -> tuple[Look, Run]:
+    """The last look at a growing file (``-``: standard input), and the run it was at; `tell` hears of every look.
+
+    It ends with the input, when `leave` and the test can be stopped, when no reading came for give_up_min, or by an interrupt.
+
+    Raises
+    ------
+    UsageError: a start that is none. InputError: it ended before anything could be read.
+    """
+    begin = None if start == "auto" else float(start)
+
+    def identify(run: Run) -> tuple[IdentifyRecord, ...]:
+        return identify_runs([with_start(run, begin, model is None)], method, None, model, how=Work(1)).records
+
+    watch = Watch(identify, tolerance_c)
+    if speed is not None:
+        return _replayed(source, options, watch, speed, leave, tell)
+    follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
+    name = "stdin" if source == "-" else source
+    last: tuple[Look, Run] | None = None
+    clock, trouble = _Clock(time.monotonic()), ""
+    try:
+        while True:
+            data = follower.poll()
+            if data is not None:
+                clock.seen, clock.said = time.monotonic(), False
+                try:
+                    run = read_growing(data, options, name)
+                    trouble = ""
+                except ThermofastError as error:
+                    trouble = str(error)  # a heading alone is no record yet
+                    run = None
+                if run is not None and len(run.time_s) >= FEWEST and _worth(watch, run, follower):
+                    clock.interval = float(np.median(np.diff(run.time_s)))
+                    last = watch.look(run), run
+                    tell(last[0], tuple(follower.notes))
+                    follower.notes.clear()
+                    if leave and last[0].stop:
+                        return last
+            elif isinstance(follower, Piped) and follower.ended:
+                break
+            silent = time.monotonic() - clock.seen
+            if not clock.said and silent > SILENT * max(clock.interval, poll_s):
+                clock.said = True
+                tell(None, (trouble or f"no reading since {silent / 60.0:.2g} min",))
+            if give_up_min is not None and silent > 60.0 * give_up_min:
+                break
+            time.sleep(poll_s)
+    except KeyboardInterrupt:
+        pass
+    if last is None:
+        raise InputError(f"{name}: nothing to foretell from was read", found=trouble, allowed=f"{FEWEST} readings or more")
+    return last
+
+
+def _worth(watch: Watch, run: Run, follower: "Follower | Piped") -> bool:
+    """Whether to look: the record has grown, another has begun, or the input has ended."""
+    minutes = float(run.time_s[-1]) / 60.0
+    return watch.due(minutes) or minutes < watch.last_min or (isinstance(follower, Piped) and follower.ended)
+
+
+def _replayed(source: str, options: Options, watch: Watch, speed: float, leave: bool, tell: Tell) -> tuple[Look, Run]:
+    runs = read_runs(source, options)
+    if len(runs) > 1:
+        raise InputError(f"{source}: {len(runs)} runs", allowed="one to replay", do=f"name one, as {source}#2")
+    whole = runs[0]
+    last: tuple[Look, Run] | None = None
+    began = time.monotonic()
+    try:
+        for count in range(FEWEST, len(whole.time_s) + 1):
+            now = float(whole.time_s[count - 1])
+            if not watch.due(now / 60.0) and count < len(whole.time_s):
+                continue
+            wait = began + now / speed - time.monotonic()
+            if wait > 0.0:
+                time.sleep(wait)
+            run = first_readings(whole, count)
+            last = watch.look(run), run
+            tell(last[0], ())
+            if leave and last[0].stop:
+                return last
+    except KeyboardInterrupt:
+        pass
+    if last is None:
+        raise InputError(f"{source}: nothing to foretell from", found=f"{len(whole.time_s)} readings", allowed=f"{FEWEST} or more")
+    return last
+
+
+def first_readings(run: Run, count: int) -> Run:
+    """The first `count` readings of a run."""
+    cut = {f: {n: v[:count] for n, v in getattr(run, f).items()} for f in ("channels", "ambient", "inputs", "displacements")}
+    return replace(run, time_s=run.time_s[:count], **cut)

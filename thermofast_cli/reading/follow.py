@@ -1,0 +1,130 @@
+"""A file, or standard input, that a logger is still writing: what is whole of it so far, whatever the logger does to it."""
+
+import os
+import threading
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import InputError
+
+#: Bytes at the beginning and before the place read last that tell whether what was read is still there.
+HEAD, TAIL = 4096, 256
+UTF16 = b"\xff\xfe"
+
+
+class Follower:
+    """Bytes of a growing file. A logger may pause, rotate, truncate, write the whole file again, and die in mid-line.
+
+    Where a file is begun anew what was read stays, and the new lines come after it, without its heading where that is the same:
+    the reader of records finds out by the time column whether the run goes on or another has begun.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = Path(path)
+        self.before = b""  # of files that are gone
+        self.now = b""  # of the file that is there
+        self.notes: list[str] = []
+        self._inode = 0
+
+    def poll(self) -> bytes | None:
+        """All whole lines so far; None where there are no new ones since the last call.
+
+        Raises
+        ------
+        InputError: it is a folder, or may not be read.
+        """
+        try:
+            with self.path.open("rb") as file:
+                return self._read(file)
+        except FileNotFoundError:
+            return None
+        except IsADirectoryError:
+            raise InputError(f"{self.path}: a folder", allowed="a file that a logger writes") from None
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read", found=str(error.strerror), do="check the permissions") from None
+
+    def _read(self, file: BinaryIO) -> bytes | None:
+        told = os.fstat(file.fileno())
+        size = len(self.now)
+        if self._inode and told.st_ino != self._inode and not self._same(file, told.st_size):
+            self._anew("another file is there now (rotated)")
+        elif told.st_size < size:
+            self._anew("the file was truncated")
+        elif size and not self._same(file, told.st_size):
+            self.notes.append("the file was written again")
+            self.now = b""
+        self._inode = told.st_ino
+        at = len(self.now)
+        file.seek(at)
+        more = whole_lines(file.read(), self.now[:2] or None)
+        if not more:
+            return None
+        self.now += more
+        return self.text
+
+    @property
+    def text(self) -> bytes:
+        """All whole lines so far."""
+        if not self.before:
+            return self.now
+        return self.before + self.now[_same_heading(self.before, self.now) :]
+
+    def _anew(self, why: str) -> None:
+        self.notes.append(why)
+        self.before, self.now = self.text, b""
+
+    def _same(self, file: BinaryIO, size: int) -> bool:
+        """Whether the file still begins with what was read."""
+        read = len(self.now)
+        if size < read:
+            return False
+        file.seek(0)
+        head = file.read(min(HEAD, read))
+        file.seek(max(0, read - TAIL))
+        return self.now.startswith(head) and self.now[max(0, read - TAIL) :] == file.read(min(TAIL, read))
+
+
+class Piped:
+    """Bytes of standard input or a pipe, read as they come by a thread of their own."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self.ended = False
+        self.notes: list[str] = []
+        self._held = b""
+        self._told = 0
+        self._lock = threading.Lock()
+        threading.Thread(target=self._pump, args=(stream,), daemon=True).start()
+
+    def _pump(self, stream: BinaryIO) -> None:
+        while chunk := os.read(stream.fileno(), 1 << 16):
+            with self._lock:
+                self._held += chunk
+        self.ended = True
+
+    def poll(self) -> bytes | None:
+        """All whole lines so far, and at the end all there is; None where there are no new ones since the last call."""
+        with self._lock:
+            ended, held = self.ended, self._held
+        whole = held if ended else whole_lines(held, held[:2])
+        if len(whole) <= self._told:
+            return None
+        self._told = len(whole)
+        return whole
+
+
+def _same_heading(before: bytes, now: bytes) -> int:
+    """How many bytes of whole lines two files have alike at their beginning: the heading, in front of readings of other times."""
+    at = 0
+    for ours, theirs in zip(before[:HEAD].splitlines(keepends=True), now[:HEAD].splitlines(keepends=True), strict=False):
+        if ours != theirs:
+            break
+        at += len(theirs)
+    return at
+
+
+def whole_lines(data: bytes, begin: bytes | None) -> bytes:
+    """Up to the last end of a line; `begin` are the first bytes of the file, which tell its width of letters."""
+    wide = (begin or data[:2]) == UTF16
+    end = b"\n\x00" if wide else b"\n"
+    place = data.rfind(end)
+    return data[: place + len(end)] if place >= 0 else b""
