@@ -103,7 +103,9 @@ def cost() -> None:
     rng = np.random.default_rng(1)
     seconds = np.arange(0.0, 40 * 3600.0, 1.0)
     rise = rng.uniform(3.0, 15.0, 100)[:, None] * -np.expm1(-seconds / rng.uniform(4000.0, 20000.0, 100)[:, None])
-    run = tf.read({"time_s": seconds} | {f"T{i}": 20.0 + line + 0.02 * rng.standard_normal(len(line)) for i, line in enumerate(rise)})
+    run = tf.read(
+        {"time_s": seconds} | {f"T{i}": 20.0 + line + 0.02 * rng.standard_normal(len(line)) for i, line in enumerate(rise)}
+    )
     watch = Watch(lambda seen: tf.identify(seen, details=False).records, 0.1)
     for hours in (1.0, 4.0, 10.0, 20.0, 40.0):
         count = int(hours * 3600)
@@ -123,7 +125,7 @@ def main() -> None:
     if asked.cost:
         cost()
         return
-    print("| machines | tests | tolerance K | stopped | within, of those | stopped wrong, of all | mean stop min | oracle min | ratio |")
+    print("| machines | tests | tolerance K | stopped | within, of those | wrong, of all | mean stop min | oracle min | ratio |")
     print("| --- |" + " ---: |" * 8)
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         for simulator in ("bar", "network"):

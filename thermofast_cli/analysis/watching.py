@@ -24,6 +24,11 @@ GROWTH = 0.01
 MOST = 2000
 #: Half-widths are multiplied by this against the tolerance: all sensors at once, where each interval holds 95 % by itself.
 TOGETHER = 1.15
+#: Nothing is settled before some sensor has risen by this many tolerances: a machine that heat has not reached looks settled.
+RISEN = 2.0
+#: Time constants that must have been read where no past runs are known: before that a second mass is not to be seen, and a trial
+#: (python -m benchmarks.watching) stopped one test in six of those with a strong effect at a wrong number, against one in ten.
+TURNS = 1.5
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03
 
@@ -61,10 +66,14 @@ def half_width(record: IdentifyRecord) -> float | None:
 
 @dataclass
 class Watch:
-    """Looks at a growing record. identify: the records of a run; tolerance_c: half-width that is asked for [K]."""
+    """Looks at a growing record. identify: the records of a run; tolerance_c: half-width that is asked for [K].
+
+    known: past runs of the machine are counted, so that a short record may do.
+    """
 
     identify: Callable[[Run], tuple[IdentifyRecord, ...]]
     tolerance_c: float
+    known: bool = False
     last_min: float = field(default=0.0, init=False)
     since_min: float | None = field(default=None, init=False)
 
@@ -81,12 +90,22 @@ class Watch:
         if minutes < self.last_min:  # another run has begun
             self.since_min = None
         self.last_min = minutes
-        if not within or not all(within):
+        risen = any(np.ptp(_ends(column)) > RISEN * self.tolerance_c for column in run.channels.values())
+        rates = [r.rate_per_min for r in records if r.rate_per_min]
+        long_enough = self.known or (bool(rates) and minutes * float(np.median(rates)) >= TURNS)
+        if not risen or not long_enough or not within or not all(within):
             self.since_min = None
         elif self.since_min is None:
             self.since_min = minutes
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
         return Look(minutes, records, within, stop)
+
+
+def _ends(column: Array) -> Array:
+    """Where a sensor was at first and where it is now."""
+    good = column[np.isfinite(column)]
+    few = max(1, min(5, len(good) // 4))
+    return np.array([np.median(good[:few]), np.median(good[-few:])]) if len(good) else np.zeros(2)
 
 
 def thinned(run: Run, most: int = MOST) -> Run:

@@ -86,7 +86,7 @@ def watch_run(
     def identify(run: Run) -> tuple[IdentifyRecord, ...]:
         return identify_runs([with_start(run, begin, model is None)], method, None, model, how=Work(1)).records
 
-    watch = Watch(identify, tolerance_c)
+    watch = Watch(identify, tolerance_c, model is not None)
     if speed is not None:
         return _replayed(source, options, watch, speed, leave, tell)
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)

@@ -1,0 +1,199 @@
+"""watch: a file while a logger writes it, whatever the logger does, and when a test may be stopped."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, thinned
+from thermofast.pipeline.watching import first_readings, speed_of
+from thermofast.reading.follow import Follower, whole_lines
+from thermofast.records import IdentifyRecord
+
+HEAD = b"time_min,T1\n"
+
+
+def lines(first, last):
+    return b"".join(b"%d,%.3f\n" % (k, 20 + 9 * -np.expm1(-k / 60)) for k in range(first, last))
+
+
+def test_a_growing_file_is_read_by_whole_lines(tmp_path):
+    path = tmp_path / "log.csv"
+    follower = Follower(str(path))
+    assert follower.poll() is None  # not there yet
+    path.write_bytes(HEAD + lines(0, 5) + b"5,20.")
+    assert follower.poll() == HEAD + lines(0, 5)
+    assert follower.poll() is None
+    with path.open("ab") as file:
+        file.write(b"718\n6,2")
+    assert follower.poll().endswith(b"5,20.718\n")
+    assert not follower.notes
+
+
+def test_a_file_rotated_or_truncated_goes_on_without_its_heading(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(HEAD + lines(0, 8))
+    follower = Follower(str(path))
+    follower.poll()
+    path.rename(tmp_path / "log.csv.1")
+    path.write_bytes(HEAD + lines(8, 10))
+    assert follower.poll() == HEAD + lines(0, 10)
+    assert "rotated" in follower.notes[0]
+    path.write_bytes(HEAD + lines(10, 11))
+    assert follower.poll() == HEAD + lines(0, 11)
+    assert "truncated" in follower.notes[1]
+
+
+def test_a_file_written_again_replaces_what_was_read(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(HEAD + lines(0, 6))
+    follower = Follower(str(path))
+    follower.poll()
+    path.write_bytes(HEAD.replace(b"T1", b"front") + lines(0, 9))
+    assert follower.poll() == HEAD.replace(b"T1", b"front") + lines(0, 9)
+    assert follower.notes == ["the file was written again"]
+    with pytest.raises(tf.InputError, match="a folder"):
+        Follower(str(tmp_path)).poll()
+
+
+def test_a_line_of_two_byte_letters_ends_whole():
+    text = "a,b\n1,2\n3".encode("utf-16")
+    assert whole_lines(text, None) == "a,b\n1,2\n".encode("utf-16")
+
+
+def record(channel, half, status="ok", rate=0.05):
+    return IdentifyRecord(
+        "run",
+        channel,
+        "afukf",
+        steady_state_c=29.0,
+        steady_state_lo_c=29 - half,
+        steady_state_hi_c=29 + half,
+        rate_per_min=rate,
+        status=status,
+    )
+
+
+def rising(minutes, rise=9.0):
+    time = np.linspace(0.0, minutes, 40)
+    return tf.read({"time_min": time, "a": 20 + rise * -np.expm1(-time / 60), "b": 20 + rise * -np.expm1(-time / 80)})
+
+
+def test_it_stops_when_all_sensors_are_within_the_tolerance_and_stay_so():
+    said = {"a": 0.4, "b": 0.6}
+    watch = Watch(lambda run: tuple(record(c, h) for c, h in said.items()), 0.5)
+    assert not watch.look(rising(60.0)).stop
+    said["b"] = 0.499 / TOGETHER
+    first = watch.look(rising(61.0))
+    assert first.within == (True, True)
+    assert not first.stop
+    said["b"] = 0.6
+    assert not watch.look(rising(70.0)).stop
+    said["b"] = 0.4
+    assert not watch.look(rising(71.0)).stop
+    assert watch.look(rising(71.0 * (1 + HOLDS) + 0.01)).stop
+    assert watch.due(75.0)
+    assert not watch.due(watch.last_min * 1.005)
+
+
+def test_a_machine_that_heat_has_not_reached_is_not_settled():
+    watch = Watch(lambda run: (record("a", 0.01), record("b", 0.01)), 0.5)
+    for minutes in (20.0, 22.0, 25.0):
+        assert not watch.look(rising(minutes, 0.2)).stop
+    slow = Watch(lambda run: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5)
+    for minutes in (60.0, 70.0, 80.0, 140.0):
+        assert not slow.look(rising(minutes)).stop  # not before one and a half time constants
+    assert slow.look(rising(200.0)).stop is False
+    assert slow.look(rising(210.0)).stop
+    known = Watch(lambda run: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5, known=True)
+    assert [known.look(rising(m)).stop for m in (40.0, 42.0)] == [False, True]
+    doubtful = Watch(lambda run: (record("a", 0.01), record("b", 0.01, "model_doubtful")), 0.5)
+    for minutes in (60.0, 70.0, 80.0):
+        assert not doubtful.look(rising(minutes)).stop
+
+
+def test_a_long_record_is_averaged_without_its_outliers():
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 36000.0, 1.0)
+    values = 20 + 9 * -np.expm1(-time / 3600) + 0.02 * rng.standard_normal(len(time))
+    values[5000] += 40.0
+    run = tf.read({"time_s": time, "a": values})
+    short = thinned(run)
+    assert 1900 < len(short.time_s) < 2200
+    assert short.channels["a"] == pytest.approx(20 + 9 * -np.expm1(-short.time_s / 3600), abs=0.03)
+    assert thinned(short) is short
+
+
+def test_a_replay_says_stop_once_and_ends_there(tool, tmp_path):
+    done = tool(
+        *("watch", "sample_runs/spindle.csv", "--tolerance", 1, "--channels", "T3,T4", "--replay", "max", "--exit"),
+        *("--jsonl", tmp_path / "looks.jsonl", "--exec", f"echo stopped > {tmp_path / 'told'}", "--format", "json"),
+    )
+    assert done.code == 0, done.err
+    assert done.err.count("you can stop now") == 1
+    assert (tmp_path / "told").read_text() == "stopped\n"
+    looks = [json.loads(line) for line in (tmp_path / "looks.jsonl").read_text().splitlines()]
+    assert [look["stop"] for look in looks].index(True) == len(looks) - 1
+    assert len(looks) > 30
+    last = {r["channel"]: r for r in json.loads(done.out)["records"]}
+    whole = json.loads(tool("identify", "sample_runs/spindle.csv", "--channels", "T3,T4", "--format", "json", "-q").out)
+    for r in whole["records"]:
+        assert abs(last[r["channel"]]["steady_state_c"] - r["steady_state_measured_c"]) < 1.0
+    assert looks[-1]["minutes"] < 120
+
+
+def test_a_file_is_followed_to_the_moment(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(HEAD)
+    command = [
+        sys.executable,
+        "-m",
+        "thermofast",
+        "watch",
+        str(path),
+        "--tolerance",
+        "1",
+        "--exit",
+        "--poll",
+        "0.05",
+        "--format",
+        "json",
+    ]
+    watching = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"COLUMNS": "100"})
+    rng = np.random.default_rng(4)
+    for k in range(0, 300, 5):
+        if watching.poll() is not None:
+            break
+        with path.open("ab") as file:
+            for m in range(k, k + 5):
+                file.write(b"%d,%.3f\n" % (m, 20 + 9 * -np.expm1(-m / 40) + 0.01 * rng.standard_normal()))
+        time.sleep(0.12)
+    out, err = watching.communicate(timeout=60)
+    assert watching.returncode == 0, err
+    assert b"you can stop now" in err
+    told = json.loads(out)["records"][0]
+    assert told["steady_state_c"] == pytest.approx(29.0, abs=0.5)
+    assert told["samples"] < 290
+
+
+def test_standard_input_is_followed_to_its_end():
+    record = HEAD + lines(0, 50)
+    command = [sys.executable, "-m", "thermofast", "watch", "-", "--poll", "0.05", "--format", "json", "-q"]
+    done = subprocess.run(command, input=record, capture_output=True, check=True, timeout=60)
+    assert json.loads(done.stdout)["records"][0]["samples"] == 50
+
+
+def test_bad_input_is_met_with_words(tool, tmp_path):
+    never = tool("watch", tmp_path / "never.csv", "--give-up", 0.002, "--poll", 0.05)
+    assert never.code == 2
+    assert "nothing to foretell from was read" in never.err
+    speed = tool("watch", "sample_runs/spindle.csv", "--replay", "fast")
+    assert speed.code == 2
+    assert "600x" in speed.err
+    assert speed_of("600x") == 600.0
+    assert len(first_readings(rising(60.0), 7).time_s) == 7
