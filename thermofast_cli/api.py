@@ -122,6 +122,7 @@ def identify(
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
     model: "Model | str | Path | None" = None,
+    drive: str | None = None,
     joint: bool = False,
     pace: str | None = None,
     at: float | None = None,
@@ -138,7 +139,8 @@ def identify(
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
     imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share;
-    `at` [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room.
+    `at` [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room; `drive` names a logged
+    column (power, duty) that the heat follows.
 
     settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes,
     or anybody's executor, share the sensors; progress is told how many are done; reading as for :func:`read`.
@@ -154,8 +156,9 @@ def identify(
     learnt = _model(model)
     prior = read_imperfection(imperfection)
     method = replace(choose(filter, preset, _texts(filter, settings), prior, rates), paces=paces(pace))
-    started = _started(runs, start, learnt is None, reading)
-    return identify_runs(started, method, until, learnt, joint, _keep(details, started), _work(jobs, executor, progress), at, room)
+    started = _started(runs, start, learnt is None and drive is None, reading)
+    work = _work(jobs, executor, progress)
+    return identify_runs(started, method, until, learnt, joint, _keep(details, started), work, at, room, drive)
 
 
 def calibrate(
@@ -211,6 +214,7 @@ def sweep(
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
     model: "Model | str | Path | None" = None,
+    drive: str | None = None,
     imperfection: "Imperfection | str" = "typical",
     rates: "Rates" = "auto",
     start: Start = "auto",
@@ -236,8 +240,10 @@ def sweep(
     method = choose(filter, preset, _texts(filter, settings), read_imperfection(imperfection), rates)
     spans = _minutes(windows, "windows")
     grid = _minutes(times, "times") if times is not None else default_times(spans)
-    started = _started(runs, start, learnt is None, reading)
-    return sweep_runs(started, method, spans, grid, tolerance, learnt, _keep(details, started), _work(jobs, executor, progress))
+    started = _started(runs, start, learnt is None and drive is None, reading)
+    return sweep_runs(
+        started, method, spans, grid, tolerance, learnt, _keep(details, started), _work(jobs, executor, progress), drive
+    )
 
 
 def compare(

@@ -3,7 +3,7 @@
 from .blocks import pilot
 from .known import Known
 from .left_out import widths_left_out
-from .past import FAST_MODES, GRID, NODES, SLOW_MODES, Past, PastRun, Rise, SensorShape, learn_past
+from .past import FAST_MODES, GRID, GUESSED_NODES, NODES, SLOW_MODES, Past, PastRun, Rise, SensorShape, learn_past
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged
@@ -11,6 +11,7 @@ from .shapes import lagged
 __all__ = [
     "FAST_MODES",
     "GRID",
+    "GUESSED_NODES",
     "NODES",
     "NONE",
     "SLOW_MODES",

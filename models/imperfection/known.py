@@ -11,6 +11,16 @@ from .shapes import Asked
 Array = NDArray[np.float64]
 
 
+#: Points of a block at which a curve with corners is averaged.
+POINTS = 8
+
+
+def within(time: Array, spread: Array) -> Array:
+    """Times (m, POINTS) inside blocks of mean time (m,) whose times have the variance (m,)."""
+    found: Array = time[:, None] + np.sqrt(3.0 * spread)[:, None] * (np.arange(POINTS) * 2.0 + 1.0 - POINTS) / POINTS
+    return found
+
+
 @dataclass(frozen=True)
 class Known:
     """Of the s sensors of a part, each over its own x = rate t (n,).
@@ -19,7 +29,8 @@ class Known:
     are `nodes` (L,) off the known one, one node where it does not depend on the rate but through x; held (s, L, n): the same with
     what is logged held as it was at the last reading used, which leads to the limit. doubt (s, J, n): columns whose amplitudes are
     standard normal, relative to the rise, in which the curve may be wrong. beside (s, k) [K] at beside_time (k,) [min after the
-    first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit.
+    first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit. guessed: log_rate is no
+    knowledge, but a guess from the record itself.
     """
 
     log_rate: Array
@@ -31,6 +42,7 @@ class Known:
     beside_time: Array = field(default_factory=lambda: np.array([0.0, 1.0]))
     beside: Array | None = None
     beside_end: Array | None = None
+    guessed: bool = False
 
     @cached_property
     def turns(self) -> Array:
@@ -66,9 +78,9 @@ class Known:
         turns, pace = both
         return turns, pace
 
-    def beyond_law(self, rate: Array, time: Array, asked: Asked) -> Array:
+    def beyond_law(self, rate: Array, time: Array, spread: Array, asked: Asked) -> Array:
         """What the curve has beyond the law over the rate, (s, F, m + k), at rates (s, F) and the rows of :func:`shapes.law`."""
-        of_law = np.expm1(-self.x)
+        of_law, inside = np.expm1(-self.x), within(time, spread)
         found = np.empty((*rate.shape, len(time) + asked.count))
         for i, rates in enumerate(rate):
             node, share = self._place(i, np.log(rates))
@@ -76,7 +88,7 @@ class Known:
             for f, (a, b, w, r) in enumerate(zip(node.tolist(), beyond.tolist(), share.tolist(), rates.tolist(), strict=True)):
                 curve = (1.0 - w) * self.curve[i, a] + w * self.curve[i, b] + of_law
                 end = (1.0 - w) * self.held[i, a, -1] + w * self.held[i, b, -1] - 1.0
-                found[i, f] = self._rows(curve, end, 0.0, r, time, asked) / r
+                found[i, f] = self._rows(curve, end, 0.0, r, inside, asked) / r
         return found
 
     def doubts(self, time: Array, asked: Asked) -> Array:
@@ -86,16 +98,18 @@ class Known:
         for i, columns in enumerate(self.doubt):
             rate, turns = float(np.exp(self.log_rate[i, 0])), self.turns[i, middle]
             late = [float(np.interp(turns, self.x, c)) - 0.95 * c[-1] - 0.05 * c[0] for c in columns]
-            rows = np.array([self._rows(c, c[-1], at, rate, time, asked) for c, at in zip(columns, late, strict=True)])
+            rows = np.array([self._rows(c, c[-1], at, rate, time[:, None], asked) for c, at in zip(columns, late, strict=True)])
             found.append(rows.T @ rows)
         return np.array(found)
 
-    def beside_at(self, time: Array, asked: Asked) -> Array:
+    def beside_at(self, time: Array, spread: Array, asked: Asked) -> Array:
         """What is not proportional to the rise (s, m + k) [K]."""
         assert self.beside is not None
         assert self.beside_end is not None
         ends = self.beside_end[:, None]
-        there, later = (np.array([np.interp(at, self.beside_time, line) for line in self.beside]) for at in (time, asked.times))
+        inside = within(time, spread)
+        there = np.array([np.interp(inside, self.beside_time, line).mean(axis=1) for line in self.beside])
+        later = np.array([np.interp(asked.times, self.beside_time, line) for line in self.beside])
         return np.concatenate([there, ends, 0.0 * ends, 0.0 * ends, later], axis=1)
 
     def _place(self, sensor: int, log_rate: Array) -> tuple[NDArray[np.intp], Array]:
@@ -108,7 +122,10 @@ class Known:
         return node, place - node
 
     def _rows(self, line: Array, end: float, late: float, rate: float, time: Array, asked: Asked) -> Array:
-        """A line over x at the rows that are asked for (m + k,): blocks, limit, settling, slow rest, times."""
-        there, later = (np.interp(rate * at, self.x, line) for at in (time, asked.times))
+        """A line over x at the rows that are asked for (m + k,): blocks, limit, settling, slow rest, times.
+
+        Over a block it is the mean at its times (m, n).
+        """
+        there, later = np.interp(rate * time, self.x, line).mean(axis=1), np.interp(rate * asked.times, self.x, line)
         found: Array = np.concatenate([there, [end, late, 0.0], later])
         return found

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .blocks import block_means
-from .known import Known
+from .known import Known, within
 from .posterior import Part
 from .prior import Imperfection, Sizes
 from .shapes import Asked, covariances, law, loss_bend, of_room
@@ -36,9 +36,10 @@ SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS = 3
 #: Deviation of the logarithm of the size from run to run, as one run lets it be known.
 SCALE_AGAIN = 0.6
-#: Log rates about the known one at which a rise is worked out: what is logged does not stretch with the machine. Points x = rate t
+#: Log rates about the known one, or about a guess, at which a rise is worked out: what is logged does not stretch with the machine.
+#: Points x = rate t
 #: at which a rise is drawn, and where all is over.
-NODES = np.linspace(-0.6, 0.6, 41)
+NODES, GUESSED_NODES = np.linspace(-0.6, 0.6, 41), np.linspace(-2.4, 2.4, 81)
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 600)])
 
 
@@ -83,7 +84,7 @@ class SensorShape:
 class Rise:
     """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
 
-    curve, held (L, n) over GRID, of rates whose logarithms are :data:`NODES` (L,) off `log_rate`; doubt (J, n), beside (k,) [K] at
+    curve, held (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt (J, n), beside (k,) [K] at
     beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
     """
 
@@ -94,10 +95,12 @@ class Rise:
     beside_time: Array
     beside: Array
     beside_end: float
+    nodes: Array = field(default_factory=lambda: NODES)
 
     def about(self, log_rate: float) -> tuple[Array, Array]:
         """Both curves (L, n) at nodes about another rate."""
-        at = np.clip((NODES + log_rate - self.log_rate - NODES[0]) / (NODES[1] - NODES[0]), 0.0, len(NODES) - 1.000001)
+        step = self.nodes[1] - self.nodes[0]
+        at = np.clip((self.nodes + log_rate - self.log_rate - self.nodes[0]) / step, 0.0, len(self.nodes) - 1.000001)
         node = at.astype(int)
         share = (at - node)[:, None]
         curve, held = ((1.0 - share) * v[node] + share * v[node + 1] for v in (self.curve, self.held))
@@ -110,7 +113,8 @@ class Past:
     size of disturbances over the typical with the deviation of its logarithm.
 
     stretches (runs,) are those of the runs learnt from; factors those on half-widths that the runs ask for, as in
-    :class:`Imperfection`; rises are those of the run at hand, where a model of it has more than the law.
+    :class:`Imperfection`; rises are those of the run at hand, where a model of it has more than the law. guessed: there were no
+    runs, and what stands here of rates is a guess from the run at hand.
     """
 
     shapes: dict[str, SensorShape]
@@ -121,10 +125,13 @@ class Past:
     scale_spread: float = 0.8
     stretches: tuple[float, ...] = ()
     factors: tuple[tuple[float, float], ...] = ()
+    guessed: bool = False
     rises: dict[str, Rise] = field(default_factory=dict)
 
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt."""
+        if self.guessed:
+            return given
         rare = [i for i, s in enumerate(given.strong) if not (s.slow or s.fast or s.exponent)]
         weights = given.strong_weights or (1.0,) * len(given.strong)
         return replace(
@@ -160,10 +167,11 @@ class Past:
             np.array([curve + more for (curve, _), more in zip(about, own, strict=True)]),
             np.array([held + more for (_, held), more in zip(about, own, strict=True)]),
             np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in doubt]),
-            NODES,
+            rises[0].nodes,
             rises[0].beside_time,
             np.array([r.beside for r in rises]),
             np.array([r.beside_end for r in rises]),
+            self.guessed,
         )
 
 
@@ -252,12 +260,13 @@ def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _
     y = blocks.mean[0] - (0.0 if room is None else room[0, :m])
     shape, bend = law(rate, blocks.time, blocks.spread, asked)[0, :m] * rate[0], x * np.exp(-x)
     if rise is not None:
-        y = y - np.interp(blocks.time, rise.beside_time, rise.beside)
-        node = len(NODES) // 2
+        inside = within(blocks.time, blocks.spread)
+        y = y - np.interp(inside, rise.beside_time, rise.beside).mean(axis=1)
+        nodes, node = rise.nodes, len(rise.nodes) // 2
         curves = rise.about(log_rate)[0]
-        at_rate, faster = (np.interp(blocks.time, GRID / rate[0] * np.exp(-NODES[k]), curves[k]) for k in (node, node + 1))
-        shape = shape + np.interp(x, GRID, curves[node] + np.expm1(-GRID))
-        bend = (faster - at_rate) / NODES[node + 1]
+        at_rate, faster = (np.interp(inside, GRID / rate[0] * np.exp(-nodes[k]), curves[k]).mean(axis=1) for k in (node, node + 1))
+        shape = shape + np.interp(rate[0] * inside, GRID, curves[node] + np.expm1(-GRID)).mean(axis=1)
+        bend = (faster - at_rate) / nodes[node + 1]
     return _Seen(
         y,
         shape,

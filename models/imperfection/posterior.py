@@ -127,6 +127,7 @@ class _Run:
         slow, fast = float(np.log(SLOWEST / span)), float(np.log(fastest))
         told = [p.known.log_rate for p in parts if p.known is not None]
         self.known = np.concatenate(told) if told else None
+        self.guessed = any(p.known is not None and p.known.guessed for p in parts)
         if self.known is not None:
             reach = AROUND_KNOWN * self.known[:, 1]
             slow, fast = float((self.known[:, 0] - reach).min()), float((self.known[:, 0] + reach).max())
@@ -148,7 +149,7 @@ class _Run:
         self.shape = [p.known for p in parts]
         there = list(zip(self.shape, self.blocks, self.asked, strict=True))
         self.doubt = [np.zeros((0, 0, 0)) if k is None else np.ascontiguousarray(k.doubts(b.time, a)) for k, b, a in there]
-        self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, a) for k, b, a in there]
+        self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, b.spread, a) for k, b, a in there]
         none = [np.full((len(p.reading), 2), np.nan) for p in parts]
         law_rate = np.concatenate([n if p.log_rate is None else p.log_rate for p, n in zip(parts, none, strict=True)])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
@@ -177,7 +178,7 @@ class _Run:
             of_law = law(rate, blocks.time, blocks.spread, self.asked[i])
             past = self.shape[i]
             if past is not None:
-                of_law = of_law + past.beyond_law(rate, blocks.time, self.asked[i])
+                of_law = of_law + past.beyond_law(rate, blocks.time, blocks.spread, self.asked[i])
             of_law = np.ascontiguousarray(of_law)
             m = len(blocks.time)
             place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
@@ -359,7 +360,8 @@ class _Run:
             cell = _cells(log_rate[i])
             spread_of_rate[i] = np.sqrt(max(of_rate @ ((log_rate[i] - middle) ** 2 + cell**2 / 12.0), 0.0))
             if self.known is not None:
-                spread_of_rate[i] = 0.0  # its prior is knowledge
+                # Where its prior is knowledge there is nothing to be shrunk.
+                spread_of_rate[i] = spread_of_rate[i] / self.known[i, 1] if self.guessed else 0.0
             elif of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
                 spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], 0.5 * cell))
@@ -383,7 +385,7 @@ class _Run:
             t95=t95,
             at=at,
             rate=rate,
-            rate_unknown=spread_of_rate / (0.5 * (1.0 + SLOWER) * self.prior.log_rate_spread),
+            rate_unknown=spread_of_rate / (0.5 * (1.0 + SLOWER) * self.prior.log_rate_spread if self.known is None else 1.0),
             check_p=check,
             strong=strong,
             unseen=unseen,

@@ -6,6 +6,7 @@ one stop there. What is asked is that all sensors are within the tolerance toget
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +129,7 @@ def thinned(run: Run, most: int = MOST) -> Run:
             good[good] = spike_weights(np.ascontiguousarray(column[good]), logger_step(column[good])) > 0.0
         return mean(column, good)
 
-    rest = {
+    rest: dict[str, Any] = {
         name: {c: mean(v, np.isfinite(v)) for c, v in getattr(run, name).items()} for name in ("ambient", "inputs", "displacements")
     }
     time = np.add.reduceat(run.time_s, edges) / count

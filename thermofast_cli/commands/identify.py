@@ -7,6 +7,7 @@ import click
 from ..shell.options import (
     Finite,
     RunCommand,
+    drive_option,
     filter_options,
     imperfection_options,
     model_option,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 @click.option("--room", type=Finite(-100, 500), metavar="DEGC", help="Say the steady state in such a room too; needs its column.")
 @imperfection_options
 @model_option
+@drive_option
 @click.option(
     "--pace",
     metavar="MIN:FACTOR,..",
@@ -53,6 +55,7 @@ def command(
     imperfection: str,
     rates: "Rates",
     model: str | None,
+    drive: str | None,
     pace: str | None,
     joint: bool,
     filter_name: str,
@@ -89,10 +92,12 @@ def command(
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
     check_outputs([output, trace], save_plot)
     learnt = load_model(model)
-    identify_runs([], method, model=learnt, joint=joint, at_min=at, room_c=room)  # wrong options are told before reading
-    readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None)
+    identify_runs(
+        [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive
+    )  # wrong options are told before reading
+    readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None and drive is None)
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
-        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room)
+        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room, drive)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),

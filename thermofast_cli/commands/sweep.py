@@ -7,6 +7,7 @@ import click
 from ..shell.options import (
     Finite,
     RunCommand,
+    drive_option,
     filter_options,
     imperfection_options,
     model_option,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 )
 @imperfection_options
 @model_option
+@drive_option
 @filter_options
 @reading_options
 @output_options
@@ -49,6 +51,7 @@ def command(
     imperfection: str,
     rates: "Rates",
     model: str | None,
+    drive: str | None,
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -78,9 +81,11 @@ def command(
     grid = numbers(times, "--times") if times else default_times(spans)
     check_outputs([output], save_plot)
     learnt = load_model(model)
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
-    with working(readings, readings.sensors if learnt is None else len(readings.runs), "sensors", quiet, jobs) as how:
-        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, bool(save_plot), how)
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None and drive is None)
+    with working(
+        readings, readings.sensors if learnt is None and drive is None else len(readings.runs), "sensors", quiet, jobs
+    ) as how:
+        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, bool(save_plot), how, drive)
     drawn = [
         ("sensor", text("channel")),
         ("window min", number("window_min", 0)),
@@ -92,7 +97,7 @@ def command(
         ("agreed", text("agreed")),
         ("status", text("status")),
     ]
-    name = "joint_fit" if learnt else filter_name
+    name = "joint_fit" if learnt or drive else filter_name
     code = deliver(result, failed(SweepRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
     draw(result, save_plot)
     return code

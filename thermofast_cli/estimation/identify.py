@@ -28,6 +28,13 @@ from .verdicts import claimed_verdicts, law_verdicts, marks, with_claims
 Array = NDArray[np.float64]
 
 
+#: What is said where a drive (True) or past runs are not counted, because the readings contradict them.
+LET_GO = {
+    True: "the readings do not follow the drive, and it is not counted",
+    False: "past runs of this machine do not fit this one and are not counted",
+}
+
+
 @dataclass(frozen=True)
 class Method:
     """What every sensor of a run is treated with.
@@ -189,7 +196,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     at_min = None if first.at_min is None else first.at_min + first.start_min
     end = float(first.time_min[-1])
     last = end if first.until_min is None else min(first.until_min, end)
-    times = times_asked(last, end, at_min, drawn)
+    times = times_asked(last, end, at_min, drawn, bool(method.past and method.past.rises))
     given = method.imperfection, method.rates
     found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past)
     for i, one in zip(live, found_all, strict=True):
@@ -340,7 +347,7 @@ class _Block:
                 told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
                 told["rate_shared_with"] = claimed.shared_with[i]
                 if claimed.let_go[i]:
-                    message = _joined(["past runs of this machine do not fit this one and are not counted", message])
+                    message = _joined([LET_GO[bool(self.method.past and self.method.past.guessed)], message])
                 if self.room_c is not None and self.room is None:
                     message = _joined([message, "--room needs a column of the surroundings, and there is none"])
                 if self.room is not None and self.surroundings is None:

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import third_difference_noise
+from thermofast.models import spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
 
 from .estimate import Estimates
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 GROUP = 50
 #: Times at which the readings ahead are foretold, and those of a picture.
 AHEAD, DRAWN = 9, 30
+#: The same of a rise with corners, which a logged column or an event gives it.
+CORNERED = 60
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
 
@@ -46,7 +48,8 @@ class Closed:
 class Claims:
     """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names.
 
-    known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run.
+    known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
+    rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing.
     """
 
     steady: Array
@@ -64,6 +67,7 @@ class Claims:
     ahead: NDArray[np.bool_]
     known: NDArray[np.bool_]
     let_go: NDArray[np.bool_]
+    other_rise: NDArray[np.bool_]
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -134,6 +138,7 @@ def _let_go(
         plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
         one.let_go[:] |= some & (plain | ~(one.check_p >= RULES.unfit))
         one.known[:] &= ~one.let_go
+        one.other_rise[:] &= one.known
 
 
 def _claim(
@@ -150,7 +155,8 @@ def _claim(
     if not some:
         return
     names = [name(int(closed[i].sensors.rows[r])) for i, rows in some for r in rows]
-    parts = [_part(closed[i], rows) for i, rows in some]
+    rises = past.rises if past is not None else {}
+    parts = [_part(closed[i], rows, np.array([name(int(closed[i].sensors.rows[r])) in rises for r in rows])) for i, rows in some]
     if past is None:
         tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
     else:
@@ -161,20 +167,23 @@ def _claim(
     at = 0
     for i, rows in some:
         _put(into[i], rows, found, slice(at, at + len(rows)), names)
+        into[i].other_rise[rows] = [n in rises for n in names[at : at + len(rows)]]
         at += len(rows)
 
 
-def times_asked(last: float, end: float, at_min: float | None, drawn_until: float | None) -> tuple[Array, NDArray[np.bool_]]:
+def times_asked(
+    last: float, end: float, at_min: float | None, drawn_until: float | None, cornered: bool = False
+) -> tuple[Array, NDArray[np.bool_]]:
     """When temperatures are asked for (k,) [min], and which of them (k,) lie over the readings from `last` to `end`.
 
-    The others are for a picture and at a named time.
+    The others are for a picture and at a named time; more where the rise has corners.
     """
     times: list[float] = []
     if end > last:
-        times += (last + (end - last) * np.linspace(0.0, 1.0, AHEAD) ** 1.5).tolist()
+        times += (last + (end - last) * np.linspace(0.0, 1.0, CORNERED if cornered else AHEAD) ** 1.5).tolist()
     over = set(np.round(times, 9).tolist())
     if drawn_until is not None:
-        times += np.linspace(0.0, max(end, drawn_until), DRAWN).tolist()
+        times += np.linspace(0.0, max(end, drawn_until), CORNERED if cornered else DRAWN).tolist()
     if at_min is not None:
         times.append(at_min)
     asked = np.unique(np.round(times, 9)) if times else np.zeros(0)
@@ -220,10 +229,13 @@ def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float,
     return np.array([np.interp(later, grid, line) for line in moved])
 
 
-def _part(closed: Closed, rows: NDArray[np.intp]) -> Part:
+def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_]) -> Part:
     n, sensors = closed.count, closed.sensors
     time, reading = sensors.time[:n], sensors.reading[rows, :n]
     left_out = closed.found.weights[rows] == 0.0
+    if other_rise.any():  # what the law cannot follow is no outlier
+        spikes = spike_weights(np.ascontiguousarray(reading), sensors.resolution[rows]) == 0.0
+        left_out = np.where(other_rise[:, None], spikes, left_out)
     if left_out.any():  # an outlier is replaced by what its neighbours say, so that all keep the same times
         reading = reading.copy()
         for line, out in zip(reading, left_out, strict=True):
@@ -251,6 +263,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         ahead=ahead,
         known=np.zeros(count, dtype=bool),
         let_go=np.zeros(count, dtype=bool),
+        other_rise=np.zeros(count, dtype=bool),
     )
 
 

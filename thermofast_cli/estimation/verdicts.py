@@ -61,12 +61,13 @@ def claimed_verdicts(
         unfit = claimed.check_p < RULES.unfit
         strong = claimed.strong > RULES.strong
         hides = claimed.hides > RULES.hides
-    out = (found.weights == 0.0).sum(axis=1)
+    out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
+    faded = found.faded & ~claimed.other_rise
     undetermined = ~bounded | too_wide
     doubted = unfit | strong | hides
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    for i in np.flatnonzero(undetermined | doubted | found.faded | (out > 0)).tolist():
+    for i in np.flatnonzero(undetermined | doubted | faded | (out > 0)).tolist():
         said = []
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
@@ -78,7 +79,7 @@ def claimed_verdicts(
             said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
         elif strong[i]:
             said.append("an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it")
-        if found.faded[i]:
+        if faded[i]:
             said.append(f"the law fails from about {sensors.time[tracks.woke[i]]:.4g} min on")
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")

@@ -7,6 +7,9 @@ import numpy as np
 
 from thermofast.models import Observations
 from thermofast.models.imperfection import (
+    FAST_MODES,
+    GUESSED_NODES,
+    SLOW_MODES,
     TYPICAL,
     Part,
     Past,
@@ -16,9 +19,10 @@ from thermofast.models.imperfection import (
     pilot,
     widths_left_out,
 )
-from thermofast.models.joint import RATE, Fit
+from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
 
 from ..discovery.loop import LoopTask, ids_of, ready
+from ..discovery.observe import observe
 from ..errors import ThermofastError, UsageError
 from ..estimation.imperfect import follows_machine
 from .learnt import carry, changed_files
@@ -27,13 +31,19 @@ from .rise import rises_of
 
 #: Rates outside these over the record's length say nothing of the machine.
 RATES = 0.3, 200.0
+#: Deviation of the log rate about that of a fit to the same readings, where nothing else is known of it.
+GUESS = 0.6
+#: Of what a sensor moved, what a drive must have brought to be followed.
+LEAST_HEAT = 0.1
+SINK_KEY = Key(-1, SINK.name)
 
 
 @dataclass(frozen=True)
 class Knowledge:
     """What a model says of a run at hand, or why it cannot say anything.
 
-    notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged.
+    notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged; strange are
+    sensors that do not follow the drive.
     """
 
     run: str
@@ -41,6 +51,7 @@ class Knowledge:
     notes: tuple[str, ...] = ()
     uses_room: bool = False
     failed: str = ""
+    strange: tuple[str, ...] = ()
 
 
 def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
@@ -89,8 +100,35 @@ def knowledge_lost(task: LoopTask) -> list[Knowledge]:
     return [Knowledge(task.run.name, failed="the worker process died; run it alone with --jobs 1")]
 
 
+def _driven(task: LoopTask) -> Knowledge:
+    """Of a run whose heat follows a logged column, and of whose machine nothing is known."""
+    name = task.run.name
+    _, prepared = ready(task)
+    if prepared is None:
+        return Knowledge(name)
+    fit = fit_model(prepared.seen)
+    log_rates = np.log(fit.values[RATE])
+    # A column that a sensor follows leaves less of it than a heat that is constant does, and is what moves it.
+    bare = observe(replace(task.run, inputs={}), task.start_min).seen
+    assert bare is not None
+    constant = fit_model(bare.until(task.until_min))
+    moved = np.ptp(fit.run.filled[:, fit.run.used.any(axis=0)], axis=1)
+    sink = float(fit.values.get(SINK_KEY, prepared.seen.sink_c or 0.0))
+    follows = (fit.rmse <= np.maximum(constant.rmse, 1.2 * fit.run.noise)) & (np.abs(fit.values[LEVEL] - sink) > LEAST_HEAT * moved)
+    count = len(SLOW_MODES) + len(FAST_MODES) + 1
+    none, little = np.zeros(count), 1e-12 * np.eye(count)
+    shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
+    rises = rises_of(fit, prepared.whole, GUESSED_NODES)
+    strange = [c for c, yes in zip(fit.run.channels, follows, strict=True) if not yes]
+    for c in strange:
+        del shapes[c]
+    held = f"with {task.drive} as the heat, as last logged"
+    return Knowledge(name, Past(shapes, scatter=0.0, guessed=True, rises=rises), (held,), strange=tuple(strange))
+
+
 def _knowledge(task: LoopTask) -> Knowledge:
-    assert task.model is not None
+    if task.model is None:
+        return _driven(task)
     file, name = task.model.file, task.run.name
     mine = [c for c in task.run.channels if c in file.channels]
     if not mine:

@@ -17,11 +17,12 @@ HORIZON, AFTER = 12.0, 800
 LEAST_RISE = 1e-3
 
 
-def rises_of(fit: Fit, whole: Observations) -> dict[str, Rise]:
+def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, Rise]:
     """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
 
     Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
-    the rise; the uncertainty of an effect's parameters, level, start and rate given, is its doubt.
+    the rise; the uncertainty of an effect's parameters, level, start and rate given, is its doubt. nodes (L,) are the log rates
+    about that of the fit at which it is worked out.
     """
     used = np.flatnonzero(fit.run.used.any(axis=0))
     last = int(used[-1])
@@ -31,17 +32,17 @@ def rises_of(fit: Fit, whole: Observations) -> dict[str, Rise]:
     seen = _extended(fit, whole, len(whole.time) - 1, later)
     held = _extended(fit, whole, last, later)
     lasting = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
-    return {channel: _rise(fit, i, seen, held, lasting) for i, channel in enumerate(fit.run.channels)}
+    return {channel: _rise(fit, i, seen, held, lasting, nodes) for i, channel in enumerate(fit.run.channels)}
 
 
-def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: list[int]) -> Rise:
+def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: list[int], about: Array) -> Rise:
     level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
     log_rate = float(np.log(fit.values[RATE][i]))
     rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
-    moves, nodes, kl = _doubtful(fit, i), len(NODES), fit.local.shape[1]
+    moves, nodes, kl = _doubtful(fit, i), len(about), fit.local.shape[1]
     # Rows: at each rate with the heat and without, then each doubt at the rate of the fit.
     rows, shared = (np.tile(v, (2 * nodes + len(moves), 1)) for v in (fit.local[i], fit.shared))
-    rows[:nodes, fit.model.column(RATE)] = rows[nodes : 2 * nodes, fit.model.column(RATE)] = log_rate + NODES
+    rows[:nodes, fit.model.column(RATE)] = rows[nodes : 2 * nodes, fit.model.column(RATE)] = log_rate + about
     rows[:, fit.model.column(LEVEL)] = start + rise
     rows[nodes : 2 * nodes, fit.model.column(LEVEL)] = start
     rows[2 * nodes :] += moves[:, :kl]
@@ -49,7 +50,7 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: lis
     curves = _run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
     kept = _run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting)
     time, middle = seen.time - seen.time[0], nodes // 2
-    over = [GRID / np.exp(log_rate + off) for off in NODES]
+    over = [GRID / np.exp(log_rate + off) for off in about]
     unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
     wrong = [np.interp(over[middle], time, (c - curves[middle]) / rise) for c in curves[2 * nodes :]]
     return Rise(
@@ -60,6 +61,7 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: lis
         time,
         curves[nodes + middle] - start,
         float(kept[nodes + middle, -1] - start),
+        about,
     )
 
 

@@ -1,4 +1,4 @@
-"""Steady state and settling time of a fitted model; ``sweep`` with a learnt one."""
+"""Steady state and settling time of a fitted model; ``sweep`` with a learnt one, or with a logged drive."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
+from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model, fit_model
 from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
 
@@ -100,7 +100,7 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
 def sweep_with_model(
     task: LoopTask, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float
 ) -> list[list[Swept]]:
-    """A run swept with a learnt model; whatever is wrong with it is a record."""
+    """A run swept with a learnt model or a logged drive; whatever is wrong with it is a record."""
     try:
         return [_sweep(task, method, windows, times, tolerance_c)]
     except ThermofastError as error:
@@ -129,13 +129,11 @@ def half_widths(task: LoopTask, method: Method, until: float) -> dict[str, float
 
 
 def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float) -> list[Swept]:
-    """RMSE of the learnt model over each window against identification time, all sensors of a run."""
-    assert task.model is not None
+    """RMSE of the model over each window against identification time, all sensors of a run."""
     observed, prepared = ready(task)
     if prepared is None:
         return [_no_sweep(SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w)) for c, s, w in observed.refused]
     whole = prepared.whole
-    model = task.model.file
     n = whole.sensors
     rmse = np.full((n, len(windows), len(times)), np.nan)
     width = np.full((n, len(times)), np.nan)
@@ -144,7 +142,10 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
         seen = whole.until(until)
         if seen.used.sum(axis=1).min() < 6:
             continue
-        fit = carry(model, seen, task.run.name, task.model.source).fit
+        if task.model is None:
+            fit = fit_model(seen)
+        else:
+            fit = carry(task.model.file, seen, task.run.name, task.model.source).fit
         error = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, 0.0)
         for j, window in enumerate(windows):
             inside = (whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used

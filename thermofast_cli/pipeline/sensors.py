@@ -9,7 +9,7 @@ from thermofast.filters import Afukf
 
 from ..engine import Started, Work, over_runs, over_sensors, share_out
 from ..errors import UsageError
-from ..estimation.identify import Identified, Method
+from ..estimation.identify import LET_GO, Identified, Method
 from ..estimation.imperfect import GROUP
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task
 from ..reading import Run
@@ -42,9 +42,10 @@ def identify_runs(
     how: Work | None = None,
     at_min: float | None = None,
     room_c: float | None = None,
+    drive: str | None = None,
 ) -> Identification:
     """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time,
-    room_c [degC] the steady state in that room.
+    room_c [degC] the steady state in that room. drive: a logged column that the heat follows.
 
     Raises
     ------
@@ -54,20 +55,22 @@ def identify_runs(
     if joint and type(method.filter) is not Afukf:
         found = "--preset paper" if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
         raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
-    if model is not None and not method.widens:
+    beyond = model is not None or drive is not None
+    if beyond and not method.widens:
         raise UsageError(
-            "a learnt model counts the machine in the closing estimate, and this filter or --imperfection none leaves it out",
-            do="use --filter afukf with the model, or leave --model out",
+            "--model and --drive enter the closing estimate that counts the machine, which is not made here",
+            found=f"--filter {method.filter.name}" if method.filter.closing == "never" else "--imperfection none --rates own",
+            do="use --filter afukf, or leave --model and --drive out",
         )
     for run, _ in started:
         check_until(run, until_min)
     told: dict[str, Knowledge] = {}
-    if model is not None:
+    if beyond:
         from ..machine.past import knowledge, knowledge_lost
         from .loop import loop_tasks
 
         silent = replace(how, advance=lambda _steps: None)
-        by_run, _ = over_runs(knowledge, loop_tasks(started, until_min=until_min, model=model), knowledge_lost, silent)
+        by_run, _ = over_runs(knowledge, loop_tasks(started, until_min=until_min, model=model, drive=drive), knowledge_lost, silent)
         told = {one.run: one for one in by_run}
     failed = [one for one in told.values() if one.failed]
     able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
@@ -79,7 +82,9 @@ def identify_runs(
         if known is not None and known.past is not None:
             of_run = replace(method, past=known.past)
             mine = known.past.shapes
-            notes = tuple(said_by_model(c in mine, known.notes, note) for c, note in zip(part, notes, strict=True))
+            notes = tuple(
+                _and(known.notes if c in mine else (_other(c, known),), note) for c, note in zip(part, notes, strict=True)
+            )
             room = None if known.uses_room else room
         return IdentifyTask(name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c)
 
@@ -98,9 +103,15 @@ def identify_runs(
     )
 
 
-def said_by_model(known: bool, notes: tuple[str, ...], note: str) -> str:
-    """What is said of a sensor that a model knows, or does not."""
-    said = notes if known else ("not in the model: identified on its own",)
+def _other(channel: str, known: "Knowledge") -> str:
+    """What is said of a sensor that is identified on its own though there is a model or a drive."""
+    if channel in known.strange:
+        return LET_GO[True]
+    return "not in the model: identified on its own"
+
+
+def _and(said: tuple[str, ...], note: str) -> str:
+    """What is said of a sensor, with what the reader said of it."""
     return "; ".join(n for n in (*said, note) if n)
 
 
@@ -113,8 +124,11 @@ def sweep_runs(
     model: "Model | None" = None,
     details: bool = False,
     how: Work | None = None,
+    drive: str | None = None,
 ) -> Sweeping:
     """The shortest identification time that serves; windows and times [min] ascending.
+
+    drive: a logged column that the heat follows.
 
     Raises
     ------
@@ -138,12 +152,12 @@ def sweep_runs(
                 allowed="windows inside the record",
                 do="say --windows",
             )
-    if model is not None:
+    if model is not None or drive is not None:
         from ..machine.settle import sweep_model_lost, sweep_with_model
         from .loop import loop_tasks
 
         doing = partial(sweep_with_model, method=method, windows=windows_min, times=times_min, tolerance_c=tolerance_c)
-        by_run, interrupted = over_runs(doing, loop_tasks(started, model=model), sweep_model_lost, how)
+        by_run, interrupted = over_runs(doing, loop_tasks(started, model=model, drive=drive), sweep_model_lost, how)
         swept = [one for results in by_run for one in results]
     else:
 

@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -162,5 +162,7 @@ def _replayed(source: str, options: Options, watch: Watch, speed: float, leave: 
 
 def first_readings(run: Run, count: int) -> Run:
     """The first `count` readings of a run."""
-    cut = {f: {n: v[:count] for n, v in getattr(run, f).items()} for f in ("channels", "ambient", "inputs", "displacements")}
+    cut: dict[str, Any] = {
+        f: {n: v[:count] for n, v in getattr(run, f).items()} for f in ("channels", "ambient", "inputs", "displacements")
+    }
     return replace(run, time_s=run.time_s[:count], **cut)

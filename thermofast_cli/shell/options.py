@@ -139,6 +139,8 @@ reading_options = _together(
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
+drive_option = click.option("--drive", metavar="COLUMN", help="A logged column (power, duty) that the heat follows.")
+
 loop_options = _together(
     click.option(
         "--until",
@@ -153,7 +155,7 @@ loop_options = _together(
         metavar="FILE.py[:CLASS]",
         help="An effect of your own, beside the catalogue; may be repeated.",
     ),
-    click.option("--drive", metavar="COLUMN", help="A logged column that is the heat of the base model."),
+    drive_option,
 )
 
 false_alarm_option = click.option(

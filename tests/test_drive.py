@@ -1,0 +1,80 @@
+"""A logged drive in identify and sweep: the law of a machine whose heat is not constant."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import thermofast as tf
+
+TIME = np.arange(0.0, 300.0, 1.0)
+POWER = np.where(TIME < 40, 600.0, np.where(TIME < 70, 300.0, np.where(TIME < 110, 900.0, 500.0)))
+
+
+def response(tau, gain, power, start):
+    """Exact for a power that is held between readings: T' = (gain power - T) / tau."""
+    found, fall = np.zeros(len(TIME)), np.exp(-1.0 / tau)
+    for k in range(1, len(TIME)):
+        found[k] = found[k - 1] * fall + gain * power[k - 1] * (1.0 - fall)
+    return start + found
+
+
+def record(rng, tau_a=60.0, tau_b=90.0):
+    noise = 0.02 * rng.standard_normal((2, len(TIME)))
+    a, b = response(tau_a, 0.02, POWER, 20.0), response(tau_b, 0.03, POWER, 20.0)
+    return pd.DataFrame({"time_min": TIME, "T1": a + noise[0], "T2": b + noise[1], "power_W": POWER}), (a, b)
+
+
+def test_intervals_hold_for_power_that_changes_before_and_after_the_identification_time():
+    rng, inside, width = np.random.default_rng(1), [], []
+    for _ in range(12):
+        frame, (a, b) = record(rng, rng.uniform(30, 120), rng.uniform(30, 120))
+        for until in (60.0, 100.0, 150.0):
+            for r, truth in zip(tf.identify(frame, until=until, at=280, drive="power_W", units="C").records, (a, b), strict=True):
+                assert r.status in ("ok", "model_doubtful"), r.message
+                inside.append(r.at_lo_c - 0.02 <= truth[280] <= r.at_hi_c + 0.02)
+                width.append(r.at_hi_c - r.at_lo_c)
+    assert np.mean(inside) >= 0.9
+    assert np.median(width) < 1.5
+
+
+def test_the_steady_state_is_told_for_the_power_as_it_was_last(tool, tmp_path):
+    frame, _ = record(np.random.default_rng(2))
+    path = tmp_path / "run.csv"
+    frame.to_csv(path, index=False)
+    told = json.loads(tool("identify", path, "--drive", "power_W", "--until", 60, "--format", "json", "-q").out)["records"]
+    for r, gain in zip(told, (0.02, 0.03), strict=True):
+        assert r["steady_state_lo_c"] <= 20 + 300 * gain <= r["steady_state_hi_c"]
+        assert "power_W as the heat, as last logged" in r["message"]
+        assert "law fails" not in r["message"]
+    plain = json.loads(tool("identify", path, "--until", 60, "--format", "json", "-q").out)["records"]
+    assert all(r["status"] != "ok" for r in plain)
+    swept = json.loads(
+        tool(*("sweep", path, "--drive", "power_W", "--windows", 200, "--times", "60:180:30"), *("--format", "json", "-q")).out
+    )["records"]
+    assert all(r["rmse_c"] < 0.03 for r in swept)
+
+
+def test_a_drive_that_the_temperatures_do_not_follow_is_not_counted(tool, tmp_path):
+    rng = np.random.default_rng(3)
+    frame = pd.DataFrame({"time_min": TIME, "T1": 20 + 9 * -np.expm1(-TIME / 60) + 0.02 * rng.standard_normal(len(TIME))})
+    frame["power_W"] = POWER
+    path = tmp_path / "run.csv"
+    frame.to_csv(path, index=False)
+    told = json.loads(tool("identify", path, "--drive", "power_W", "--until", 150, "--format", "json", "-q").out)["records"][0]
+    assert "do not follow the drive" in told["message"]
+    assert told["steady_state_lo_c"] <= 29.0 <= told["steady_state_hi_c"]
+
+
+@pytest.mark.parametrize("command", ["identify", "sweep"])
+def test_a_drive_that_is_not_logged_is_met_with_words(tool, command):
+    done = tool(command, "sample_runs/spindle.csv", "--drive", "power")
+    assert done.code == 2
+    assert "no logged input" in done.err
+
+
+def test_the_bare_law_takes_no_drive(tool):
+    done = tool("identify", "sample_runs/spindle.csv", "--drive", "power", "--imperfection", "none", "--rates", "own")
+    assert done.code == 2
+    assert "--imperfection none" in done.err
