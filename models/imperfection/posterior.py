@@ -45,8 +45,8 @@ LONGEST_UNIT = 1.0
 SLOWER = 2.0
 #: Sensors beyond this many add nothing that the first have not said: their disturbances are common.
 COUNTED_OTHERS = 2.0
-#: Rates of a machine that is known are looked at within so many deviations.
-AROUND_KNOWN = 6.0
+#: Rates of a machine that is known, or guessed, are looked at within so many deviations.
+AROUND_KNOWN, AROUND_GUESSED = 6.0, 4.0
 LEVELS = np.array([0.025, 0.5, 0.975])
 #: Degrees of freedom of a variance that is known.
 ENDLESS = 10**9
@@ -129,7 +129,7 @@ class _Run:
         self.known = np.concatenate(told) if told else None
         self.guessed = any(p.known is not None and p.known.guessed for p in parts)
         if self.known is not None:
-            reach = AROUND_KNOWN * self.known[:, 1]
+            reach = (AROUND_GUESSED if self.guessed else AROUND_KNOWN) * self.known[:, 1]
             slow, fast = float((self.known[:, 0] - reach).min()), float((self.known[:, 0] + reach).max())
         self.nodes = np.arange(slow, fast + NODE_STEP, NODE_STEP)
         node_rates = np.exp(self.nodes)

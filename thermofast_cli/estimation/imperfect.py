@@ -25,7 +25,7 @@ GROUP = 50
 #: Times at which the readings ahead are foretold, and those of a picture.
 AHEAD, DRAWN = 9, 30
 #: The same of a rise with corners, which a logged column or an event gives it.
-CORNERED = 60
+CORNERED = 32
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
 
