@@ -185,12 +185,14 @@ def plan(
     *,
     like: Source = None,
     imperfection: "Imperfection | str" = "typical",
+    model: "Model | str | Path | None" = None,
     progress: Callable[[int], None] | None = None,
     **design: float,
 ) -> Plan:
     """How long a test must run until the steady state is known to +-tolerance [K], and what would save time.
 
-    design: sensors, interval_s, noise_c, rise_c, tau_min; what is not said is that of the run `like`, or of a usual test.
+    design: sensors, interval_s, noise_c, rise_c, tau_min; what is not said is that of the run `like`, or of a usual test. model was
+    learnt from past runs of the machine, which are counted.
 
     Raises
     ------
@@ -201,7 +203,7 @@ def plan(
 
     wishes = (tolerance,) if isinstance(tolerance, int | float) else tuple(tolerance)
     base = design_like(_started(like, "auto", True, {})[0]) if like is not None else None
-    return plan_design(dict(design), wishes, read_imperfection(imperfection), base, _work(1, None, progress))
+    return plan_design(dict(design), wishes, read_imperfection(imperfection), base, _work(1, None, progress), _model(model))
 
 
 def sweep(

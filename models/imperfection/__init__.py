@@ -3,7 +3,7 @@
 from .blocks import pilot
 from .known import Known
 from .left_out import widths_left_out
-from .past import FAST_MODES, GRID, GUESSED_NODES, NODES, SLOW_MODES, Past, PastRun, Rise, SensorShape, learn_past
+from .past import FAST_MODES, GRID, GUESSED_NODES, NODES, SCATTER, SLOW_MODES, Past, PastRun, Rise, SensorShape, learn_past
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged
@@ -14,6 +14,7 @@ __all__ = [
     "GUESSED_NODES",
     "NODES",
     "NONE",
+    "SCATTER",
     "SLOW_MODES",
     "TYPICAL",
     "Imperfection",

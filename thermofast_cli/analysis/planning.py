@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models.imperfection import NONE, Imperfection, Part, Rates, settle
+from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Part, Past, PastRun, Rates, learn_past, settle
 from thermofast.models.imperfection.draw import draw_record
 
 from ..records import PlanRecord
@@ -21,6 +21,8 @@ DRAWS, READINGS = 6, 120
 MOST_SENSORS = 12
 #: Machines known to be quiet, as calibrate finds them from complete runs.
 QUIET_SHARE, QUIET_SPREAD = 0.005, 0.4
+#: Numbers of past runs that are tried, and time constants of a complete one.
+PAST_RUNS, COMPLETE = (1, 4, 10), 5.0
 
 
 @dataclass(frozen=True)
@@ -47,34 +49,72 @@ class Curve:
     draws: Array
 
 
-def alternatives(design: Design, prior: Imperfection) -> list[tuple[str, Design, Imperfection, Rates]]:
-    """The design itself and what could be changed of it."""
-    found: list[tuple[str, Design, Imperfection, Rates]] = [
-        ("as asked", design, prior, "auto"),
-        ("readings ten times as often", replace(design, interval_s=design.interval_s / 10.0), prior, "auto"),
-        ("half the noise", replace(design, noise_c=design.noise_c / 2.0), prior, "auto"),
-        ("twice the sensors", replace(design, sensors=2 * design.sensors), prior, "auto"),
+@dataclass(frozen=True)
+class Option:
+    """A way to test: its design, what machines do beside the law, what sensors share, and what past runs have told."""
+
+    name: str
+    design: Design
+    prior: Imperfection
+    rates: Rates = "auto"
+    past: Past | None = None
+
+
+def alternatives(design: Design, prior: Imperfection, past: Past | None = None) -> list[Option]:
+    """The design itself and what could be changed of it; past: of the machine at hand."""
+    found = [
+        Option("as asked", design, prior, past=past),
+        Option("readings ten times as often", replace(design, interval_s=design.interval_s / 10.0), prior, past=past),
+        Option("half the noise", replace(design, noise_c=design.noise_c / 2.0), prior, past=past),
+        Option("twice the sensors", replace(design, sensors=2 * design.sensors), prior, past=past),
     ]
     if not prior.none:
-        if prior.strong_share > QUIET_SHARE:
+        if past is not None:
+            found.append(Option("without its past runs", design, prior))
+        else:
+            found += [
+                Option(f"after {n} past run{'s' if n > 1 else ''}", design, prior, past=_hoped(design, prior, n)) for n in PAST_RUNS
+            ]
+        if prior.strong_share > QUIET_SHARE and past is None:
             quiet = replace(prior, strong_share=QUIET_SHARE, scale_spread=QUIET_SPREAD)
-            found.append(("after calibrate on quiet machines", design, quiet, "auto"))
-        found.append(("a machine that is the law", design, NONE, "shared"))
+            found.append(Option("after calibrate on quiet machines", design, quiet))
+        found.append(Option("a machine that is the law", design, NONE, "shared"))
     return found
 
 
+def _hoped(design: Design, prior: Imperfection, runs: int) -> Past:
+    """What so many complete runs of a machine of this kind would tell."""
+    sensors = min(design.sensors, MOST_SENSORS)
+    names, rises = tuple(map(str, range(sensors))), _rises(design, sensors)
+    time = np.linspace(0.0, COMPLETE * design.tau_min, READINGS)
+    noise = np.full(sensors, design.noise_c)
+    nothing = Past({}, runs=runs).prior(prior)
+    done = []
+    for k in range(runs):
+        rng = np.random.default_rng([11, k])
+        reading, _ = draw_record(nothing, time, design.tau_min * math.exp(SCATTER * rng.standard_normal()), rises, noise, rng)
+        parts = tuple(Part(time, line[None], noise[:1], np.zeros(1)) for line in reading)
+        done.append(PastRun(names, parts, np.full(sensors, -math.log(design.tau_min))))
+    return learn_past(done, prior)
+
+
 def plan(
-    design: Design, tolerances_c: tuple[float, ...], prior: Imperfection, advance: Callable[[int], None] = lambda _: None
+    design: Design,
+    tolerances_c: tuple[float, ...],
+    prior: Imperfection,
+    advance: Callable[[int], None] = lambda _: None,
+    past: Past | None = None,
 ) -> tuple[list[PlanRecord], list[Curve]]:
-    """A row for each alternative and tolerance [K], and the curves behind them."""
+    """A row for each alternative and tolerance [K], and the curves behind them; past: what runs of the machine have told."""
     curves = []
-    options = alternatives(design, prior)
-    for name, one, of_prior, rates in options:
-        curves.append(_curve(name, one, of_prior, rates))
+    options = alternatives(design, prior, past)
+    for option in options:
+        curves.append(_curve(option))
         advance(1)
     law = next((c for c in curves if c.name == "a machine that is the law"), curves[0])
     rows = []
-    for (name, one, *_), curve in zip(options, curves, strict=True):
+    for option, curve in zip(options, curves, strict=True):
+        one = option.design
         for tolerance in tolerances_c:
             time = needed(curve.time, curve.half_width, tolerance)
             each = [needed(curve.time, line, tolerance) for line in curve.draws]
@@ -83,7 +123,7 @@ def plan(
             rows.append(
                 PlanRecord(
                     run="plan",
-                    channel=name,
+                    channel=option.name,
                     sensors=one.sensors,
                     interval_s=one.interval_s,
                     noise_c=one.noise_c,
@@ -123,9 +163,20 @@ def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
     return f"{reached}: the readings are the limit; read more often, or with less noise"
 
 
-def _curve(name: str, design: Design, prior: Imperfection, rates: Rates) -> Curve:
+def _rises(design: Design, sensors: int) -> Array:
+    """Rises (sensors,) [K] about that of the design."""
+    return design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
+
+
+def _curve(option: Option) -> Curve:
+    design, past = option.design, option.past
     sensors = min(design.sensors, MOST_SENSORS)
-    rises = design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
+    rises, prior, known, shape = _rises(design, sensors), option.prior, None, None
+    if past is not None:
+        told = list(past.shapes.values())
+        own = {str(i): replace(told[i % len(told)], log_rate=-math.log(design.tau_min)) for i in range(sensors)}
+        known, prior = replace(past, shapes=own, rises={}).known(tuple(own)), past.prior(prior)
+        shape = known.curve[:, 0] + np.expm1(-known.x)
     half = np.full((DRAWS, len(TURNS)), np.nan)
     for d in range(DRAWS):
         for k, turn in enumerate(TURNS):
@@ -138,10 +189,12 @@ def _curve(name: str, design: Design, prior: Imperfection, rates: Rates) -> Curv
             noise = np.full(sensors, design.noise_c * math.sqrt(READINGS / count))
             time = np.linspace(0.0, span, READINGS)
             reading, _ = draw_record(prior, time, design.tau_min, rises, noise, rng)
-            part = Part(time, reading, noise, np.zeros(sensors))
-            found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=rates)
+            if known is not None and shape is not None:
+                reading += rises[:, None] * np.array([np.interp(time / design.tau_min, known.x, line) for line in shape])
+            part = Part(time, reading, noise, np.zeros(sensors), known=known)
+            found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=option.rates)
             width = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
             half[d, k] = np.median(np.where(found.rate_unknown > 0.5, np.inf, width))
     middle = np.median(half, axis=0)
     half = np.where(np.isfinite(half), half, np.nan)
-    return Curve(name, TURNS * design.tau_min, np.where(np.isfinite(middle), middle, np.nan), half)
+    return Curve(option.name, TURNS * design.tau_min, np.where(np.isfinite(middle), middle, np.nan), half)

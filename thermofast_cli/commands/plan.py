@@ -4,7 +4,7 @@ import math
 
 import click
 
-from ..shell.options import Finite, table_options
+from ..shell.options import Finite, model_option, table_options
 
 
 @click.command("plan", epilog="Example: thermofast plan --sensors 3 --interval 30s --tau 65 --tolerance 0.5")
@@ -16,6 +16,7 @@ from ..shell.options import Finite, table_options
 @click.option("--like", metavar="RUN", help="Take what is not said from a record of such a test.")
 @click.option("--tolerance", default="0.5", show_default=True, metavar="K,K", help="Half-widths of the interval to reach.")
 @click.option("--imperfection", default="typical", show_default=True, metavar="typical|none|FILE", help="As for identify.")
+@model_option
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw half-width against the time measured: .png .pdf .svg.")
 def command(
@@ -27,6 +28,7 @@ def command(
     like: str | None,
     tolerance: str,
     imperfection: str,
+    model: str | None,
     form: str | None,
     output: str | None,
     quiet: bool,
@@ -40,7 +42,7 @@ def command(
     from ..output.screen import interval, number, text
     from ..pipeline.around import design_like, plan_design
     from ..shell.options import numbers
-    from ..shell.session import check_outputs, deliver, draw, load_imperfection, read_all
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all
 
     wishes = numbers(tolerance, "--tolerance")
     check_outputs([output], save_plot)
@@ -49,7 +51,7 @@ def command(
     base = None
     if like is not None:
         base = design_like(read_all((like,), {"start": "auto"}, quiet, [output, save_plot], 1).runs[0])
-    result = plan_design({k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base)
+    result = plan_design({k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, load_model(model))
     drawn = [
         ("test", text("channel")),
         ("sensors", number("sensors", 0)),

@@ -26,6 +26,7 @@ from ..discovery.observe import observe
 from ..errors import ThermofastError, UsageError
 from ..estimation.imperfect import follows_machine
 from .learnt import carry, changed_files
+from .model import Model
 from .modelfile import ModelFile, past_of
 from .rise import rises_of
 
@@ -138,7 +139,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
             allowed=", ".join(file.channels[:12]),
             do="use a model of this machine, or name the sensors alike",
         )
-    past = past_of(file.past) if file.past is not None else _old(file)
+    past = past_of_model(task.model)
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
     if not file.effects and task.drive is None:
         return Knowledge(name, past, tuple(notes))
@@ -151,6 +152,19 @@ def _knowledge(task: LoopTask) -> Knowledge:
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
     return Knowledge(name, replace(past, shapes=known, rises=rises), tuple(notes), uses_room)
+
+
+def past_of_model(model: Model) -> Past:
+    """What a model tells of the next run of its machine.
+
+    Raises
+    ------
+    UsageError: it tells of no sensor, or as :func:`past_of`.
+    """
+    past = past_of(model.file.past) if model.file.past is not None else _old(model.file)
+    if not past.shapes:
+        raise UsageError(f"{model.source}: it tells no rate of any sensor", do="learn the model anew with thermofast improve")
+    return past
 
 
 def _said(effects: Sequence[str], source: str, runs: int) -> str:

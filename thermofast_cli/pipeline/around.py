@@ -111,16 +111,21 @@ def plan_design(
     prior: "Imperfection",
     base: "Design | None" = None,
     how: Work | None = None,
+    model: "Model | None" = None,
 ) -> Plan:
     """How long a test must run; given are what is said of the :class:`Design`, the rest is `base`'s or the default.
+
+    model: learnt from past runs of the machine, which tell its time constant and number of sensors, and are counted.
 
     Raises
     ------
     UsageError: an unknown word, or a number that is none.
     """
     from dataclasses import fields, replace
+    from statistics import median
 
     from ..analysis.planning import Design, plan
+    from ..machine.past import past_of_model
 
     known = [f.name for f in fields(Design)]
     for name, value in given.items():
@@ -128,7 +133,12 @@ def plan_design(
             raise UsageError(f"unknown word of a design {name!r}", allowed=", ".join(known))
         if not 0.0 < value < math.inf:
             raise UsageError(f"{name} is not such a number", found=repr(value), allowed="above zero")
-    rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance)
+    past = None
+    if model is not None:
+        past = past_of_model(model)
+        told = {"sensors": len(past.shapes), "tau_min": math.exp(-median([s.log_rate for s in past.shapes.values()]))}
+        given = {**told, **given}
+    rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past)
     return Plan(tuple(rows), curves=tuple(curves))
 
 
