@@ -81,10 +81,10 @@ class Settled:
 
     steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
     3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
-    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work; unseen
-    (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %); unseen_from (S,) [min]: its least
-    time constant; hides (S,): probability that slow modes add more than the half-width of the interval; agrees (S, S): whose
-    rates were shared.
+    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work, one
+    that is more than fast modes or a start, which die out; unseen (S,) [K]: what a slow second mass may add after the last
+    reading, where there is one (95 %); unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes
+    add more than the half-width of the interval; agrees (S, S): whose rates were shared.
     """
 
     steady: Array
@@ -343,6 +343,9 @@ class _Run:
         at = np.full((count, self.times, 3), np.nan)
         spread_of_rate, check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(5))
         slow = np.concatenate([[False], self.relative[1:, COMPONENTS.index("slow")] >= 0.03])[self.kind]
+        brief = np.array([COMPONENTS.index(name) for name in ("fast", "start")])
+        others = np.delete(self.relative + self.absolute, brief, axis=1)
+        lasting = np.concatenate([[False], others[1:].any(axis=1)])[self.kind]
         for i in range(count):
             places, hypotheses = np.nonzero(active[i])
             if not len(places):
@@ -365,7 +368,7 @@ class _Run:
             elif of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
                 spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
             rate[i] = np.exp(_quantiles(of_rate, log_rate[i], 0.5 * cell))
-            strong[i] = weight[i][:, ~self.base].sum()
+            strong[i] = weight[i][:, lasting].sum()
             m = len(self.blocks_of(i).time)
             left = squares[i, places, hypotheses]
             check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()

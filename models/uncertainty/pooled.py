@@ -14,11 +14,12 @@ from ..core.kernel import Array
 from ..core.tails import chi2_tail
 from ..greybox import Column
 from ..joint import Fit, Model, Prior, search
-from ..noise.residual_noise import long_run_factor
 
 #: Scatter of a constant from run to run [of its logarithm, or share of it] before runs were compared; it counts as so many runs.
 SCATTER, RUNS_ASSUMED = 0.06, 4.0
 ROUNDS = 2
+#: Batches whose means show how residuals depend on their neighbours.
+BATCHES = 20
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Pooled:
 def pool(fits: Sequence[Fit]) -> Pooled:
     """Constants of the machine over fits of the same model to runs with the same sensors."""
     model = fits[0].model
-    inflated = [np.array([long_run_factor(r[u]) for r, u in zip(f.residual, f.run.used, strict=True)]) for f in fits]
+    inflated = [np.array([dependence(r[u]) for r, u in zip(f.residual, f.run.used, strict=True)]) for f in fits]
     local = np.stack([f.local for f in fits])
     variance = np.stack([np.diagonal(f.covariance[0], axis1=1, axis2=2) * w[:, None] for f, w in zip(fits, inflated, strict=True)])
     shared = np.stack([f.shared for f in fits])
@@ -80,6 +81,14 @@ def pool(fits: Sequence[Fit]) -> Pooled:
     )
     differing = tuple(sorted(found, key=lambda d: d.p))
     return Pooled(mean, error, scatter, shared_mean, shared_error, shared_scatter, differing)
+
+
+def dependence(residual: Array) -> float:
+    """By how much more the mean of dependent residuals (n,) scatters, in variance, than that of white ones: by means of batches."""
+    size = max(1, len(residual) // BATCHES)
+    means = residual[: len(residual) // size * size].reshape(-1, size).mean(axis=1)
+    variance = float(np.mean(residual**2))
+    return max(1.0, size * float(np.mean(means**2)) / variance) if variance > 0.0 else 1.0
 
 
 def _pooled(value: Array, variance: Array, log: Array) -> tuple[Array, Array, Array, Array]:
