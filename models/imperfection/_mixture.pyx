@@ -187,7 +187,7 @@ def mixture(
 
 def quantiles(const double[::1] weight, const double[::1] mean, const double[::1] deviation, const double[::1] level, double[::1] out):
     cdef Py_ssize_t n = weight.shape[0], i, q, step
-    cdef double low, high, at, found, total = 0.0, left = 1e300, right = -1e300, slope, z
+    cdef double low, high, at, found, total = 0.0, left = 1e300, right = -1e300, slope, z, first = 0.0, second = 0.0, near
     if mean.shape[0] != n or deviation.shape[0] != n or out.shape[0] != level.shape[0]:
         raise ValueError("weights, means and deviations differ in number")
     with nogil:
@@ -195,17 +195,23 @@ def quantiles(const double[::1] weight, const double[::1] mean, const double[::1
             total += weight[i]
             left = min(left, mean[i] - 9.0 * deviation[i])
             right = max(right, mean[i] + 9.0 * deviation[i])
+            first += weight[i] * mean[i]
+            second += weight[i] * (mean[i] * mean[i] + deviation[i] * deviation[i])
+        first = first / total
+        near = sqrt(max(second / total - first * first, 0.0))
         for q in range(level.shape[0]):
             low, high = left, right
-            at = 0.5 * (low + high)
+            at = first + near * (4.0 * level[q] - 2.0)  # near a quantile of one normal distribution
+            if not low < at < high:
+                at = 0.5 * (low + high)
             for step in range(60):
                 found = slope = 0.0
                 for i in range(n):
                     if deviation[i] > 0.0:
                         z = (at - mean[i]) / deviation[i]
-                        if z > 9.0:
+                        if z > 6.0:
                             found += weight[i]
-                        elif z > -9.0:
+                        elif z > -6.0:
                             found += weight[i] * normal(z)
                             slope += weight[i] * exp(-0.5 * z * z) * 0.3989422804014327 / deviation[i]
                     elif at >= mean[i]:
@@ -216,7 +222,7 @@ def quantiles(const double[::1] weight, const double[::1] mean, const double[::1
                     low = at
                 else:
                     high = at
-                if high - low < 1e-9 * (right - left) or fabs(found) < 1e-7:
+                if high - low < 1e-9 * (right - left) or fabs(found) < 1e-6:
                     break
                 at = at - found / slope if slope > 0.0 else 0.5 * (low + high)
                 if not low < at < high:

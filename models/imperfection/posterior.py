@@ -7,24 +7,18 @@ where their rates agree, the rate.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.tails import f_tail, normal_tail
 from ..decay import LOG_TWENTY
-from . import _mixture_numpy
 from .blocks import Blocks, block_means
 from .known import Known
+from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
 from .prior import COMPONENTS, Imperfection
 from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law, of_room
-
-core: Any
-try:
-    from . import _mixture as core
-except ImportError:
-    core = _mixture_numpy
 
 Array = NDArray[np.float64]
 Rates = Literal["auto", "own", "shared"]
@@ -47,7 +41,6 @@ SLOWER = 2.0
 COUNTED_OTHERS = 2.0
 #: Rates of a machine that is known, or guessed, are looked at within so many deviations.
 AROUND_KNOWN, AROUND_GUESSED = 6.0, 4.0
-LEVELS = np.array([0.025, 0.5, 0.975])
 #: Degrees of freedom of a variance that is known.
 ENDLESS = 10**9
 #: A posterior this near to the slowest rate looked at knows no bound on that side.
@@ -185,7 +178,7 @@ class _Run:
             node = place.astype(np.intp)
             known = self._of_room(i, node, place - node)
             reading = blocks.mean[:, None] - known[..., :m]
-            rise[rows] = _slope(blocks, reading, of_law[..., :m]) / rate
+            rise[rows] = law_slope(blocks, reading, of_law[..., :m]) / rate
             found = [np.ascontiguousarray(a[rows]) for a in (evidence, squares, mean, variance)]
             core.mixture(
                 np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))),
@@ -221,17 +214,17 @@ class _Run:
     def weighed(self, log_rate: Array, evidence: Array) -> Array:
         """Log posterior (S, F, H) up to a constant: evidence, priors, and what other sensors say of size and kind."""
         prior, count = self.prior, self.count
-        cell = np.log(np.maximum(_cells(log_rate), 1e-12))
+        cell = np.log(np.maximum(cells(log_rate), 1e-12))
         own = (
             np.where(np.isnan(evidence), -np.inf, evidence)
             + (self.log_rate_prior(log_rate - self.centre[:, None]) + cell)[..., None]
         )
         own -= own.max(axis=(1, 2), keepdims=True)
-        kinds = _log_sum(own, 1)
+        kinds = log_sum(own, 1)
         background = self.log_prior[self.base] - np.log1p(-prior.strong_share)
         counted = prior.from_others * min(1.0, COUNTED_OTHERS / max(count - 1, 1))
         weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
-        level = _log_sum(kinds[:, self.base] + background, 1)
+        level = log_sum(kinds[:, self.base] + background, 1)
         relative = np.maximum(kinds - level[:, None], -60.0)
         weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
         weight += counted * (relative.sum(axis=0) - relative)
@@ -260,7 +253,7 @@ class _Run:
         for j in range(count):
             chance = marginal[j] - self.log_rate_prior(off[j], j)
             chance = np.exp(chance - chance.max())
-            width = np.hypot(wide, 0.5 * _cells(log_rate[j]))
+            width = np.hypot(wide, 0.5 * cells(log_rate[j]))
             heard = np.exp(-0.5 * ((dense[:, None] - off[j]) / width) ** 2) @ chance
             messages[j] = (1.0 - apart) * heard / (heard @ weight)
         together = np.log(messages + apart)
@@ -289,15 +282,15 @@ class _Run:
         looked[..., self._few()] = True
         evidence = self.evaluate(coarse, looked, 0)[0]
         posterior = self.weighed(coarse, evidence)
-        marginal = _log_sum(posterior, 2)
-        low, high = _range(coarse, marginal, 14.0, 1.0)
+        marginal = log_sum(posterior, 2)
+        low, high = within_depth(coarse, marginal, 14.0, 1.0)
         first = self._spread(low, high, FEW)
         marginal = self._looked(first, np.ones(self.count, dtype=bool))[1]
-        low, high = _range(first, marginal, 9.0, 1.0)
+        low, high = within_depth(first, marginal, 9.0, 1.0)
         log_rate, open_ = self._spread(low, high, FINE), np.ones(self.count, dtype=bool)
         posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
         for _ in range(MORE):
-            closer = _range(log_rate, marginal, 9.0, 1.0)
+            closer = within_depth(log_rate, marginal, 9.0, 1.0)
             open_ = (closer[1] - closer[0]) < 0.6 * (log_rate[:, -1] - log_rate[:, 0])
             if not open_.any():
                 break
@@ -317,14 +310,14 @@ class _Run:
     def _looked(self, log_rate: Array, anew: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Array]:
         """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) only."""
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
-        stands = anew[:, None] & (_cells(log_rate) > 0.0)
+        stands = anew[:, None] & (cells(log_rate) > 0.0)
         active = np.broadcast_to(stands[..., None], (*log_rate.shape, len(self.kind)))
         evidence, squares, *_ = self.evaluate(log_rate, active, 0)
         if not anew.all():
             evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]
         self._known = evidence, squares
         posterior = self.weighed(log_rate, evidence)
-        marginal = _log_sum(posterior, 2)
+        marginal = log_sum(posterior, 2)
         said, dense, agreeing = self.told(log_rate, marginal)
         return posterior + said[..., None], marginal + said, squares, dense, agreeing
 
@@ -351,23 +344,25 @@ class _Run:
             if not len(places):
                 continue
             w = weight[i, places, hypotheses]
+            keep = w > negligible(w)
+            places, hypotheses, w = places[keep], hypotheses[keep], w[keep]
             mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
-            steady[i] = _quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
+            steady[i] = quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
             b, r = np.exp(log_rate[i, places]), rise[i, places]
-            late, spread = _settling(b, r, mu[:, SETTLING], sd[:, SETTLING], *self._settles(i, log_rate[i, places]))
-            t95[i] = np.maximum(_quantiles(w, late, spread), 0.0)
+            late, spread = settled_after(b, r, mu[:, SETTLING], sd[:, SETTLING], *self._settles(i, log_rate[i, places]))
+            t95[i] = np.maximum(quantiles(w, late, spread), 0.0)
             for k in range(self.times):
-                at[i, k] = _quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
+                at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
             of_rate = weight[i].sum(axis=1)
             middle = of_rate @ log_rate[i]
-            cell = _cells(log_rate[i])
+            cell = cells(log_rate[i])
             spread_of_rate[i] = np.sqrt(max(of_rate @ ((log_rate[i] - middle) ** 2 + cell**2 / 12.0), 0.0))
             if self.known is not None:
                 # Where its prior is knowledge there is nothing to be shrunk.
                 spread_of_rate[i] = spread_of_rate[i] / self.known[i, 1] if self.guessed else 0.0
             elif of_rate @ (log_rate[i] < self.nodes[0] + EDGE) > LEVELS[0]:
                 spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
-            rate[i] = np.exp(_quantiles(of_rate, log_rate[i], 0.5 * cell))
+            rate[i] = np.exp(quantiles(of_rate, log_rate[i], 0.5 * cell))
             strong[i] = weight[i][:, lasting].sum()
             m = len(self.blocks_of(i).time)
             left = squares[i, places, hypotheses]
@@ -417,61 +412,3 @@ class _Run:
             for three in (steady, t95, *at):
                 three[...] = three[1] + factor * (three - three[1])
             t95[0] = max(t95[0], 0.0)
-
-
-def _settling(
-    rate: Array, rise: Array, ahead: Array, spread: Array, turns: Array | float, pace: Array | float
-) -> tuple[Array, Array]:
-    """Minutes until 95 % are done and their deviation, where a discrepancy has the point `ahead` [K] of the law at that time.
-
-    The law is there after `turns` time constants, where what is left falls `pace` times as fast as it: for one exponential
-    exp(-b t) = 0.05 + ahead / rise. Far behind the law that has no solution: from half of the 5 % on its tangent stands.
-    """
-    with np.errstate(all="ignore"):
-        share = np.nan_to_num(ahead / rise, nan=0.0, posinf=0.0, neginf=0.0)
-        near = np.clip(share, -0.025, 0.95)
-        left = 0.05 + near
-        time = (turns - (np.log(left / 0.05) + (share - near) / left) / pace) / rate
-        return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * pace * rate), 1e6)
-
-
-def _slope(blocks: Blocks, reading: Array, of_law: Array) -> Array:
-    """Initial slope (S, F) of the law fitted to means (S, F, m) by least squares, each weighed by its noise."""
-    weight = 1.0 / blocks.noise
-    weight = (weight / weight.sum(axis=1, keepdims=True))[:, None]
-    centred = of_law - (weight * of_law).sum(axis=2, keepdims=True)
-    with np.errstate(all="ignore"):
-        slope = (weight * centred * reading).sum(axis=2) / (weight * centred**2).sum(axis=2)
-    found: Array = np.nan_to_num(slope)
-    return found
-
-
-def _cells(log_rate: Array) -> Array:
-    """What each of ascending log rates (..., F) stands for: half the way to its neighbours."""
-    found: Array = np.gradient(log_rate, axis=-1)
-    return found
-
-
-def _range(log_rate: Array, marginal: Array, depth: float, margin: float) -> tuple[Array, Array]:
-    """Where a log posterior (S, F) lies within `depth` of its top, and `margin` steps beyond."""
-    near = marginal > marginal.max(axis=1, keepdims=True) - depth
-    count = log_rate.shape[1]
-    first, last = near.argmax(axis=1), count - 1 - near[:, ::-1].argmax(axis=1)
-    rows = np.arange(len(log_rate))
-    beyond = int(margin)
-    return log_rate[rows, np.maximum(first - beyond, 0)], log_rate[rows, np.minimum(last + beyond, count - 1)]
-
-
-def _log_sum(values: Array, axis: int) -> Array:
-    top = values.max(axis=axis, keepdims=True)
-    top = np.where(np.isfinite(top), top, 0.0)
-    with np.errstate(all="ignore"):
-        found: Array = np.squeeze(top, axis) + np.log(np.exp(values - top).sum(axis=axis))
-    return found
-
-
-def _quantiles(weight: Array, mean: Array, deviation: Array) -> Array:
-    out = np.empty(len(LEVELS))
-    given = [np.ascontiguousarray(v, dtype=float) for v in (weight, mean, deviation)]
-    core.quantiles(*given, LEVELS, out)
-    return out

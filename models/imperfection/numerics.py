@@ -1,0 +1,86 @@
+"""Small numerics of the posterior: grids of log rates, sums of exponentials, quantiles of mixtures."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _mixture_numpy
+from .blocks import Blocks
+
+core: Any
+try:
+    from . import _mixture as core
+except ImportError:
+    core = _mixture_numpy
+
+Array = NDArray[np.float64]
+
+LEVELS = np.array([0.025, 0.5, 0.975])
+#: Weights of a mixture that together are less than this are left out of its quantiles, the smallest first.
+LEAST_TOGETHER = 2e-3
+
+
+def negligible(weight: Array) -> float:
+    """The largest of the smallest weights (n,) that together are no more than LEAST_TOGETHER of all."""
+    ascending = np.sort(weight)
+    less = np.searchsorted(np.cumsum(ascending), LEAST_TOGETHER * ascending.sum(), "right")
+    return float(ascending[less - 1]) if less else -1.0
+
+
+def settled_after(
+    rate: Array, rise: Array, ahead: Array, spread: Array, turns: Array | float, pace: Array | float
+) -> tuple[Array, Array]:
+    """Minutes until 95 % are done and their deviation, where a discrepancy has the point `ahead` [K] of the law at that time.
+
+    The law is there after `turns` time constants, where what is left falls `pace` times as fast as it: for one exponential
+    exp(-b t) = 0.05 + ahead / rise. Far behind the law that has no solution: from half of the 5 % on its tangent stands.
+    """
+    with np.errstate(all="ignore"):
+        share = np.nan_to_num(ahead / rise, nan=0.0, posinf=0.0, neginf=0.0)
+        near = np.clip(share, -0.025, 0.95)
+        left = 0.05 + near
+        time = (turns - (np.log(left / 0.05) + (share - near) / left) / pace) / rate
+        return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * pace * rate), 1e6)
+
+
+def law_slope(blocks: Blocks, reading: Array, of_law: Array) -> Array:
+    """Initial slope (S, F) of the law fitted to means (S, F, m) by least squares, each weighed by its noise."""
+    weight = 1.0 / blocks.noise
+    weight = (weight / weight.sum(axis=1, keepdims=True))[:, None]
+    centred = of_law - (weight * of_law).sum(axis=2, keepdims=True)
+    with np.errstate(all="ignore"):
+        slope = (weight * centred * reading).sum(axis=2) / (weight * centred**2).sum(axis=2)
+    found: Array = np.nan_to_num(slope)
+    return found
+
+
+def cells(log_rate: Array) -> Array:
+    """What each of ascending log rates (..., F) stands for: half the way to its neighbours."""
+    found: Array = np.gradient(log_rate, axis=-1)
+    return found
+
+
+def within_depth(log_rate: Array, marginal: Array, depth: float, margin: float) -> tuple[Array, Array]:
+    """Where a log posterior (S, F) lies within `depth` of its top, and `margin` steps beyond."""
+    near = marginal > marginal.max(axis=1, keepdims=True) - depth
+    count = log_rate.shape[1]
+    first, last = near.argmax(axis=1), count - 1 - near[:, ::-1].argmax(axis=1)
+    rows = np.arange(len(log_rate))
+    beyond = int(margin)
+    return log_rate[rows, np.maximum(first - beyond, 0)], log_rate[rows, np.minimum(last + beyond, count - 1)]
+
+
+def log_sum(values: Array, axis: int) -> Array:
+    top = values.max(axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(all="ignore"):
+        found: Array = np.squeeze(top, axis) + np.log(np.exp(values - top).sum(axis=axis))
+    return found
+
+
+def quantiles(weight: Array, mean: Array, deviation: Array) -> Array:
+    out = np.empty(len(LEVELS))
+    given = [np.ascontiguousarray(v, dtype=float) for v in (weight, mean, deviation)]
+    core.quantiles(*given, LEVELS, out)
+    return out
