@@ -1,7 +1,7 @@
 """Does a plan come true? ``python -m benchmarks.planning`` [machines].
 
 The time that ``plan --like`` a machine's complete record says for +-0.5 and +-1 K, against the time from which ``identify`` then
-knows each sensor of another run of it so, on simulated machines.
+knows all sensors of another run of it so together, on simulated machines.
 """
 
 import sys
@@ -11,23 +11,24 @@ import numpy as np
 
 import thermofast as tf
 from benchmarks.machines import bar
+from thermofast.analysis.watching import TOGETHER
 
 TOLERANCES = (0.5, 1.0)
 TIMES = tuple(np.arange(10.0, 400.0, 10.0))
 
 
 def ratios(seed: int) -> list[tuple[float, float]]:
-    """(tolerance, needed over planned) of one machine: the median of its sensors."""
+    """(tolerance, needed over planned) of one machine: of its slowest sensor."""
     run = bar.simulate(seed, runs=2).runs
     records = [{"time_min": r.time} | {f"T{i}": line for i, line in enumerate(r.reading)} for r in run]
     planned = {r.tolerance_c: r.time_min for r in tf.plan(TOLERANCES, like=records[0]) if r.channel == "as asked"}
     found = []
     for tolerance in TOLERANCES:
-        swept = tf.sweep(records[1], (400.0,), TIMES, tolerance=tolerance)
+        swept = tf.sweep(records[1], (400.0,), TIMES, tolerance=tolerance / TOGETHER)
         times = [r.tolerance_time_min for r in swept]
         known = [t if t is not None else np.inf for t in times]
         if planned[tolerance] is not None:
-            found.append((tolerance, float(np.median(known)) / planned[tolerance]))
+            found.append((tolerance, float(np.max(known)) / planned[tolerance]))
     return found
 
 

@@ -19,8 +19,7 @@ import numpy as np
 import thermofast as tf
 from benchmarks.imperfect import oracle
 from benchmarks.machines.record import EFFECTS
-from thermofast.analysis.watching import Watch, half_width
-from thermofast.pipeline.watching import first_readings
+from thermofast.analysis.watching import Watch, first_readings, half_width
 from thermofast.records import IdentifyRecord
 
 TOLERANCES = (0.5, 1.0)

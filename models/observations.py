@@ -1,6 +1,7 @@
 """All sensors of one run on one time grid: what a joint fit looks at, and what an effect may use."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -112,6 +113,12 @@ class Observations:
             return self
         seen = self.time <= minutes * (1.0 + 1e-12) + 1e-9
         return replace(self, weight=np.where(seen, self.weight, 0.0))
+
+    def only(self, channels: Sequence[str]) -> "Observations":
+        """The same run with these sensors, in their order."""
+        at = [self.channels.index(c) for c in channels]
+        rows = {name: getattr(self, name)[at] for name in ("reading", "weight", "noise", "resolution")}
+        return replace(self, channels=tuple(channels), **rows)
 
     def without(self, left_out: NDArray[np.bool_]) -> "Observations":
         """The same grid with the readings (N,) or (S, N) marked left out."""

@@ -67,6 +67,27 @@ def test_a_drive_that_the_temperatures_do_not_follow_is_not_counted(tool, tmp_pa
     assert told["steady_state_lo_c"] <= 29.0 <= told["steady_state_hi_c"]
 
 
+def test_a_sensor_that_does_not_follow_leaves_the_others_alone(tool, tmp_path):
+    frame, _ = record(np.random.default_rng(5))
+    frame.insert(3, "T3", 22 + 5 * -np.expm1(-TIME / 50) + 0.02 * np.random.default_rng(6).standard_normal(len(TIME)))
+    path = tmp_path / "run.csv"
+    frame.to_csv(path, index=False)
+    told = json.loads(tool("identify", path, "--drive", "power_W", "--until", 150, "--format", "json", "-q").out)["records"]
+    for r, truth in zip(told, (30.0, 35.0, 27.0), strict=True):
+        assert r["steady_state_lo_c"] <= truth <= r["steady_state_hi_c"]
+        assert r["steady_state_hi_c"] - r["steady_state_lo_c"] < 2.5
+    assert ["do not follow" in r["message"] for r in told] == [False, False, True]
+    swept = json.loads(
+        tool(*("sweep", path, "--drive", "power_W", "--windows", 200, "--times", "60:180:60"), *("--format", "json", "-q")).out
+    )["records"]
+    assert [r["channel"] for r in swept] == ["T1", "T2", "T3"]
+    assert all(r["rmse_c"] < 0.03 for r in swept)
+    frame["power_W"] = 500.0
+    frame.to_csv(path, index=False)
+    still = json.loads(tool("identify", path, "--drive", "power_W", "--until", 150, "--format", "json", "-q").out)["records"]
+    assert all("never changes" in r["message"] for r in still)
+
+
 @pytest.mark.parametrize("command", ["identify", "sweep"])
 def test_a_drive_that_is_not_logged_is_met_with_words(tool, command):
     done = tool(command, "sample_runs/spindle.csv", "--drive", "power")

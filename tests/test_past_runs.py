@@ -168,6 +168,35 @@ def test_together_needs_runs_of_one_machine(tool, files, tmp_path):
     assert bare.code == 2
 
 
+def test_a_model_of_exact_runs_is_as_sure_of_a_long_record_as_no_model_is_of_a_machine():
+    rng = np.random.default_rng(9)
+    runs = [past_run(machine_run(rng, 0.03 * rng.standard_normal(), 1.0, slow=0.0, room=0.0)[0], 1.2 * RATES) for _ in range(3)]
+    past = widths_left_out(learn_past(runs, TYPICAL), runs, TYPICAL)
+    reading, limit = machine_run(rng, 0.0, 1.0, slow=0.0, room=0.0)
+    part = Part(TIME[:240], reading[:1, :240], np.full(1, 0.02), np.zeros(1), known=past.known(["a"]))
+    low, _, high = settle([part], 50.0, past.prior(TYPICAL)).steady[0]
+    assert low <= limit[0] <= high
+    assert high - low < 0.2
+
+
+def test_a_late_sensor_and_a_copy_and_a_broken_file(tool, files, tmp_path):
+    late, copy, model = tmp_path / "late.csv", tmp_path / "copy.csv", tmp_path / "m.toml"
+    frame = pd.read_csv(files[0])
+    frame.loc[:100, "T2"] = np.nan
+    frame.to_csv(late, index=False)
+    done = tool("improve", late, "--until", 60, "-o", model, "--format", "json", "-q")
+    assert "Traceback" not in done.err
+    copy.write_bytes(files[0].read_bytes())
+    twice = tool("improve", files[0], files[1], copy, "--together")
+    assert twice.code == 2
+    assert "is a copy of" in twice.err
+    tool("improve", files[0], "-o", model, "-q")
+    text = model.read_text()
+    model.write_text(text.replace("log_rate_scatter = 0.06", "log_rate_scatter = nan"))
+    broken = tool("identify", files[1], "--model", model, "--until", 60, "--format", "json", "-q")
+    assert "cannot be" in broken.out + broken.err
+
+
 def test_the_bare_law_takes_no_model(tool, files, tmp_path):
     model = tmp_path / "machine.toml"
     tool("improve", files[0], "-o", model, "-q")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, thinned
-from thermofast.pipeline.watching import first_readings, speed_of
+from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, first_readings, thinned
+from thermofast.pipeline.watching import speed_of
 from thermofast.reading.follow import Follower, whole_lines
 from thermofast.records import IdentifyRecord
 
@@ -108,10 +108,12 @@ def test_a_machine_that_heat_has_not_reached_is_not_settled():
     slow = Watch(lambda run: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5)
     for minutes in (60.0, 70.0, 80.0, 140.0):
         assert not slow.look(rising(minutes)).stop  # not before one and a half time constants
-    assert slow.look(rising(200.0)).stop is False
-    assert slow.look(rising(210.0)).stop
+    assert not slow.look(rising(152.0)).stop
+    assert slow.look(rising(157.0)).stop
+    there = Watch(slow.identify, 0.5)
+    assert there.look(rising(200.0)).stop  # a record that was there already is looked at as it was 3 % earlier, too
     known = Watch(lambda run: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5, known=True)
-    assert [known.look(rising(m)).stop for m in (40.0, 42.0)] == [False, True]
+    assert known.look(rising(40.0)).stop
     doubtful = Watch(lambda run: (record("a", 0.01), record("b", 0.01, "model_doubtful")), 0.5)
     for minutes in (60.0, 70.0, 80.0):
         assert not doubtful.look(rising(minutes)).stop
@@ -186,6 +188,32 @@ def test_standard_input_is_followed_to_its_end():
     command = [sys.executable, "-m", "thermofast", "watch", "-", "--poll", "0.05", "--format", "json", "-q"]
     done = subprocess.run(command, input=record, capture_output=True, check=True, timeout=60)
     assert json.loads(done.stdout)["records"][0]["samples"] == 50
+
+
+def test_a_stop_is_withdrawn_in_words_and_a_second_test_is_told_anew(tmp_path, capsys):
+    from thermofast.analysis.watching import Look
+    from thermofast.shell.live import shown
+
+    marker = tmp_path / "fired"
+    with shown(0.5, False, None, f"echo x >> {marker}") as tell:
+        for minutes, half, stop in (
+            (50.0, 0.4, True),
+            (52.0, 0.4, True),
+            (60.0, 0.7, False),
+            (10.0, 0.9, False),
+            (55.0, 0.3, True),
+        ):
+            tell(Look(minutes, (record("a", half),), (half <= 0.5,), stop), ())
+    said = capsys.readouterr().err
+    assert said.count("you can stop now") == 2
+    assert said.count("no longer sure") == 1
+    assert marker.read_text() == "x\nx\n"
+
+
+def test_a_record_that_ends_too_soon_has_a_code_of_its_own(tool):
+    done = tool("watch", "sample_runs/spindle.csv", "--tolerance", 0.001, "--replay", "max", "--exit", "--channels", "T1")
+    assert done.code == 3
+    assert "ended before the test could be stopped" in done.err
 
 
 def test_bad_input_is_met_with_words(tool, tmp_path):

@@ -151,12 +151,12 @@ def identify(
     """
     from .machine.lab import read_imperfection
     from .pipeline.methods import choose, paces
-    from .pipeline.sensors import identify_runs
+    from .pipeline.sensors import from_rise, identify_runs
 
     learnt = _model(model)
     prior = read_imperfection(imperfection)
     method = replace(choose(filter, preset, _texts(filter, settings), prior, rates), paces=paces(pace))
-    started = _started(runs, start, learnt is None and drive is None, reading)
+    started = _started(runs, start, from_rise(learnt, drive), reading)
     work = _work(jobs, executor, progress)
     return identify_runs(started, method, until, learnt, joint, _keep(details, started), work, at, room, drive)
 
@@ -202,8 +202,10 @@ def plan(
     from .pipeline.around import design_like, plan_design
 
     wishes = (tolerance,) if isinstance(tolerance, int | float) else tuple(tolerance)
-    base = design_like(_started(like, "auto", True, {})[0]) if like is not None else None
-    return plan_design(dict(design), wishes, read_imperfection(imperfection), base, _work(1, None, progress), _model(model))
+    prior, learnt = read_imperfection(imperfection), _model(model)
+    base, replayed = design_like(_started(like, "auto", True, {})[0], prior) if like is not None else (None, None)
+    known = replayed if learnt is None else None
+    return plan_design(dict(design), wishes, prior, base, _work(1, None, progress), known, learnt)
 
 
 def sweep(
@@ -236,13 +238,13 @@ def sweep(
     """
     from .machine.lab import read_imperfection
     from .pipeline.methods import choose
-    from .pipeline.sensors import default_times, sweep_runs
+    from .pipeline.sensors import default_times, from_rise, sweep_runs
 
     learnt = _model(model)
     method = choose(filter, preset, _texts(filter, settings), read_imperfection(imperfection), rates)
     spans = _minutes(windows, "windows")
     grid = _minutes(times, "times") if times is not None else default_times(spans)
-    started = _started(runs, start, learnt is None and drive is None, reading)
+    started = _started(runs, start, from_rise(learnt, drive), reading)
     return sweep_runs(
         started, method, spans, grid, tolerance, learnt, _keep(details, started), _work(jobs, executor, progress), drive
     )

@@ -24,11 +24,12 @@ LAST = 20
 
 
 def widths_left_out(past: Past, runs: Sequence[PastRun], prior: Imperfection) -> Past:
-    """The same with factors on half-widths that predictions of each run from all the others ask for, where there are three."""
-    if len(runs) < FEWEST:
-        return past
+    """The same with factors on half-widths that predictions of each run from all the others ask for, where there are three.
+
+    Of fewer runs the factor is that of nothing known of the errors: Student's t for the runs that the prior counts for.
+    """
     squares: list[list[float]] = [[] for _ in TURNS]
-    for k, run in enumerate(runs):
+    for k, run in enumerate(runs if len(runs) >= FEWEST else ()):
         others = learn_past([r for i, r in enumerate(runs) if i != k], prior, past)
         for t, z in enumerate(_errors(run, others, prior)):
             if np.isfinite(z):

@@ -22,8 +22,11 @@ Array = NDArray[np.float64]
 
 #: Modes of the machine's own shape beside the law, as many times as fast as it; with the loss exponent they are the amplitudes.
 SLOW_MODES, FAST_MODES = (0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
-#: Prior deviations of all slow modes, all fast modes and the exponent; what a machine's shape may be before it was seen.
-SHAPE_SIZES = (0.1, 0.15, 0.1)
+#: Prior deviations of all slow modes, all fast modes and the exponent: of machines that are all but the law, of machines as they
+#: mostly are, and of those with a strong effect of their own; and how likely each is. Runs of one length tell slow modes from a
+#: level only so far: were all machines taken for the last kind, no model of an exact one would ever be sure of its limit.
+SHAPE_SIZES = ((0.003, 0.01, 0.01), (0.02, 0.03, 0.04), (0.1, 0.15, 0.1))
+SHAPE_WEIGHTS = np.array([0.25, 0.5, 0.25])
 #: Share of the typical structure (slow modes, loss exponent) that a shape learnt leaves open: the modes are few. Fast modes stay
 #: as they are: each run starts from its own uneven temperatures.
 LEFT_OPEN = 0.15
@@ -55,6 +58,13 @@ def _deviations(sizes: tuple[float, float, float]) -> Array:
     slow, fast, exponent = sizes
     each = [slow / np.sqrt(len(SLOW_MODES))] * len(SLOW_MODES) + [fast / np.sqrt(len(FAST_MODES))] * len(FAST_MODES)
     return np.array([*each, exponent])
+
+
+def _root(covariance: Array) -> Array:
+    """A factor of a covariance that was rounded on its way through a file."""
+    values, vectors = np.linalg.eigh(covariance)
+    found: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return found
 
 
 def _open(background: Sizes) -> Sizes:
@@ -151,7 +161,7 @@ class Past:
         """For the sensors of a part, in its order; all of them have a shape, and all or none a rise of this run."""
         columns, law = modes(GRID), -np.expm1(-GRID)[None]
         shapes = [self.shapes[c] for c in channels]
-        doubt = [(columns @ np.linalg.cholesky(s.covariance + 1e-14 * np.eye(len(s.amplitudes)))).T for s in shapes]
+        doubt = [(columns @ _root(s.covariance)).T for s in shapes]
         own = [columns @ s.amplitudes for s in shapes]
         log_rate = np.array([[s.log_rate, np.hypot(s.deviation, self.scatter)] for s in shapes])
         rises = [self.rises[c] for c in channels if c in self.rises]
@@ -213,7 +223,8 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         found = {c: _learn(c, runs, log_rate[c], scatter, spread, prior) for c in names}
         # What the sensors say of the size is one thing: they share the disturbances.
         total = np.mean([one.evidence for one in found.values()], axis=0)
-        weight = np.exp(total - total.max()) * np.exp(-0.5 * (np.log(SCALES) / prior.scale_spread) ** 2)
+        likely = SHAPE_WEIGHTS[:, None] * np.exp(-0.5 * (np.log(SCALES) / prior.scale_spread) ** 2)
+        weight = np.exp(total - total.max()) * likely.ravel()
         weight /= weight.sum()
         at = np.array([weight @ one.stretch for one in found.values()])  # (sensors, runs)
         for c, mine in zip(names, at, strict=True):
@@ -224,8 +235,9 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         more = len(runs) - 1
         scatter = float(np.sqrt((RUNS_ASSUMED * SCATTER**2 + (stretches**2).sum()) / (RUNS_ASSUMED + more)))
         spread = float(np.sqrt((RUNS_ASSUMED * SPREAD**2 + own) / (RUNS_ASSUMED + more)))
-    middle = float(weight @ np.log(SCALES))
-    deviation = float(np.sqrt(weight @ (np.log(SCALES) - middle) ** 2))
+    of_scale = weight.reshape(len(SHAPE_SIZES), -1).sum(axis=0)
+    middle = float(of_scale @ np.log(SCALES))
+    deviation = float(np.sqrt(of_scale @ (np.log(SCALES) - middle) ** 2))
     shapes = {}
     for c, one in found.items():
         mean = weight @ one.amplitudes
@@ -239,7 +251,7 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
 
 @dataclass(frozen=True)
 class _Learnt:
-    """At each size of the disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs)."""
+    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs)."""
 
     evidence: Array
     amplitudes: Array
@@ -295,17 +307,16 @@ def _learn(channel: str, runs: Sequence[PastRun], log_rate: float, scatter: floa
         flat[at, 2 * k], flat[at, 2 * k + 1] = 1.0, s.law
         bend[at, k] = s.rise * s.bend
         relative[at, at], absolute[at, at] = s.rise**2 * s.relative, s.absolute
-    deviations = _deviations(SHAPE_SIZES)
     noise = np.diag(np.concatenate([s.noise for _, s in seen]))
-    modes_prior = shape * deviations
     bend_prior = bend * np.hypot(scatter, spread)
-    fixed = noise + modes_prior @ modes_prior.T + bend_prior @ bend_prior.T
-    count = len(deviations)
-    evidence, amplitudes = np.empty(len(SCALES)), np.empty((len(SCALES), count))
-    covariance, stretch = np.empty((len(SCALES), count, count)), np.full((len(SCALES), len(runs)), np.nan)
-    variance = deviations**2
-    for k, scale in enumerate(SCALES):
-        factor = np.linalg.cholesky(fixed + scale**2 * (relative + absolute))
+    fixed = noise + bend_prior @ bend_prior.T
+    pairs = [(each, scale) for each in SHAPE_SIZES for scale in SCALES]
+    count = len(_deviations(SHAPE_SIZES[0]))
+    evidence, amplitudes = np.empty(len(pairs)), np.empty((len(pairs), count))
+    covariance, stretch = np.empty((len(pairs), count, count)), np.full((len(pairs), len(runs)), np.nan)
+    for k, (shape_sizes, scale) in enumerate(pairs):
+        variance = _deviations(shape_sizes) ** 2
+        factor = np.linalg.cholesky(fixed + (shape * variance) @ shape.T + scale**2 * (relative + absolute))
         white = np.linalg.solve(factor, np.column_stack([y, flat, shape, bend]))
         x = white[:, 1 : 1 + flat.shape[1]]
         q, r = np.linalg.qr(x)

@@ -1,7 +1,7 @@
 """How long a test must run for an accuracy: half-widths of records that the prior holds for likely, against the time measured."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Part, Pa
 from thermofast.models.imperfection.draw import draw_record
 
 from ..records import PlanRecord
+from .watching import TOGETHER
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,8 @@ DRAWS, READINGS = 6, 120
 MOST_SENSORS = 12
 #: Machines known to be quiet, as calibrate finds them from complete runs.
 QUIET_SHARE, QUIET_SPREAD = 0.005, 0.4
+#: The alternative that no machine is.
+LAW = "a machine that is the law"
 #: Numbers of past runs that are tried, and time constants of a complete one.
 PAST_RUNS, COMPLETE = (1, 4, 10), 5.0
 
@@ -78,7 +81,7 @@ def alternatives(design: Design, prior: Imperfection, past: Past | None = None) 
         if prior.strong_share > QUIET_SHARE and past is None:
             quiet = replace(prior, strong_share=QUIET_SHARE, scale_spread=QUIET_SPREAD)
             found.append(Option("after calibrate on quiet machines", design, quiet))
-        found.append(Option("a machine that is the law", design, NONE, "shared"))
+        found.append(Option(LAW, design, NONE, "shared"))
     return found
 
 
@@ -104,14 +107,21 @@ def plan(
     prior: Imperfection,
     advance: Callable[[int], None] = lambda _: None,
     past: Past | None = None,
+    replayed: Array | None = None,
 ) -> tuple[list[PlanRecord], list[Curve]]:
-    """A row for each alternative and tolerance [K], and the curves behind them; past: what runs of the machine have told."""
+    """A row for each alternative and tolerance [K], and the curves behind them; past: what runs of the machine have told.
+
+    replayed (n,) [K]: half-widths at TURNS of a record of such a test, which know the machine better than any prior; alternatives
+    are then worth what they are worth to machines in general.
+    """
     curves = []
     options = alternatives(design, prior, past)
     for option in options:
         curves.append(_curve(option))
         advance(1)
-    law = next((c for c in curves if c.name == "a machine that is the law"), curves[0])
+    if replayed is not None:
+        curves = _as_replayed(curves, replayed)
+    law = next((c for c in curves if c.name == LAW), curves[0])
     rows = []
     for option, curve in zip(options, curves, strict=True):
         one = option.design
@@ -140,6 +150,11 @@ def plan(
     return rows, curves
 
 
+def of_all(half_widths: Array, exact: bool = False) -> float:
+    """The half-width [K] within which all sensors (S,) are together, as ``watch`` asks for it; of exact machines their median."""
+    return float(np.median(half_widths)) if exact else float(half_widths.max()) * (TOGETHER if len(half_widths) > 1 else 1.0)
+
+
 def needed(time: Array, half_width: Array, tolerance_c: float) -> float | None:
     """The time [min] from which the half-width stays below the tolerance, straight between logarithms; None if it never does."""
     below = half_width < tolerance_c
@@ -161,6 +176,21 @@ def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
     if curve.name != law.name and alone is not None:
         return f"{reached}: the machine is the limit, not the readings, which alone would do after {alone:.3g} min"
     return f"{reached}: the readings are the limit; read more often, or with less noise"
+
+
+def _as_replayed(curves: Sequence[Curve], replayed: Array) -> list[Curve]:
+    """Curves times what a record's half-widths are over those of the first; after its end as at its end."""
+    with np.errstate(all="ignore"):
+        ratio = replayed / curves[0].half_width
+    known = np.flatnonzero(np.isfinite(ratio))
+    if not len(known):
+        return list(curves)
+    factor = np.where(np.isfinite(ratio), ratio, ratio[known[-1]])
+    factor[: known[0]] = np.nan  # before a side of the record's interval is closed
+    return [
+        curve if curve.name == LAW else replace(curve, half_width=curve.half_width * factor, draws=curve.draws * factor)
+        for curve in curves
+    ]
 
 
 def _rises(design: Design, sensors: int) -> Array:
@@ -194,7 +224,7 @@ def _curve(option: Option) -> Curve:
             part = Part(time, reading, noise, np.zeros(sensors), known=known)
             found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=option.rates)
             width = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
-            half[d, k] = np.median(np.where(found.rate_unknown > 0.5, np.inf, width))
+            half[d, k] = of_all(np.where(found.rate_unknown > 0.5, np.inf, width), prior.none)
     middle = np.median(half, axis=0)
     half = np.where(np.isfinite(half), half, np.nan)
     return Curve(option.name, TURNS * design.tau_min, np.where(np.isfinite(middle), middle, np.nan), half)

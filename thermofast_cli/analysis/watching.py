@@ -19,6 +19,8 @@ from ..records import IdentifyRecord
 
 Array = NDArray[np.float64]
 
+#: Readings before which there is nothing to look at.
+FEWEST = 6
 #: A look is due when the record has grown by this share.
 GROWTH = 0.01
 #: A record is averaged down to about this many readings: none of its time constants is that short.
@@ -48,7 +50,8 @@ class Look:
         """One line."""
         if self.stop:
             return f"{self.minutes:.4g} min: you can stop now, every sensor is within the tolerance"
-        halves = {r.channel: half_width(r) for r in self.records}
+        wide = TOGETHER if len(self.records) > 1 else 1.0
+        halves = {r.channel: None if (h := half_width(r)) is None else wide * h for r in self.records}
         known = {c: h for c, h in halves.items() if h is not None}
         count = f"{sum(self.within)} of {len(self.within)} sensors within the tolerance"
         if len(known) < len(halves):
@@ -56,7 +59,7 @@ class Look:
         widest = max(known, key=lambda c: known[c])
         doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
         doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
-        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{known[widest]:.2g} K{doubt}"
+        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{known[widest]:.2g} K for all at once{doubt}"
 
 
 def half_width(record: IdentifyRecord) -> float | None:
@@ -82,24 +85,43 @@ class Watch:
         """Whether the record has grown enough since the last look."""
         return minutes >= self.last_min * (1.0 + GROWTH) and minutes > self.last_min
 
+    def _seen(self, run: Run) -> tuple[tuple[IdentifyRecord, ...], tuple[bool, ...], bool]:
+        """Records of a run, which of its sensors are within the tolerance, and whether nothing speaks against a stop."""
+        records = self.identify(thinned(run))
+        halves = [half_width(r) if r.status == "ok" else None for r in records]
+        wide = TOGETHER if len(records) > 1 else 1.0
+        within = tuple(h is not None and wide * h <= self.tolerance_c for h in halves)
+        risen = any(np.ptp(_ends(column)) > RISEN * self.tolerance_c for column in run.channels.values())
+        rates = [r.rate_per_min for r in records if r.rate_per_min]
+        minutes = float(run.time_s[-1]) / 60.0
+        long_enough = self.known or (bool(rates) and minutes * float(np.median(rates)) >= TURNS)
+        return records, within, bool(within) and all(within) and risen and long_enough
+
     def look(self, run: Run) -> Look:
         """What is known now."""
         minutes = float(run.time_s[-1]) / 60.0
-        records = self.identify(thinned(run))
-        halves = [half_width(r) if r.status == "ok" else None for r in records]
-        within = tuple(h is not None and TOGETHER * h <= self.tolerance_c for h in halves)
+        records, within, ready = self._seen(run)
         if minutes < self.last_min:  # another run has begun
-            self.since_min = None
-        self.last_min = minutes
-        risen = any(np.ptp(_ends(column)) > RISEN * self.tolerance_c for column in run.channels.values())
-        rates = [r.rate_per_min for r in records if r.rate_per_min]
-        long_enough = self.known or (bool(rates) and minutes * float(np.median(rates)) >= TURNS)
-        if not risen or not long_enough or not within or not all(within):
+            self.since_min, self.last_min = None, 0.0
+        before = minutes / (1.0 + HOLDS) - 1e-9
+        if not ready:
             self.since_min = None
         elif self.since_min is None:
-            self.since_min = minutes
+            # Where nobody looked lately (a file that was there already) the record of then is looked at now.
+            earlier = int(np.searchsorted(run.time_s, 60.0 * before, "right"))
+            held = self.last_min < before and earlier >= FEWEST and self._seen(first_readings(run, earlier))[2]
+            self.since_min = before if held else minutes
+        self.last_min = minutes
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
         return Look(minutes, records, within, stop)
+
+
+def first_readings(run: Run, count: int) -> Run:
+    """The first `count` readings of a run."""
+    cut: dict[str, Any] = {
+        f: {n: v[:count] for n, v in getattr(run, f).items()} for f in ("channels", "ambient", "inputs", "displacements")
+    }
+    return replace(run, time_s=run.time_s[:count], **cut)
 
 
 def _ends(column: Array) -> Array:

@@ -82,7 +82,7 @@ def command(
     from ..output.files import write_table
     from ..output.screen import interval, number, text
     from ..pipeline.methods import choose, paces
-    from ..pipeline.sensors import identify_runs
+    from ..pipeline.sensors import from_rise, identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..results import failed
     from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, working
@@ -95,7 +95,7 @@ def command(
     identify_runs(
         [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive
     )  # wrong options are told before reading
-    readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=learnt is None and drive is None)
+    readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
         result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room, drive)
     drawn = [

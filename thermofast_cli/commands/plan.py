@@ -48,10 +48,13 @@ def command(
     check_outputs([output], save_plot)
     prior = load_imperfection(imperfection)
     given = {"sensors": sensors, "interval_s": seconds(every), "noise_c": noise, "rise_c": rise, "tau_min": tau}
-    base = None
+    base, replayed = None, None
     if like is not None:
-        base = design_like(read_all((like,), {"start": "auto"}, quiet, [output, save_plot], 1).runs[0])
-    result = plan_design({k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, load_model(model))
+        base, replayed = design_like(read_all((like,), {"start": "auto"}, quiet, [output, save_plot], 1).runs[0], prior)
+        replayed = None if model else replayed
+    result = plan_design(
+        {k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, replayed, load_model(model)
+    )
     drawn = [
         ("test", text("channel")),
         ("sensors", number("sensors", 0)),

@@ -70,7 +70,7 @@ def command(
     """
     from ..output.screen import number, text
     from ..pipeline.methods import choose
-    from ..pipeline.sensors import default_times, sweep_runs
+    from ..pipeline.sensors import default_times, from_rise, sweep_runs
     from ..records import SweepRecord
     from ..results import failed
     from ..shell.options import numbers
@@ -81,7 +81,7 @@ def command(
     grid = numbers(times, "--times") if times else default_times(spans)
     check_outputs([output], save_plot)
     learnt = load_model(model)
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None and drive is None)
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(
         readings, readings.sensors if learnt is None and drive is None else len(readings.runs), "sensors", quiet, jobs
     ) as how:

@@ -64,10 +64,11 @@ def command(
     """Follow a record while it is written, and say when the test can be stopped.
 
     RUN is a file that a logger is writing, or - for standard input. It is looked at again whenever it has grown by one per cent.
-    "You can stop now" is said when every sensor is ok and within --tolerance and has stayed so; --channels chooses sensors.
-    The last look is printed at the end: of the input, by --exit, or by Ctrl-C.
+    "You can stop now" is said when every sensor is ok and within --tolerance (1.15 times its half-width, for all at once) and has
+    stayed so; --channels chooses sensors. The last look is printed at the end: of the input, by --exit, or by Ctrl-C.
+    With --exit the exit code is 3 where the record ended before it could be stopped.
     """
-    from ..output.screen import interval, number, text
+    from ..output.screen import interval, number, say, text
     from ..pipeline.methods import choose
     from ..pipeline.watching import speed_of, watch_run
     from ..reading_options import options_from
@@ -90,4 +91,7 @@ def command(
         ("to go min", number("time_to_go_min", 0)),
         ("status", text("status")),
     ]
-    return deliver(Identification(last.records, (read,)), [], output, form, quiet, drawn)
+    if not last.stop and not quiet:
+        say(f"it ended before the test could be stopped: {last.words}")
+    code = deliver(Identification(last.records, (read,)), [], output, form, quiet, drawn)
+    return 3 if leave and not last.stop and code == 0 else code

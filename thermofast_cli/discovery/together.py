@@ -21,6 +21,7 @@ from ..errors import ThermofastError, UsageError
 from ..machine.modelfile import learnt_from, model_file
 from ..machine.past import learnt_past, run_learnt_from
 from ..plugins.effects import chosen_effects, load_effect
+from ..reading.source import sha256_of
 from ..records import ImproveRecord, finite
 from .diagnose import search_run
 from .improve import Improved
@@ -75,6 +76,7 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
             failed.append(Improved(refused))
         else:
             runs.append(_Run(task, prepared, refused))
+    _refuse_copies([r.task.run.name for r in runs])
     runs, notes = _common(runs)
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]
@@ -98,9 +100,10 @@ def _common(runs: list[_Run]) -> tuple[list[_Run], list[str]]:
         )
     shared = [c for c in runs[0].prepared.seen.channels if all(c in r.prepared.seen.channels for r in runs)]
     if not shared:
-        other = next(r for r in runs if not set(r.prepared.seen.channels) & set(runs[0].prepared.seen.channels))
+        mine = set(runs[0].prepared.seen.channels)
+        other = min(runs[1:], key=lambda r: len(mine & set(r.prepared.seen.channels)))
         raise UsageError(
-            f"{other.task.run.name} has no sensor in common with {runs[0].task.run.name}",
+            f"{other.task.run.name} and the other runs have no sensor in common with {runs[0].task.run.name}",
             found=", ".join(other.prepared.seen.channels[:8]),
             allowed=", ".join(runs[0].prepared.seen.channels[:8]),
             do="give runs of one machine, their sensors named alike",
@@ -111,14 +114,18 @@ def _common(runs: list[_Run]) -> tuple[list[_Run], list[str]]:
     return cut, notes
 
 
+def _refuse_copies(sources: Sequence[str]) -> None:
+    """Raises UsageError where two of the runs are the same readings under two names."""
+    seen: dict[str, str] = {}
+    for source in sources:
+        key = f"{sha256_of(source)}#{source.rpartition('#')[2] if '#' in source else ''}"
+        if not key.startswith("#") and key in seen:
+            raise UsageError(f"{source} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
+        seen[key] = source
+
+
 def _only(prepared: Ready, channels: list[str]) -> Ready:
-    return replace(prepared, whole=_of(prepared.whole, channels), seen=_of(prepared.seen, channels))
-
-
-def _of(run: Observations, channels: list[str]) -> Observations:
-    at = [run.channels.index(c) for c in channels]
-    rows = {name: getattr(run, name)[at] for name in ("reading", "weight", "noise", "resolution")}
-    return replace(run, channels=tuple(channels), **rows)
+    return replace(prepared, whole=prepared.whole.only(channels), seen=prepared.seen.only(channels))
 
 
 def _stage(runs: Sequence[_Run], fits: Sequence[Fit]) -> Stage:

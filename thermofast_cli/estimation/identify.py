@@ -348,7 +348,7 @@ class _Block:
                 told["rate_shared_with"] = claimed.shared_with[i]
                 if claimed.let_go[i]:
                     message = _joined([LET_GO[bool(self.method.past and self.method.past.guessed)], message])
-                if self.room_c is not None and self.room is None:
+                if self.room_c is not None and self.room is None and self.method.past is None:
                     message = _joined([message, "--room needs a column of the surroundings, and there is none"])
                 if self.room is not None and self.surroundings is None:
                     message = _joined([message, "the logged surroundings move with the machine and are not used"])

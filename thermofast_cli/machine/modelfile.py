@@ -242,12 +242,22 @@ def past_of(entry: PastEntry) -> Past:
     sizes = {(len(s.amplitudes), len(s.covariance), *(len(row) for row in s.covariance)) for s in entry.shapes}
     if (entry.slow_modes, entry.fast_modes) != (SLOW_MODES, FAST_MODES) or sizes - {(count, count, *range(1, count + 1))}:
         raise UsageError("model file: [past] is of another version", do="learn the model anew with thermofast improve")
+    numbers = [entry.log_rate_scatter, entry.log_rate_spread, entry.disturbance, entry.disturbance_log_deviation]
+    numbers += [s.rate_per_min for s in entry.shapes]
+    others = [v for s in entry.shapes for v in (s.log_rate_deviation, *s.amplitudes, *(x for row in s.covariance for x in row))]
+    others += [v for pair in entry.factors for v in pair]
+    if not all(0.0 < v < math.inf for v in numbers) or not all(map(math.isfinite, others)):
+        raise UsageError("model file: [past] holds a number that cannot be", do="learn the model anew with thermofast improve")
     shapes = {}
     for s in entry.shapes:
         lower = np.zeros((count, count))
         for i, row in enumerate(s.covariance):
             lower[i, : i + 1] = row
         covariance = lower + np.tril(lower, -1).T
+        if np.linalg.eigvalsh(covariance).min() < -1e-6:
+            raise UsageError(
+                "model file: [past] holds a covariance that is none", do="learn the model anew with thermofast improve"
+            )
         shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, np.array(s.amplitudes), covariance)
     scale = entry.disturbance, entry.disturbance_log_deviation
     return Past(shapes, entry.runs, entry.log_rate_scatter, entry.log_rate_spread, *scale, entry.stretches, entry.factors)
@@ -260,7 +270,8 @@ def _correlations(fit: Fit, sensor: int) -> Correlations:
     names = [model.local[j].parameter.name if model.local[j].part < 0 else _named(fit, j) for j in at]
     block = fit.covariance[0][sensor][np.ix_(at, at)]
     deviation = np.sqrt(np.maximum(np.diag(block), 1e-300))
-    matrix = np.nan_to_num(block / np.outer(deviation, deviation))
+    with np.errstate(all="ignore"):  # of a sensor without readings nothing is known
+        matrix = np.nan_to_num(block / np.outer(deviation, deviation))
     np.fill_diagonal(matrix, 1.0)
     rounded = tuple(tuple(float(f"{v:.9f}") for v in row) for row in matrix)
     return Correlations(channel=fit.run.channels[sensor], names=tuple(names), matrix=rounded)

@@ -21,8 +21,8 @@ from thermofast.models.imperfection import (
 )
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
 
-from ..discovery.loop import LoopTask, ids_of, ready
-from ..discovery.observe import observe
+from ..discovery.loop import LoopTask, Ready, ids_of, ready
+from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError
 from ..estimation.imperfect import follows_machine
 from .learnt import carry, changed_files
@@ -32,6 +32,8 @@ from .rise import rises_of
 
 #: Rates outside these over the record's length say nothing of the machine.
 RATES = 0.3, 200.0
+#: Readings of a sensor below which a run says nothing of it.
+FEWEST = 8
 #: Deviation of the log rate about that of a fit to the same readings, where nothing else is known of it.
 GUESS = 0.6
 #: Of what a sensor moved, what a drive must have brought to be followed.
@@ -58,11 +60,12 @@ class Knowledge:
 def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
     """A fitted run as one to learn from."""
     run = fit.run
+    read = [i for i in range(run.sensors) if run.used[i].sum() >= FEWEST]
     plain = not fit.model.parts and run.heat is None
     rises = {} if plain else rises_of(fit, whole or run)
     room = _room(fit)
     parts, log_rates = [], []
-    for i in range(run.sensors):
+    for i in read:
         used = run.used[i]
         time, reading = run.time[used], run.reading[i][used][None]
         noise = np.array([run.noise[i] / np.sqrt(np.median(run.weight[i][used]))])
@@ -70,7 +73,7 @@ def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
         rate, span = float(fit.values[RATE][i]), float(time[-1] - time[0])
         known = not plain or RATES[0] < rate * span < RATES[1]
         log_rates.append(np.log(rate if known else 1.0 / float(pilot(time, reading)[0])))
-    return PastRun(run.channels, tuple(parts), np.array(log_rates), rises)
+    return PastRun(tuple(run.channels[i] for i in read), tuple(parts), np.array(log_rates), rises)
 
 
 def learnt_past(runs: Sequence[PastRun]) -> Past:
@@ -101,30 +104,62 @@ def knowledge_lost(task: LoopTask) -> list[Knowledge]:
     return [Knowledge(task.run.name, failed="the worker process died; run it alone with --jobs 1")]
 
 
+def _until(task: LoopTask) -> LoopTask:
+    """The same on the clock of a joint fit, which begins with --start."""
+    return task if task.until_min is None else replace(task, until_min=task.until_min - task.start_min)
+
+
+def _too_few(prepared: Ready | None) -> bool:
+    return prepared is None or int(prepared.seen.used.sum(axis=1).max()) < FEWEST_READINGS
+
+
 def _driven(task: LoopTask) -> Knowledge:
     """Of a run whose heat follows a logged column, and of whose machine nothing is known."""
-    name = task.run.name
+    name, task = task.run.name, _until(task)
     _, prepared = ready(task)
-    if prepared is None:
-        return Knowledge(name)
-    fit = fit_model(prepared.seen)
+    if prepared is None or _too_few(prepared):
+        return Knowledge(name, notes=(f"too few readings for the drive {task.drive}: identified without it",))
+    column = task.run.inputs[str(task.drive)]
+    if float(np.nanmax(column) - np.nanmin(column)) == 0.0:
+        return Knowledge(name, notes=(f"{task.drive} never changes, and it is not counted",))
+    mine, strange = followers(task, prepared.seen)
+    if not mine:
+        return Knowledge(name, Past({}, guessed=True), strange=tuple(strange))
+    seen = prepared.seen.only(mine)
+    fit = fit_model(seen)
     log_rates = np.log(fit.values[RATE])
-    # A column that a sensor follows leaves less of it than a heat that is constant does, and is what moves it.
-    bare = observe(replace(task.run, inputs={}), task.start_min).seen
-    assert bare is not None
-    constant = fit_model(bare.until(task.until_min))
-    moved = np.ptp(fit.run.filled[:, fit.run.used.any(axis=0)], axis=1)
-    sink = float(fit.values.get(SINK_KEY, prepared.seen.sink_c or 0.0))
-    follows = (fit.rmse <= np.maximum(constant.rmse, 1.2 * fit.run.noise)) & (np.abs(fit.values[LEVEL] - sink) > LEAST_HEAT * moved)
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
-    rises = rises_of(fit, prepared.whole, GUESSED_NODES)
-    strange = [c for c, yes in zip(fit.run.channels, follows, strict=True) if not yes]
-    for c in strange:
-        del shapes[c]
+    rises = rises_of(fit, prepared.whole.only(mine), GUESSED_NODES)
+    missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
     held = f"with {task.drive} as the heat, as last logged"
-    return Knowledge(name, Past(shapes, scatter=0.0, guessed=True, rises=rises), (held,), strange=tuple(strange))
+    notes = (held, f"{100.0 * missing:.2g} % of {task.drive} is missing and was filled by straight lines") if missing else (held,)
+    return Knowledge(name, Past(shapes, scatter=0.0, guessed=True, rises=rises), notes, strange=tuple(strange))
+
+
+def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]:
+    """Sensors that follow the drive of a task, and those that do not, each judged by itself.
+
+    A column that a sensor follows leaves less of it than a heat that is constant does, and is what moves it.
+    """
+    bare = observe(replace(task.run, inputs={}), task.start_min).seen
+    assert bare is not None
+    mine: list[str] = []
+    strange: list[str] = []
+    for i, channel in enumerate(seen.channels):
+        one = seen.only([channel])
+        if one.used.sum() < FEWEST:
+            strange.append(channel)
+            continue
+        fit, constant = fit_model(one), fit_model(bare.only([channel]).until(task.until_min))
+        moved = float(np.ptp(one.filled[0, one.used[0]]))
+        sink = float(fit.values.get(SINK_KEY, seen.sink_c or 0.0))
+        follows = (
+            fit.rmse[0] <= max(constant.rmse[0], 1.2 * seen.noise[i]) and abs(fit.values[LEVEL][0] - sink) > LEAST_HEAT * moved
+        )
+        (mine if follows else strange).append(channel)
+    return mine, strange
 
 
 def _knowledge(task: LoopTask) -> Knowledge:
@@ -143,9 +178,9 @@ def _knowledge(task: LoopTask) -> Knowledge:
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
     if not file.effects and task.drive is None:
         return Knowledge(name, past, tuple(notes))
-    _, prepared = ready(task)
-    if prepared is None:
-        return Knowledge(name, past, tuple(notes))
+    _, prepared = ready(_until(task))
+    if prepared is None or _too_few(prepared):
+        return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
     notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *carried.notes]
     rises = rises_of(carried.fit, prepared.whole)

@@ -49,14 +49,15 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: lis
     shared[2 * nodes :] += moves[:, kl:]
     curves = _run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
     kept = _run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting)
-    time, middle = seen.time - seen.time[0], nodes // 2
+    # The clock of a sensor begins with its own first reading.
+    time, middle = seen.time - fit.run.time[fit.run.used[i]][0], nodes // 2
     over = [GRID / np.exp(log_rate + off) for off in about]
     unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
     wrong = [np.interp(over[middle], time, (c - curves[middle]) / rise) for c in curves[2 * nodes :]]
     return Rise(
         log_rate,
-        np.array([np.interp(x, time, line - line[0]) for x, line in zip(over, unit, strict=True)]),
-        np.array([np.interp(x, time, line - line[0]) for x, line in zip(over, of_end, strict=True)]),
+        np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, unit, strict=True)]),
+        np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, of_end, strict=True)]),
         np.array(wrong).reshape(-1, len(GRID)),
         time,
         curves[nodes + middle] - start,

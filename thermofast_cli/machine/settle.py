@@ -12,11 +12,11 @@ from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, ready
 from ..errors import ThermofastError
-from ..estimation.identify import Method, identify_sensors
-from ..estimation.sweep import Swept, sweep_records
+from ..estimation.identify import LET_GO, Method, identify_sensors
+from ..estimation.sweep import Swept, sweep_records, sweep_sensors
 from ..records import SweepRecord
 from .learnt import carry
-from .past import knowledge
+from .past import followers, knowledge
 
 Array = NDArray[np.float64]
 
@@ -117,7 +117,11 @@ def _no_sweep(record: SweepRecord) -> Swept:
 
 
 def half_widths(task: LoopTask, method: Method, until: float) -> dict[str, float]:
-    """Half-widths [K] of the steady states by ``identify`` with the model of a task, by sensor; infinite where a side is open."""
+    """Half-widths [K] of the steady states by ``identify`` with the model of a task, by sensor; infinite where a side is open.
+
+    until [min] counts from the start of the rise.
+    """
+    until += task.start_min
     told = knowledge(replace(task, until_min=until))[0]
     run, channels = task.run, tuple(task.run.channels)
     values = np.stack([run.channels[c] for c in channels])
@@ -133,7 +137,13 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
     observed, prepared = ready(task)
     if prepared is None:
         return [_no_sweep(SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w)) for c, s, w in observed.refused]
-    whole = prepared.whole
+    whole, alone = prepared.whole, []
+    if task.model is None:
+        mine, strange = followers(task, prepared.seen)
+        alone = [_on_its_own(task, method, windows, times, tolerance_c, c) for c in strange]
+        if not mine:
+            return alone
+        whole = whole.only(mine)
     n = whole.sensors
     rmse = np.full((n, len(windows), len(times)), np.nan)
     width = np.full((n, len(times)), np.nan)
@@ -154,13 +164,23 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
         wide = half_widths(task, method, until)
         width[:, k] = [2.0 * wide.get(c, np.inf) for c in whole.channels]
         if k == len(times) - 1:
-            doubted = [
-                ["the readings leave the learnt model in a pattern"] if p < RULES.pattern else [] for p in sensor_p_values(fit)
-            ]
+            doubted = [["the readings leave the model in a pattern"] if p < RULES.pattern else [] for p in sensor_p_values(fit)]
     swept = []
     for i, channel in enumerate(whole.channels):
         blank = tuple(SweepRecord(task.run.name, channel, NAME, window_min=w) for w in windows)
         ends = [int(((whole.time <= w) & whole.used[i]).sum()) for w in windows]
         one = [blank], [bool(doubted[i])], [doubted[i]], windows, np.array(times), rmse[i : i + 1], width[i : i + 1]
         swept.append(Swept(sweep_records(*one, ends, tolerance_c)[0], np.array(times), rmse[i], width[i]))
-    return swept
+    order = {c: i for i, c in enumerate(task.run.channels)}
+    return sorted([*swept, *alone], key=lambda one: order[one.records[0].channel])
+
+
+def _on_its_own(
+    task: LoopTask, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float, channel: str
+) -> Swept:
+    """A sensor that does not follow the drive, swept without it."""
+    minutes, values = task.run.time_s / 60.0, task.run.channels[channel][None]
+    one = sweep_sensors(
+        task.run.name, (channel,), minutes, values, method, windows, times, tolerance_c, task.start_min, (LET_GO[True],)
+    )
+    return one[0]

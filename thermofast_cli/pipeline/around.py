@@ -9,6 +9,9 @@ from ..errors import UsageError, listed
 from ..results import Bench, Calibration, Displacement, Plan, Sensitivity, Simulated
 
 if TYPE_CHECKING:
+    from numpy import float64
+    from numpy.typing import NDArray
+
     from thermofast.models.imperfection import Imperfection
 
     from ..analysis.planning import Design
@@ -71,18 +74,20 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
     return Calibration((*lab.records, *unused), tuple(run for run, _ in started), prior=lab.prior, learnt_from=lab.names)
 
 
-def design_like(one: Started) -> "Design":
-    """Sensors, interval, noise, rise and time constant of a record.
+def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Design, NDArray[float64]]":
+    """Sensors, interval, noise, rise and time constant of a record, and its half-widths (n,) [K] at the times that a plan looks at.
 
     Raises
     ------
     UsageError: no sensor of it shows where it settles.
     """
+    from dataclasses import replace
+
     import numpy as np
 
     from thermofast.models import third_difference_noise
 
-    from ..analysis.planning import Design
+    from ..analysis.planning import TURNS, Design, of_all
     from ..estimation.identify import identify_sensors
     from .methods import choose
 
@@ -96,13 +101,27 @@ def design_like(one: Started) -> "Design":
         raise UsageError(f"{run.name}: no sensor of it shows where it settles", do="say --tau, --rise and --noise")
     known = [np.isfinite(v) for v in values]
     noises = [third_difference_noise(v[k], minutes[k]) for v, k in zip(values, known, strict=True) if k.sum() > 8]
-    return Design(
+    design = Design(
         len(run.channels),
         60.0 * float(np.median(np.diff(minutes))),
         max(float(np.median(noises)), 1e-6),
         float(np.median([abs((r.steady_state_c or 0.0) - (r.initial_c or 0.0)) for r in told])),
         1.0 / float(np.median([r.rate_per_min for r in told])),
     )
+    half = np.full(len(TURNS), np.nan)
+    if prior is not None:
+        method = replace(method, imperfection=prior)
+        for k, turn in enumerate(TURNS):
+            until = turn * design.tau_min
+            if until > float(minutes[-1]) - start or not (minutes - start <= until).sum() > 8:
+                continue
+            found = [
+                f.record for f in identify_sensors(run.name, tuple(run.channels), minutes, values, method, start + until, start)
+            ]
+            sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in found]
+            widths = np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
+            half[k] = of_all(widths, prior.none)
+    return design, np.where(np.isfinite(half), half, np.nan)
 
 
 def plan_design(
@@ -111,11 +130,13 @@ def plan_design(
     prior: "Imperfection",
     base: "Design | None" = None,
     how: Work | None = None,
+    replayed: "NDArray[float64] | None" = None,
     model: "Model | None" = None,
 ) -> Plan:
     """How long a test must run; given are what is said of the :class:`Design`, the rest is `base`'s or the default.
 
-    model: learnt from past runs of the machine, which tell its time constant and number of sensors, and are counted.
+    replayed: half-widths of the record that `base` is of; model: learnt from past runs of the machine, which tell its time constant
+    and number of sensors, and are counted.
 
     Raises
     ------
@@ -138,7 +159,7 @@ def plan_design(
         past = past_of_model(model)
         told = {"sensors": len(past.shapes), "tau_min": math.exp(-median([s.log_rate for s in past.shapes.values()]))}
         given = {**told, **given}
-    rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past)
+    rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past, replayed)
     return Plan(tuple(rows), curves=tuple(curves))
 
 

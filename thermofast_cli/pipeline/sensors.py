@@ -32,6 +32,11 @@ def check_until(run: Run, until_min: float | None) -> None:
         )
 
 
+def from_rise(model: "Model | None", drive: str | None = None) -> bool:
+    """Whether a run begins where its rise does: not with a drive or effects, to which an idle beginning says something."""
+    return drive is None and (model is None or not (model.file.effects or model.drive))
+
+
 def identify_runs(
     started: Sequence[Started],
     method: Method,
@@ -70,7 +75,11 @@ def identify_runs(
         from .loop import loop_tasks
 
         silent = replace(how, advance=lambda _steps: None)
-        by_run, _ = over_runs(knowledge, loop_tasks(started, until_min=until_min, model=model, drive=drive), knowledge_lost, silent)
+        by_run, stopped = over_runs(
+            knowledge, loop_tasks(started, until_min=until_min, model=model, drive=drive), knowledge_lost, silent
+        )
+        if stopped:
+            return Identification((), tuple(run for run, _ in started), True)
         told = {one.run: one for one in by_run}
     failed = [one for one in told.values() if one.failed]
     able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
@@ -79,6 +88,10 @@ def identify_runs(
         name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
     ) -> IdentifyTask:
         of_run, known = method, told.get(name)
+        if known is not None and known.past is None:
+            notes = tuple(_and(known.notes, note) for note in notes)
+        if known is not None and known.uses_room and room_c is not None:
+            notes = tuple(_and(("the model accounts for the surroundings: --room is not told with it",), note) for note in notes)
         if known is not None and known.past is not None:
             of_run = replace(method, past=known.past)
             mine = known.past.shapes

@@ -4,12 +4,12 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis.watching import Look, Watch
+from ..analysis.watching import FEWEST, Look, Watch, first_readings
 from ..engine import Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
 from ..estimation.identify import Method
@@ -18,15 +18,13 @@ from ..reading.follow import Follower, Piped
 from ..reading.source import read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
-from .sensors import identify_runs
+from .sensors import from_rise, identify_runs
 
 if TYPE_CHECKING:
     from ..machine.model import Model
 
 #: Hears of each look, with what happened to the file since the last one; of None, that no reading came.
 Tell = Callable[[Look | None, tuple[str, ...]], None]
-#: Readings before which there is nothing to look at.
-FEWEST = 6
 #: Minutes without a reading, in usual intervals, after which it is said.
 SILENT = 20.0
 
@@ -84,17 +82,18 @@ def watch_run(
     begin = None if start == "auto" else float(start)
 
     def identify(run: Run) -> tuple[IdentifyRecord, ...]:
-        return identify_runs([with_start(run, begin, model is None)], method, None, model, how=Work(1)).records
+        return identify_runs([with_start(run, begin, from_rise(model))], method, None, model, how=Work(1)).records
 
     watch = Watch(identify, tolerance_c, model is not None)
     if speed is not None:
-        return _replayed(source, options, watch, speed, leave, tell)
+        return _replayed(source, options, watch, speed, leave, tell, begin)
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
     name = "stdin" if source == "-" else source
     last: tuple[Look, Run] | None = None
     clock, trouble = _Clock(time.monotonic()), ""
     try:
         while True:
+            ended = isinstance(follower, Piped) and follower.ended  # asked before what there is, so that no last line is lost
             data = follower.poll()
             if data is not None:
                 clock.seen, clock.said = time.monotonic(), False
@@ -104,14 +103,14 @@ def watch_run(
                 except ThermofastError as error:
                     trouble = str(error)  # a heading alone is no record yet
                     run = None
-                if run is not None and len(run.time_s) >= FEWEST and _worth(watch, run, follower):
+                if run is not None and _begun(run, begin) and _worth(watch, run, follower):
                     clock.interval = float(np.median(np.diff(run.time_s)))
                     last = watch.look(run), run
                     tell(last[0], tuple(follower.notes))
                     follower.notes.clear()
                     if leave and last[0].stop:
                         return last
-            elif isinstance(follower, Piped) and follower.ended:
+            elif ended:
                 break
             silent = time.monotonic() - clock.seen
             if not clock.said and silent > SILENT * max(clock.interval, poll_s):
@@ -123,8 +122,15 @@ def watch_run(
     except KeyboardInterrupt:
         pass
     if last is None:
-        raise InputError(f"{name}: nothing to foretell from was read", found=trouble, allowed=f"{FEWEST} readings or more")
+        never = isinstance(follower, Follower) and not follower.path.exists()
+        found = "the file never appeared" if never else trouble
+        raise InputError(f"{name}: nothing to foretell from was read", found=found, allowed=f"{FEWEST} readings or more")
     return last
+
+
+def _begun(run: Run, start_min: float | None) -> bool:
+    """Whether enough was read after the start to look at."""
+    return int((run.time_s / 60.0 >= (start_min or 0.0)).sum()) >= FEWEST
 
 
 def _worth(watch: Watch, run: Run, follower: "Follower | Piped") -> bool:
@@ -133,7 +139,9 @@ def _worth(watch: Watch, run: Run, follower: "Follower | Piped") -> bool:
     return watch.due(minutes) or minutes < watch.last_min or (isinstance(follower, Piped) and follower.ended)
 
 
-def _replayed(source: str, options: Options, watch: Watch, speed: float, leave: bool, tell: Tell) -> tuple[Look, Run]:
+def _replayed(
+    source: str, options: Options, watch: Watch, speed: float, leave: bool, tell: Tell, begin: float | None
+) -> tuple[Look, Run]:
     runs = read_runs(source, options)
     if len(runs) > 1:
         raise InputError(f"{source}: {len(runs)} runs", allowed="one to replay", do=f"name one, as {source}#2")
@@ -143,12 +151,12 @@ def _replayed(source: str, options: Options, watch: Watch, speed: float, leave: 
     try:
         for count in range(FEWEST, len(whole.time_s) + 1):
             now = float(whole.time_s[count - 1])
-            if not watch.due(now / 60.0) and count < len(whole.time_s):
+            run = first_readings(whole, count)
+            if not _begun(run, begin) or (not watch.due(now / 60.0) and count < len(whole.time_s)):
                 continue
             wait = began + now / speed - time.monotonic()
             if wait > 0.0:
                 time.sleep(wait)
-            run = first_readings(whole, count)
             last = watch.look(run), run
             tell(last[0], ())
             if leave and last[0].stop:
@@ -158,11 +166,3 @@ def _replayed(source: str, options: Options, watch: Watch, speed: float, leave: 
     if last is None:
         raise InputError(f"{source}: nothing to foretell from", found=f"{len(whole.time_s)} readings", allowed=f"{FEWEST} or more")
     return last
-
-
-def first_readings(run: Run, count: int) -> Run:
-    """The first `count` readings of a run."""
-    cut: dict[str, Any] = {
-        f: {n: v[:count] for n, v in getattr(run, f).items()} for f in ("channels", "ambient", "inputs", "displacements")
-    }
-    return replace(run, time_s=run.time_s[:count], **cut)

@@ -96,10 +96,13 @@ class Piped:
         threading.Thread(target=self._pump, args=(stream,), daemon=True).start()
 
     def _pump(self, stream: BinaryIO) -> None:
-        while chunk := os.read(stream.fileno(), 1 << 16):
+        try:
+            while chunk := os.read(stream.fileno(), 1 << 16):
+                with self._lock:
+                    self._held += chunk
+        finally:
             with self._lock:
-                self._held += chunk
-        self.ended = True
+                self.ended = True
 
     def poll(self) -> bytes | None:
         """All whole lines so far, and at the end all there is; None where there are no new ones since the last call."""

@@ -19,7 +19,7 @@ SAID_AGAIN = 0.1
 @contextmanager
 def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | None) -> Iterator[Tell]:
     """Yields what hears of looks."""
-    state: dict[str, Any] = {"said": 0.0, "within": -1, "stopped": False}
+    state: dict[str, Any] = {"said": 0.0, "within": -1, "stopped": False, "withdrawn": False, "last": 0.0}
     terminal = not quiet and sys.stderr.isatty()
     with live_table(terminal) as draw:
 
@@ -28,6 +28,9 @@ def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | Non
                 say(note)
             if look is None:
                 return
+            if look.minutes < state["last"]:  # another run: all is said anew
+                state.update(said=0.0, within=-1, stopped=False, withdrawn=False)
+            state["last"] = look.minutes
             if jsonl:
                 head = {"minutes": round(look.minutes, 4), "stop": look.stop, "tolerance_c": tolerance_c}
                 append_line(jsonl, json.dumps(head | {"records": [r.as_dict() for r in look.records]}))
@@ -36,8 +39,13 @@ def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | Non
             elif not quiet and (
                 look.minutes >= state["said"] * (1.0 + SAID_AGAIN) or sum(look.within) != state["within"] or look.stop
             ):
-                if not (look.stop and state["stopped"]):
+                if look.stop == (state["stopped"] and not state["withdrawn"]) and state["stopped"]:
+                    pass  # said already, and still so
+                elif state["stopped"] and not look.stop:
+                    say(f"{look.words}; what was said before is no longer sure")
+                else:
                     say(look.words)
+                state["withdrawn"] = state["stopped"] and not look.stop
                 state["said"], state["within"] = look.minutes, sum(look.within)
             if look.stop and not state["stopped"]:
                 state["stopped"] = True
