@@ -2,8 +2,20 @@
 
 from .blocks import pilot
 from .known import Known
-from .left_out import widths_left_out
-from .past import FAST_MODES, GRID, GUESSED_NODES, NODES, SCATTER, SLOW_MODES, Past, PastRun, Rise, SensorShape, learn_past
+from .past import (
+    FAST_MODES,
+    GRID,
+    GUESSED_NODES,
+    NODES,
+    SCATTER,
+    SLOW_MODES,
+    Past,
+    PastRun,
+    Rise,
+    SensorShape,
+    learn_past,
+    widths_left_out,
+)
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged

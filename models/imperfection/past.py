@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.tails import t_quantile
 from .blocks import block_means
 from .known import Known, within
-from .posterior import Part
+from .posterior import Part, settle
 from .prior import Imperfection, Sizes
 from .shapes import Asked, covariances, law, loss_bend, of_room
 
@@ -37,13 +38,22 @@ BLOCKS = 24
 #: Sizes of the disturbances that are compared, against the typical.
 SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS = 3
+#: How many of the sizes are looked at where much the same runs have told which.
+NEAR = 4
 #: Deviation of the logarithm of the size from run to run, as one run lets it be known.
 SCALE_AGAIN = 0.6
 #: Log rates about the known one, or about a guess, at which a rise is worked out: what is logged does not stretch with the machine.
-#: Points x = rate t
-#: at which a rise is drawn, and where all is over.
+#: Points x = rate t at which a rise is drawn, and where all is over.
 NODES, GUESSED_NODES = np.linspace(-0.6, 0.6, 41), np.linspace(-2.4, 2.4, 81)
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 600)])
+#: When a run left out is read, in time constants, and when it counts as complete.
+TURNS = (0.25, 0.5, 1.0, 2.0, 3.0)
+COMPLETE = 3.5
+#: Runs from which on they are held against each other; runs that "as wide as the prior says" counts for.
+FEWEST, PRIOR_RUNS = 3, 6.0
+LEAST, MOST = 0.5, 4.0
+#: Readings whose mean is the end of a run, at most a twentieth of them.
+LAST = 20
 
 
 def modes(x: Array) -> Array:
@@ -219,11 +229,12 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
     log_rate = {c: float(np.mean([r.log_rates[r.channels.index(c)] for r in runs if c in r.channels])) for c in names}
     if near is not None:
         scatter, spread, log_rate = near.scatter, near.spread, {c: near.shapes[c].log_rate for c in names}
+    scales = SCALES if near is None else SCALES[np.argsort(np.abs(np.log(SCALES / near.scale)))[:NEAR]]
     for _ in range(ROUNDS if near is None else 1):
-        found = {c: _learn(c, runs, log_rate[c], scatter, spread, prior) for c in names}
+        found = {c: _learn(c, runs, log_rate[c], scatter, spread, prior, scales) for c in names}
         # What the sensors say of the size is one thing: they share the disturbances.
         total = np.mean([one.evidence for one in found.values()], axis=0)
-        likely = SHAPE_WEIGHTS[:, None] * np.exp(-0.5 * (np.log(SCALES) / prior.scale_spread) ** 2)
+        likely = SHAPE_WEIGHTS[:, None] * np.exp(-0.5 * (np.log(scales) / prior.scale_spread) ** 2)
         weight = np.exp(total - total.max()) * likely.ravel()
         weight /= weight.sum()
         at = np.array([weight @ one.stretch for one in found.values()])  # (sensors, runs)
@@ -236,8 +247,8 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         scatter = float(np.sqrt((RUNS_ASSUMED * SCATTER**2 + (stretches**2).sum()) / (RUNS_ASSUMED + more)))
         spread = float(np.sqrt((RUNS_ASSUMED * SPREAD**2 + own) / (RUNS_ASSUMED + more)))
     of_scale = weight.reshape(len(SHAPE_SIZES), -1).sum(axis=0)
-    middle = float(of_scale @ np.log(SCALES))
-    deviation = float(np.sqrt(of_scale @ (np.log(SCALES) - middle) ** 2))
+    middle = float(of_scale @ np.log(scales))
+    deviation = float(np.sqrt(of_scale @ (np.log(scales) - middle) ** 2))
     shapes = {}
     for c, one in found.items():
         mean = weight @ one.amplitudes
@@ -310,7 +321,7 @@ def _learn(channel: str, runs: Sequence[PastRun], log_rate: float, scatter: floa
     noise = np.diag(np.concatenate([s.noise for _, s in seen]))
     bend_prior = bend * np.hypot(scatter, spread)
     fixed = noise + bend_prior @ bend_prior.T
-    pairs = [(each, scale) for each in SHAPE_SIZES for scale in SCALES]
+    pairs = [(each, scale) for each in SHAPE_SIZES for scale in scales]
     count = len(_deviations(SHAPE_SIZES[0]))
     evidence, amplitudes = np.empty(len(pairs)), np.empty((len(pairs), count))
     covariance, stretch = np.empty((len(pairs), count, count)), np.full((len(pairs), len(runs)), np.nan)
@@ -328,3 +339,55 @@ def _learn(channel: str, runs: Sequence[PastRun], log_rate: float, scatter: floa
         covariance[k] = np.diag(variance) - variance[:, None] * (mine.T @ mine) * variance
         stretch[k, [r for r, _ in seen]] = (scatter**2 + spread**2) * (bends.T @ left[:, 0])
     return _Learnt(evidence, amplitudes, covariance, stretch)
+
+
+def widths_left_out(past: Past, runs: Sequence[PastRun], prior: Imperfection) -> Past:
+    """The same with factors on half-widths that predictions of each run from all the others ask for, where there are three.
+
+    Of fewer runs the factor is that of nothing known of the errors: Student's t for the runs that the prior counts for.
+    """
+    squares: list[list[float]] = [[] for _ in TURNS]
+    for k, run in enumerate(runs if len(runs) >= FEWEST else ()):
+        others = learn_past([r for i, r in enumerate(runs) if i != k], prior, past)
+        for t, z in enumerate(_errors(run, others, prior)):
+            if np.isfinite(z):
+                squares[t].append(z)
+    factors = []
+    for turn, found in zip(TURNS, squares, strict=True):
+        n = len(found)
+        size = np.sqrt((PRIOR_RUNS + sum(found)) / (PRIOR_RUNS + n))
+        factors.append((turn, float(np.clip(float(t_quantile(PRIOR_RUNS + n)) * size / 1.96, LEAST, MOST))))
+    return replace(past, factors=tuple(factors))
+
+
+def _errors(run: PastRun, past: Past, prior: Imperfection) -> list[float]:
+    """Mean squares over the sensors of the error of a run's end, in deviations, read up to each turn; nan where untold."""
+    mine = [i for i, c in enumerate(run.channels) if c in past.shapes and c not in run.rises]
+    if not mine:
+        return [np.nan] * len(TURNS)
+    names = [run.channels[i] for i in mine]
+    tau = float(np.exp(-np.median([past.shapes[c].log_rate for c in names])))
+    parts = [run.parts[i] for i in mine]
+    span = min(float(p.time[-1] - p.time[0]) for p in parts)
+    if span < COMPLETE * tau:
+        return [np.nan] * len(TURNS)
+    counts = [min(LAST, max(1, len(p.time) // 20)) for p in parts]
+    ends = np.array([float(p.reading[0, -n:].mean()) for p, n in zip(parts, counts, strict=True)])
+    when = float(np.mean([p.time[-n:].mean() for p, n in zip(parts, counts, strict=True)]))
+    found = []
+    for turn in TURNS:
+        cut = [_until(p, turn * tau) for p in parts]
+        if min(len(p.time) for p in cut) < 8:
+            found.append(np.nan)
+            continue
+        known = [replace(p, known=past.known([c])) for p, c in zip(cut, names, strict=True)]
+        at = settle(known, tau, past.prior(prior), [when]).at[:, 0]
+        half = np.where(at[:, 1] > ends, at[:, 1] - at[:, 0], at[:, 2] - at[:, 1])
+        found.append(float(np.mean((1.96 * (at[:, 1] - ends) / half) ** 2)))
+    return found
+
+
+def _until(part: Part, minutes: float) -> Part:
+    n = int(np.searchsorted(part.time - part.time[0], minutes, "right"))
+    room = None if part.room is None else part.room[:n]
+    return replace(part, time=part.time[:n], reading=np.ascontiguousarray(part.reading[:, :n]), room=room)
