@@ -302,7 +302,9 @@ def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _
     )
 
 
-def _learn(channel: str, runs: Sequence[PastRun], log_rate: float, scatter: float, spread: float, prior: Imperfection) -> _Learnt:
+def _learn(
+    channel: str, runs: Sequence[PastRun], log_rate: float, scatter: float, spread: float, prior: Imperfection, scales: Array
+) -> _Learnt:
     """One sensor over all runs that have it, as one Gaussian: start, rise, stretch, disturbances of each run; one shape of all."""
     seen = [(r, _seen(run, channel, log_rate, prior)) for r, run in enumerate(runs) if channel in run.channels]
     sizes = [len(s.y) for _, s in seen]
