@@ -1,6 +1,6 @@
 """What past runs of the same machine buy: identify with a model that improve --together learnt from 1, 4 and 10 of them.
 
-OMP_NUM_THREADS=1 python -m benchmarks.past_runs [--machines 40] [--seed 70000] prints, for two simulators and for the complete runs of
+OMP_NUM_THREADS=1 python -m benchmarks.past_runs [--machines 40] [--seed 70000] prints, for two simulators and for runs of
 ../shared/cases/lab where they are (each run foretold from the others), by identification time: coverage of the end, RMS error,
 median width, and the interval score over that without a past.
 """
