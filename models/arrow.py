@@ -92,3 +92,10 @@ def arrow_step(
     shared = np.linalg.solve(schur, gs - (b * by_g[:, :, None]).sum(axis=(0, 1)))
     local = by_g - (by_b @ shared[:, None])[:, :, 0]
     return local * free, shared * free_shared
+
+
+def covariance_root(covariance: Array) -> Array:
+    """Factor (n, n) of a covariance, a little indefinite by rounding or not."""
+    values, vectors = np.linalg.eigh(covariance)
+    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrow import covariance_root
 from ..core.tails import t_quantile
 from .blocks import block_means
 from .known import Known, within
@@ -68,13 +69,6 @@ def _deviations(sizes: tuple[float, float, float]) -> Array:
     slow, fast, exponent = sizes
     each = [slow / np.sqrt(len(SLOW_MODES))] * len(SLOW_MODES) + [fast / np.sqrt(len(FAST_MODES))] * len(FAST_MODES)
     return np.array([*each, exponent])
-
-
-def _root(covariance: Array) -> Array:
-    """A factor of a covariance that was rounded on its way through a file."""
-    values, vectors = np.linalg.eigh(covariance)
-    found: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-    return found
 
 
 def _open(background: Sizes) -> Sizes:
@@ -171,7 +165,7 @@ class Past:
         """For the sensors of a part, in its order; all of them have a shape, and all or none a rise of this run."""
         columns, law = modes(GRID), -np.expm1(-GRID)[None]
         shapes = [self.shapes[c] for c in channels]
-        doubt = [(columns @ _root(s.covariance)).T for s in shapes]
+        doubt = [(columns @ covariance_root(s.covariance)).T for s in shapes]
         own = [columns @ s.amplitudes for s in shapes]
         log_rate = np.array([[s.log_rate, np.hypot(s.deviation, self.scatter)] for s in shapes])
         rises = [self.rises[c] for c in channels if c in self.rises]

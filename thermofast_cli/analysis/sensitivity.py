@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Lump
+from thermofast.models.arrow import covariance_root
 from thermofast.models.joint import RATE, Fit
 from thermofast.models.uncertainty.chaos import Chaos, design, fit_chaos
 from thermofast.models.uncertainty.reliability import first_order, monte_carlo
@@ -25,7 +26,7 @@ from ..estimation.identify import Method
 from ..estimation.sensor import Sensor, prepare, refusal
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile
-from ..machine.settle import covariance_root, reference_of, settling_point
+from ..machine.settle import reference_of, settling_point
 from ..records import SensitivityRecord
 
 Array = NDArray[np.float64]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
+from thermofast.models.arrow import covariance_root
 from thermofast.models.imperfection import GRID, NODES, Rise
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
 
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 HORIZON, AFTER = 12.0, 800
 #: A level this near to the start [K] has no shape of its own to be read off.
 LEAST_RISE = 1e-3
+#: What nothing determines moves no further than this, in search coordinates.
+MOST_DOUBT = 2.0
 
 
 def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, Rise]:
@@ -27,15 +30,14 @@ def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, R
     used = np.flatnonzero(fit.run.used.any(axis=0))
     last = int(used[-1])
     end = float(whole.time[-1])
-    horizon = end + HORIZON / max(_slowest(fit), 1e-5)
+    horizon = end + HORIZON / min(slowest(fit, i) for i in range(fit.run.sensors))
     later = np.linspace(end, horizon, AFTER + 1)[1:]
     seen = _extended(fit, whole, len(whole.time) - 1, later)
     held = _extended(fit, whole, last, later)
-    lasting = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
-    return {channel: _rise(fit, i, seen, held, lasting, nodes) for i, channel in enumerate(fit.run.channels)}
+    return {channel: _rise(fit, i, seen, held, nodes) for i, channel in enumerate(fit.run.channels)}
 
 
-def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: list[int], about: Array) -> Rise:
+def _rise(fit: Fit, i: int, seen: Observations, held: Observations, about: Array) -> Rise:
     level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
     log_rate = float(np.log(fit.values[RATE][i]))
     rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
@@ -47,8 +49,8 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: lis
     rows[nodes : 2 * nodes, fit.model.column(LEVEL)] = start
     rows[2 * nodes :] += moves[:, :kl]
     shared[2 * nodes :] += moves[:, kl:]
-    curves = _run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
-    kept = _run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting)
+    curves = free_run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
+    kept = free_run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting(fit))
     # The clock of a sensor begins with its own first reading.
     time, middle = seen.time - fit.run.time[fit.run.used[i]][0], nodes // 2
     over = [GRID / np.exp(log_rate + off) for off in about]
@@ -66,14 +68,21 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, lasting: lis
     )
 
 
-def _slowest(fit: Fit) -> float:
-    rates = [float(np.min(fit.values[RATE]))]
+def slowest(fit: Fit, sensor: int) -> float:
+    """The slowest rate [1/min] by which anything of a sensor's model settles, no less than 1e-5."""
+    rates = [float(fit.values[RATE][sensor])]
     for k, part in enumerate(fit.model.parts):
         for p in part.effect.parameters:
-            if p.settles and Key(k, p.name) in fit.values:
-                value = float(np.min(fit.values[Key(k, p.name)]))
+            if p.settles and Key(k, p.name) in fit.values and part.concerns(fit.run.sensors)[sensor]:
+                value = fit.values[Key(k, p.name)]
+                value = float(value[sensor]) if np.ndim(value) else float(value)
                 rates.append(value if p.settles == "rate" else 1.0 / max(value, 1e-9))
-    return min(rates)
+    return max(min(rates), 1e-5)
+
+
+def lasting(fit: Fit) -> list[int]:
+    """Places of a model's parts that are the machine's: a probe that drifts or jumps is no part of its temperature."""
+    return [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
 
 
 def _extended(fit: Fit, whole: Observations, last: int, later: Array) -> Observations:
@@ -103,7 +112,7 @@ def _extended(fit: Fit, whole: Observations, last: int, later: Array) -> Observa
     )
 
 
-def _run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:
+def free_run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:
     """Curves (R, N) of one sensor over another record with the parts `keep` of the model."""
     own = [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]
     common = [j for j, c in enumerate(fit.model.shared) if c.part < 0 or c.part in keep]
@@ -127,8 +136,8 @@ def _doubtful(fit: Fit, sensor: int) -> Array:
     given = whole[np.ix_(base, base)]
     cross = whole[np.ix_(others, base)]
     left = whole[np.ix_(others, others)] - cross @ np.linalg.pinv(given) @ cross.T
-    values, vectors = np.linalg.eigh(0.5 * (left + left.T))
-    roots = vectors * np.sqrt(np.clip(values, 0.0, 4.0))  # a parameter that nothing determines moves no further than this
+    roots = covariance_root(0.5 * (left + left.T))
+    roots /= np.maximum(np.linalg.norm(roots, axis=0) / MOST_DOUBT, 1.0)
     moves = np.zeros((len(others), kl + len(fit.shared)))
     moves[:, others] = roots.T
     return moves

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model, fit_model
+from thermofast.models.joint import LEVEL, RATE, START, Fit, fit_model
 from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
 
@@ -17,12 +17,12 @@ from ..estimation.sweep import Swept, sweep_records, sweep_sensors
 from ..records import SweepRecord
 from .learnt import carry
 from .past import followers, knowledge
+from .rise import HORIZON, free_run, lasting, slowest
 
 Array = NDArray[np.float64]
 
 NAME = "joint_fit"
-#: The free run goes on for this many of the slowest time constants.
-HORIZON = 12.0
+#: Points of a free run.
 POINTS = 1200
 
 
@@ -37,49 +37,12 @@ def reference_of(seen: Observations) -> float | None:
 
 def settling_point(fit: Fit, i: int, reference: float | None) -> tuple[float, float]:
     """Steady state [degC] and t95 [min] of one sensor at the fitted parameters."""
-    steady, t95 = _settled(fit, i, reference, np.zeros((1, fit.local.shape[1] + len(fit.shared))))
-    return float(steady[0]), float(t95[0])
-
-
-def _settled(fit: Fit, i: int, reference: float | None, moves: Array) -> tuple[Array, Array]:
-    """Steady states [degC] and t95 [min] (R,) of one sensor with its parameters moved by (R, kl + ks) in search coordinates."""
-    parts = [p for p in fit.model.parts if p.effect.scope != "one"]
-    keep = [k for k, p in enumerate(fit.model.parts) if p.effect.scope != "one"]
-    rates = [float(fit.values[RATE][i])]
-    for k, part in enumerate(fit.model.parts):
-        for p in part.effect.parameters:
-            if p.settles and Key(k, p.name) in fit.values and part.concerns(fit.run.sensors)[i]:
-                value = fit.values[Key(k, p.name)]
-                value = float(value[i]) if np.ndim(value) else float(value)
-                rates.append(value if p.settles == "rate" else 1.0 / value)
-    horizon = max(fit.run.span, HORIZON / max(min(rates), 1e-5))
-    far = _far(fit, horizon, reference)
-    own = [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]
-    model = Model(far, parts, fit.model.active[:, own])
-    centre = np.concatenate([fit.local[i], fit.shared])
-    draws = centre + moves
-    kl = fit.local.shape[1]
-    local = np.clip(draws[:, :kl], fit.model.low_local, fit.model.high_local)
-    shared = np.clip(draws[:, kl:], fit.model.low_shared, fit.model.high_shared)
-    old_sink, new_sink = fit.model.sink_guess, model.sink_guess
-    local[:, model.column(LEVEL)] += new_sink - old_sink if fit.run.sink_c is not None else 0.0
-    common = [j for j, c in enumerate(fit.model.shared) if c.part < 0 or c.part in keep]
-    curves = model.forward(local[:, own], shared[:, common], np.full(len(draws), i))
-    tail = curves[:, -max(2, POINTS // 10) :]
-    steady = tail.mean(axis=1)
-    ripple = 0.5 * np.ptp(tail, axis=1)
-    band = 0.05 * np.abs(steady - curves[:, 0]) + ripple
-    outside = np.abs(curves - steady[:, None]) > band[:, None]
-    last = outside.shape[1] - 1 - np.argmax(outside[:, ::-1], axis=1)
-    t95 = np.where(outside.any(axis=1), far.time[np.minimum(last + 1, len(far.time) - 1)], 0.0)
-    return steady, t95
-
-
-def covariance_root(covariance: Array) -> Array:
-    """Factor (n, n) of a covariance, a little indefinite by rounding or not."""
-    values, vectors = np.linalg.eigh(covariance)
-    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
+    far = _far(fit, max(fit.run.span, HORIZON / slowest(fit, i)), reference)
+    curve = free_run(fit, far, fit.local[i : i + 1], fit.shared[None], i, lasting(fit))[0]
+    tail = curve[-max(2, POINTS // 10) :]
+    steady = float(tail.mean())
+    outside = np.flatnonzero(np.abs(curve - steady) > 0.05 * abs(steady - curve[0]) + 0.5 * float(np.ptp(tail)))
+    return steady, float(far.time[min(outside[-1] + 1, len(far.time) - 1)]) if len(outside) else 0.0
 
 
 def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
