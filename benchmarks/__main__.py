@@ -9,12 +9,14 @@ from . import (
     imperfect,
     joint,
     loop_speed,
+    past_runs,
     planning,
     real_loop,
     real_records,
     real_settling,
     speed,
     states,
+    watching,
 )
 
 for part in (
@@ -24,6 +26,8 @@ for part in (
     certified,
     states,
     imperfect,
+    past_runs,
+    watching,
     planning,
     real_records,
     real_settling,

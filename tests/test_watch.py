@@ -147,6 +147,11 @@ def test_a_replay_says_stop_once_and_ends_there(tool, tmp_path):
     for r in whole["records"]:
         assert abs(last[r["channel"]]["steady_state_c"] - r["steady_state_measured_c"]) < 1.0
     assert looks[-1]["minutes"] < 120
+    heard = []
+    called = tf.watch("sample_runs/spindle.csv", 1.0, replay="max", told=heard.append, channels=["T3", "T4"])
+    assert called.stop
+    assert called["T3"].steady_state_c == pytest.approx(last["T3"]["steady_state_c"], abs=1e-9)
+    assert len(heard) == len(looks)
 
 
 def test_a_file_is_followed_to_the_moment(tmp_path):

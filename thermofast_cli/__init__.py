@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         sensitivity,
         simulate,
         sweep,
+        watch,
     )
     from .errors import InputError, ThermofastError, UsageError
     from .machine.model import Model
@@ -59,6 +60,7 @@ __all__ = [
     "sensitivity",
     "simulate",
     "sweep",
+    "watch",
 ]
 
 

@@ -22,11 +22,13 @@ from .results import (
     Sensitivity,
     Simulated,
     Sweeping,
+    Watching,
 )
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection, Rates
 
+    from .analysis.watching import Look
     from .machine.model import Model
 
 #: A run, a path (``file.csv#2``: its second run), a DataFrame, an Arrow table or a mapping of names to arrays; or a list of them.
@@ -104,14 +106,6 @@ def _model(model: "Model | str | Path | None") -> "Model | None":
     from .machine.model import Model
 
     return Model.load(model)
-
-
-def _minutes(values: Iterable[float], name: str) -> tuple[float, ...]:
-    """Ascending minutes, each once."""
-    found = tuple(sorted({round(float(v), 9) for v in values}))
-    if not found or not all(0.0 < v < 1e7 for v in found):
-        raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero")
-    return found
 
 
 def identify(
@@ -208,6 +202,44 @@ def plan(
     return plan_design(dict(design), wishes, prior, base, _work(1, None, progress), known, learnt)
 
 
+def watch(
+    source: str | Path,
+    tolerance: float = 0.5,
+    *,
+    leave: bool = True,
+    replay: str | None = None,
+    poll: float = 1.0,
+    give_up: float | None = None,
+    model: "Model | str | Path | None" = None,
+    imperfection: "Imperfection | str" = "typical",
+    rates: "Rates" = "auto",
+    start: Start = "auto",
+    told: "Callable[[Look], None] | None" = None,
+    **reading: Any,
+) -> Watching:
+    """Follow a file while it is written until the test can be stopped (`leave`), or none comes for `give_up` [min]; its last look.
+
+    tolerance [K] is the half-width that every sensor is to have; replay (``600x``, ``max``) plays a finished record; `told`
+    hears of every look, `poll` [s] says how often the file is looked at.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .machine.lab import read_imperfection
+    from .pipeline.methods import choose
+    from .pipeline.watching import speed_of, watch_run
+
+    def tell(look: "Look | None", _notes: tuple[str, ...]) -> None:
+        if told is not None and look is not None:
+            told(look)
+
+    method = choose("afukf", None, (), read_imperfection(imperfection), rates)
+    how = options_from(reading), str(start), method, tolerance, _model(model), leave, speed_of(replay), poll, give_up
+    last, run = watch_run(str(source), *how, tell)
+    return Watching(last.records, (run,), looked=last)
+
+
 def sweep(
     runs: Source,
     windows: Sequence[float] = (40.0, 45.0, 50.0, 55.0),
@@ -237,13 +269,13 @@ def sweep(
     ThermofastError: as the command would refuse.
     """
     from .machine.lab import read_imperfection
-    from .pipeline.methods import choose
+    from .pipeline.methods import choose, minutes_of
     from .pipeline.sensors import default_times, from_rise, sweep_runs
 
     learnt = _model(model)
     method = choose(filter, preset, _texts(filter, settings), read_imperfection(imperfection), rates)
-    spans = _minutes(windows, "windows")
-    grid = _minutes(times, "times") if times is not None else default_times(spans)
+    spans = minutes_of(windows, "windows")
+    grid = minutes_of(times, "times") if times is not None else default_times(spans)
     started = _started(runs, start, from_rise(learnt, drive), reading)
     return sweep_runs(
         started, method, spans, grid, tolerance, learnt, _keep(details, started), _work(jobs, executor, progress), drive

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from .analysis.displacement import Panel as DisplacementPanel
     from .analysis.planning import Curve
+    from .analysis.watching import Look
     from .discovery.compare import Panel
     from .discovery.improve import Improved
     from .estimation.identify import Curves
@@ -220,6 +221,19 @@ class Diagnosis(Result):
 
     command: ClassVar[str] = "diagnose"
     kind: ClassVar[type[Record]] = DiagnoseRecord
+
+
+@dataclass(frozen=True)
+class Watching(Identification):
+    """What ``watch`` knew at its last look, `looked`, which says whether the test can be stopped."""
+
+    command: ClassVar[str] = "watch"
+    looked: "Look | None" = None
+
+    @property
+    def stop(self) -> bool:
+        """Whether every sensor is known well enough, and has been for a while."""
+        return self.looked is not None and self.looked.stop
 
 
 @dataclass(frozen=True)

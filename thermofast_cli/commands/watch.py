@@ -1,5 +1,6 @@
 """``thermofast watch``."""
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -72,7 +73,7 @@ def command(
     from ..pipeline.methods import choose
     from ..pipeline.watching import speed_of, watch_run
     from ..reading_options import options_from
-    from ..results import Identification
+    from ..results import Watching
     from ..shell.live import shown
     from ..shell.session import check_outputs, deliver, load_imperfection, load_model
 
@@ -91,7 +92,7 @@ def command(
         ("to go min", number("time_to_go_min", 0)),
         ("status", text("status")),
     ]
-    if not last.stop and not quiet:
-        say(f"it ended before the test could be stopped: {last.words}")
-    code = deliver(Identification(last.records, (read,)), [], output, form, quiet, drawn)
+    if not quiet and (sys.stderr.isatty() or not last.stop):  # a table that was drawn in place is gone
+        say(last.words if last.stop else f"it ended before the test could be stopped: {last.words}")
+    code = deliver(Watching(last.records, (read,), looked=last), [], output, form, quiet, drawn)
     return 3 if leave and not last.stop and code == 0 else code

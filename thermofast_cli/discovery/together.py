@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
+from thermofast.models.imperfection import SCATTER, Past
 from thermofast.models.joint import Fit, Part, fit_model, with_parts
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Spread
@@ -33,6 +34,8 @@ Array = NDArray[np.float64]
 READ = 1.0 / 3.0
 #: The search's effects stay where the error on runs left out falls to this share.
 WORTH = 0.9
+#: A run whose rates lie this many usual scatters off is named.
+STRETCHED = 2.0
 
 
 @dataclass(frozen=True)
@@ -208,7 +211,12 @@ def _told(runs: Sequence[_Run], stages: Sequence[Stage], stopped: str, notes: li
     origins = [learnt_from(r.prepared.seen, r.task.run.name, r.prepared.readings, r.task.until_min) for r in runs]
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = type(learnt)(**{**{n: getattr(learnt, n) for n in learnt.__struct_fields__}, "also_from": tuple(origins[1:])})
-    notes = [*notes, f"rates scatter by {100.0 * past.scatter:.2g} % from run to run", *_differing(last, runs)]
+    notes = [
+        *notes,
+        f"rates scatter by {100.0 * past.scatter:.2g} % from run to run",
+        *_stretched(past, runs),
+        *_differing(last, runs),
+    ]
     found = []
     for k, run in enumerate(runs):
         records: list[ImproveRecord] = []
@@ -244,6 +252,16 @@ def _told(runs: Sequence[_Run], stages: Sequence[Stage], stopped: str, notes: li
         name, seen = run.task.run.name, run.prepared.seen
         found.append(Improved(own, learnt if k == 0 else None, labels, fit_errors, ahead_errors, seen.noise, name, seen.channels))
     return found
+
+
+def _stretched(past: Past, runs: Sequence[_Run]) -> list[str]:
+    """Runs that were much faster or slower than the others, in words."""
+    pairs = zip(runs, past.stretches, strict=True)
+    return [
+        f"{r.task.run.name} was {100.0 * abs(s):.2g} % {'faster' if s > 0.0 else 'slower'} than the others"
+        for r, s in pairs
+        if abs(s) > STRETCHED * SCATTER
+    ]
 
 
 def _differing(stage: Stage, runs: Sequence[_Run]) -> list[str]:

@@ -6,7 +6,6 @@ Sensors of a run are taken in groups, in the order of its columns, so that what 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,20 +153,21 @@ def _claim(
     some = [(i, np.flatnonzero(mine)) for i, mine in enumerate(members) if mine.any()]
     if not some:
         return
-    names = [name(int(closed[i].sensors.rows[r])) for i, rows in some for r in rows]
+    of_block = [[name(int(closed[i].sensors.rows[r])) for r in rows] for i, rows in some]
+    names = [n for block in of_block for n in block]
     rises = past.rises if past is not None else {}
-    parts = [_part(closed[i], rows, np.array([name(int(closed[i].sensors.rows[r])) in rises for r in rows])) for i, rows in some]
+    other = [np.array([n in rises for n in block]) for block in of_block]
+    parts = [_part(closed[i], rows, strange) for (i, rows), strange in zip(some, other, strict=True)]
     if past is None:
         tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
     else:
         tau = float(np.exp(-np.median([past.shapes[n].log_rate for n in names])))
-        ends = np.cumsum([0, *(len(rows) for _, rows in some)])
-        parts = [replace(part, known=past.known(names[a:b])) for part, (a, b) in zip(parts, pairwise(ends.tolist()), strict=True)]
+        parts = [replace(part, known=past.known(block)) for part, block in zip(parts, of_block, strict=True)]
     found = settle(parts, tau, prior, into[0].times, rates)
     at = 0
-    for i, rows in some:
+    for (i, rows), strange in zip(some, other, strict=True):
         _put(into[i], rows, found, slice(at, at + len(rows)), names)
-        into[i].other_rise[rows] = [n in rises for n in names[at : at + len(rows)]]
+        into[i].other_rise[rows] = strange
         at += len(rows)
 
 

@@ -1,5 +1,6 @@
 """Filter names, presets and settings from the command line to a ready filter; plug-ins under the same check."""
 
+from collections.abc import Iterable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -103,3 +104,16 @@ def paces(text: str | None) -> tuple[Pace, ...]:
             )
         found.append(pace)
     return tuple(found)
+
+
+def minutes_of(values: Iterable[float], name: str) -> tuple[float, ...]:
+    """Ascending minutes, each once; `name` is what the caller called them.
+
+    Raises
+    ------
+    UsageError: none, or one that is not above zero.
+    """
+    found = tuple(sorted({round(float(v), 9) for v in values}))
+    if not found or not all(0.0 < v < 1e7 for v in found):
+        raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero")
+    return found

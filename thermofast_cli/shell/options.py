@@ -167,7 +167,7 @@ false_alarm_option = click.option(
     help="Chance per run, over all that is tried, of naming an effect that is not there.",
 )
 
-model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve', in place of the base model.")
+model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve': where to start from.")
 
 
 def numbers(text: str, option: str) -> tuple[float, ...]:
