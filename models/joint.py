@@ -45,6 +45,8 @@ __all__ = [
 
 MOST_ITERATIONS = 40
 GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
+#: Time constants that a record seems to cover below which its rates are doubted.
+TURNED = 0.3
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,17 @@ class Fit:
         own = self.values[RATE]
         common = np.full_like(own, np.median(own))
         rates = [common, 2.0 * common] if len(own) > 2 else []
-        return tuple(at_rates(self, r) for r in [*rates, 2.0 * own, 5.0 * own])
+        return (*self.as_it_began, *(at_rates(self, r) for r in [*rates, 2.0 * own, 5.0 * own]))
+
+    @cached_property
+    def as_it_began(self) -> tuple["Fit", ...]:
+        """The same model with the rates of the readings up to the largest, where those of all of them say nothing.
+
+        A machine that turns round in mid-record, as by a switch, looks like one that goes on for ever.
+        """
+        if float(np.median(self.values[RATE])) * self.run.span > TURNED:
+            return ()
+        return (at_rates(self, np.full(self.run.sensors, _early_rate(self.run))),)
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process needs: the fields, without what can be worked out again."""
@@ -244,6 +256,18 @@ def start_values(run: Observations) -> dict[Key, Any]:
         else:
             start[i], level[i] = float(fit.predict(run.time[:1])[0]), fit.steady_state
     return {RATE: rate, LEVEL: level, START: start}
+
+
+def _early_rate(run: Observations) -> float:
+    """Rate [1/min], median over the sensors, of the readings up to where each is farthest from its first."""
+    rates = []
+    for row, weight, used in zip(run.reading, run.weight, run.used, strict=True):
+        time, reading = run.time[used], row[used]
+        far = int(np.argmax(np.abs(reading - reading[0]))) + 1 if len(reading) else 0
+        if far >= 12:
+            rates.append(fit_decay(time[:far], reading[:far], weight[used][:far]).rate)
+    found = [float(r) for r in rates if r > 0.0]
+    return max(float(np.median(found)) if found else 0.0, 3.0 / run.span)
 
 
 def _driven_start(run: Observations) -> dict[Key, Any]:

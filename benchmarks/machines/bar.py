@@ -232,7 +232,11 @@ def simulate(
         reading = reading + bar.noise * rng.standard_normal(reading.shape)
         reading = np.round(reading / bar.step) * bar.step if bar.step else reading
         limit = np.ascontiguousarray(settle(drive, bar.every)[:, bar.nodes].T)
-        records.append(Record(GRID[each], reading, points[:, each], drive.room[0, each], limit, level))
+        beside = None
+        if effect == "neighbour_heat":
+            state = march(drive, np.full((1, NODES + 1), start))[0, NODES, each]
+            beside = np.asarray(state + bar.noise * rng.standard_normal(state.shape))
+        records.append(Record(GRID[each], reading, points[:, each], drive.room[0, each], limit, level, beside))
     return Machine(seed, effect, tuple(records), sized.size, sized.ratio, 0.0 if exact else sized.background, bar.noise)
 
 

@@ -242,7 +242,11 @@ def simulate(
         wild = (rng.random(reading.shape) < 0.002) * rng.choice([-1, 1], reading.shape)
         reading = np.round((reading + wild * rng.uniform(0.5, 2, reading.shape)) / plant.step) * plant.step
         limit = np.ascontiguousarray(settle(course, time)[:, plant.bodies].T)
-        records.append(Record(time, reading, points, np.interp(time, GRID, course.room), limit, level))
+        beside = None
+        if effect == "neighbour_heat":
+            state = np.interp(time, GRID, march([course])[0, -1])
+            beside = np.asarray(state + plant.noise * rng.standard_normal(state.shape))
+        records.append(Record(time, reading, points, np.interp(time, GRID, course.room), limit, level, beside))
     return Machine(seed, effect, tuple(records), sized.size, sized.ratio, 0.0 if exact else sized.background, plant.noise)
 
 

@@ -50,7 +50,8 @@ EFFECTS: dict[str, Effect] = {
 class Record:
     """One run: `time` (n,) min; `reading` (S, n) degC as logged; `clean` (S, n) degC, the measured points without noise,
     drift or jump (after the probe's lag); `room` (n,) degC, true air; `limit` (S, n) degC, where each point would settle
-    with the room and the load of that time; `load`, the level of the load (1: the machine's nominal one).
+    with the room and the load of that time; `load`, the level of the load (1: the machine's nominal one); `beside` (n,) degC, the
+    warm neighbour as logged by one more sensor, where the effect is `neighbour_heat`.
     """
 
     time: Array
@@ -59,6 +60,7 @@ class Record:
     room: Array
     limit: Array
     load: float = 1.0
+    beside: Array | None = None
 
 
 @dataclass(frozen=True)

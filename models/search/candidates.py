@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.kernel import Array
 from ..effects.base import Choice, Effect
-from ..joint import LEVEL, MOST_ITERATIONS, RATE, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
+from ..joint import LEVEL, MOST_ITERATIONS, RATE, START, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
 from .judge import Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
 from .rules import RULES
@@ -106,6 +106,9 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
         for large in effect.large_starts():
             rate, level = effect.equivalent(large, base[RATE], base[LEVEL], before.model.sink_guess)
             starts.append((0.0, {**starts[0][1], Key(at, effect.amplitude): large, RATE: rate, LEVEL: level}))
+        for other in before.as_it_began:
+            own = {key: other.values[key] for key in (RATE, LEVEL, START)}
+            starts += [(gain, {**own, **start}) for gain, start in shared_starts(scan(other, effect, choice), effect, at, most)]
         for _, start in starts:
             fit = fit_model(run, parts, {**base, **start}, None, RULES.quick if quick else MOST_ITERATIONS)
             value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))

@@ -2,12 +2,13 @@
 
 The rules: a set of effects is named only if chance would not give its gain (over everything that was tried), it lowers the error
 on readings left out, the record determines its parameters, and every sensor is down to its noise. Among sets that fit
-equally well the one with the fewest parameters is the verdict.
+equally well the one with the fewest parameters is the verdict. Where none goes down to the noise, effects that matter although the
+rest is imperfect are named one after the other (:mod:`.dominant`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import islice
 from typing import Any
 
@@ -18,6 +19,7 @@ from ..effects.base import Choice, Effect
 from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
 from ..observations import Observations
 from .candidates import Candidate, first_order, trials, try_add
+from .dominant import Stage, beats_disturbance, explain
 from .heldout import held_out_errors
 from .judge import chance, least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
@@ -31,7 +33,7 @@ Spread = Callable[..., Iterable[Any]]
 class Discovery:
     """What a search found. `named` is the verdict's model, None for `none` and `unexplained`.
 
-    singles are in the order of their gain; also_possible are those models that fit as well, or for `unexplained` the nearest.
+    stages are the steps to it where effects were named one after the other; partly: a pattern remains beside them. singles are in the order of their gain; also_possible are those models that fit as well, or for `unexplained` the nearest.
     ahead_base, ahead (S,) [K] are errors on readings left out.
     """
 
@@ -44,6 +46,12 @@ class Discovery:
     ahead_base: Array
     ahead: Array | None
     why: str
+    stages: tuple[Stage, ...] = ()
+
+    @cached_property
+    def partly(self) -> bool:
+        """Whether the model named leaves more than noise."""
+        return bool(self.stages) and least_p(sensor_p_values(self.stages[-1].fit)) < RULES.pattern
 
     @property
     def verdict(self) -> str:
@@ -94,6 +102,8 @@ def discover(
     named, also = _choose(base, finalists)
     if named is not None and _arbitrary(base, named, pairs):
         also, named = [named, *also], None
+    if named is not None and not beats_disturbance(base, named, false_alarm, number):
+        also, named = [named, *also], None
     if named is not None:
         also += _nearly(base, named, also, singles)
     p = min((over_all(c) for c in singles), default=1.0)
@@ -101,6 +111,9 @@ def discover(
     if named is None:
         if not above:
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
+        found = _in_stages(base, floor, singles, effects, false_alarm, spread)
+        if found is not None:
+            return found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
@@ -108,6 +121,27 @@ def discover(
         why = "none" if not above else "the error on readings left out does not fall"
         return Discovery(base, floor, tuple(singles), None, (named, *also), p, ahead_base, None, why)
     return Discovery(base, floor, tuple(singles), named, tuple(also), over_all(named), ahead_base, ahead, "")
+
+
+def _in_stages(
+    base: Fit, floor: Array, singles: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread
+) -> Discovery | None:
+    """Effects named one after the other as long as the error on readings left out falls; None where there is none."""
+    stages: list[Stage] = []
+    ahead = ahead_base = held_out_errors(base)
+    for stage in explain(base, singles, effects, false_alarm, spread):
+        errors = held_out_errors(stage.fit)
+        if not np.nansum(errors**2 * base.readings) < np.nansum(ahead**2 * base.readings):
+            break
+        stages.append(stage)
+        ahead = errors
+    if not stages:
+        return None
+    last = stages[-1]
+    also = tuple(s.rival.candidate for s in stages if s.rival is not None)
+    # What chance gives as much evidence as the least certain of them over the unknown disturbance.
+    p = max(s.named.p for s in stages)
+    return Discovery(base, floor, tuple(singles), last.named.candidate, also, p, ahead_base, ahead, "", tuple(stages))
 
 
 def total_likelihood_ratio(base: Fit, candidate: Candidate) -> float:
@@ -165,13 +199,14 @@ def _pairs(
         key=lambda g: -total_likelihood_ratio(base, g[0]),
     )
     found = [c for c, _ in grown]
-    again = [i for i, pair in enumerate(found[: RULES.refined]) if not good or not _sound(pair)]
+    near = any(_excess(pair.fit) < RULES.far for pair in found[: RULES.refined])
+    again = [i for i, pair in enumerate(found[: RULES.refined if near else 0]) if not good or not _sound(pair)]
     # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
-    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= RULES.refined][:1]
+    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= len(again)][:1]
     for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
         found[i] = pair
     found.sort(key=lambda c: -total_likelihood_ratio(base, c))
-    if found and not good:
+    if found and not good and near:
         # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
         others = [e for e in effects if e.scope == "one"] if _sound(found[0]) else effects
         found += _exchanged(base, found[0], others, spread)
@@ -188,6 +223,12 @@ def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
             model.low_shared = model.high_shared = shared
             found.append(search(model, local, shared))
     return found
+
+
+def _excess(fit: Fit) -> float:
+    """The residuals' root mean square in units of the noise, of the worst sensor."""
+    noise = np.maximum(fit.run.noise, fit.run.resolution / np.sqrt(12.0))
+    return float((fit.rmse / np.maximum(noise, 1e-12)).max())
 
 
 def _sound(candidate: Candidate) -> bool:

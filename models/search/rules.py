@@ -45,8 +45,28 @@ class SearchRules:
     sure: float = rule(1.5, "standard errors", "an amplitude nearer to nothing is not determined", BY_HAND)
     alike: float = rule(0.99995, "1", "correlation from which the record does not tell two parameters apart", BY_HAND)
     vague: float = rule(1.2, "1", "standard error of a logarithm from which a scale is not known", "a factor of three either way")
+    beyond_disturbance: float = rule(
+        5.0,
+        "times what chance gives",
+        "evidence over an unknown disturbance from which an effect is named although a pattern remains",
+        "benchmarks.dominant: wrong names against missed ones on one simulator, tried on two others",
+    )
+    beyond_alone: float = rule(
+        1.5, "times what chance gives", "the same for a single effect that leaves no pattern", "faint effects of ../shared/cases/clean"
+    )
+    beyond_once_more: float = rule(
+        8.0, "times what chance gives", "the same for an effect beside those named: what remains is a machine's usual background", BY_HAND
+    )
+    least_share: float = rule(0.25, "1", "share of the misfit that an effect must explain to be named so", BY_HAND)
+    mostly: float = rule(
+        0.9, "1", "share of the misfit below which twice the evidence is asked for", "benchmarks.dominant: disturbances outside the catalogue"
+    )
+    white_share: float = rule(0.1, "misfit", "structure below this share of the misfit counts as white", "trial of six rules")
+    as_good: float = rule(0.85, "1", "share of the best one's evidence from which a rival stays possible", "benchmarks.dominant")
+    most_effects: int = rule(4, "effects", "that are named beside each other", "what a reader takes in")
     pairs: int = rule(24, "pairs", "looked at", COST)
     partners: int = rule(4, "effects", "that each single brings", COST)
+    far: float = rule(2.0, "noise", "a quick pair that leaves more is not looked at with care: it will not come down to it", COST)
     refined: int = rule(3, "pairs", "in which each effect is looked for anew beside the other", COST)
     exchanged: int = rule(5, "effects", "tried in the place of each one of the best pair", COST)
     most_also: int = rule(6, "sets", "of rivals that are named", "what a reader takes in")
