@@ -169,7 +169,11 @@ class CompareRecord(Record):
 
 @dataclass(frozen=True)
 class DiagnoseRecord(Record):
-    """Which effect is missing, repeated in each sensor that it concerns; docs/architecture.md has the rules."""
+    """Which effect is missing, repeated in each sensor that it concerns; docs/architecture.md has the rules.
+
+    explained_share is that of the sensor's misfit which the effects named explain, remaining_c [K] what they leave beside noise;
+    explained has the effects in the order of what they explain, over all sensors.
+    """
 
     verdict: str = ""
     also_possible: list[str] = field(default_factory=list)
@@ -177,7 +181,10 @@ class DiagnoseRecord(Record):
     event_min: float | None = None
     rmse_base_ahead_c: float | None = None
     rmse_ahead_c: float | None = None
+    explained_share: float | None = None
+    remaining_c: float | None = None
     noise_c: float | None = None
+    explained: list[dict[str, Any]] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     ranking: list[dict[str, Any]] = field(default_factory=list)
     advice: str = ""

@@ -12,7 +12,7 @@ from scipy.fft import dct
 
 from ..core.kernel import Array
 
-#: Steepness p, corners a as shares of the Nyquist frequency, and powers rho of the disturbance, relative to the white noise at one cycle.
+#: Steepness p, corners a [cycles in the record], and powers rho of the disturbance, relative to the white noise.
 STEEPNESS = (1.0, 2.0)
 CORNERS = (0.0, 1.0, 3.0, 10.0, 30.0)
 POWERS = tuple(np.concatenate([[0.0], np.geomspace(1e-2, 1e8, 41)]).tolist())
@@ -26,7 +26,7 @@ def block_means(residual: Array, weight: Array, time: Array, most: int = 500) ->
     seen = np.flatnonzero((weight > 0.0).any(axis=0))
     first, last = time[seen[0]], time[seen[-1]]
     step = float(np.median(np.diff(time[seen]))) if len(seen) > 1 else 1.0
-    count = max(2, min(most, int(round((last - first) / max(step, 1e-12))) + 1))
+    count = max(2, min(most, round((last - first) / max(step, 1e-12)) + 1))
     place = np.clip(((time - first) / max(last - first, 1e-12) * (count - 1) + 0.5).astype(int), 0, count - 1)
     means, weights = np.zeros((len(residual), count)), np.zeros((len(residual), count))
     for i, (row, w) in enumerate(zip(residual, weight, strict=True)):
@@ -46,9 +46,7 @@ def block_means(residual: Array, weight: Array, time: Array, most: int = 500) ->
 def _shapes(count: int) -> tuple[Array, Array]:
     """Inverse spectra (G, count) over the grid, and their log-determinants (G,)."""
     cycle = 0.5 * np.arange(count)  # cosine k has k / 2 cycles in the record
-    shapes = [
-        1.0 + rho / np.maximum(cycle**2 + corner**2, 0.25) ** p for p in STEEPNESS for corner in CORNERS for rho in POWERS
-    ]
+    shapes = [1.0 + rho / np.maximum(cycle**2 + corner**2, 0.25) ** p for p in STEEPNESS for corner in CORNERS for rho in POWERS]
     grid = np.array(shapes)
     return 1.0 / grid, np.log(grid).sum(axis=1)
 

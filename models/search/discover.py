@@ -33,8 +33,9 @@ Spread = Callable[..., Iterable[Any]]
 class Discovery:
     """What a search found. `named` is the verdict's model, None for `none` and `unexplained`.
 
-    stages are the steps to it where effects were named one after the other; partly: a pattern remains beside them. singles are in the order of their gain; also_possible are those models that fit as well, or for `unexplained` the nearest.
-    ahead_base, ahead (S,) [K] are errors on readings left out.
+    stages are the steps to it where effects were named one after the other, held their errors (S,) [K] on readings left out from
+    the base model's on. singles are in the order of their gain; also_possible are those models that fit as well, or for
+    `unexplained` the nearest. ahead_base, ahead (S,) [K] are errors on readings left out.
     """
 
     base: Fit
@@ -47,11 +48,12 @@ class Discovery:
     ahead: Array | None
     why: str
     stages: tuple[Stage, ...] = ()
+    held: tuple[Array, ...] = ()
 
     @cached_property
     def partly(self) -> bool:
-        """Whether the model named leaves more than noise."""
-        return bool(self.stages) and least_p(sensor_p_values(self.stages[-1].fit)) < RULES.pattern
+        """Whether a pattern remains beside what is named."""
+        return bool(self.stages) and least_p(sensor_p_values(self.stages[-1].fits[0])) < RULES.pattern
 
     @property
     def verdict(self) -> str:
@@ -128,20 +130,19 @@ def _in_stages(
 ) -> Discovery | None:
     """Effects named one after the other as long as the error on readings left out falls; None where there is none."""
     stages: list[Stage] = []
-    ahead = ahead_base = held_out_errors(base)
-    for stage in explain(base, singles, effects, false_alarm, spread):
-        errors = held_out_errors(stage.fit)
-        if not np.nansum(errors**2 * base.readings) < np.nansum(ahead**2 * base.readings):
+    held = [held_out_errors(base)]
+    for stage in explain([base], [[c] for c in singles], effects, false_alarm, spread):
+        errors = held_out_errors(stage.fits[0])
+        if not np.nansum(errors**2 * base.readings) < np.nansum(held[-1] ** 2 * base.readings):
             break
         stages.append(stage)
-        ahead = errors
+        held.append(errors)
     if not stages:
         return None
-    last = stages[-1]
-    also = tuple(s.rival.candidate for s in stages if s.rival is not None)
-    # What chance gives as much evidence as the least certain of them over the unknown disturbance.
-    p = max(s.named.p for s in stages)
-    return Discovery(base, floor, tuple(singles), last.named.candidate, also, p, ahead_base, ahead, "", tuple(stages))
+    also = tuple(s.rival.shown[0].candidate for s in stages if s.rival is not None)
+    p = max(s.named.p for s in stages)  # that of the least certain
+    last = stages[-1].named.shown[0].candidate
+    return Discovery(base, floor, tuple(singles), last, also, p, held[0], held[-1], "", tuple(stages), tuple(held))
 
 
 def total_likelihood_ratio(base: Fit, candidate: Candidate) -> float:

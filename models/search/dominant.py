@@ -3,6 +3,7 @@
 No machine is its model alone: a room wanders, a load flutters. What is asked of an effect here is not that it brings every sensor
 down to white noise but that it explains the misfit much better than an unknown disturbance of the same size and colour would
 (`..noise.spectral`), the disturbance estimated anew for each model. Where more than two effects do so equally well none is named.
+Several runs of one machine are one search: an effect's evidence is summed over the runs that show it.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,46 +25,82 @@ from .rules import RULES
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """A candidate with its evidence over an unknown disturbance, twice the log-likelihood ratio, and what chance would give.
-
-    share is that of the misfit it explains in the sensors that it concerns; p the chance of the evidence over all that was tried,
-    were the chi-square law of clean records true of imperfect ones, which is why several times the need is asked for.
+class Single:
+    """What an effect does for one run: evidence over an unknown disturbance, twice the log-likelihood ratio, for `free` parameters
+    at `places` places; had and left are the misfits before and after in the sensors that it concerns [K^2 times readings].
     """
 
     candidate: Candidate
     evidence: float
+    free: int
+    places: float
+    had: float
+    left: float
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """An effect over all runs: `singles` has None for a run that does not show it.
+
+    need is the evidence that chance gives over all that was tried, p the chance of this evidence were the chi-square law of clean
+    records true of imperfect ones, which is why several times the need is asked for.
+    """
+
+    singles: tuple[Single | None, ...]
     need: float
-    share: float
     p: float
 
-    def clear(self, beyond: float) -> bool:
-        """Whether it goes `beyond` what chance gives; twice that where it explains a part of the misfit only."""
-        much = beyond if self.share >= RULES.mostly else 2.0 * beyond
-        return self.evidence >= much * self.need and self.candidate.identifiable.ok
+    @cached_property
+    def shown(self) -> list[Single]:
+        """What the runs that show it say."""
+        return [s for s in self.singles if s is not None]
+
+    @property
+    def effect(self) -> Effect:
+        return self.shown[0].candidate.parts[-1].effect
+
+    @property
+    def evidence(self) -> float:
+        return sum(s.evidence for s in self.shown)
+
+    @property
+    def gain(self) -> float:
+        """Likelihood ratio under white noise."""
+        return sum(s.candidate.gain for s in self.shown)
 
     @property
     def worth(self) -> float:
         """Evidence less what chance gives, by which rivals are compared."""
         return self.evidence - self.need
 
+    @property
+    def share(self) -> float:
+        """Share of the misfit that it explains in the sensors that it concerns."""
+        had, left = sum(s.had for s in self.shown), sum(s.left for s in self.shown)
+        return 0.0 if had <= 0.0 else min(1.0, max(0.0, 1.0 - left / had))
+
+    @property
+    def physical(self) -> bool:
+        return all(s.candidate.fit.physical for s in self.shown)
+
+    def clear(self, beyond: float) -> bool:
+        """Whether it goes `beyond` what chance gives; twice that where it explains a part of the misfit only."""
+        much = beyond if self.share >= RULES.mostly else 2.0 * beyond
+        return self.evidence >= much * self.need and any(s.candidate.identifiable.ok for s in self.shown)
+
 
 @dataclass(frozen=True)
 class Stage:
-    """One more effect on a model: the `before` of it, the one named, and a rival that explains it as well, if there is one."""
+    """One more effect on the models `before`, one of each run, and a rival that explains it as well, if there is one."""
 
-    before: Fit
+    before: tuple[Fit, ...]
     named: Weighed
     rival: Weighed | None
 
     @property
-    def fit(self) -> Fit:
-        return self.named.candidate.fit
-
-    @cached_property
-    def share(self) -> float:
-        """Share of the misfit before it that the effect explains, over all sensors."""
-        return explained_share(self.before, self.fit)
+    def fits(self) -> tuple[Fit, ...]:
+        """The models with it, one of each run; a run that does not show it keeps its own."""
+        return tuple(f if s is None else s.candidate.fit for f, s in zip(self.before, self.named.singles, strict=True))
 
 
 def misfit(fit: Fit) -> Array:
@@ -72,45 +109,50 @@ def misfit(fit: Fit) -> Array:
     return np.asarray(np.sqrt(np.maximum(fit.rmse**2 - noise**2 * fit.dof / np.maximum(fit.readings, 1), 0.0)))
 
 
-def explained_share(before: Fit, after: Fit, who: Any = slice(None)) -> float:
-    """Share of the misfit (its mean square, by readings, in sensors who (S,)) that a model explains of what another leaves."""
-    left, had = (float((misfit(f) ** 2 * f.readings)[who].sum()) for f in (after, before))
-    return 0.0 if had <= 0.0 else min(1.0, max(0.0, 1.0 - left / had))
-
-
 class _Scale:
     """Residuals of a fit against the unknown disturbance that suits them, on the scale of that fit's own misfit."""
 
-    def __init__(self, before: Fit, false_alarm: float, number: int) -> None:
+    def __init__(self, before: Fit) -> None:
         run = before.run
-        self.before, self.chance = before, false_alarm / max(1, number)
+        self.before = before
         means, weight = block_means(before.residual, run.weight, run.time)
         noise = np.maximum(run.noise, run.resolution / np.sqrt(12.0))
         per_block = np.maximum(np.median(weight, axis=1), 1.0)
         self.scale = np.maximum(np.sqrt(noise**2 / per_block + (RULES.white_share * before.rmse) ** 2), 1e-12)
         self.without = spectral_likelihood(means, self.scale)
 
-    def weighed(self, candidate: Candidate, part: Part) -> Weighed | None:
-        """A candidate whose model has one part more than the fit before."""
+    def single(self, candidate: Candidate, part: Part) -> Single | None:
+        """A candidate whose model has one part more than the fit before; None where it has no finite curve."""
         run, fit = self.before.run, candidate.fit
         means = block_means(fit.residual, run.weight, run.time)[0]
         if not np.isfinite(means).all():
             return None
-        free, tried = max(1, fit.searched - self.before.searched), trials(part.effect, run)
         evidence = 2.0 * (spectral_likelihood(means, self.scale) - self.without)
-        return Weighed(
-            candidate,
-            evidence,
-            need=float(chdtri(free, self.chance / tried)),
-            share=explained_share(self.before, fit, part.concerns(run.sensors)),
-            p=min(1.0, tried * chi2_tail(free, max(evidence, 0.0))),
-        )
+        who = part.concerns(run.sensors)
+        had, left = (float((misfit(f) ** 2 * f.readings)[who].sum()) for f in (self.before, fit))
+        return Single(candidate, evidence, max(1, fit.searched - self.before.searched), trials(part.effect, run), had, left)
 
 
-def weigh(before: Fit, candidates: Iterable[Candidate], false_alarm: float, number: int) -> list[Weighed]:
-    """Candidates grown from one fit with their evidence, those of most worth first; `number` effects were tried."""
-    scale = _Scale(before, false_alarm, number)
-    found = [scale.weighed(c, c.parts[-1]) for c in candidates]
+def _weighed(singles: Sequence[Single | None], false_alarm: float, number: int) -> Weighed | None:
+    """An effect over the runs that show it; over the best of them where none does by itself."""
+    chance = false_alarm / max(1, number)
+    some = [s for s in singles if s is not None]
+    if not some:
+        return None
+    shown = [s for s in some if s.evidence > float(chdtri(s.free, chance / s.places))] or [max(some, key=lambda s: s.evidence)]
+    free, places = sum(s.free for s in shown), float(np.prod([s.places for s in shown]))
+    p = min(1.0, number * places * chi2_tail(free, max(0.0, sum(s.evidence for s in shown))))
+    return Weighed(tuple(s if s in shown else None for s in singles), float(chdtri(free, chance / places)), p)
+
+
+def weigh(before: Sequence[Fit], tried: Sequence[Sequence[Candidate | None]], false_alarm: float) -> list[Weighed]:
+    """Effects with their evidence, those of most worth first: tried has for each effect a candidate of each run."""
+    scales = [_Scale(fit) for fit in before]
+    found = []
+    for candidates in tried:
+        pairs = zip(scales, candidates, strict=True)
+        singles = [None if c is None else scale.single(c, c.parts[-1]) for scale, c in pairs]
+        found.append(_weighed(singles, false_alarm, len(tried)))
     return sorted([w for w in found if w is not None], key=lambda w: -w.worth)
 
 
@@ -121,46 +163,55 @@ def beats_disturbance(base: Fit, named: Candidate, false_alarm: float, number: i
     for part in new:
         others = [p for p in named.parts if p is not part]
         without = fit_model(base.run, others, with_parts(named.fit, others)) if len(new) > 1 else base
-        weighed = _Scale(without, false_alarm, number).weighed(named, part)
+        weighed = _weighed([_Scale(without).single(named, part)], false_alarm, number)
         if weighed is None or weighed.evidence < beyond * weighed.need:
             return False
     return True
 
 
-def decide(before: Fit, weighed: Sequence[Weighed]) -> Stage | None:
-    """The effect to name of candidates weighed, or none: none goes far enough beyond chance, or too many do so as well."""
-    real = [w for w in weighed if w.candidate.fit.physical and w.share >= RULES.least_share]
-    beyond = RULES.beyond_once_more if before.model.parts else RULES.beyond_disturbance
+def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
+    """The effect to name of those weighed, or none: none goes far enough beyond chance, or too many do so as well."""
+    real = [w for w in weighed if w.physical and w.share >= RULES.least_share]
+    beyond = RULES.beyond_once_more if before[0].model.parts else RULES.beyond_disturbance
     sound = [w for w in real if w.clear(beyond)]
     if not sound or real[0].worth * RULES.as_good > sound[0].worth:
         return None
     # What the unknown disturbance does not part, the plain likelihood may: a rival explains as much of the misfit too.
     near = [w for w in real if w.worth >= RULES.as_good * sound[0].worth]
-    best = max((w for w in near if w in sound), key=lambda w: w.candidate.gain)
-    rivals = [w for w in near if w is not best and w.candidate.gain >= RULES.as_good * best.candidate.gain]
-    return Stage(before, best, rivals[0] if rivals else None) if len(rivals) < 2 else None
+    best = max((w for w in near if w in sound), key=lambda w: w.gain)
+    rivals = [w for w in near if w is not best and w.gain >= RULES.as_good * best.gain]
+    return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None
 
 
 def explain(
-    base: Fit,
-    singles: Sequence[Candidate],
+    bases: Sequence[Fit],
+    singles: Sequence[Sequence[Candidate | None]],
     effects: Sequence[Effect],
     false_alarm: float = RULES.false_alarm,
     spread: Callable[..., Iterable[Any]] = map,
     most: int = RULES.most_effects,
 ) -> tuple[Stage, ...]:
-    """Effects named one after the other, from the candidates tried first on; none where nothing beats an unknown disturbance."""
+    """Effects named one after the other in the runs of one machine; none where nothing beats an unknown disturbance.
+
+    bases has the model of each run to begin with, singles for each effect the candidate of each run that was tried first on it.
+    """
     stages: list[Stage] = []
-    before, tried = base, list(singles)
+    before, tried = tuple(bases), singles
     while len(stages) < most:
-        stage = decide(before, weigh(before, tried, false_alarm, max(1, len(effects))))
+        stage = decide(before, weigh(before, tried, false_alarm))
         if stage is None:
             break
         stages.append(stage)
-        before = stage.fit
-        if least_p(sensor_p_values(before)) >= RULES.pattern:
+        before = stage.fits
+        if all(least_p(sensor_p_values(fit)) >= RULES.pattern for fit in before):
             break
-        have = [p.id for p in before.model.parts]
-        left = [e for e in effects if e.id not in have]
-        tried = [c for c in spread(partial(try_add, before), left) if c is not None]
+        named = {s.named.effect.id for s in stages} | {p.id for p in bases[0].model.parts}
+        left = [e for e in effects if e.id not in named]
+        tried = try_all(before, left, spread)
     return tuple(stages)
+
+
+def try_all(before: Sequence[Fit], effects: Sequence[Effect], spread: Callable[..., Iterable[Any]]) -> list[list[Candidate | None]]:
+    """For each effect the best model of each run that adds it."""
+    by_run = [list(spread(partial(try_add, fit), effects)) for fit in before]
+    return [list(of) for of in zip(*by_run, strict=True)]

@@ -9,7 +9,7 @@ from ..core.kernel import Array
 from ..core.tails import chi2_tail
 from ..effects.base import Effect, Parameter
 from ..joint import RATE, Fit, Part
-from ..noise.whiteness import pattern_p_value
+from ..noise.whiteness import pattern_p_value, variance_inflation
 from .rules import RULES
 
 
@@ -37,6 +37,18 @@ def least_p(floor: Array) -> float:
     """The smaller of the least p value (S,) times the number of sensors, and Fisher's combination of all."""
     together = chi2_tail(2 * len(floor), float(-2.0 * np.log(np.maximum(floor, 1e-300)).sum()))
     return min(1.0, 2.0 * min(float(floor.min()) * len(floor), together))
+
+
+def widening(fit: Fit) -> float:
+    """How many times as large as under white noise the errors of slow parameters are, with residuals as coloured as these.
+
+    The root of the number of dependent readings that count as one (Bartlett); 1 for a model that is down to the noise.
+    """
+    if least_p(sensor_p_values(fit)) >= RULES.pattern:
+        return 1.0
+    run = fit.run
+    factors = [variance_inflation((np.sqrt(w) * r)[used]) for r, w, used in zip(fit.residual, run.weight, run.used, strict=True)]
+    return math.sqrt(float(np.median(factors)))
 
 
 def _input_noise(fit: Fit, sensor: int) -> float:

@@ -52,14 +52,23 @@ class SearchRules:
         "benchmarks.dominant: wrong names against missed ones on one simulator, tried on two others",
     )
     beyond_alone: float = rule(
-        1.5, "times what chance gives", "the same for a single effect that leaves no pattern", "faint effects of ../shared/cases/clean"
+        1.5,
+        "times what chance gives",
+        "the same for a single effect that leaves no pattern",
+        "faint effects of ../shared/cases/clean",
     )
     beyond_once_more: float = rule(
-        8.0, "times what chance gives", "the same for an effect beside those named: what remains is a machine's usual background", BY_HAND
+        8.0,
+        "times what chance gives",
+        "the same for an effect beside those named: what remains is a machine's usual background",
+        BY_HAND,
     )
     least_share: float = rule(0.25, "1", "share of the misfit that an effect must explain to be named so", BY_HAND)
     mostly: float = rule(
-        0.9, "1", "share of the misfit below which twice the evidence is asked for", "benchmarks.dominant: disturbances outside the catalogue"
+        0.9,
+        "1",
+        "share of the misfit below which twice the evidence is asked for",
+        "benchmarks.dominant: disturbances outside the catalogue",
     )
     white_share: float = rule(0.1, "misfit", "structure below this share of the misfit counts as white", "trial of six rules")
     as_good: float = rule(0.85, "1", "share of the best one's evidence from which a rival stays possible", "benchmarks.dominant")

@@ -40,13 +40,14 @@ def command(
 ) -> int:
     """Say which physical effect the base model (or the model of --model) lacks on each RUN.
 
-    The verdict is an effect, two joined by '+', 'none', or 'unexplained'. An effect is named only if chance would not give its gain
-    (--false-alarm, over everything that is tried), the error on readings left out falls, the record determines its
-    parameters, and every sensor comes down to its noise.
+    The verdict is an effect, up to four joined by '+', 'none', or 'unexplained'. An effect is named only if chance would not give
+    its gain (--false-alarm, over everything that is tried), an unknown disturbance of the same size and colour explains the
+    misfit far less well, the error on readings left out falls, and the record determines its parameters. 'partly_explained' says
+    that a pattern remains beside it, as on most machines: what it is worth, and what remains, stand in the row.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
-    from ..output.screen import number, text
+    from ..output.screen import number, percent, text
     from ..pipeline.loop import diagnose_runs
     from ..records import DiagnoseRecord
     from ..results import failed
@@ -64,8 +65,10 @@ def command(
         ("verdict", text("verdict")),
         ("also possible", text("also_possible")),
         ("event min", number("event_min", 1)),
+        ("explains", percent("explained_share")),
         ("base ahead K", number("rmse_base_ahead_c", 3)),
         ("ahead K", number("rmse_ahead_c", 3)),
+        ("remains K", number("remaining_c", 3)),
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]

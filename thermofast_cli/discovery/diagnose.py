@@ -1,25 +1,20 @@
 """``diagnose``: which effect is missing, in words that a test engineer understands."""
 
-import math
-import shlex
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from thermofast.models.effects import BUILT_IN
-from thermofast.models.joint import RATE, Fit, Key
-from thermofast.models.observations import Observations
-from thermofast.models.search.candidates import Candidate, first_order
+from thermofast.models.joint import Fit, Key
+from thermofast.models.search.candidates import Candidate
 from thermofast.models.search.discover import Discovery, Spread, discover, total_likelihood_ratio
-from thermofast.models.search.rules import RULES
+from thermofast.models.search.dominant import misfit
+from thermofast.models.search.judge import widening
 
 from ..errors import ThermofastError
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import PluginError
 from ..records import DiagnoseRecord, finite
-from .logged_steps import steps_near
 from .loop import (
     LoopTask,
     Ready,
@@ -33,14 +28,8 @@ from .loop import (
     ready,
     refused_records,
 )
-
-#: Error ahead, in deviations of the noise, beyond which the first minutes did not show all.
-BEYOND = 5.0
-#: Gain at which an effect would have been named, for telling how small a one would have been seen.
-SEEN_GAIN = 70.0
-
-#: Effects that need the surroundings logged.
-ROOMS = tuple(kind.id for kind in BUILT_IN if kind.follows_ambient)
+from .remains import explained, shares
+from .wording import ROOMS, fails_beyond, rivals, unlogged_room, words
 
 
 @dataclass(frozen=True)
@@ -114,9 +103,11 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     if room:
         also += ROOMS
         advice, status = f"{room}; {advice}", "not_determined"
-    beyond = _fails_beyond(found, seen, task.until_min)
+    beyond = fails_beyond(found, seen, task.until_min)
     if beyond:  # "nothing to add" would contradict it
         advice, status = beyond, "not_determined"
+    times = widening(found.named.fit) if found.named is not None else 1.0
+    left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
     records = []
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
@@ -132,8 +123,11 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
                 event_min=event,
                 rmse_base_ahead_c=finite(found.ahead_base[i]),
                 rmse_ahead_c=finite(found.ahead[i]) if found.ahead is not None else None,
-                noise_c=float(found.named.fit.noise[i] if found.named else seen.noise[i]),
-                parameters=parameters_of(found.named.fit, i) if found.named is not None else {},
+                explained_share=explained(found, i),
+                remaining_c=float(left[i]),
+                explained=steps,
+                noise_c=float(found.named.fit.noise[i] if found.named and not found.partly else seen.noise[i]),
+                parameters=parameters_of(found.named.fit, i, times) if found.named is not None else {},
                 ranking=ranking,
                 advice=advice,
                 status=status,
@@ -142,50 +136,6 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
         )
     records += refused_records(DiagnoseRecord, task.run.name, observed)
     return in_order(records, task.run)
-
-
-def rivals(found: Discovery) -> list[Candidate]:
-    """The models that fit as well and are others: the same effects in another order, or on another column, are not."""
-    mine = {frozenset(found.named.ids)} if found.named is not None else set()
-    other: list[Candidate] = []
-    for candidate in found.also:
-        if frozenset(candidate.ids) not in mine:
-            mine.add(frozenset(candidate.ids))
-            other.append(candidate)
-    return other
-
-
-def other_ways(found: Discovery) -> str:
-    """Where the effects named act as well in another way (on another column or neighbour); empty where they do not."""
-    if found.named is None:
-        return ""
-    same = [c for c in found.also if set(c.ids) == set(found.named.ids)]
-    own = {p.choice.label for p in found.named.parts}
-    ways = dict.fromkeys(p.choice.label for c in same for p in c.parts if p.choice.label and p.choice.label not in own)
-    return f"acts as well as: {', '.join(ways)}" if ways else ""
-
-
-def unlogged_room(found: Discovery, seen: Observations) -> str:
-    """What to say where nobody logged the surroundings and a moving room would look like what was named; else nothing."""
-    if found.named is None or seen.ambient:
-        return ""
-    alike = [p.id for p in found.named.parts if set(ROOMS) & set(p.effect.mistaken_for)]
-    if not alike:
-        return ""
-    return f"the surroundings are not logged, and a room that moves would look like {' and '.join(alike)}: log the ambient"
-
-
-def _fails_beyond(found: Discovery, seen: Observations, until: float | None) -> str:
-    """What to say where nothing is missing in the first minutes and yet the later readings leave the model; else nothing."""
-    if until is None or found.verdict != "none":
-        return ""
-    worst = float(np.nanmax(found.ahead_base / seen.noise, initial=0.0))
-    if not worst > BEYOND:
-        return ""
-    return (
-        f"nothing is missing in the first {until:g} min, and the readings after them leave the model by {worst:.2g} times the "
-        "noise: they tell more, say a longer --until"
-    )
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:
@@ -227,170 +177,3 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
         "sensors": [c for c, w in zip(fit.run.channels, who, strict=True) if w],
         "parameters": parameters_of(fit, first),
     }
-
-
-def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
-    """(evidence, advice, status) of a verdict."""
-    short = _short_record(found, seen)
-    if found.named is not None:
-        return _named_words(found, seen)
-    if found.verdict == "none":
-        sizes = "; ".join(visible_sizes(found))
-        name = "model" if found.base.model.parts else "base model"
-        evidence = f"the {name} is down to the noise in every sensor; would most likely have been seen: {sizes}"
-        return evidence, short or "nothing to add", "not_determined" if short else "ok"
-    above = [c for c, p in zip(seen.channels, found.base_floor, strict=True) if p < RULES.pattern]
-    where = _where(found, seen)
-    near = ", ".join("+".join(c.ids) for c in rivals(found)[:3])
-    evidence = (
-        f"the base model fails in {_listed(above)} {where}, and no effect of the catalogue, alone or with a second one, brings "
-        f"every sensor down to its noise with parameters that the record determines; nearest: {near or 'none'}"
-    )
-    begins = _worst(found, seen)
-    steps = steps_near(seen, begins[0]) if begins else []
-    advice = short or "; ".join(
-        [
-            *(
-                [f"{s}, where the model fails: look at it first" for s in steps]
-                or ["log what changed at that time" + _unlogged(seen)]
-            ),
-            *hints_of(found.also[:2], seen)[:2],
-            "or write the effect yourself: docs/add-an-effect.md",
-        ]
-    )
-    return evidence, advice, "not_determined" if short else "model_doubtful"
-
-
-def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
-    named = found.named
-    assert named is not None
-    assert found.ahead is not None
-    concerned = np.zeros(seen.sensors, dtype=bool)
-    parts = []
-    for k, part in enumerate(named.parts):
-        who = part.concerns(seen.sensors)
-        concerned |= who
-        sensors = "all sensors" if who.all() else _listed([c for c, w in zip(seen.channels, who, strict=True) if w])
-        numbers = []
-        for name in part.effect.parameters:
-            key = k, name.name
-            if key not in named.fit.values or name.periodic:
-                continue
-            value, error = named.fit.values[key], named.fit.deviations[key]
-            unit = "" if name.unit == "1" else f" {name.unit}"
-            if name.each == "sensor" and int(who.sum()) > 1:
-                numbers.append(f"{name.name} {value[who].min():.2g} to {value[who].max():.2g}{unit}")
-                continue
-            if name.each == "sensor":
-                i = int(np.flatnonzero(who)[0])
-                value, error = float(value[i]), float(error[i])
-            error = error * abs(value) if name.log else error
-            numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
-        acts = f" ({part.choice.label})" if part.choice.label else ""
-        parts.append(f"{part.effect.summary}{acts}, in {sensors}: {', '.join(numbers)}")
-    before, after = pooled(found.ahead_base[concerned]), pooled(found.ahead[concerned])
-    noise = pooled(named.fit.noise[concerned])
-    evidence = (
-        f"{'; and '.join(parts)}. {_seen_as(named)}Adding {' and '.join(named.ids)} cuts the error on readings not fitted "
-        f"from {before:.2g} to {after:.2g} K; "
-        f"noise {noise:.2g} K"
-    )
-    also, ways = rivals(found), other_ways(found)
-    if also:
-        hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
-        advice = f"as good: {', '.join('+'.join(c.ids) for c in also)}. To tell them apart: {hints}"
-    else:
-        source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
-        own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if p.effect.file)
-        new = [p.id for p in named.parts if p not in found.base.model.parts]
-        advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
-    advice = "; ".join([advice, *(p.effect.advice for p in named.parts if p.effect.advice)])
-    # What fits as well may be the cause as well: a name is sure only where it stands alone.
-    return evidence, "; ".join(a for a in (advice, ways) if a), "not_determined" if also else "ok"
-
-
-def hints_of(candidates: Sequence[Candidate], seen: Observations) -> list[str]:
-    """What would tell the effects of the candidates apart, without what the run has already: a logged room, a logged column."""
-    hints = dict.fromkeys(
-        part.strip() for c in candidates for p in c.parts for part in p.effect.separate.split(";") if p.effect.separate
-    )
-    logged = {"ambient": bool(seen.ambient), "speed": bool(seen.inputs), "power": bool(seen.inputs), "duty": bool(seen.inputs)}
-    logged |= {"coolant": any("cool" in n or "fan" in n for n in seen.inputs)}
-    return [h for h in hints if not (h.startswith("log ") and any(word in h and there for word, there in logged.items()))]
-
-
-def _unlogged(seen: Observations) -> str:
-    """The usual columns that a run does not log, to name them."""
-    usual = [] if seen.inputs else ["speed", "power", "coolant"]
-    usual += [] if seen.ambient else ["room"]
-    return f" ({', '.join(usual)})" if usual else ""
-
-
-def _seen_as(named: Candidate) -> str:
-    """The tell-tale of each effect, with 1/b in minutes where it speaks of that."""
-    late = 1.0 / float(np.median(named.fit.values[RATE]))
-    tales = [p.effect.tell_tale.replace("1/b", f"1/b = {late:.3g} min") for p in named.parts if p.effect.tell_tale]
-    return f"Seen as: {'; '.join(tales)}. " if tales else ""
-
-
-def _rounded(value: float, error: float) -> str:
-    if not math.isfinite(error) or error <= 0.0:
-        return f"{value:.4g}"
-    digits = max(0, min(6, 1 - math.floor(math.log10(error))))
-    return f"{value:.{digits}f} ± {error:.1g}"
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) if len(names) < 7 else f"{', '.join(names[:5])} and {len(names) - 5} more"
-
-
-def _where(found: Discovery, seen: Observations) -> str:
-    worst = _worst(found, seen)
-    return f"(most from {worst[0]:.4g} to {worst[1]:.4g} min, by {worst[2]:.2g} K)" if worst else ""
-
-
-def _worst(found: Discovery, seen: Observations) -> tuple[float, float, float] | None:
-    """The stretch in which the base model fails most, over all sensors: from, to [min], by [K]."""
-    from .stretches import failing_stretches
-
-    worst: tuple[float, float, float] | None = None
-    for i in range(seen.sensors):
-        residual = np.where(seen.used[i], found.base.residual[i], np.nan)
-        for a, b, size in failing_stretches(seen.time, residual, seen.weight[i], float(seen.noise[i])):
-            if worst is None or abs(size) > abs(worst[2]):
-                worst = a, b, size
-    return worst
-
-
-def _short_record(found: Discovery, seen: Observations) -> str:
-    """Why a record is too short to judge, and how long it should be; nothing where it is long enough."""
-    rates = np.asarray(found.base.values[RATE])
-    covered = float(np.median(rates)) * seen.span
-    if covered >= 0.7:
-        return ""
-    need = 1.0 / float(np.median(rates))
-    longer = f"at least {need:.0f} min" if need < 20.0 * seen.span else "many times longer: it is hardly bent yet"
-    return f"the record covers {covered:.2f} of a time constant: too short to judge; record {longer}"
-
-
-def visible_sizes(found: Discovery) -> list[str]:
-    """For each effect the size that would have been seen, where it acts in the middle of what was searched."""
-    sizes = []
-    for candidate in found.singles:
-        effect = candidate.parts[-1].effect
-        _, scans = first_order(found.base, effect)
-        if not scans:
-            continue
-        strength = scans[0][1].strength
-        summed = strength.sum(axis=1) if effect.scope == "run" else np.median(strength, axis=1)
-        middle = float(np.median(summed))
-        if middle <= 0.0:
-            continue
-        size = math.sqrt(SEEN_GAIN / middle)
-        main = effect.parameter(effect.amplitude)
-        low, high = main.bounds(found.base.run)
-        if size > max(abs(low - (main.null or 0.0)), abs(high - (main.null or 0.0))):
-            continue
-        unit = "" if main.unit == "1" else f" {main.unit}"
-        sizes.append(f"{effect.id} {main.name} {size:.2g}{unit}")
-    return sizes

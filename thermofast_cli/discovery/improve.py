@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models.effects.base import Effect
 from thermofast.models.joint import Fit, fit_model
 from thermofast.models.search.candidates import Candidate, try_add
-from thermofast.models.search.discover import Spread, total_likelihood_ratio
+from thermofast.models.search.discover import Discovery, Spread, total_likelihood_ratio
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
@@ -20,7 +20,7 @@ from ..machine.modelfile import ModelFile, model_file
 from ..machine.past import learnt_past, run_learnt_from
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
-from .diagnose import search_run, unlogged_room, words
+from .diagnose import search_run
 from .loop import (
     LoopTask,
     Ready,
@@ -35,6 +35,8 @@ from .loop import (
     refused_records,
 )
 from .observe import Observed
+from .remains import remaining_words
+from .wording import unlogged_room, words
 
 Array = NDArray[np.float64]
 
@@ -95,10 +97,9 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
             evidence, advice, _ = words(found, prepared.seen)
             stopped = f"{found.verdict}: {evidence}. {advice}"
         else:
-            steps, remark = _staircase(prepared, task.until_min, base, found.named)
-            names = " and ".join(found.named.ids)
+            steps, remark = _found_steps(prepared, task.until_min, base, found)
             notes += [room] if (room := unlogged_room(found, prepared.seen)) else []
-            stopped = f"{remark}every sensor is down to its noise with {names}; nothing more would be told from chance"
+            stopped = f"{remark}{_why_enough(found)}"
     elif task.names:
         effects = chosen_effects(task.names, task.extra)
         check_inputs(effects, prepared.whole)
@@ -118,6 +119,26 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
     else:
         stopped = "the base model was asked for"
     return _improved(task, observed, prepared, steps, stopped, notes)
+
+
+def _found_steps(prepared: Ready, until: float | None, base: Step, found: Discovery) -> tuple[list[Step], str]:
+    """The steps by which effects were found, or an order of those that were found together."""
+    assert found.named is not None
+    if not found.stages:
+        return _staircase(prepared, until, base, found.named)
+    return [base, *(_step(stage.fits[0], prepared, until) for stage in found.stages)], ""
+
+
+def _why_enough(found: Discovery) -> str:
+    """By which rule no further effect is added."""
+    assert found.named is not None
+    names = " and ".join(found.named.ids)
+    if not found.partly:
+        return f"every sensor is down to its noise with {names}; nothing more would be told from chance"
+    return (
+        f"no further effect explains what remains ({remaining_words(found.named.fit)}) better than an unknown disturbance would, "
+        "or makes the error on readings left out fall"
+    )
 
 
 def _all_added(base: Fit, effects: list[Effect]) -> Candidate | None:
@@ -189,7 +210,11 @@ def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[S
                     whiteness_p=float(step.floor[i]),
                     parameters=parameters_of(step.fit, i),
                     stopped_because=stopped if final else "",
-                    status="ok" if step.floor[i] >= RULES.pattern else "model_doubtful",
+                    status="ok"
+                    if step.floor[i] >= RULES.pattern
+                    else "partly_explained"
+                    if number and task.auto
+                    else "model_doubtful",
                     message="; ".join(dict.fromkeys(notes)) if final else "",
                 )
             )

@@ -140,8 +140,11 @@ def in_order(records: list[Any], run: Run) -> list[Any]:
     return sorted(records, key=lambda r: place.get(r.channel, len(place)))
 
 
-def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, Any]]:
-    """{effect.parameter: {value, se, unit}} of a fit's effects; for one sensor, its own and the shared ones."""
+def parameters_of(fit: Fit, sensor: int | None = None, wider: float = 1.0) -> dict[str, dict[str, Any]]:
+    """{effect.parameter: {value, se, unit}} of a fit's effects; for one sensor, its own and the shared ones.
+
+    wider multiplies the standard errors, which are those under white noise.
+    """
     found: dict[str, dict[str, Any]] = {}
     values, errors = fit.values, fit.deviations
     for c in (*fit.model.local, *fit.model.shared):
@@ -161,7 +164,7 @@ def parameters_of(fit: Fit, sensor: int | None = None) -> dict[str, dict[str, An
         name = f"{part.id}.{c.parameter.name}"
         found[name] = {
             "value": float(f"{value:.6g}"),
-            "standard_error": float(f"{error:.2g}") if known else None,
+            "standard_error": float(f"{wider * error:.2g}") if known else None,
             "unit": c.parameter.unit,
         }
     return found

@@ -12,6 +12,8 @@ WORDS = ("sensor", "effects", "verdict", "also possible", "displacement", "by", 
 #: The column that leads each part of a table too wide for the terminal.
 LEADING = ("sensor", "displacement", "filter")
 FORMATS = ("table", "csv", "json", "jsonl", "md")
+#: How a row is drawn by its status; red where none of these.
+STYLES = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow", "partly_explained": "yellow"}
 
 
 def say(text: str) -> None:
@@ -76,7 +78,7 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
                 console.print(Text(line, style="bold"), no_wrap=True, overflow="ignore", crop=False)
             console.print("─" * across, no_wrap=True, overflow="ignore", crop=False)
             for row, texts in zip(mine, lines, strict=True):
-                style = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow"}.get(row["status"], "red")
+                style = STYLES.get(row["status"], "red")
                 for line in texts:
                     console.print(Text(line, style=style), no_wrap=True, overflow="ignore", crop=False)
             console.print()
@@ -96,6 +98,16 @@ def number(name: str, digits: int = 2) -> Any:
     def form(row: Row) -> str:
         value = row[name]
         return "-" if value is None else f"{value:.{digits}f}"
+
+    return form
+
+
+def percent(name: str) -> Any:
+    """Forms a share as a percentage."""
+
+    def form(row: Row) -> str:
+        value = row[name]
+        return "-" if value is None else f"{100.0 * value:.0f} %"
 
     return form
 
