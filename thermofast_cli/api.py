@@ -331,13 +331,14 @@ def diagnose(
     drive: str | None = None,
     extra: Iterable[str] = (),
     false_alarm: float = 0.01,
+    together: bool = False,
     start: Start = "auto",
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
     **reading: Any,
 ) -> Diagnosis:
-    """Which physical effect is missing.
+    """Which physical effect is missing; together: one search of several runs of one machine.
 
     Raises
     ------
@@ -345,11 +346,11 @@ def diagnose(
     """
     from .pipeline.loop import diagnose_runs
 
-    started = _started(runs, start, False, reading)
     return diagnose_runs(
-        started,
+        _started(runs, start, False, reading),
         names(effects),
         _work(jobs, executor, progress),
+        together,
         until_min=until,
         extra=tuple(extra),
         drive=drive,

@@ -19,7 +19,7 @@ from ..effects.base import Choice, Effect
 from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
 from ..observations import Observations
 from .candidates import Candidate, first_order, trials, try_add
-from .dominant import Stage, beats_disturbance, explain
+from .dominant import Stage, beats_disturbance, explain, try_all
 from .heldout import held_out_errors
 from .judge import chance, least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
@@ -143,6 +143,49 @@ def _in_stages(
     p = max(s.named.p for s in stages)  # that of the least certain
     last = stages[-1].named.shown[0].candidate
     return Discovery(base, floor, tuple(singles), last, also, p, held[0], held[-1], "", tuple(stages), tuple(held))
+
+
+def discover_together(
+    runs: Sequence[Observations], effects: Sequence[Effect], false_alarm: float = RULES.false_alarm, spread: Spread = map
+) -> list[Discovery]:
+    """Search several runs of one machine as one: the evidence for an effect is summed over the runs that show it.
+
+    A run that does not show an effect is left without it: what happened in one run only is that run's event.
+    """
+    bases = [fit_model(run) for run in runs]
+    tried = try_all(bases, effects, spread)
+    stages: list[Stage] = []
+    held = [[held_out_errors(fit)] for fit in bases]
+
+    def pooled(number: int) -> float:
+        return sum(float(np.nansum(h[number] ** 2 * fit.readings)) for h, fit in zip(held, bases, strict=True))
+
+    for stage in explain(bases, tried, effects, false_alarm, spread):
+        for h, fit, single in zip(held, stage.fits, stage.named.singles, strict=True):
+            h.append(held_out_errors(fit) if single is not None else h[-1])
+        if not pooled(-1) < pooled(-2):
+            break
+        stages.append(stage)
+    found = []
+    for k, base in enumerate(bases):
+        singles = sorted([c for c in (t[k] for t in tried) if c is not None], key=lambda c: -c.gain)
+        found.append(_share_of_run(k, base, tuple(singles), stages, held[k]))
+    return found
+
+
+def _share_of_run(k: int, base: Fit, singles: tuple[Candidate, ...], stages: Sequence[Stage], held: list[Array]) -> Discovery:
+    """What a search of several runs says of the k-th of them."""
+    floor = sensor_p_values(base)
+    mine = [(n, s) for n, s in enumerate(stages) if s.named.singles[k] is not None]
+    own = tuple(s.of_run(k) for _, s in mine)
+    if not own:
+        p = min((s.named.p for s in stages), default=1.0)
+        why = "none" if least_p(floor) >= RULES.pattern else "nothing fits"
+        return Discovery(base, floor, singles, None, singles[:1], p, held[0], None, why)
+    errors = (held[0], *(held[n + 1] for n, _ in mine))
+    named = own[-1].named.shown[0].candidate
+    also = tuple(s.rival.shown[0].candidate for s in own if s.rival is not None)
+    return Discovery(base, floor, singles, named, also, max(s.named.p for s in own), held[0], errors[-1], "", own, errors)
 
 
 def total_likelihood_ratio(base: Fit, candidate: Candidate) -> float:

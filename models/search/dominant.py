@@ -7,7 +7,7 @@ Several runs of one machine are one search: an effect's evidence is summed over 
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -102,6 +102,12 @@ class Stage:
         """The models with it, one of each run; a run that does not show it keeps its own."""
         return tuple(f if s is None else s.candidate.fit for f, s in zip(self.before, self.named.singles, strict=True))
 
+    def of_run(self, k: int) -> "Stage":
+        """The stage as it concerns the k-th run, which shows its effect; evidence is that run's, chance that of all runs."""
+        rival = self.rival if self.rival is not None and self.rival.singles[k] is not None else None
+        own = replace(self.named, singles=(self.named.singles[k],))
+        return Stage((self.before[k],), own, None if rival is None else replace(rival, singles=(rival.singles[k],)))
+
 
 def misfit(fit: Fit) -> Array:
     """Root mean square (S,) [K] of what a model leaves beside the noise of its readings."""
@@ -178,8 +184,8 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
         return None
     # What the unknown disturbance does not part, the plain likelihood may: a rival explains as much of the misfit too.
     near = [w for w in real if w.worth >= RULES.as_good * sound[0].worth]
-    best = max((w for w in near if w in sound), key=lambda w: w.gain)
-    rivals = [w for w in near if w is not best and w.gain >= RULES.as_good * best.gain]
+    most = max(w.gain for w in near if w in sound)
+    best, *rivals = sorted((w for w in near if w.gain >= RULES.as_good * most), key=lambda w: (w not in sound, -w.worth))
     return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None
 
 

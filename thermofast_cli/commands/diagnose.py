@@ -21,6 +21,7 @@ from ..shell.options import (
 @loop_options
 @false_alarm_option
 @click.option("--effects", metavar="A,B", help="Look for these effects only: ids, or FILE.py:CLASS.")
+@click.option("--together", is_flag=True, help="The RUNS are of one machine: one search of all of them.")
 @model_option
 @reading_options
 @output_options
@@ -31,6 +32,7 @@ def command(
     drive: str | None,
     false_alarm: float,
     effects: str | None,
+    together: bool,
     model: str | None,
     form: str | None,
     output: str | None,
@@ -45,6 +47,8 @@ def command(
     misfit far less well, the error on readings left out falls, and the record determines its parameters. 'partly_explained' says
     that a pattern remains beside it, as on most machines: what it is worth, and what remains, stand in the row.
 
+    With --together the evidence for an effect is summed over several runs of one machine; what one run alone shows is its event.
+
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..output.screen import number, percent, text
@@ -56,6 +60,7 @@ def command(
     check_outputs([output])
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
     options["model"] = load_model(model)
+    options["together"] = together
     diagnose_runs([], names(effects), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
     with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:

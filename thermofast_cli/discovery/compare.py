@@ -18,9 +18,8 @@ from thermofast.models.search.rules import RULES
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
 from .colour import colour_of
-from .logged_steps import steps_near
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
-from .stretches import failing_stretches
+from .stretches import failing_stretches, steps_near
 
 Array = NDArray[np.float64]
 

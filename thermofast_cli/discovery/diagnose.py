@@ -1,13 +1,15 @@
 """``diagnose``: which effect is missing, in words that a test engineer understands."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from thermofast.models.effects.base import Effect
 from thermofast.models.joint import Fit, Key
 from thermofast.models.search.candidates import Candidate
-from thermofast.models.search.discover import Discovery, Spread, discover, total_likelihood_ratio
+from thermofast.models.search.discover import Discovery, Spread, discover, discover_together, total_likelihood_ratio
 from thermofast.models.search.dominant import misfit
 from thermofast.models.search.judge import widening
 
@@ -29,7 +31,10 @@ from .loop import (
     refused_records,
 )
 from .remains import explained, shares
+from .several import OneOf, common_runs, ready_runs, refuse_copies
 from .wording import ROOMS, fails_beyond, rivals, unlogged_room, words
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -45,17 +50,48 @@ def search_run(task: LoopTask, prepared: Ready, spread: Spread = map) -> Told:
     effects = chosen_effects(task.names, task.extra)
     if task.names:
         check_inputs(effects, prepared.whole)
-    broken: list[str] = []
     known = None
     if task.model is not None:
         from ..machine.learnt import carry
 
         known = carry(task.model.file, prepared.seen, task.run.name, task.model.source).fit
         effects = [e for e in effects if e.id not in ids_of(known.model.parts)]
+
+    def search(some: list[Effect]) -> Discovery:
+        return discover(prepared.seen, some, task.false_alarm, known=known, spread=spread)
+
+    found, broken = _without_broken(effects, search)
+    return Told(_ahead_of(found, prepared, task.until_min), broken)
+
+
+@dataclass(frozen=True)
+class ToldTogether:
+    """What one search said of several runs, in their order, and the effects that could not be used."""
+
+    discoveries: tuple[Discovery, ...]
+    broken: tuple[str, ...]
+
+
+def search_together(runs: Sequence[OneOf], spread: Spread = map) -> ToldTogether:
+    """One search of several runs of a machine; an effect that raises is left out and named."""
+    task = runs[0].task
+    effects = chosen_effects(() if task.auto else task.names, task.extra)
+    for run in runs if task.names and not task.auto else ():
+        check_inputs(effects, run.prepared.whole)
+
+    def search(some: list[Effect]) -> list[Discovery]:
+        return discover_together([r.prepared.seen for r in runs], some, task.false_alarm, spread)
+
+    found, broken = _without_broken(effects, search)
+    return ToldTogether(tuple(_ahead_of(f, r.prepared, task.until_min) for f, r in zip(found, runs, strict=True)), broken)
+
+
+def _without_broken(effects: list[Effect], search: Callable[[list[Effect]], Found]) -> tuple[Found, tuple[str, ...]]:
+    """A search with those effects that do not raise, and what to say of the others."""
+    broken: list[str] = []
     while True:
         try:
-            found = discover(prepared.seen, effects, task.false_alarm, known=known, spread=spread)
-            return Told(_ahead_of(found, prepared, task.until_min), tuple(broken))
+            return search(effects), tuple(broken)
         except PluginError as error:
             at_fault = [e for e in effects if f"effect {e.id!r}" in str(error)]
             if not at_fault:
@@ -93,7 +129,48 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     if prepared is None:
         return refused_records(DiagnoseRecord, task.run.name, observed)
     told = search_run(task, prepared, spread)
-    found, seen = told.discovery, prepared.seen
+    return in_order(
+        _records(task, prepared, told.discovery, told.broken) + refused_records(DiagnoseRecord, task.run.name, observed), task.run
+    )
+
+
+def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[list[DiagnoseRecord]]:
+    """Several runs of one machine in one search: the records of each.
+
+    Raises
+    ------
+    UsageError: fewer than two runs that can be used, no sensor that all of them have, or a copy among them.
+    """
+    runs, failed = ready_runs(tasks, DiagnoseRecord)
+    refuse_copies([r.task.run.name for r in runs])
+    runs, notes = common_runs(runs)
+    told = search_together(runs, spread)
+    said = (*_who_shows(told.discoveries, [r.task.run.name for r in runs]), *notes, *told.broken)
+    records = []
+    for run, found in zip(runs, told.discoveries, strict=True):
+        mine = _records(run.task, run.prepared, found, said)
+        records.append(in_order(mine + run.refused, run.task.run))
+    return [*records, *failed]
+
+
+def _who_shows(found: Sequence[Discovery], names: Sequence[str]) -> list[str]:
+    """Of each effect named: in how many of the runs, and that it is one run's event where only one shows it."""
+    who: dict[str, list[str]] = {}
+    for one, name in zip(found, names, strict=True):
+        for part in one.named.parts if one.named is not None else ():
+            who.setdefault(part.id, []).append(name)
+    said = []
+    for effect, runs in who.items():
+        if len(runs) == 1:
+            said.append(f"{effect}: in {runs[0]} alone, so an event of that run")
+        else:
+            said.append(f"{effect}: in {'all' if len(runs) == len(names) else len(runs)} of {len(names)} runs")
+    return [f"of {len(names)} runs searched together: {'; '.join(said)}"] if said else [f"{len(names)} runs searched together"]
+
+
+def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[str]) -> list[DiagnoseRecord]:
+    """A record for each sensor of what a search found."""
+    seen = prepared.seen
     ranking = [ranked(c, found) for c in found.singles]
     if found.named is not None:
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
@@ -112,7 +189,7 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
         event = event_of(found.named.fit, i) if found.named is not None else None
-        message = "; ".join(dict.fromkeys([evidence, *told.broken, *prepared.notes_of(channel)]))
+        message = "; ".join(dict.fromkeys([evidence, *more, *prepared.notes_of(channel)]))
         records.append(
             DiagnoseRecord(
                 task.run.name,
@@ -134,8 +211,7 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
                 message=message,
             )
         )
-    records += refused_records(DiagnoseRecord, task.run.name, observed)
-    return in_order(records, task.run)
+    return records
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:

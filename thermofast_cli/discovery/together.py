@@ -1,37 +1,32 @@
 """``improve --together``: several runs of one machine in one fit, each left out in turn."""
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.imperfection import SCATTER, Past
 from thermofast.models.joint import Fit, Part, fit_model, with_parts
 from thermofast.models.search.candidates import try_add
-from thermofast.models.search.discover import Spread
+from thermofast.models.search.discover import Discovery, Spread
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together, pool
 
-from ..errors import ThermofastError, UsageError
 from ..machine.modelfile import learnt_from, model_file
 from ..machine.past import learnt_past, run_learnt_from
 from ..plugins.effects import chosen_effects, load_effect
-from ..reading.source import sha256_of
 from ..records import ImproveRecord, finite
-from .diagnose import search_run
+from .diagnose import search_run, search_together
 from .improve import Improved
-from .loop import LoopTask, Ready, check_inputs, failure_records, ids_of, parameters_of, pooled, ready, refused_records
+from .loop import LoopTask, check_inputs, ids_of, parameters_of, pooled
+from .several import OneOf, common_runs, ready_runs, refuse_copies
 
 Array = NDArray[np.float64]
 
-#: Of a run left out the first so much of the record is read, where --until does not say otherwise; the rest is foretold.
-READ = 1.0 / 3.0
 #: The search's effects stay where the error on runs left out falls to this share.
 WORTH = 0.9
 #: A run whose rates lie this many usual scatters off is named.
@@ -47,19 +42,6 @@ class Stage:
     left_out: tuple[Array, ...]
 
 
-@dataclass(frozen=True)
-class _Run:
-    task: LoopTask
-    prepared: Ready
-    refused: list[ImproveRecord]
-
-    @property
-    def first(self) -> Observations:
-        """The readings that a model of the other runs may see."""
-        whole = self.prepared.whole
-        return self.prepared.seen if self.task.until_min is not None else whole.until(float(whole.time[0]) + READ * whole.span)
-
-
 def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Improved]:
     """An :class:`Improved` for each run, the first with the model of them all.
 
@@ -67,20 +49,10 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     ------
     UsageError: fewer than two runs that can be used, or no sensor that all of them have.
     """
-    runs, failed = [], []
-    for task in tasks:
-        try:
-            observed, prepared = ready(task)
-        except ThermofastError as error:
-            failed.append(Improved(failure_records(ImproveRecord, task, error)))
-            continue
-        refused = refused_records(ImproveRecord, task.run.name, observed)
-        if prepared is None:
-            failed.append(Improved(refused))
-        else:
-            runs.append(_Run(task, prepared, refused))
-    _refuse_copies([r.task.run.name for r in runs])
-    runs, notes = _common(runs)
+    runs, rest = ready_runs(tasks, ImproveRecord)
+    failed = [Improved(records) for records in rest]
+    refuse_copies([r.task.run.name for r in runs])
+    runs, notes = common_runs(runs)
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]
     if first.auto:
@@ -92,46 +64,7 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     return [*_told(runs, stages, stopped, notes), *failed]
 
 
-def _common(runs: list[_Run]) -> tuple[list[_Run], list[str]]:
-    """The runs with the sensors that all of them have, and what was left out."""
-    if len(runs) < 2:
-        raise UsageError(
-            "--together learns from several runs of one machine",
-            found=f"{len(runs)} that can be used",
-            allowed="two or more",
-            do="name more runs, or leave --together out",
-        )
-    shared = [c for c in runs[0].prepared.seen.channels if all(c in r.prepared.seen.channels for r in runs)]
-    if not shared:
-        mine = set(runs[0].prepared.seen.channels)
-        other = min(runs[1:], key=lambda r: len(mine & set(r.prepared.seen.channels)))
-        raise UsageError(
-            f"{other.task.run.name} and the other runs have no sensor in common with {runs[0].task.run.name}",
-            found=", ".join(other.prepared.seen.channels[:8]),
-            allowed=", ".join(runs[0].prepared.seen.channels[:8]),
-            do="give runs of one machine, their sensors named alike",
-        )
-    left = sorted({c for r in runs for c in r.prepared.seen.channels} - set(shared))
-    notes = [f"not in every run and left out: {', '.join(left)}"] if left else []
-    cut = [replace(r, prepared=_only(r.prepared, shared)) for r in runs]
-    return cut, notes
-
-
-def _refuse_copies(sources: Sequence[str]) -> None:
-    """Raises UsageError where two of the runs are the same readings under two names."""
-    seen: dict[str, str] = {}
-    for source in sources:
-        key = f"{sha256_of(source)}#{source.rpartition('#')[2] if '#' in source else ''}"
-        if not key.startswith("#") and key in seen:
-            raise UsageError(f"{source} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
-        seen[key] = source
-
-
-def _only(prepared: Ready, channels: list[str]) -> Ready:
-    return replace(prepared, whole=prepared.whole.only(channels), seen=prepared.seen.only(channels))
-
-
-def _stage(runs: Sequence[_Run], fits: Sequence[Fit]) -> Stage:
+def _stage(runs: Sequence[OneOf], fits: Sequence[Fit]) -> Stage:
     """Runs fitted together, and each foretold by the others."""
     found, known = fit_together(fits)
     left_out = []
@@ -147,7 +80,7 @@ def _stage(runs: Sequence[_Run], fits: Sequence[Fit]) -> Stage:
     return Stage(tuple(found), known, tuple(left_out))
 
 
-def _with(runs: Sequence[_Run], stage: Stage, effect: Effect) -> Stage | None:
+def _with(runs: Sequence[OneOf], stage: Stage, effect: Effect) -> Stage | None:
     """The model with an effect more, acting in every run as where it explains most; None where a run lacks what it needs."""
     tried = [try_add(fit, effect) for fit in stage.fits]
     found = [t for t in tried if t is not None]
@@ -168,7 +101,7 @@ def _error(stage: Stage) -> float:
     return pooled(np.concatenate(stage.left_out))
 
 
-def _added(runs: Sequence[_Run], base: Stage, effects: Sequence[Effect]) -> tuple[str, list[Stage]]:
+def _added(runs: Sequence[OneOf], base: Stage, effects: Sequence[Effect]) -> tuple[str, list[Stage]]:
     stages = [base]
     for effect in effects:
         for run in runs:
@@ -181,20 +114,18 @@ def _added(runs: Sequence[_Run], base: Stage, effects: Sequence[Effect]) -> tupl
     return "the effects asked for are in" + ("; a pattern remains: see thermofast diagnose" if left else ""), stages
 
 
-def _auto(runs: Sequence[_Run], base: Stage, spread: Spread) -> tuple[str, list[Stage]]:
-    """Effects that the search names in any run, those named most often first, as long as the runs left out are foretold better."""
-    named: Counter[str] = Counter()
-    kinds: dict[str, Effect] = {}
-    for run in runs:
-        found = search_run(run.task, run.prepared, spread).discovery.named
-        for part in found.parts if found is not None else ():
-            named[part.id] += 1
-            kinds[part.id] = part.effect
+def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list[Stage]]:
+    """Effects that the search names, as long as the runs left out are foretold better."""
+    named: dict[str, tuple[Effect, int]] = {}
+    found = search_together(runs, spread)
+    for one in found.discoveries if any(d.named is not None for d in found.discoveries) else _each(runs, spread):
+        for part in one.named.parts if one.named is not None else ():
+            named[part.id] = part.effect, named.get(part.id, (part.effect, 0))[1] + 1
     if not named:
         return "the search names no effect in any run", [base]
     stages, said = [base], []
-    for name, count in named.most_common():
-        more = _with(runs, stages[-1], kinds[name])
+    for name, (effect, count) in sorted(named.items(), key=lambda item: -item[1][1]):
+        more = _with(runs, stages[-1], effect)
         if more is not None and _error(more) < WORTH * _error(stages[-1]):
             stages.append(more)
             said.append(f"{name} named in {count} of {len(runs)} runs, and runs left out are foretold better with it")
@@ -203,7 +134,12 @@ def _auto(runs: Sequence[_Run], base: Stage, spread: Spread) -> tuple[str, list[
     return "; ".join(said), stages
 
 
-def _told(runs: Sequence[_Run], stages: Sequence[Stage], stopped: str, notes: list[str]) -> list[Improved]:
+def _each(runs: Sequence[OneOf], spread: Spread) -> list[Discovery]:
+    """Each run searched by itself, where together they show nothing."""
+    return [search_run(run.task, run.prepared, spread).discovery for run in runs]
+
+
+def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: list[str]) -> list[Improved]:
     last, first = stages[-1], runs[0]
     past = learnt_past([run_learnt_from(f, r.prepared.whole) for f, r in zip(last.fits, runs, strict=True)])
     task = first.task
@@ -254,7 +190,7 @@ def _told(runs: Sequence[_Run], stages: Sequence[Stage], stopped: str, notes: li
     return found
 
 
-def _stretched(past: Past, runs: Sequence[_Run]) -> list[str]:
+def _stretched(past: Past, runs: Sequence[OneOf]) -> list[str]:
     """Runs that were much faster or slower than the others, in words."""
     pairs = zip(runs, past.stretches, strict=True)
     return [
@@ -264,7 +200,7 @@ def _stretched(past: Past, runs: Sequence[_Run]) -> list[str]:
     ]
 
 
-def _differing(stage: Stage, runs: Sequence[_Run]) -> list[str]:
+def _differing(stage: Stage, runs: Sequence[OneOf]) -> list[str]:
     """Which constants the runs disagree on, in words, those most at odds first."""
     channels, model = runs[0].prepared.seen.channels, stage.fits[0].model
     said = []

@@ -15,9 +15,9 @@ from thermofast.models.search.discover import Discovery
 from thermofast.models.search.judge import widening
 from thermofast.models.search.rules import RULES
 
-from .logged_steps import steps_near
 from .loop import pooled
 from .remains import remaining_words, shares
+from .stretches import steps_near
 
 #: Error ahead, in deviations of the noise, beyond which the first minutes did not show all.
 BEYOND = 5.0

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..discovery.compare import compare_lost, compare_task
-from ..discovery.diagnose import diagnose_lost, diagnose_task
+from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
 from ..discovery.loop import LoopTask, check_drive
 from ..discovery.together import improve_together
@@ -80,14 +80,25 @@ def compare_runs(
     return Comparison(records, tuple(run for run, _ in started), interrupted, tuple(p for one in found for p in one.pictures))
 
 
-def diagnose_runs(started: Sequence[Started], effects: tuple[str, ...] = (), how: Work | None = None, **options: Any) -> Diagnosis:
+def diagnose_runs(
+    started: Sequence[Started], effects: tuple[str, ...] = (), how: Work | None = None, together: bool = False, **options: Any
+) -> Diagnosis:
     """Which effect is missing; options are those of :func:`loop_tasks` and ``false_alarm``.
+
+    together: the runs are of one machine and searched as one.
 
     Raises
     ------
-    UsageError: as :func:`loop_tasks`.
+    UsageError: a model with runs together, runs together that are not of one machine, and as :func:`loop_tasks`.
     """
     tasks = loop_tasks(started, names=effects, **options)
+    if together and options.get("model") is not None:
+        raise UsageError("--together searches beside the base model, and --model takes its place", do="leave one of them out")
+    if together and tasks:
+        work = how or Work()
+        told = diagnose_together(tasks)
+        work.advance(len(tasks))
+        return Diagnosis(tuple(r for records in told for r in records), tuple(run for run, _ in started), False)
     found, interrupted = over_runs(diagnose_task, tasks, diagnose_lost, how or Work(), shares=True)
     return Diagnosis(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
 
