@@ -9,7 +9,7 @@ import numpy as np
 from .core.kernel import Array
 from .greybox import LEVEL, RATE, START, Key, Model, Part
 from .joint import Fit, fit_model, inverse_normal_equations, search
-from .noise.discrepancy import Columns, Noise
+from .noise.discrepancy import Columns, Flutter, Noise, RandomWalk
 from .observations import Observations
 
 
@@ -84,3 +84,30 @@ def fit_with_noise(
         columns = noise.columns(run.time - run.time[0], rate, rise)
         fit = search(fit.model, fit.local, fit.shared, fit.prior, columns=columns)
     return fit
+
+
+#: Sizes of a usual machine's disturbance that are tried, and what they multiply: a room that wanders [K per root hour], a load that
+#: flutters for all sensors and for each, relative to the heat, with a memory in time constants (`imperfection.prior`).
+SIZES = (0.3, 1.0, 2.0, 4.0)
+ROOM, LOAD, OWN_LOAD, MEMORY = 0.1, 0.01, 0.005, 0.5
+
+
+def fit_disturbed(fit: Fit) -> Fit:
+    """A fit again beside the disturbance that a usual machine has, its size the likeliest of a few.
+
+    Parameters that a slow disturbance imitates are then no surer than they are; those of a fit to white noise are too sure.
+    """
+    run = fit.run
+    memory = MEMORY / float(np.median(fit.values[RATE]))
+    best: Posterior | None = None
+    for size in SIZES:
+        processes = (
+            RandomWalk(ROOM * size),
+            Flutter(LOAD * size, memory=memory),
+            Flutter(OWN_LOAD * size, shared=False, memory=memory),
+        )
+        found = posterior(fit_with_noise(run, Noise(processes), fit.model.parts, fit.values, 2))
+        if best is None or found.log_likelihood > best.log_likelihood:
+            best = found
+    assert best is not None
+    return best.fit

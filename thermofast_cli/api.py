@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .engine import Started, Work, with_start
 from .errors import InputError, UsageError
+from .given import Source, Start, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
 from .reading_options import names, options_from
 from .results import (
@@ -30,12 +30,6 @@ if TYPE_CHECKING:
 
     from .analysis.watching import Look
     from .machine.model import Model
-
-#: A run, a path (``file.csv#2``: its second run), a DataFrame, an Arrow table or a mapping of names to arrays; or a list of them.
-Source = Any
-Start = float | Literal["auto"]
-#: Sensors up to which details for pictures are kept where it is left to the library.
-DETAILS_UP_TO = 100
 
 
 def read(source: Source, *, name: str | None = None, **reading: Any) -> Run:
@@ -66,48 +60,6 @@ def read_all(source: Source, *, name: str | None = None, **reading: Any) -> list
     return read_runs(source, options_from(reading), name)
 
 
-def _started(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any]) -> list[Started]:
-    """Runs with their starts [min]; those that are read already stay as they are."""
-    several = runs if isinstance(runs, list | tuple) else [runs]
-    found: list[Run] = []
-    for one in several:
-        if isinstance(one, Run):
-            if reading:
-                raise UsageError(f"{one.name}: read already", found=", ".join(reading), do="give the options of reading to tf.read")
-            found.append(one)
-        else:
-            found += read_all(one, **reading)
-    if not found:
-        raise UsageError(
-            "no run given", allowed="a run, a path, a DataFrame, an Arrow table, a mapping of arrays, or a list of them"
-        )
-    names = [run.name for run in found]
-    if len(set(names)) < len(names):
-        twice = next(n for n in names if names.count(n) > 1)
-        raise UsageError(f"two runs are called {twice!r}", do="give each its own: tf.read(..., name='warm up')")
-    return [with_start(run, None if start == "auto" else float(start), from_rise) for run in found]
-
-
-def _work(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
-    return Work(jobs, executor, progress or (lambda _steps: None))
-
-
-def _keep(details: bool | None, started: Sequence[Started]) -> bool:
-    return details if details is not None else sum(len(run.channels) for run, _ in started) <= DETAILS_UP_TO
-
-
-def _texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, ...]:
-    return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
-
-
-def _model(model: "Model | str | Path | None") -> "Model | None":
-    if model is None:
-        return None
-    from .machine.model import Model
-
-    return Model.load(model)
-
-
 def identify(
     runs: Source,
     until: float | None = None,
@@ -117,6 +69,7 @@ def identify(
     settings: Mapping[str, Any] | None = None,
     model: "Model | str | Path | None" = None,
     drive: str | None = None,
+    auto: bool = False,
     joint: bool = False,
     pace: str | None = None,
     at: float | None = None,
@@ -134,7 +87,7 @@ def identify(
 
     imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share;
     `at` [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room; `drive` names a logged
-    column (power, duty) that the heat follows.
+    column (power, duty) that the heat follows; `auto` looks for what is missing in the readings used and adds it first.
 
     settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes,
     or anybody's executor, share the sensors; progress is told how many are done; reading as for :func:`read`.
@@ -147,12 +100,12 @@ def identify(
     from .pipeline.methods import choose, paces
     from .pipeline.sensors import from_rise, identify_runs
 
-    learnt = _model(model)
+    learnt = model_of(model)
     prior = read_imperfection(imperfection)
-    method = replace(choose(filter, preset, _texts(filter, settings), prior, rates), paces=paces(pace))
-    started = _started(runs, start, from_rise(learnt, drive), reading)
-    work = _work(jobs, executor, progress)
-    return identify_runs(started, method, until, learnt, joint, _keep(details, started), work, at, room, drive)
+    method = replace(choose(filter, preset, setting_texts(filter, settings), prior, rates), paces=paces(pace))
+    started = started_of(runs, start, from_rise(learnt, drive), reading)
+    work = work_of(jobs, executor, progress)
+    return identify_runs(started, method, until, learnt, joint, keeps_details(details, started), work, at, room, drive, auto)
 
 
 def calibrate(
@@ -171,7 +124,7 @@ def calibrate(
     from .pipeline.around import calibrate_runs
     from .pipeline.methods import choose
 
-    return calibrate_runs(_started(runs, start, True, reading), choose("afukf", None, ()), _work(1, None, progress))
+    return calibrate_runs(started_of(runs, start, True, reading), choose("afukf", None, ()), work_of(1, None, progress))
 
 
 def plan(
@@ -196,10 +149,10 @@ def plan(
     from .pipeline.around import design_like, plan_design
 
     wishes = (tolerance,) if isinstance(tolerance, int | float) else tuple(tolerance)
-    prior, learnt = read_imperfection(imperfection), _model(model)
-    base, replayed = design_like(_started(like, "auto", True, {})[0], prior) if like is not None else (None, None)
+    prior, learnt = read_imperfection(imperfection), model_of(model)
+    base, replayed = design_like(started_of(like, "auto", True, {})[0], prior) if like is not None else (None, None)
     known = replayed if learnt is None else None
-    return plan_design(dict(design), wishes, prior, base, _work(1, None, progress), known, learnt)
+    return plan_design(dict(design), wishes, prior, base, work_of(1, None, progress), known, learnt)
 
 
 def watch(
@@ -235,7 +188,7 @@ def watch(
             told(look)
 
     method = choose("afukf", None, (), read_imperfection(imperfection), rates)
-    how = options_from(reading), str(start), method, tolerance, _model(model), leave, speed_of(replay), poll, give_up
+    how = options_from(reading), str(start), method, tolerance, model_of(model), leave, speed_of(replay), poll, give_up
     last, run = watch_run(str(source), *how, tell)
     return Watching(last.records, (run,), looked=last)
 
@@ -272,13 +225,13 @@ def sweep(
     from .pipeline.methods import choose, minutes_of
     from .pipeline.sensors import default_times, from_rise, sweep_runs
 
-    learnt = _model(model)
-    method = choose(filter, preset, _texts(filter, settings), read_imperfection(imperfection), rates)
+    learnt = model_of(model)
+    method = choose(filter, preset, setting_texts(filter, settings), read_imperfection(imperfection), rates)
     spans = minutes_of(windows, "windows")
     grid = minutes_of(times, "times") if times is not None else default_times(spans)
-    started = _started(runs, start, from_rise(learnt, drive), reading)
+    started = started_of(runs, start, from_rise(learnt, drive), reading)
     return sweep_runs(
-        started, method, spans, grid, tolerance, learnt, _keep(details, started), _work(jobs, executor, progress), drive
+        started, method, spans, grid, tolerance, learnt, keeps_details(details, started), work_of(jobs, executor, progress), drive
     )
 
 
@@ -308,17 +261,17 @@ def compare(
     """
     from .pipeline.loop import compare_runs
 
-    started = _started(runs, start, False, reading)
+    started = started_of(runs, start, False, reading)
     return compare_runs(
         started,
         names(effects),
         tuple((input_range or {}).items()),
-        _keep(details, started),
-        _work(jobs, executor, progress),
+        keeps_details(details, started),
+        work_of(jobs, executor, progress),
         until_min=until,
         extra=tuple(extra),
         drive=drive,
-        model=_model(model),
+        model=model_of(model),
     )
 
 
@@ -347,14 +300,14 @@ def diagnose(
     from .pipeline.loop import diagnose_runs
 
     return diagnose_runs(
-        _started(runs, start, False, reading),
+        started_of(runs, start, False, reading),
         names(effects),
-        _work(jobs, executor, progress),
+        work_of(jobs, executor, progress),
         together,
         until_min=until,
         extra=tuple(extra),
         drive=drive,
-        model=_model(model),
+        model=model_of(model),
         false_alarm=false_alarm,
     )
 
@@ -383,12 +336,12 @@ def improve(
     """
     from .pipeline.loop import improve_runs
 
-    started = _started(runs, start, False, reading)
+    started = started_of(runs, start, False, reading)
     return improve_runs(
         started,
         names(add),
         auto,
-        _work(jobs, executor, progress),
+        work_of(jobs, executor, progress),
         together,
         until_min=until,
         extra=tuple(extra),
@@ -406,7 +359,7 @@ def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **
     """
     from .pipeline.around import bench_runs
 
-    return bench_runs(_started(runs, start, True, reading), until)
+    return bench_runs(started_of(runs, start, True, reading), until)
 
 
 def sensitivity(
@@ -436,10 +389,10 @@ def sensitivity(
     for key in sizes or {}:
         if key not in known:
             raise UsageError(f"unknown size {key!r}", allowed=", ".join(known))
-    learnt = _model(model)
-    method = choose(filter, None, _texts(filter, settings))
-    started = _started(runs, start, learnt is None, reading)
-    return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, _work(jobs, executor, None))
+    learnt = model_of(model)
+    method = choose(filter, None, setting_texts(filter, settings))
+    started = started_of(runs, start, learnt is None, reading)
+    return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, work_of(jobs, executor, None))
 
 
 def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Start = "auto", **reading: Any) -> Displacement:
@@ -451,7 +404,7 @@ def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Star
     """
     from .pipeline.around import displacement_runs
 
-    return displacement_runs(_started(runs, start, False, reading), names(columns))
+    return displacement_runs(started_of(runs, start, False, reading), names(columns))
 
 
 def simulate(

@@ -84,9 +84,15 @@ class Weighed:
         return all(s.candidate.fit.physical for s in self.shown)
 
     def clear(self, beyond: float) -> bool:
-        """Whether it goes `beyond` what chance gives; twice that where it explains a part of the misfit only."""
+        """Whether it goes `beyond` what chance gives, twice that where it explains a part of the misfit only, and is determined.
+
+        Where the curvature alone calls its amplitude doubtful the evidence, which is a likelihood ratio, may overrule it.
+        """
         much = beyond if self.share >= RULES.mostly else 2.0 * beyond
-        return self.evidence >= much * self.need and any(s.candidate.identifiable.ok for s in self.shown)
+        determined = [s.candidate.identifiable for s in self.shown]
+        if not any(d.ok for d in determined):
+            much = RULES.overruled * beyond if any(d.near for d in determined) else np.inf
+        return bool(self.evidence >= max(much * self.need, RULES.least_evidence))
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,9 @@ from ..joint import RATE, Fit, Part
 from ..noise.whiteness import pattern_p_value, variance_inflation
 from .rules import RULES
 
+#: How the doubt of an amplitude near nothing ends.
+NEAR = "standard errors of no effect"
+
 
 def sensor_p_values(fit: Fit) -> Array:
     """P values (S,): would white noise leave residuals as patterned as these? 0 where they are far larger than the noise."""
@@ -100,10 +103,18 @@ def chance(effect: Effect, own: Array, free: int, trials: float) -> float:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Whether the record determines an effect's parameters, and why not."""
+    """Whether the record determines an effect's parameters, and why not.
+
+    near: all that speaks against it is that its amplitude is near nothing by the curvature there, which a ridge (an effect that
+    depends on surroundings that nobody logged) makes of a plain effect too.
+    """
 
     ok: bool
     why: str = ""
+
+    @property
+    def near(self) -> bool:
+        return not self.ok and self.why.endswith(NEAR)
 
 
 def identifiability(fit: Fit) -> Identifiability:
@@ -167,7 +178,7 @@ def _doubt(effect: Effect, parameter: Parameter, value: float, variance: float, 
     if parameter.name == effect.amplitude:
         scale = fit.run.span if parameter.share else 1.0
         if abs(value - (parameter.null or 0.0) * scale) < RULES.sure * deviation:
-            return f"{parameter.name} is within {RULES.sure:g} standard errors of no effect"
+            return f"{parameter.name} is within {RULES.sure:g} {NEAR}"
         return f"{parameter.name} is at the end of its range" if at_bound else ""
     if parameter.periodic:
         return ""

@@ -51,6 +51,12 @@ class SearchRules:
         "evidence over an unknown disturbance from which an effect is named although a pattern remains",
         "benchmarks.dominant: wrong names against missed ones on one simulator, tried on two others",
     )
+    least_evidence: float = rule(
+        100.0,
+        "likelihood ratio",
+        "evidence over an unknown disturbance below which an effect is not named while a pattern remains",
+        "benchmarks.dominant: a thermometer's drift named on backgrounds of one simulator in 4 of 160 without it",
+    )
     beyond_alone: float = rule(
         1.5,
         "times what chance gives",
@@ -69,6 +75,9 @@ class SearchRules:
         "1",
         "share of the misfit below which twice the evidence is asked for",
         "benchmarks.dominant: disturbances outside the catalogue",
+    )
+    overruled: float = rule(
+        2.5, "1", "times that evidence overrules an amplitude that is near nothing by the curvature there", "records without a room"
     )
     white_share: float = rule(0.1, "misfit", "structure below this share of the misfit counts as white", "trial of six rules")
     as_good: float = rule(0.85, "1", "share of the best one's evidence from which a rival stays possible", "benchmarks.dominant")

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 @imperfection_options
 @model_option
 @drive_option
+@click.option("--auto", is_flag=True, help="Look for what is missing in the readings used, and add it before predicting.")
 @click.option(
     "--pace",
     metavar="MIN:FACTOR,..",
@@ -56,6 +57,7 @@ def command(
     rates: "Rates",
     model: str | None,
     drive: str | None,
+    auto: bool,
     pace: str | None,
     joint: bool,
     filter_name: str,
@@ -93,11 +95,11 @@ def command(
     check_outputs([output, trace], save_plot)
     learnt = load_model(model)
     identify_runs(
-        [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive
+        [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive, auto=auto
     )  # wrong options are told before reading
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
-        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room, drive)
+        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room, drive, auto)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),

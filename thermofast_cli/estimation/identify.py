@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 #: What is said where a drive (True) or past runs are not counted, because the readings contradict them.
 LET_GO = {
-    True: "the readings do not follow the drive, and it is not counted",
+    True: "the readings do not follow the drive or the effects added, and they are not counted",
     False: "past runs of this machine do not fit this one and are not counted",
 }
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermofast.models import Observations
+from thermofast.models.coloured import fit_disturbed
 from thermofast.models.imperfection import (
     FAST_MODES,
     GUESSED_NODES,
@@ -20,11 +21,14 @@ from thermofast.models.imperfection import (
     widths_left_out,
 )
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
+from thermofast.models.search.discover import Discovery, discover
+from thermofast.models.search.dominant import misfit
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError
 from ..estimation.imperfect import follows_machine
+from ..plugins.effects import chosen_effects
 from .learnt import carry, changed_files
 from .model import Model
 from .modelfile import ModelFile, past_of
@@ -113,29 +117,57 @@ def _too_few(prepared: Ready | None) -> bool:
     return prepared is None or int(prepared.seen.used.sum(axis=1).max()) < FEWEST_READINGS
 
 
-def _driven(task: LoopTask) -> Knowledge:
-    """Of a run whose heat follows a logged column, and of whose machine nothing is known."""
+def _guessed(task: LoopTask) -> Knowledge:
+    """Of a run of whose machine nothing is known: heat that follows a logged column, effects that its own readings show."""
     name, task = task.run.name, _until(task)
     _, prepared = ready(task)
     if prepared is None or _too_few(prepared):
-        return Knowledge(name, notes=(f"too few readings for the drive {task.drive}: identified without it",))
-    column = task.run.inputs[str(task.drive)]
-    if float(np.nanmax(column) - np.nanmin(column)) == 0.0:
-        return Knowledge(name, notes=(f"{task.drive} never changes, and it is not counted",))
-    mine, strange = followers(task, prepared.seen)
-    if not mine:
-        return Knowledge(name, Past({}, guessed=True), strange=tuple(strange))
-    seen = prepared.seen.only(mine)
+        return Knowledge(name, notes=(f"too few readings for {_wishes(task)}: identified without",))
+    seen, whole = prepared.seen, prepared.whole
+    notes: list[str] = []
+    strange: list[str] = []
+    if task.drive is not None:
+        column = task.run.inputs[task.drive]
+        if float(np.nanmax(column) - np.nanmin(column)) == 0.0:
+            return Knowledge(name, notes=(f"{task.drive} never changes, and it is not counted",))
+        mine, strange = followers(task, seen)
+        if not mine:
+            return Knowledge(name, Past({}, guessed=True), strange=tuple(strange))
+        seen, whole = seen.only(mine), whole.only(mine)
+        notes.append(f"with {task.drive} as the heat, as last logged")
+        missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
+        notes += [f"{100.0 * missing:.2g} % of {task.drive} is missing and was filled by straight lines"] if missing else []
     fit = fit_model(seen)
+    if task.auto:
+        found = discover(seen, chosen_effects((), task.extra))
+        notes.append(_looked_for(found))
+        if found.named is None and task.drive is None:
+            return Knowledge(name, notes=tuple(notes))
+        fit = fit_disturbed(found.named.fit) if found.named is not None else found.base
     log_rates = np.log(fit.values[RATE])
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
-    rises = rises_of(fit, prepared.whole.only(mine), GUESSED_NODES)
-    missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
-    held = f"with {task.drive} as the heat, as last logged"
-    notes = (held, f"{100.0 * missing:.2g} % of {task.drive} is missing and was filled by straight lines") if missing else (held,)
-    return Knowledge(name, Past(shapes, scatter=0.0, guessed=True, rises=rises), notes, strange=tuple(strange))
+    rises = rises_of(fit, whole, GUESSED_NODES)
+    uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
+    past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
+    return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange))
+
+
+def _wishes(task: LoopTask) -> str:
+    return " and ".join([*([f"the drive {task.drive}"] if task.drive else []), *(["--auto"] if task.auto else [])])
+
+
+def _looked_for(found: Discovery) -> str:
+    """What a search of the readings used found, in words."""
+    if found.named is None:
+        nothing = "nothing is missing in the readings used"
+        return f"--auto: {nothing if found.verdict == 'none' else 'no effect of the catalogue explains the misfit; none was added'}"
+    had, left = (float((misfit(f) ** 2 * f.readings).sum()) for f in (found.base, found.named.fit))
+    share = 100.0 * (1.0 - left / had) if had > 0.0 else 100.0
+    rivals = [p.id for c in found.also[:1] for p in c.parts if p.id not in found.named.ids]
+    either = f" (or {', '.join(rivals)})" if rivals else ""
+    return f"--auto: {found.verdict}{either} added, which explains {min(share, 99.9):.3g} % of the misfit of the readings used"
 
 
 def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]:
@@ -164,7 +196,7 @@ def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]
 
 def _knowledge(task: LoopTask) -> Knowledge:
     if task.model is None:
-        return _driven(task)
+        return _guessed(task)
     file, name = task.model.file, task.run.name
     mine = [c for c in task.run.channels if c in file.channels]
     if not mine:

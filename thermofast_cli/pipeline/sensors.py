@@ -48,9 +48,11 @@ def identify_runs(
     at_min: float | None = None,
     room_c: float | None = None,
     drive: str | None = None,
+    auto: bool = False,
 ) -> Identification:
     """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time,
-    room_c [degC] the steady state in that room. drive: a logged column that the heat follows.
+    room_c [degC] the steady state in that room. drive: a logged column that the heat follows. auto: what the
+    readings used show to be missing is looked for and added first.
 
     Raises
     ------
@@ -60,12 +62,17 @@ def identify_runs(
     if joint and type(method.filter) is not Afukf:
         found = "--preset paper" if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
         raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
-    beyond = model is not None or drive is not None
+    beyond = model is not None or drive is not None or auto
+    if model is not None and auto:
+        raise UsageError(
+            "--auto looks for effects beside the base model, and --model tells them",
+            do="leave one of them out; thermofast improve --auto learns a model with what is found",
+        )
     if beyond and not method.widens:
         raise UsageError(
-            "--model and --drive enter the closing estimate that counts the machine, which is not made here",
+            "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
             found=f"--filter {method.filter.name}" if method.filter.closing == "never" else "--imperfection none --rates own",
-            do="use --filter afukf, or leave --model and --drive out",
+            do="use --filter afukf, or leave them out",
         )
     for run, _ in started:
         check_until(run, until_min)
@@ -76,7 +83,7 @@ def identify_runs(
 
         silent = replace(how, advance=lambda _steps: None)
         by_run, stopped = over_runs(
-            knowledge, loop_tasks(started, until_min=until_min, model=model, drive=drive), knowledge_lost, silent
+            knowledge, loop_tasks(started, until_min=until_min, model=model, drive=drive, auto=auto), knowledge_lost, silent
         )
         if stopped:
             return Identification((), tuple(run for run, _ in started), True)

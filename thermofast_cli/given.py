@@ -1,0 +1,66 @@
+"""What the library's functions are given, checked and made ready: runs, processes, models."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from .engine import Started, Work, with_start
+from .errors import UsageError
+from .reading import Run, read_runs
+from .reading_options import options_from
+
+if TYPE_CHECKING:
+    from .machine.model import Model
+
+#: A run, a path (``file.csv#2``: its second run), a DataFrame, an Arrow table or a mapping of names to arrays; or a list of them.
+Source = Any
+Start = float | Literal["auto"]
+#: Sensors up to which details for pictures are kept where it is left to the library.
+DETAILS_UP_TO = 100
+
+
+def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any]) -> list[Started]:
+    """Runs with their starts [min]; those that are read already stay as they are."""
+    several = runs if isinstance(runs, list | tuple) else [runs]
+    found: list[Run] = []
+    for one in several:
+        if isinstance(one, Run):
+            if reading:
+                raise UsageError(f"{one.name}: read already", found=", ".join(reading), do="give the options of reading to tf.read")
+            found.append(one)
+        else:
+            found += read_runs(one, options_from(dict(reading)), None)
+    if not found:
+        raise UsageError(
+            "no run given", allowed="a run, a path, a DataFrame, an Arrow table, a mapping of arrays, or a list of them"
+        )
+    names = [run.name for run in found]
+    if len(set(names)) < len(names):
+        twice = next(n for n in names if names.count(n) > 1)
+        raise UsageError(f"two runs are called {twice!r}", do="give each its own: tf.read(..., name='warm up')")
+    return [with_start(run, None if start == "auto" else float(start), from_rise) for run in found]
+
+
+def work_of(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
+    """Who works, and who hears of it."""
+    return Work(jobs, executor, progress or (lambda _steps: None))
+
+
+def keeps_details(details: bool | None, started: Sequence[Started]) -> bool:
+    """Whether curves and traces are kept: as asked, or where there are few sensors."""
+    return details if details is not None else sum(len(run.channels) for run, _ in started) <= DETAILS_UP_TO
+
+
+def setting_texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """Settings of a filter as the command line has them."""
+    return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
+
+
+def model_of(model: "Model | str | Path | None") -> "Model | None":
+    """A learnt model, read where it is a path."""
+    if model is None:
+        return None
+    from .machine.model import Model
+
+    return Model.load(model)
