@@ -151,7 +151,11 @@ def _weighed(singles: Sequence[Single | None], false_alarm: float, number: int) 
     some = [s for s in singles if s is not None]
     if not some:
         return None
-    shown = [s for s in some if s.evidence > float(chdtri(s.free, chance / s.places))] or [max(some, key=lambda s: s.evidence)]
+    # What belongs to the machine may show a little in each run; an event is one run's, and must show there by itself.
+    alone = RULES.beyond_disturbance if some[0].candidate.parts[-1].effect.event else 1.0
+    shown = [s for s in some if s.evidence > alone * float(chdtri(s.free, chance / s.places))] or [
+        max(some, key=lambda s: s.evidence)
+    ]
     free, places = sum(s.free for s in shown), float(np.prod([s.places for s in shown]))
     p = min(1.0, number * places * chi2_tail(free, max(0.0, sum(s.evidence for s in shown))))
     return Weighed(tuple(s if s in shown else None for s in singles), float(chdtri(free, chance / places)), p)
