@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .api import (
         bench,
         calibrate,
+        changed,
         compare,
         diagnose,
         displacement,
@@ -49,6 +50,7 @@ __all__ = [
     "UsageError",
     "bench",
     "calibrate",
+    "changed",
     "compare",
     "diagnose",
     "displacement",

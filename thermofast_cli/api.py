@@ -13,6 +13,7 @@ from .reading_options import names, options_from
 from .results import (
     Bench,
     Calibration,
+    Changes,
     Comparison,
     Diagnosis,
     Displacement,
@@ -125,6 +126,18 @@ def calibrate(
     from .pipeline.methods import choose
 
     return calibrate_runs(started_of(runs, start, True, reading), choose("afukf", None, ()), work_of(1, None, progress))
+
+
+def changed(old: Source, new: Source, *, start: Start = "auto", **reading: Any) -> Changes:
+    """What is different in a machine since other runs of it: heat, heat capacity, loss, one sensor, the contacts, or nothing.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .pipeline.around import changed_runs
+
+    return changed_runs(started_of(old, start, True, reading), started_of(new, start, True, reading))
 
 
 def plan(

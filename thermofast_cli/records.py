@@ -214,6 +214,23 @@ class ImproveRecord(Record):
 
 
 @dataclass(frozen=True)
+class ChangedRecord(Record):
+    """One kind of change of a machine since other runs of it; `verdict` is the same in every row.
+
+    size is the factor, new over old, on heat, heat capacity or loss, of a sensor on its rise, with its 95 % interval.
+    """
+
+    change: str = ""
+    probability: float = 0.0
+    size: float | None = None
+    size_lo: float | None = None
+    size_hi: float | None = None
+    verdict: str = ""
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
 class BenchRecord(Record):
     """One filter on all sensors of a run; errors in K over all of them, width_c the median width of the steady state's interval."""
 

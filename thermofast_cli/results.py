@@ -9,6 +9,7 @@ from .reading import Run, read_runs, told
 from .records import (
     BenchRecord,
     CalibrateRecord,
+    ChangedRecord,
     CompareRecord,
     DiagnoseRecord,
     DisplacementRecord,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from thermofast.models.imperfection import Imperfection
 
+    from .analysis.changed import Difference
     from .analysis.displacement import Panel as DisplacementPanel
     from .analysis.planning import Curve
     from .analysis.watching import Look
@@ -183,6 +185,26 @@ class Calibration(Result):
             write_imperfection(str(path), self.prior, self.learnt_from)
         else:
             super().save(path)
+
+
+@dataclass(frozen=True)
+class Changes(Result):
+    """What ``changed`` found, the likeliest kind first; `difference` is what its picture shows."""
+
+    command: ClassVar[str] = "changed"
+    kind: ClassVar[type[Record]] = ChangedRecord
+    difference: "Difference | None" = None
+
+    @property
+    def verdict(self) -> str:
+        """The kind of change that is sure, "A or B", or "cannot tell"."""
+        return str(self.records[0].verdict)
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """Rate and rise of every sensor, new over old."""
+        from .output.change_plots import draw_change
+
+        return _drawn(draw_change(self.difference), path)
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
                 names = ", ".join(dict.fromkeys(who))
                 lead = "" if column == "message" else f"{column.replace('_', ' ')}: "
                 everyone = len(set(who)) == len({row["channel"] for row in mine}) and len(mine) > 1
-                of = "" if everyone else f"{names if len(names) < 60 else f'{len(set(who))} sensors'}: "
+                of = "" if everyone or not names else f"{names if len(names) < 60 else f'{len(set(who))} sensors'}: "
                 console.print(Text(f"  {of}{lead}{message}", style="dim"))
 
 

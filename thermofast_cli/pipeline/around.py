@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..engine import Started, Work, over_runs
 from ..errors import UsageError, listed
-from ..results import Bench, Calibration, Displacement, Plan, Sensitivity, Simulated
+from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Simulated
 
 if TYPE_CHECKING:
     from numpy import float64
@@ -72,6 +72,19 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
     lab = learn(past)
     unused = [CalibrateRecord(name, "all", status="not_used", message=why) for name, why in left_out]
     return Calibration((*lab.records, *unused), tuple(run for run, _ in started), prior=lab.prior, learnt_from=lab.names)
+
+
+def changed_runs(old: Sequence[Started], new: Sequence[Started]) -> Changes:
+    """What is different in a machine since other runs of it.
+
+    Raises
+    ------
+    UsageError: runs that cannot be compared.
+    """
+    from ..analysis.changed import compare_runs
+
+    records, difference = compare_runs(old, new)
+    return Changes(tuple(records), tuple(run for run, _ in (*old, *new)), difference=difference)
 
 
 def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Design, NDArray[float64]]":

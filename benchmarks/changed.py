@@ -1,0 +1,91 @@
+"""Is it said rightly what changed in a machine between two tests?
+
+python -m benchmarks.changed [--each 20] [--seed 760000] compares one or three old runs of simulated machines with one new run in
+which the heat, the heat capacity, the loss or one sensor's rise is 8 to 40 % more or less, or nothing is: the machine's own curve,
+transformed (a heat capacity stretches time, a loss stretches time and shrinks the rise). With ../shared/data the pots of one, two
+and three litres and their repeats too.
+"""
+
+import argparse
+import importlib
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+import thermofast as tf
+from benchmarks.dominant import runs_of
+from benchmarks.machines.record import Record
+from thermofast.reading import Run
+
+KINDS = ("nothing", "heat capacity", "loss", "heat", "sensor")
+POTS = Path(__file__).parents[2] / "shared" / "data" / "cooking_pot"
+
+
+def _changed(run: Run, record: Record, kind: str, rng: np.random.Generator) -> Run:
+    """The new run, changed: its clean curve transformed, its noise drawn anew."""
+    factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.35)))
+    quick = {"heat capacity": 1.0 / factor, "loss": factor}.get(kind, 1.0)
+    time = record.time
+    curve = np.array([np.interp(np.minimum(time * quick, time[-1]), time, row) for row in record.clean])
+    rise = curve - curve[:, :1]
+    if kind in ("loss", "heat"):
+        rise *= 1.0 / factor if kind == "loss" else factor
+    if kind == "sensor":
+        rise[int(rng.integers(len(rise)))] *= factor
+    keep = time * quick <= time[-1]
+    noise = float(np.median([np.std(r - c) for r, c in zip(record.reading, record.clean, strict=True)]))
+    reading = curve[:, :1] + rise + noise * rng.standard_normal(rise.shape)
+    return tf.read({"time_min": time[keep]} | {f"T{i}": row[keep] for i, row in enumerate(reading)}, name="new")
+
+
+def judge(job: tuple[str, str, int, int]) -> tuple[str, str, int, str, bool]:
+    """(simulator, kind, old runs, verdict, right) of one machine."""
+    simulator, kind, count, seed = job
+    machine = importlib.import_module(f"benchmarks.machines.{simulator}").simulate(seed, 1.0, None, runs=count + 1)
+    runs = runs_of(machine, seed)
+    bare = [tf.read({"time_min": r.time_s / 60.0, **r.channels}, name=f"old {k}") for k, r in enumerate(runs[:-1])]
+    new = _changed(runs[-1], machine.runs[-1], kind, np.random.default_rng([seed, 5]))
+    told = tf.changed(bare, new)
+    return simulator, kind, count, told.verdict, kind in told.verdict.split(" or ")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--each", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=760_000)
+    given = parser.parse_args()
+    print("| machines | old runs | changed | of | right | said |")
+    print("| --- | ---: | --- | ---: | ---: | --- |")
+    for simulator in ("bar", "network"):
+        for count in (1, 3):
+            jobs = [(simulator, kind, count, given.seed + 1000 * k + i) for k, kind in enumerate(KINDS) for i in range(given.each)]
+            with ProcessPoolExecutor() as pool:
+                found = list(pool.map(judge, jobs))
+            for kind in KINDS:
+                some = [f for f in found if f[1] == kind]
+                said = ", ".join(f"{v} {n}" for v, n in Counter(f[3] for f in some).most_common())
+                print(
+                    f"| {simulator} | {count} | {kind} | {len(some)} | {100 * np.mean([f[4] for f in some]):.0f} % | {said} |",
+                    flush=True,
+                )
+    if POTS.is_dir():
+        _pots()
+
+
+def _pots() -> None:
+    """Pots of different volumes, and the same volume twice."""
+    print("\n| pots | changed | said |\n| --- | --- | --- |")
+    names = sorted(p.stem for p in POTS.glob("*cm_*.csv"))
+    for a in names:
+        for b in names[names.index(a) + 1 :]:
+            if a.split("_")[0] == b.split("_")[0]:
+                told = tf.changed(tf.read(POTS / f"{a}.csv"), tf.read(POTS / f"{b}.csv"))
+                change = "nothing" if a.split("_")[1] == b.split("_")[1] else "heat capacity"
+                print(f"| {a}, {b} | {change} | {told.verdict} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""changed: what is different in a machine since other runs of it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.models.uncertainty.changes import RunNumbers, changes, scatter
+
+RISES = np.array([10.0, 7.0, 5.0])
+
+
+def run(rng, name, heat=1.0, capacity=1.0, loss=1.0, fault=1.0, room=20.0, length=300.0):
+    """Three points of a machine of known heat, capacity and loss: rate loss over capacity, rise heat over loss."""
+    time = np.arange(0.0, length + 1.0)
+    rise = RISES * heat / loss * np.array([fault, 1.0, 1.0])
+    rate = np.array([0.02, 0.024, 0.03]) * loss / capacity
+    curves = room + rise[:, None] * -np.expm1(-rate[:, None] * time) + 0.02 * rng.standard_normal((3, len(time)))
+    return tf.read({"time_min": time, **dict(zip("abc", curves, strict=True))}, name=name)
+
+
+@pytest.mark.parametrize(
+    ("what", "verdict", "size"),
+    [
+        ({}, "nothing", None),
+        ({"heat": 1.4}, "heat", 1.4),
+        ({"capacity": 1.7}, "heat capacity", 1.7),
+        ({"loss": 0.65}, "loss", 0.65),
+        ({"fault": 0.7}, "sensor", 0.7),
+        ({"room": 25.0}, "nothing", None),
+    ],
+)
+def test_what_changed_is_said_with_its_size(what, verdict, size):
+    rng = np.random.default_rng(1)
+    told = tf.changed([run(rng, f"old {k}") for k in range(3)], run(rng, "new", **what))
+    assert told.verdict == verdict
+    first = told[0]
+    assert first.change == verdict
+    assert first.status == "ok"
+    assert sum(r.probability for r in told) == pytest.approx(1.0, abs=0.02)
+    if size is not None:
+        assert first.size_lo < size < first.size_hi
+        assert first.size == pytest.approx(size, rel=0.12)
+    assert first.channel == ("a" if verdict == "sensor" else "")
+    assert ("began at 25 degC" in first.message) == ("room" in what)
+    assert ("would most likely have shown: " in first.message) == (verdict == "nothing")
+
+
+def test_repeats_are_nothing():
+    rng, said = np.random.default_rng(2), []
+    for k in range(30):
+        wander = np.exp(0.04 * rng.standard_normal(2))
+        said.append(tf.changed(run(rng, f"a{k}"), run(rng, f"b{k}", heat=wander[0], loss=wander[1])).verdict)
+    assert said.count("nothing") >= 28
+
+
+def test_a_record_that_is_hardly_bent_does_not_part_heat_and_capacity():
+    rng = np.random.default_rng(3)
+    told = tf.changed(run(rng, "old", length=24.0), run(rng, "new", length=24.0, capacity=2.0))
+    assert told.verdict == "heat or heat capacity"
+    assert told[0].status == "not_determined"
+
+
+def test_scatter_is_learnt_from_runs_that_are_alike():
+    rng = np.random.default_rng(4)
+    usual = scatter(3, [])
+    for size, wanted in ((0.1, 0.5), (3.0, 2.0)):
+        root = np.linalg.cholesky(usual)
+        group = [RunNumbers(size * root @ rng.standard_normal(6), 1e-9 * np.eye(6)) for _ in range(40)]
+        found = scatter(3, [group])
+        assert (np.trace(found) / np.trace(usual) < wanted**2) == (size < 1.0)
+    with pytest.raises(ValueError, match="no runs"):
+        changes([], [])
+
+
+def test_the_command_its_picture_and_its_refusals(tool, tmp_path):
+    rng, paths = np.random.default_rng(5), {}
+    for name, what in (("before", {}), ("after", {"capacity": 1.8})):
+        one = run(rng, name, **what)
+        paths[name] = tmp_path / f"{name}.csv"
+        columns = {"time_min": one.time_s / 60.0, **one.channels}
+        np.savetxt(paths[name], np.array(list(columns.values())).T, delimiter=",", header=",".join(columns), comments="")
+    picture = tmp_path / "changed.png"
+    done = tool("changed", paths["before"], "--new", paths["after"], "--format", "json", "-q", "--save-plot", picture)
+    assert done.code == 0
+    rows = json.loads(done.out)["records"]
+    assert rows[0]["verdict"] == "heat capacity"
+    assert [r["probability"] for r in rows] == sorted((r["probability"] for r in rows), reverse=True)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    for given, words in (
+        (("changed", paths["before"]), "no run is given as --new"),
+        (("changed", paths["before"], "--new", paths["before"]), "is old and new"),
+        (("changed", "--new", paths["after"]), "no RUN given"),
+        (("changed", "sample_runs/spindle.csv", "--new", paths["after"]), "no sensor in common"),
+    ):
+        refused = tool(*given, "-q")
+        assert refused.code == 2
+        assert words in refused.err
+    still = tmp_path / "still.csv"
+    still.write_text("time_min,a\n" + "".join(f"{t},20.0\n" for t in range(60)))
+    assert tool("changed", paths["before"], "--new", still, "-q").code == 2
+
+
+def test_a_pot_with_more_water_has_another_heat_capacity(shared):
+    pots = shared / "cooking_pot"
+    one, again, two = (tf.read(pots / f"0cm_{n}.csv") for n in ("2L_a", "2L_b", "3L_b"))
+    assert tf.changed(one, again).verdict == "nothing"
+    told = tf.changed([one, again], two)
+    assert told.verdict == "heat capacity"
+    assert told[0].size_lo < 1.5 < told[0].size_hi * 1.05

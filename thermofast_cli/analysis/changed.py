@@ -1,0 +1,167 @@
+"""``changed``: what is different in a machine since other runs of it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models import Observations
+from thermofast.models.joint import fit_model
+from thermofast.models.search.judge import widening
+from thermofast.models.uncertainty.changes import Change, RunNumbers, changes
+
+from ..discovery.observe import FEWEST_READINGS, observe
+from ..engine import Started
+from ..errors import UsageError
+from ..records import ChangedRecord
+
+Array = NDArray[np.float64]
+
+#: Probability from which one kind is said, and two together as "A or B".
+SURE, EITHER = 0.9, 0.95
+#: Deviation of the logarithm of a rate, median over the sensors, from which a record is hardly bent: a first slope is heat over
+#: heat capacity, and which of the two changed it does not say.
+STRAIGHT = 0.25
+#: Deviations of its size at which a change of the whole machine is sure to be said, and the kinds of it.
+SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
+#: Rooms that differ by more [K] are said.
+ROOM = 0.5
+#: What each kind says in words.
+WORDS = {
+    "nothing": "the new runs are as the old ones",
+    "heat": "every point rises {more}, as fast as before: the heat",
+    "heat capacity": "every point settles where it did, {slower}: the heat capacity",
+    "loss": "every point rises {less} and settles {quicker}: the loss to the surroundings",
+    "sensor": "{sensor} alone tells another temperature or is in another place",
+    "contact": "points differ each in its own way: a contact, a coupling, or several things at once",
+}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What the picture shows: logarithms of rate and rise of each sensor, new over old (2 S,), with their deviations."""
+
+    channels: tuple[str, ...]
+    value: Array
+    deviation: Array
+    verdict: str
+
+
+def compare_runs(old: Sequence[Started], new: Sequence[Started]) -> tuple[list[ChangedRecord], Difference]:
+    """A record for each kind of change, the likeliest first; all runs are looked at over the length of the shortest.
+
+    Raises
+    ------
+    UsageError: no runs, no sensor that all have, too few readings, a sensor that does not move, or a run on both sides.
+    """
+    for side, runs in (("OLD", old), ("--new", new)):
+        if not runs:
+            raise UsageError(f"no run is given as {side}", do="as in: thermofast changed before.csv --new after.csv")
+    both = {run.name for run, _ in old} & {run.name for run, _ in new}
+    if both:
+        raise UsageError(f"{both.pop()} is old and new", do="give each run on one side")
+    seen = [_observed(one) for one in (*old, *new)]
+    channels = [c for c in seen[0].channels if all(c in s.channels for s in seen)]
+    if not channels:
+        raise UsageError(
+            "the runs have no sensor in common",
+            found=f"{seen[0].name}: {', '.join(seen[0].channels[:6])}; {seen[-1].name}: {', '.join(seen[-1].channels[:6])}",
+            do="give runs of one machine, their sensors named alike",
+        )
+    span = min(s.span for s in seen)
+    numbers = [_numbers(s.only(channels), span) for s in seen]
+    found, difference, noise = changes(numbers[: len(old)], numbers[len(old) :])
+    deviation = np.sqrt(np.diag(noise))
+    verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
+    names = ", ".join(run.name for run, _ in new)
+    notes = _rooms(old, new, seen)
+    if verdict.startswith("nothing") or verdict == "cannot tell":
+        notes.append(_visible(found))
+    left = sorted({c for s in seen for c in s.channels} - set(channels))
+    notes += [f"not in every run and left out: {', '.join(left)}"] if left else []
+    notes += ["of one sensor, its own change is not told from the machine's"] if len(channels) == 1 else []
+    likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
+    records = [_record(names, c, channels, verdict, status, None if k else notes) for k, c in enumerate(likely)]
+    return records, Difference(tuple(channels), difference, deviation, verdict)
+
+
+def _observed(one: Started) -> Observations:
+    run, start = one
+    seen = observe(run, start).seen
+    if seen is None or int(seen.used.sum(axis=1).min()) < FEWEST_READINGS:
+        raise UsageError(
+            f"{run.name}: too few readings", allowed=f"{FEWEST_READINGS} or more in every sensor", do="choose --channels"
+        )
+    return seen
+
+
+def _numbers(seen: Observations, span: float) -> RunNumbers:
+    fit = fit_model(seen.until(float(seen.time[0]) + span))
+    found = RunNumbers.of(fit, widening(fit))
+    if found is None or not np.all(np.isfinite(found.covariance)):
+        raise UsageError(
+            f"{seen.name}: a sensor does not move", found=", ".join(seen.channels[:8]), do="choose others with --channels"
+        )
+    return found
+
+
+def _verdict(found: Sequence[Change], unsure: float) -> tuple[str, str]:
+    """The kind that is sure, two that are together, or none; and the status. unsure: deviation of the logarithm of the rates."""
+    kinds: dict[str, float] = {}
+    for c in found:
+        kinds[c.kind] = kinds.get(c.kind, 0.0) + c.probability
+    slope = kinds.get("heat", 0.0) + kinds.get("heat capacity", 0.0)
+    if unsure > STRAIGHT and slope >= SURE:
+        return "heat or heat capacity", "not_determined"
+    first, *rest = sorted(kinds, key=lambda k: -kinds[k])
+    if kinds[first] >= SURE:
+        return first, "ok"
+    if kinds[first] + kinds[rest[0]] >= EITHER:
+        return f"{first} or {rest[0]}", "not_determined"
+    return "cannot tell", "not_determined"
+
+
+def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status: str, notes: list[str] | None) -> ChangedRecord:
+    size, low, high = None, None, None
+    if c.size is not None and c.deviation is not None:
+        size, low, high = (math.exp(c.size + k * c.deviation) for k in (0.0, -1.96, 1.96))
+    sensor = channels[c.sensor] if c.sensor is not None else ""
+    percent = "" if size is None else f"by {abs(100.0 * (size - 1.0)):.2g} %"
+    up = size is None or size > 1.0
+    said = WORDS[c.kind].format(
+        more=f"{'more' if up else 'less'} {percent}",
+        less="less" if up else "more",
+        slower=f"{'slower' if up else 'faster'} {percent}",
+        quicker=f"{'sooner' if up else 'later'}, {percent}",
+        sensor=sensor,
+    )
+    message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
+    return ChangedRecord(
+        names,
+        sensor,
+        change=c.kind,
+        probability=round(c.probability, 4),
+        size=size,
+        size_lo=low,
+        size_hi=high,
+        verdict=verdict,
+        status=status,
+        message=message,
+    )
+
+
+def _visible(found: Sequence[Change]) -> str:
+    """How large a change would most likely have shown."""
+    sizes = [
+        f"{c.kind} by {100.0 * math.expm1(SHOWS * c.deviation):.2g} %" for c in found if c.kind in WHOLE and c.deviation is not None
+    ]
+    return f"would most likely have shown: {', '.join(sizes)}"
+
+
+def _rooms(old: Sequence[Started], new: Sequence[Started], seen: Sequence[Observations]) -> list[str]:
+    """What to say where the new runs began in another room."""
+    first = [float(np.nanmedian([row[u][0] for row, u in zip(s.reading, s.used, strict=True)])) for s in seen]
+    before, after = float(np.mean(first[: len(old)])), float(np.mean(first[len(old) :]))
+    return [f"they began at {after:.3g} degC, the old ones at {before:.3g}"] if abs(after - before) > ROOM else []

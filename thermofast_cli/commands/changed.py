@@ -1,0 +1,59 @@
+"""``thermofast changed``."""
+
+from typing import Any
+
+import click
+
+from ..shell.options import RunCommand, reading_options, runs_argument, table_options
+
+
+@click.command(
+    "changed",
+    cls=RunCommand,
+    epilog="Example: thermofast changed sample_runs/hidden.csv --new sample_runs/hidden_second_run.csv",
+)
+@runs_argument
+@click.option("--new", "new", multiple=True, metavar="RUN", help="A run since then; again for each one.")
+@reading_options
+@table_options
+@click.option("--save-plot", metavar="FILE", help="Draw rate and rise of every sensor, new over old: .png .pdf .svg.")
+def command(
+    runs: tuple[str, ...],
+    new: tuple[str, ...],
+    form: str | None,
+    output: str | None,
+    quiet: bool,
+    save_plot: str | None,
+    **reading: Any,
+) -> int:
+    """Say what is different in a machine since other RUNs of it: heat, heat capacity, loss, one sensor, the contacts, or nothing.
+
+    Every sensor of every run gives a rate and a rise, over the length of the shortest run; each kind of change moves them in its
+    own way. One row for each kind, the likeliest first, with its size and 95 % interval; run-to-run scatter is counted, and more
+    old runs tell it better. The tests must be alike: the same heat asked for, the same places of the sensors.
+    """
+    from ..errors import UsageError
+    from ..output.screen import interval, number, percent, text
+    from ..pipeline.around import changed_runs
+    from ..shell.session import check_outputs, deliver, draw, read_all
+
+    if not new:
+        raise UsageError("no run is given as --new", do="as in: thermofast changed before.csv --new after.csv")
+    check_outputs([output], save_plot)
+    before = read_all(runs, reading, quiet, [output, save_plot], 1)
+    after = read_all(new, reading, quiet, [output, save_plot], 1)
+    for error in (*before.unreadable, *after.unreadable):
+        raise UsageError(f"{error[0]}: cannot be read", found=str(error[1]), do="leave it out")
+    result = changed_runs(before.runs, after.runs)
+    drawn = [
+        ("change", text("change")),
+        ("sensor", text("channel")),
+        ("probability", percent("probability")),
+        ("new over old", number("size", 3)),
+        ("95 % interval", interval("size_lo", "size_hi", 3)),
+        ("verdict", text("verdict")),
+        ("status", text("status")),
+    ]
+    code = deliver(result, [], output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code
