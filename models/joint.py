@@ -165,11 +165,11 @@ class Fit:
 
     @cached_property
     def as_it_began(self) -> tuple["Fit", ...]:
-        """The same model with the rates of the readings up to the largest, where those of all of them say nothing.
+        """The same model with the rate of the readings up to the largest, where that of all readings says nothing in some sensor.
 
         A machine that turns round in mid-record, as by a switch, looks like one that goes on for ever.
         """
-        if float(np.median(self.values[RATE])) * self.run.span > TURNED:
+        if float(self.values[RATE].min()) * self.run.span > TURNED:
             return ()
         return (at_rates(self, np.full(self.run.sensors, _early_rate(self.run))),)
 

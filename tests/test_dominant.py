@@ -19,6 +19,8 @@ from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.noise.spectral import CORNERS, POWERS, STEEPNESS, block_means, spectral_likelihood
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import discover, discover_together
+from thermofast.pipeline.averaged import averaged
+from thermofast.records import IdentifyRecord
 
 EFFECTS = {kind.id: kind for kind in BUILT_IN}
 
@@ -239,6 +241,22 @@ def test_what_is_missing_is_added_before_the_prediction_is_made():
                     assert "--auto: nonlinear_loss" in r.message
     assert np.sqrt(np.mean(np.square(auto))) < 0.5 * np.sqrt(np.mean(np.square(plain)))
     assert np.mean(held) >= 0.8
+
+
+def test_an_interval_counts_that_the_effect_may_be_another():
+    def record(middle, low, high):
+        return IdentifyRecord("run", "T", "afukf", steady_state_c=middle, steady_state_lo_c=low, steady_state_hi_c=high)
+
+    added, plain = record(30.0, 29.8, 30.2), record(32.0, 31.0, 33.0)
+    both = averaged(added, plain)
+    rng = np.random.default_rng(8)
+    draws = np.concatenate([rng.normal(30.0, 0.2 / 1.96, 850_000), rng.normal(32.0, 1.0 / 1.96, 150_000)])
+    assert both.steady_state_c == 30.0
+    assert both.steady_state_lo_c == pytest.approx(np.quantile(draws, 0.025), abs=0.01)
+    assert both.steady_state_hi_c == pytest.approx(np.quantile(draws, 0.975), abs=0.02)
+    assert "32.00 degC would come" in both.message
+    assert averaged(added, record(30.0, 29.8, 30.2)).message == ""
+    assert averaged(added, record(32.0, None, 33.0)).steady_state_hi_c == 30.2
 
 
 def test_auto_says_that_nothing_is_missing_and_refuses_a_model(tool):

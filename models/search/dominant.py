@@ -193,7 +193,7 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     if not sound or real[0].worth * RULES.as_good > sound[0].worth:
         return None
     # What the unknown disturbance does not part, the plain likelihood may: a rival explains as much of the misfit too.
-    near = [w for w in real if w.worth >= RULES.as_good * sound[0].worth]
+    near = [w for w in real if w.worth >= RULES.rival * sound[0].worth]
     most = max(w.gain for w in near if w in sound)
     best, *rivals = sorted((w for w in near if w.gain >= RULES.as_good * most), key=lambda w: (w not in sound, -w.worth))
     return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None

@@ -80,7 +80,13 @@ class SearchRules:
         2.5, "1", "times that evidence overrules an amplitude that is near nothing by the curvature there", "records without a room"
     )
     white_share: float = rule(0.1, "misfit", "structure below this share of the misfit counts as white", "trial of six rules")
-    as_good: float = rule(0.85, "1", "share of the best one's evidence from which a rival stays possible", "benchmarks.dominant")
+    rival: float = rule(0.75, "1", "share of the best one's evidence from which another one may be as good", "benchmarks.dominant")
+    as_good: float = rule(
+        0.85,
+        "1",
+        "the same of its likelihood ratio under white noise, and of the evidence where the best is not sound",
+        "benchmarks.dominant",
+    )
     most_effects: int = rule(4, "effects", "that are named beside each other", "what a reader takes in")
     pairs: int = rule(24, "pairs", "looked at", COST)
     partners: int = rule(4, "effects", "that each single brings", COST)

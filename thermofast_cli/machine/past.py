@@ -50,7 +50,7 @@ class Knowledge:
     """What a model says of a run at hand, or why it cannot say anything.
 
     notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged; strange are
-    sensors that do not follow the drive.
+    sensors that do not follow the drive; found: effects were looked for, and some added.
     """
 
     run: str
@@ -59,6 +59,7 @@ class Knowledge:
     uses_room: bool = False
     failed: str = ""
     strange: tuple[str, ...] = ()
+    found: bool = False
 
 
 def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
@@ -151,7 +152,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     rises = rises_of(fit, whole, GUESSED_NODES)
     uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
-    return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange))
+    return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
 
 
 def _wishes(task: LoopTask) -> str:

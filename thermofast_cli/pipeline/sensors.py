@@ -15,6 +15,7 @@ from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_t
 from ..reading import Run
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
+from .averaged import averaged
 
 if TYPE_CHECKING:
     from ..machine.model import Model
@@ -111,6 +112,16 @@ def identify_runs(
     weight = 100.0 if joint else 10.0 if method.widens else 1.0
     sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
     found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
+    if auto and not interrupted:
+        added = [(run, start) for run, start in able if told[run.name].found]
+        plain = identify_runs(added, method, until_min, joint=joint, how=how, at_min=at_min, room_c=room_c, drive=drive)
+        without = {(r.run, r.channel): r for r in plain}
+        found_all = [
+            replace(one, record=averaged(one.record, without[one.record.run, one.record.channel]))
+            if (one.record.run, one.record.channel) in without
+            else one
+            for one in found_all
+        ]
     for one in failed:
         record = IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed)
         found_all.append(Identified(record))

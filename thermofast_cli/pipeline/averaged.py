@@ -1,0 +1,61 @@
+"""``identify --auto``: intervals that count that the effect found may not be the one at work."""
+
+import math
+from dataclasses import replace
+
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+from ..records import IdentifyRecord
+
+#: Probability that what was added is not what is at work: what benchmarks.dominant finds wrong, and look-alikes in a short record.
+UNTRUE = 0.15
+#: An interval that grows by more than this factor is told.
+WIDER = 1.5
+#: Estimate and both sides.
+TRIPLES = (
+    ("steady_state_c", "steady_state_lo_c", "steady_state_hi_c"),
+    ("t95_min", "t95_lo_min", "t95_hi_min"),
+    ("time_to_go_min", "time_to_go_lo_min", "time_to_go_hi_min"),
+    ("at_c", "at_lo_c", "at_hi_c"),
+    ("room_steady_c", "room_steady_lo_c", "room_steady_hi_c"),
+)
+
+
+def averaged(added: IdentifyRecord, plain: IdentifyRecord) -> IdentifyRecord:
+    """The record with what was found added, its 95 % intervals those of a mixture with the record without it.
+
+    A side that one of the two leaves open is that of the first.
+    """
+    changed: dict[str, float | str] = {}
+    for middle, low, high in TRIPLES:
+        one, other = ([getattr(r, name) for name in (middle, low, high)] for r in (added, plain))
+        if None in one or None in other:
+            continue
+        changed[low], changed[high] = _quantile(one, other, 0.025), _quantile(one, other, 0.975)
+    low, high = changed.get("steady_state_lo_c"), changed.get("steady_state_hi_c")
+    if isinstance(low, float) and isinstance(high, float):
+        own = (added.steady_state_hi_c or 0.0) - (added.steady_state_lo_c or 0.0)
+        if high - low > WIDER * own:
+            changed["message"] = (
+                f"{added.message}; without what was added {plain.steady_state_c:.2f} degC would come: the interval counts it"
+            )
+    return replace(added, **changed)  # type: ignore[arg-type]
+
+
+def _quantile(one: list[float], other: list[float], probability: float) -> float:
+    """Of two normals joined at their estimates, the second with the weight UNTRUE."""
+
+    def below(x: float, three: list[float]) -> float:
+        middle, low, high = three
+        spread = (middle - low if x < middle else high - middle) / 1.96
+        return float(ndtr((x - middle) / spread)) if spread > 0.0 else float(x >= middle)
+
+    def missing(x: float) -> float:
+        return (1.0 - UNTRUE) * below(x, one) + UNTRUE * below(x, other) - probability
+
+    reach = max(one[2], other[2]) - min(one[1], other[1]) + 1e-9
+    first, last = min(one[1], other[1]) - reach, max(one[2], other[2]) + reach
+    if not (math.isfinite(first) and math.isfinite(last) and missing(first) < 0.0 < missing(last)):
+        return one[1] if probability < 0.5 else one[2]
+    return float(brentq(missing, first, last, xtol=1e-6))
