@@ -2,9 +2,12 @@
 
 from . import (
     accuracy,
+    auto,
     certified,
+    changed,
     clean_stretches,
     disturbance,
+    dominant,
     filter_table,
     imperfect,
     joint,
@@ -29,6 +32,9 @@ for part in (
     past_runs,
     watching,
     planning,
+    dominant,
+    auto,
+    changed,
     real_records,
     real_settling,
     filter_table,

@@ -33,10 +33,10 @@ def averaged(added: IdentifyRecord, plain: IdentifyRecord) -> IdentifyRecord:
         if None in one or None in other:
             continue
         changed[low], changed[high] = _quantile(one, other, 0.025), _quantile(one, other, 0.975)
-    low, high = changed.get("steady_state_lo_c"), changed.get("steady_state_hi_c")
-    if isinstance(low, float) and isinstance(high, float):
+    below, above = changed.get("steady_state_lo_c"), changed.get("steady_state_hi_c")
+    if isinstance(below, float) and isinstance(above, float):
         own = (added.steady_state_hi_c or 0.0) - (added.steady_state_lo_c or 0.0)
-        if high - low > WIDER * own:
+        if above - below > WIDER * own:
             changed["message"] = (
                 f"{added.message}; without what was added {plain.steady_state_c:.2f} degC would come: the interval counts it"
             )
