@@ -166,6 +166,7 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
             fit_errors.append(fit.rmse)
             ahead_errors.append(stage.left_out[k])
             final = number == len(stages) - 1
+            left = "partly_explained" if number and task.auto else "model_doubtful"
             for i, channel in enumerate(fit.run.channels):
                 records.append(
                     ImproveRecord(
@@ -180,7 +181,7 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
                         whiteness_p=float(floor[i]),
                         parameters=parameters_of(fit, i),
                         stopped_because=stopped if final else "",
-                        status="ok" if floor[i] >= RULES.pattern else "model_doubtful",
+                        status="ok" if floor[i] >= RULES.pattern else left,
                         message="; ".join(dict.fromkeys([*notes, *run.prepared.notes_of(channel)])) if final else "",
                     )
                 )
