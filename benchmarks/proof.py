@@ -323,7 +323,8 @@ Made by `make proof` (`python -m benchmarks.proof`), seed {seed}, in {minutes:.0
 NOTES = """
 ## Reading the tables
 
-- These machines hold nothing but what is hidden in them. Machines with a background, as real ones have: [proof-imperfect.md](proof-imperfect.md).
+- These machines hold nothing but what is hidden in them. Machines with a background, as real ones have, stand in
+  [proof-imperfect.md](proof-imperfect.md).
 - A verdict that shares its place with others is told so (`also_possible`, status `not_determined`); *confident* means that it
   stands alone.
 - Faint effects are often named by a cousin: with so little signal a slow mode, a drift and a neighbour draw the same curve. The
