@@ -269,3 +269,14 @@ def test_the_notebook_runs(tmp_path, monkeypatch):
     for cell in cells:
         exec(compile(cell, "docs/notebook.ipynb", "exec"), names)
     assert names["ahead"]["T1"].rmse_ahead_c < 0.06
+
+
+def test_identify_loads_no_scipy():
+    """It takes longer to load than ten sensors to identify."""
+    code = (
+        "import sys, thermofast as tf\n"
+        "tf.identify('sample_runs/spindle.csv', until=60)\n"
+        "print([name for name in sys.modules if name.startswith('scipy')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"

@@ -62,6 +62,17 @@ def test_a_record_that_is_hardly_bent_does_not_part_heat_and_capacity():
     assert told[0].status == "not_determined"
 
 
+def test_scatter_of_few_runs_is_neither_too_wide_nor_too_narrow():
+    rng = np.random.default_rng(6)
+    usual = scatter(3, [])
+    root = np.linalg.cholesky(usual)
+    for count in (2, 3, 8):
+        found = [
+            scatter(3, [[RunNumbers(root @ rng.standard_normal(6), 1e-9 * np.eye(6)) for _ in range(count)]]) for _ in range(400)
+        ]
+        assert np.mean([np.trace(f) for f in found]) == pytest.approx(np.trace(usual), rel=0.06)
+
+
 def test_scatter_is_learnt_from_runs_that_are_alike():
     rng = np.random.default_rng(4)
     usual = scatter(3, [])
@@ -88,6 +99,10 @@ def test_the_command_its_picture_and_its_refusals(tool, tmp_path):
     assert rows[0]["verdict"] == "heat capacity"
     assert [r["probability"] for r in rows] == sorted((r["probability"] for r in rows), reverse=True)
     assert picture.read_bytes()[:4] == b"\x89PNG"
+    more = tmp_path / "more.csv"
+    more.write_bytes(paths["after"].read_bytes().replace(b"0.0000", b"0.0001", 1))
+    both = tool("changed", paths["before"], "--new", paths["after"], more, "--format", "json", "-q")
+    assert json.loads(both.out)["records"][0]["run"] == f"{paths['after']}, {more}"
     for given, words in (
         (("changed", paths["before"]), "no run is given as --new"),
         (("changed", paths["before"], "--new", paths["before"]), "is old and new"),

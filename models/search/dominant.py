@@ -188,7 +188,8 @@ def beats_disturbance(base: Fit, named: Candidate, false_alarm: float, number: i
 def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     """The effect to name of those weighed, or none: none goes far enough beyond chance, or too many do so as well."""
     real = [w for w in weighed if w.physical and w.share >= RULES.least_share]
-    beyond = RULES.beyond_once_more if before[0].model.parts else RULES.beyond_disturbance
+    beside = any(fit.model.parts for fit in before)
+    beyond = RULES.beyond_once_more if beside else RULES.beyond_disturbance
     sound = [w for w in real if w.clear(beyond)]
     if not sound or real[0].worth * RULES.as_good > sound[0].worth:
         return None

@@ -79,9 +79,7 @@ def scatter(n: int, runs: Sequence[Sequence[RunNumbers]]) -> Array:
     total, count = RUNS_ASSUMED * 2 * n, RUNS_ASSUMED * 2 * n
     for group in runs:
         mean = np.mean([r.values for r in group], axis=0)
-        for r in group:
-            shrink = len(group) / (len(group) - 1.0) if len(group) > 1 else 0.0
-            total += shrink * float((r.values - mean) @ np.linalg.solve(usual + r.covariance, r.values - mean))
+        total += sum(float((r.values - mean) @ np.linalg.solve(usual + r.covariance, r.values - mean)) for r in group)
         count += 2 * n * (len(group) - 1)
     return usual * total / count
 

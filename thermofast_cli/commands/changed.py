@@ -7,13 +7,28 @@ import click
 from ..shell.options import RunCommand, reading_options, runs_argument, table_options
 
 
+class OldAndNew(RunCommand):
+    """All names after ``--new``, up to the next option, are new: a shell's pattern gives several."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        spread: list[str] = []
+        new = False
+        for word in args:
+            if word.startswith("-") and word != "-":
+                new = word == "--new"
+                spread += [] if new else [word]
+            else:
+                spread += ["--new", word] if new else [word]
+        return super().parse_args(ctx, spread)
+
+
 @click.command(
     "changed",
-    cls=RunCommand,
+    cls=OldAndNew,
     epilog="Example: thermofast changed sample_runs/hidden.csv --new sample_runs/hidden_second_run.csv",
 )
 @runs_argument
-@click.option("--new", "new", multiple=True, metavar="RUN", help="A run since then; again for each one.")
+@click.option("--new", "new", multiple=True, metavar="RUN...", help="Runs since then: all names up to the next option.")
 @reading_options
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw rate and rise of every sensor, new over old: .png .pdf .svg.")

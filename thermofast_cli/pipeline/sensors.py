@@ -15,7 +15,6 @@ from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_t
 from ..reading import Run
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
-from .averaged import averaged
 
 if TYPE_CHECKING:
     from ..machine.model import Model
@@ -113,8 +112,12 @@ def identify_runs(
     sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
     found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
     if auto and not interrupted:
+        from .averaged import averaged  # it needs scipy, which takes longer to load than ten sensors to identify
+
         added = [(run, start) for run, start in able if told[run.name].found]
-        plain = identify_runs(added, method, until_min, joint=joint, how=how, at_min=at_min, room_c=room_c, drive=drive)
+        silent = replace(how, advance=lambda _steps: None)
+        plain = identify_runs(added, method, until_min, joint=joint, how=silent, at_min=at_min, room_c=room_c, drive=drive)
+        interrupted = plain.interrupted
         without = {(r.run, r.channel): r for r in plain}
         found_all = [
             replace(one, record=averaged(one.record, without[one.record.run, one.record.channel]))
