@@ -65,6 +65,11 @@ class Observations:
         return np.nan_to_num(self.reading)
 
     @cached_property
+    def least_noise(self) -> Array:
+        """Standard deviation (S,) [K] of one reading, no less than the logger's rounding leaves."""
+        return np.asarray(np.maximum(self.noise, self.resolution / np.sqrt(12.0)))
+
+    @cached_property
     def filled(self) -> Array:
         """Readings (S, N) [degC] with holes filled by straight lines: what a neighbour sees."""
         whole = np.array(self.reading)

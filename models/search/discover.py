@@ -113,36 +113,16 @@ def discover(
     if named is None:
         if not above:
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
-        found = _in_stages(base, floor, singles, effects, false_alarm, spread)
-        if found is not None:
+        found = _in_stages([base], [[c] for c in singles], effects, false_alarm, spread)[0]
+        if found.named is not None:
             return found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
-        return Discovery(base, floor, tuple(singles), None, tuple(near), p, held_out_errors(base), None, "nothing fits")
+        return Discovery(base, floor, tuple(singles), None, tuple(near), p, found.ahead_base, None, "nothing fits")
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
         why = "none" if not above else "the error on readings left out does not fall"
         return Discovery(base, floor, tuple(singles), None, (named, *also), p, ahead_base, None, why)
     return Discovery(base, floor, tuple(singles), named, tuple(also), over_all(named), ahead_base, ahead, "")
-
-
-def _in_stages(
-    base: Fit, floor: Array, singles: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread
-) -> Discovery | None:
-    """Effects named one after the other as long as the error on readings left out falls; None where there is none."""
-    stages: list[Stage] = []
-    held = [held_out_errors(base)]
-    for stage in explain([base], [[c] for c in singles], effects, false_alarm, spread):
-        errors = held_out_errors(stage.fits[0])
-        if not np.nansum(errors**2 * base.readings) < np.nansum(held[-1] ** 2 * base.readings):
-            break
-        stages.append(stage)
-        held.append(errors)
-    if not stages:
-        return None
-    also = tuple(s.rival.shown[0].candidate for s in stages if s.rival is not None)
-    p = max(s.named.p for s in stages)  # that of the least certain
-    last = stages[-1].named.shown[0].candidate
-    return Discovery(base, floor, tuple(singles), last, also, p, held[0], held[-1], "", tuple(stages), tuple(held))
 
 
 def discover_together(
@@ -153,7 +133,17 @@ def discover_together(
     A run that does not show an effect is left without it: what happened in one run only is that run's event.
     """
     bases = [fit_model(run) for run in runs]
-    tried = try_all(bases, effects, spread)
+    return _in_stages(bases, try_all(bases, effects, spread), effects, false_alarm, spread)
+
+
+def _in_stages(
+    bases: Sequence[Fit],
+    tried: Sequence[Sequence[Candidate | None]],
+    effects: Sequence[Effect],
+    false_alarm: float,
+    spread: Spread,
+) -> list[Discovery]:
+    """Effects named one after the other as long as the error on readings left out, of all runs, falls; what that says of each."""
     stages: list[Stage] = []
     held = [[held_out_errors(fit)] for fit in bases]
 
@@ -161,7 +151,7 @@ def discover_together(
         return sum(float(np.nansum(h[number] ** 2 * fit.readings)) for h, fit in zip(held, bases, strict=True))
 
     for stage in explain(bases, tried, effects, false_alarm, spread):
-        for h, fit, single in zip(held, stage.fits, stage.named.singles, strict=True):
+        for h, fit, single in zip(held, stage.fits, stage.named.by_run, strict=True):
             h.append(held_out_errors(fit) if single is not None else h[-1])
         if not pooled(-1) < pooled(-2):
             break
@@ -176,7 +166,7 @@ def discover_together(
 def _share_of_run(k: int, base: Fit, singles: tuple[Candidate, ...], stages: Sequence[Stage], held: list[Array]) -> Discovery:
     """What a search of several runs says of the k-th of them."""
     floor = sensor_p_values(base)
-    mine = [(n, s) for n, s in enumerate(stages) if s.named.singles[k] is not None]
+    mine = [(n, s) for n, s in enumerate(stages) if s.named.by_run[k] is not None]
     own = tuple(s.of_run(k) for _, s in mine)
     if not own:
         p = min((s.named.p for s in stages), default=1.0)
@@ -271,8 +261,7 @@ def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
 
 def _excess(fit: Fit) -> float:
     """The residuals' root mean square in units of the noise, of the worst sensor."""
-    noise = np.maximum(fit.run.noise, fit.run.resolution / np.sqrt(12.0))
-    return float((fit.rmse / np.maximum(noise, 1e-12)).max())
+    return float((fit.rmse / np.maximum(fit.run.least_noise, 1e-12)).max())
 
 
 def _sound(candidate: Candidate) -> bool:

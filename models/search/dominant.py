@@ -25,7 +25,7 @@ from .rules import RULES
 
 
 @dataclass(frozen=True)
-class Single:
+class RunEvidence:
     """What an effect does for one run: evidence over an unknown disturbance, twice the log-likelihood ratio, for `free` parameters
     at `places` places; had and left are the misfits before and after in the sensors that it concerns [K^2 times readings].
     """
@@ -40,20 +40,20 @@ class Single:
 
 @dataclass(frozen=True)
 class Weighed:
-    """An effect over all runs: `singles` has None for a run that does not show it.
+    """An effect over all runs: `by_run` has None for a run that does not show it.
 
     need is the evidence that chance gives over all that was tried, p the chance of this evidence were the chi-square law of clean
     records true of imperfect ones, which is why several times the need is asked for.
     """
 
-    singles: tuple[Single | None, ...]
+    by_run: tuple[RunEvidence | None, ...]
     need: float
     p: float
 
     @cached_property
-    def shown(self) -> list[Single]:
+    def shown(self) -> list[RunEvidence]:
         """What the runs that show it say."""
-        return [s for s in self.singles if s is not None]
+        return [s for s in self.by_run if s is not None]
 
     @property
     def effect(self) -> Effect:
@@ -106,19 +106,24 @@ class Stage:
     @property
     def fits(self) -> tuple[Fit, ...]:
         """The models with it, one of each run; a run that does not show it keeps its own."""
-        return tuple(f if s is None else s.candidate.fit for f, s in zip(self.before, self.named.singles, strict=True))
+        return tuple(f if s is None else s.candidate.fit for f, s in zip(self.before, self.named.by_run, strict=True))
 
     def of_run(self, k: int) -> "Stage":
         """The stage as it concerns the k-th run, which shows its effect; evidence is that run's, chance that of all runs."""
-        rival = self.rival if self.rival is not None and self.rival.singles[k] is not None else None
-        own = replace(self.named, singles=(self.named.singles[k],))
-        return Stage((self.before[k],), own, None if rival is None else replace(rival, singles=(rival.singles[k],)))
+        rival = self.rival if self.rival is not None and self.rival.by_run[k] is not None else None
+        own = replace(self.named, by_run=(self.named.by_run[k],))
+        return Stage((self.before[k],), own, None if rival is None else replace(rival, by_run=(rival.by_run[k],)))
 
 
 def misfit(fit: Fit) -> Array:
     """Root mean square (S,) [K] of what a model leaves beside the noise of its readings."""
-    noise = np.maximum(fit.run.noise, fit.run.resolution / np.sqrt(12.0))
+    noise = fit.run.least_noise
     return np.asarray(np.sqrt(np.maximum(fit.rmse**2 - noise**2 * fit.dof / np.maximum(fit.readings, 1), 0.0)))
+
+
+def misfit_power(fit: Fit, who: Any = slice(None)) -> float:
+    """Sum of the squared misfit over the readings of the sensors who (S,) [K^2]."""
+    return float((misfit(fit) ** 2 * fit.readings)[who].sum())
 
 
 class _Scale:
@@ -128,12 +133,11 @@ class _Scale:
         run = before.run
         self.before = before
         means, weight = block_means(before.residual, run.weight, run.time)
-        noise = np.maximum(run.noise, run.resolution / np.sqrt(12.0))
         per_block = np.maximum(np.median(weight, axis=1), 1.0)
-        self.scale = np.maximum(np.sqrt(noise**2 / per_block + (RULES.white_share * before.rmse) ** 2), 1e-12)
+        self.scale = np.maximum(np.sqrt(run.least_noise**2 / per_block + (RULES.white_share * before.rmse) ** 2), 1e-12)
         self.without = spectral_likelihood(means, self.scale)
 
-    def single(self, candidate: Candidate, part: Part) -> Single | None:
+    def evidence(self, candidate: Candidate, part: Part) -> RunEvidence | None:
         """A candidate whose model has one part more than the fit before; None where it has no finite curve."""
         run, fit = self.before.run, candidate.fit
         means = block_means(fit.residual, run.weight, run.time)[0]
@@ -141,14 +145,14 @@ class _Scale:
             return None
         evidence = 2.0 * (spectral_likelihood(means, self.scale) - self.without)
         who = part.concerns(run.sensors)
-        had, left = (float((misfit(f) ** 2 * f.readings)[who].sum()) for f in (self.before, fit))
-        return Single(candidate, evidence, max(1, fit.searched - self.before.searched), trials(part.effect, run), had, left)
+        had, left = (misfit_power(f, who) for f in (self.before, fit))
+        return RunEvidence(candidate, evidence, max(1, fit.searched - self.before.searched), trials(part.effect, run), had, left)
 
 
-def _weighed(singles: Sequence[Single | None], false_alarm: float, number: int) -> Weighed | None:
+def _weighed(by_run: Sequence[RunEvidence | None], false_alarm: float, number: int) -> Weighed | None:
     """An effect over the runs that show it; over the best of them where none does by itself."""
     chance = false_alarm / max(1, number)
-    some = [s for s in singles if s is not None]
+    some = [s for s in by_run if s is not None]
     if not some:
         return None
     # What belongs to the machine may show a little in each run; an event is one run's, and must show there by itself.
@@ -158,7 +162,7 @@ def _weighed(singles: Sequence[Single | None], false_alarm: float, number: int) 
     ]
     free, places = sum(s.free for s in shown), float(np.prod([s.places for s in shown]))
     p = min(1.0, number * places * chi2_tail(free, max(0.0, sum(s.evidence for s in shown))))
-    return Weighed(tuple(s if s in shown else None for s in singles), float(chdtri(free, chance / places)), p)
+    return Weighed(tuple(s if s in shown else None for s in by_run), float(chdtri(free, chance / places)), p)
 
 
 def weigh(before: Sequence[Fit], tried: Sequence[Sequence[Candidate | None]], false_alarm: float) -> list[Weighed]:
@@ -167,8 +171,8 @@ def weigh(before: Sequence[Fit], tried: Sequence[Sequence[Candidate | None]], fa
     found = []
     for candidates in tried:
         pairs = zip(scales, candidates, strict=True)
-        singles = [None if c is None else scale.single(c, c.parts[-1]) for scale, c in pairs]
-        found.append(_weighed(singles, false_alarm, len(tried)))
+        by_run = [None if c is None else scale.evidence(c, c.parts[-1]) for scale, c in pairs]
+        found.append(_weighed(by_run, false_alarm, len(tried)))
     return sorted([w for w in found if w is not None], key=lambda w: -w.worth)
 
 
@@ -179,7 +183,7 @@ def beats_disturbance(base: Fit, named: Candidate, false_alarm: float, number: i
     for part in new:
         others = [p for p in named.parts if p is not part]
         without = fit_model(base.run, others, with_parts(named.fit, others)) if len(new) > 1 else base
-        weighed = _weighed([_Scale(without).single(named, part)], false_alarm, number)
+        weighed = _weighed([_Scale(without).evidence(named, part)], false_alarm, number)
         if weighed is None or weighed.evidence < beyond * weighed.need:
             return False
     return True

@@ -6,7 +6,7 @@ from thermofast.models.core.kernel import Array
 from thermofast.models.joint import Fit
 from thermofast.models.noise.spectral import block_means
 from thermofast.models.search.discover import Discovery
-from thermofast.models.search.dominant import misfit
+from thermofast.models.search.dominant import misfit, misfit_power
 
 from ..records import finite
 from .loop import pooled
@@ -23,7 +23,7 @@ def shares(found: Discovery) -> list[dict[str, object]]:
     """Of each effect named, in the order of what they explain: share of the misfit, error on readings left out, rival."""
     if found.named is None:
         return []
-    total = _power(found.base)
+    total = misfit_power(found.base)
     steps: list[dict[str, object]] = []
     if found.stages:
         before = found.base
@@ -35,7 +35,7 @@ def shares(found: Discovery) -> list[dict[str, object]]:
         return steps
     new = [p.id for p in found.named.parts if p not in found.base.model.parts]
     singles = {c.parts[-1].id: c for c in found.singles}
-    first = sorted(new, key=lambda i: _power(singles[i].fit) if i in singles else np.inf)
+    first = sorted(new, key=lambda i: misfit_power(singles[i].fit) if i in singles else np.inf)
     before = found.base
     for number, name in enumerate(first):
         last = number == len(first) - 1
@@ -46,12 +46,8 @@ def shares(found: Discovery) -> list[dict[str, object]]:
     return steps
 
 
-def _power(fit: Fit) -> float:
-    return float((misfit(fit) ** 2 * fit.readings).sum())
-
-
 def _step(name: str, before: Fit, after: Fit, total: float, ahead: float | None) -> dict[str, object]:
-    share = (_power(before) - _power(after)) / total if total > 0.0 else 0.0
+    share = (misfit_power(before) - misfit_power(after)) / total if total > 0.0 else 0.0
     return {"effect": name, "share": round(max(0.0, share), 4), "rmse_ahead_c": finite(ahead)}
 
 

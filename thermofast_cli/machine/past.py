@@ -22,7 +22,7 @@ from thermofast.models.imperfection import (
 )
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
 from thermofast.models.search.discover import Discovery, discover
-from thermofast.models.search.dominant import misfit
+from thermofast.models.search.dominant import misfit_power
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
@@ -164,7 +164,7 @@ def _looked_for(found: Discovery) -> str:
     if found.named is None:
         nothing = "nothing is missing in the readings used"
         return f"--auto: {nothing if found.verdict == 'none' else 'no effect of the catalogue explains the misfit; none was added'}"
-    had, left = (float((misfit(f) ** 2 * f.readings).sum()) for f in (found.base, found.named.fit))
+    had, left = misfit_power(found.base), misfit_power(found.named.fit)
     share = 100.0 * (1.0 - left / had) if had > 0.0 else 100.0
     rivals = [p.id for c in found.also[:1] for p in c.parts if p.id not in found.named.ids]
     either = f" (or {', '.join(rivals)})" if rivals else ""
