@@ -1,6 +1,7 @@
 """Is the effect that matters named although the rest is imperfect? Simulators that know nothing of the search, seeds of choice.
 
-python -m benchmarks.dominant [--each 10] [--background 100] [--seed 700000] [--simulator bar|network|outside|all]
+python -m benchmarks.dominant [--each 10] [--background 100] [--seed 700000] [--simulator bar|network|outside|all] [--rule NAME=NUMBER]
+[--cases]
 prints, by simulator and effect: how often the dominant effect is named (alone, or in an "A or B" of two), how often a wrong one is,
 what becomes of the error on readings left out and on another run of the machine; how often machines with a background only, and
 machines with a cause outside the catalogue, have an effect named.
@@ -8,11 +9,13 @@ machines with a cause outside the catalogue, have an effect named.
 
 import argparse
 import importlib
+import json
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -26,6 +29,7 @@ from thermofast.machine.modelfile import model_file
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import Fit
 from thermofast.models.search.discover import discover
+from thermofast.models.search.rules import RULES
 from thermofast.reading import Run
 
 #: What every machine holds a little of: naming it is not wrong.
@@ -34,6 +38,7 @@ BACKGROUND = frozenset({"second_mode", "neighbour_heat", "ambient", "nonlinear_l
 LASTING = frozenset(
     {"second_mode", "neighbour_heat", "sensor_lag", "nonlinear_loss", "transport_delay", "friction_decay", "ambient"}
 )
+CASES = Path(__file__).parents[2] / "shared" / "cases"
 #: Minutes of another run that the learnt model may see.
 READ = 60.0
 
@@ -170,6 +175,49 @@ def _line(effect: str, some: list[Outcome]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+def with_rule(text: str) -> None:
+    """Another value of one of the search's rules, in this process: ``least_evidence=0``."""
+    if text:
+        name, _, value = text.partition("=")
+        assert hasattr(RULES, name), name
+        object.__setattr__(RULES, name, float(value))
+
+
+def cases() -> list[tuple[str, str]]:
+    """(folder, name) of every case that others simulated."""
+    return [(folder, name) for folder in ("clean", "imperfect") for name in json.loads((CASES / folder / "key.json").read_text())]
+
+
+def judge_case(case: tuple[str, str]) -> tuple[str, str]:
+    """(tier, how it was named) of the first run of a case."""
+    folder, name = case
+    key = json.loads((CASES / folder / "key.json").read_text())[name]
+    clean = folder == "clean"
+    effects = set(key["effects"]) if clean else {key["dominant"]} - {None}
+    tier = f"clean, {key['tier']}" if clean else "imperfect, dominant" if effects else "imperfect, background"
+    seen = observe(tf.read(CASES / folder / f"{name}_a.csv")).seen
+    assert seen is not None
+    found = discover(seen, [kind() for kind in BUILT_IN])
+    named = set(found.verdict.split("+")) if found.named is not None else set()
+    also = {p.id for c in found.also[:1] for p in c.parts} if named else set()
+    fair = effects if clean else effects | BACKGROUND
+    if not named:
+        return tier, "none"
+    if effects and effects <= named | also:
+        return tier, "right" if effects <= named else "A or B"
+    return tier, "a part, or of the background" if named <= fair else "wrong"
+
+
+def report_cases(found: Sequence[tuple[str, str]]) -> str:
+    """A line for each tier."""
+    ways = ("right", "A or B", "a part, or of the background", "wrong", "none")
+    lines = ["| cases | of | " + " | ".join(ways) + " |", "| --- | ---: |" + " ---: |" * len(ways)]
+    for tier in dict.fromkeys(t for t, _ in found):
+        some = Counter(way for t, way in found if t == tier)
+        lines.append(f"| {tier} | {some.total()} | " + " | ".join(str(some[w]) for w in ways) + " |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser()
@@ -177,9 +225,15 @@ def main() -> None:
     parser.add_argument("--background", type=int, default=100)
     parser.add_argument("--seed", type=int, default=700_000)
     parser.add_argument("--simulator", choices=["bar", "network", "outside", "all"], default="all")
+    parser.add_argument("--cases", action="store_true", help="../shared/cases in their place")
+    parser.add_argument("--rule", default="", metavar="NAME=NUMBER", help="with another value of a rule, to see what it is for")
     given = parser.parse_args()
+    if given.cases:
+        with ProcessPoolExecutor(initializer=with_rule, initargs=(given.rule,)) as pool:
+            print(report_cases(list(pool.map(judge_case, cases(), chunksize=4))))
+        return
     simulators = ("bar", "network", "outside") if given.simulator == "all" else (given.simulator,)
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(initializer=with_rule, initargs=(given.rule,)) as pool:
         print(report(pool.map(judge, jobs_of(simulators, given.each, given.background, given.seed), chunksize=4)))
 
 

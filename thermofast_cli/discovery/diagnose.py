@@ -105,9 +105,9 @@ def _ahead_of(found: Discovery, prepared: Ready, until: float | None) -> Discove
     ahead = ahead_errors(found.base, prepared.whole)
     if until is None or not np.isfinite(ahead).any():
         return found
-    return replace(
-        found, ahead_base=ahead, ahead=ahead_errors(found.named.fit, prepared.whole) if found.named is not None else None
-    )
+    after = None if found.named is None else ahead_errors(found.named.fit, prepared.whole)
+    held = (ahead, *(ahead_errors(stage.fits[0], prepared.whole) for stage in found.stages))
+    return replace(found, ahead_base=ahead, ahead=after, held=held)
 
 
 def diagnose_task(task: LoopTask, spread: Spread = map) -> list[list[DiagnoseRecord]]:
