@@ -1,9 +1,9 @@
 """Is the effect that matters named although the rest is imperfect? Simulators that know nothing of the search, seeds of choice.
 
 python -m benchmarks.dominant [--each 10] [--background 100] [--seed 700000] [--simulator bar|network|outside|all]
-[--rule NAME=NUMBER] [--cases] prints, by simulator and effect: how often the dominant effect is named (alone, or in an "A or B" of two), how often a wrong one is,
-what becomes of the error on readings left out and on another run of the machine; how often machines with a background only, and
-machines with a cause outside the catalogue, have an effect named.
+[--rule NAME=NUMBER] [--cases] prints, by simulator and effect: how often the dominant effect is named (alone, or in an
+"A or B" of two), how often a wrong one is, what becomes of the error on readings left out and on another run of the
+machine; how often machines with a background only, and machines with a cause outside the catalogue, have an effect named.
 """
 
 import argparse
