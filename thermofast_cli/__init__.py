@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         simulate,
         sweep,
         watch,
+        write_effect,
     )
     from .errors import InputError, ThermofastError, UsageError
     from .machine.model import Model
@@ -63,6 +64,7 @@ __all__ = [
     "simulate",
     "sweep",
     "watch",
+    "write_effect",
 ]
 
 

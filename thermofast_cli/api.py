@@ -29,6 +29,7 @@ from .results import (
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection, Rates
 
+    from .analysis.effect_file import EffectFile
     from .analysis.watching import Look
     from .machine.model import Model
 
@@ -257,6 +258,7 @@ def compare(
     drive: str | None = None,
     extra: Iterable[str] = (),
     input_range: Mapping[str, float] | None = None,
+    unknown_heat: bool = False,
     start: Start = "auto",
     details: bool | None = None,
     jobs: int | None = 1,
@@ -266,7 +268,7 @@ def compare(
 ) -> Comparison:
     """Model beside measurement: the base model, with effects, or one that was learnt.
 
-    extra are files with effects of your own, as with ``--effect``.
+    extra are files with effects of your own, as with ``--effect``; unknown_heat adds the heat that the model would need.
 
     Raises
     ------
@@ -281,6 +283,7 @@ def compare(
         tuple((input_range or {}).items()),
         keeps_details(details, started),
         work_of(jobs, executor, progress),
+        unknown_heat,
         until_min=until,
         extra=tuple(extra),
         drive=drive,
@@ -323,6 +326,27 @@ def diagnose(
         model=model_of(model),
         false_alarm=false_alarm,
     )
+
+
+def write_effect(
+    run: Source,
+    path: str | Path,
+    until: float | None = None,
+    *,
+    model: "Model | str | Path | None" = None,
+    drive: str | None = None,
+    start: Start = "auto",
+    **reading: Any,
+) -> "EffectFile | None":
+    """Write the effect that the unknown heat of a run asks for as a plug-in to `path`; None where it follows no logged column.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .pipeline.loop import write_effect_of
+
+    return write_effect_of(started_of(run, start, False, reading), str(path), until_min=until, drive=drive, model=model_of(model))
 
 
 def improve(

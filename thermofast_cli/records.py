@@ -143,6 +143,8 @@ class CompareRecord(Record):
     where that is short enough to be the sensor's noise, whitened_p the p value once the colour is taken off.
     area_metric_c is the mean distance by which the residuals would have to move to be such as the model, its parameters
     uncertain and its inputs within their ranges, foretells.
+    unknown_heat is the heat that the sensor would need to follow its readings, with its 95 % band [K/min], and heat_follows the
+    logged columns that the heat of all sensors follows; both only where they were asked for.
     """
 
     effects: list[str] = field(default_factory=list)
@@ -163,6 +165,8 @@ class CompareRecord(Record):
     worst_error_c: float | None = None
     failing: list[dict[str, Any]] = field(default_factory=list)
     goes_along_with: list[dict[str, Any]] = field(default_factory=list)
+    unknown_heat: list[dict[str, float]] = field(default_factory=list)
+    heat_follows: list[dict[str, Any]] = field(default_factory=list)
     status: str = "ok"
     message: str = ""
 

@@ -30,6 +30,11 @@ from ..shell.options import (
     metavar="COLUMN=X",
     help="A logged input is only known to within +- X of its unit; widens what area_metric_c allows. May be repeated.",
 )
+@click.option(
+    "--unknown-heat",
+    is_flag=True,
+    help="Also the heat that the model would need to follow the readings, with its band, and the logged column it follows.",
+)
 @reading_options
 @output_options
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and residual with failing stretches: .png .pdf .svg.")
@@ -41,6 +46,7 @@ def command(
     effects: str | None,
     model: str | None,
     input_ranges: tuple[str, ...],
+    unknown_heat: bool,
     form: str | None,
     output: str | None,
     jobs: int | None,
@@ -52,6 +58,10 @@ def command(
 
     The headline is 'ahead': the error of the free run on readings that the fit did not see (after --until, else blocks left out in
     turn), with inputs as logged. 'one step' is the error of the next reading told from the last, always smaller.
+
+    --unknown-heat smooths the readings through the model: the heat in K/min at each time, with its 95 % band, drawn by --save-plot
+    above the logged columns, and the column, power and delay that it follows where chance would not give that. With --model, learnt
+    on another run, the band holds the error of the rate too; without, it is told at the rate of this fit.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
@@ -67,7 +77,7 @@ def command(
     compare_runs([], chosen, (), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
     with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
-        result = compare_runs(readings.runs, chosen, allowed, bool(save_plot), how, **options)
+        result = compare_runs(readings.runs, chosen, allowed, bool(save_plot), how, unknown_heat, **options)
     drawn = [
         ("sensor", text("channel")),
         ("effects", text("effects")),

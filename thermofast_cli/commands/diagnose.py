@@ -22,6 +22,11 @@ from ..shell.options import (
 @false_alarm_option
 @click.option("--effects", metavar="A,B", help="Look for these effects only: ids, or FILE.py:CLASS.")
 @click.option("--together", is_flag=True, help="The RUNS are of one machine: one search of all of them.")
+@click.option(
+    "--write-effect",
+    metavar="FILE.py",
+    help="Where the heat that one RUN needs follows its logged columns, write that as an effect of your own, to read and add.",
+)
 @model_option
 @reading_options
 @output_options
@@ -33,6 +38,7 @@ def command(
     false_alarm: float,
     effects: str | None,
     together: bool,
+    write_effect: str | None,
     model: str | None,
     form: str | None,
     output: str | None,
@@ -58,6 +64,10 @@ def command(
     from ..shell.session import check_outputs, deliver, load_model, read_all, working
 
     check_outputs([output])
+    if write_effect:
+        from ..analysis.effect_file import check_effect_target
+
+        check_effect_target(write_effect)
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
     options["model"] = load_model(model)
     options["together"] = together
@@ -78,4 +88,18 @@ def command(
         ("status", text("status")),
     ]
     unreadable = failed(DiagnoseRecord, readings.unreadable)
-    return deliver(result, unreadable, output, form, quiet, drawn, beneath=("message", "advice"))
+    code = deliver(result, unreadable, output, form, quiet, drawn, beneath=("message", "advice"))
+    if write_effect:
+        _write(readings.runs, write_effect, quiet, {k: options[k] for k in ("until_min", "drive", "model")})
+    return code
+
+
+def _write(runs: Any, path: str, quiet: bool, options: dict[str, Any]) -> None:
+    from ..analysis.unknown_heat import NO_COLUMN
+    from ..pipeline.loop import write_effect_of
+
+    written = write_effect_of(runs, path, **options)
+    if quiet and written:
+        return
+    said = f"{written.words}\n{path}: written; thermofast improve {runs[0][0].name} --add {written.spec}" if written else NO_COLUMN
+    click.echo(said if written else f"{path}: not written: {said}", err=True)

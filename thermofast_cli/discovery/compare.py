@@ -14,7 +14,9 @@ from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metr
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
+from thermofast.models.uncertainty.unknown_heat import UnknownHeat
 
+from ..analysis.unknown_heat import NO_COLUMN, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
 from .colour import colour_of
@@ -52,6 +54,7 @@ class Panel:
     effects: str
     noise: float
     inputs: dict[str, Array]
+    heat: UnknownHeat | None = None
 
 
 def compare_task(task: LoopTask) -> list[Comparison]:
@@ -84,6 +87,7 @@ def _compare(task: LoopTask) -> Comparison:
     low, high = curve_bounds(fit, dict(task.input_ranges))
     if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
+    needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
         colour = colour_of(fit, i, float(floor[i]))
@@ -99,7 +103,7 @@ def _compare(task: LoopTask) -> Comparison:
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        messages = [few, colour.words, _in_words(along), *notes, *prepared.notes_of(channel)]
+        messages = [few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
             steps = steps_near(whole, min(a for a, _, _ in stretches))
             messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
@@ -128,6 +132,8 @@ def _compare(task: LoopTask) -> Comparison:
                 worst_error_c=worst[2] if worst else None,
                 failing=[{"from_min": a, "to_min": b, "size_c": s} for a, b, s in stretches],
                 goes_along_with=along,
+                unknown_heat=heat_rows(needed.heats[i]) if needed else [],
+                heat_follows=[f.as_dict() for f in needed.follows] if needed else [],
                 status=status,
                 message="; ".join(dict.fromkeys(m for m in messages if m)),
             )
@@ -146,10 +152,20 @@ def _compare(task: LoopTask) -> Comparison:
                     name,
                     float(seen.noise[i]),
                     {**whole.ambient, **whole.inputs},
+                    needed.heats[i] if needed else None,
                 )
             )
     records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels)
+
+
+def _needed(task: LoopTask, fit: Fit, whole: Observations) -> tuple[NeededHeat | None, list[str]]:
+    """The unknown heat where it was asked for, and what there is to say of it."""
+    if not task.unknown_heat:
+        return None, []
+    found = needed_of(task, fit, whole)
+    logged = bool(whole.ambient or whole.inputs or whole.drive)
+    return found, [in_words(found.follows) or NO_COLUMN if logged else "", OWN_RATE if found.own_rate else ""]
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:

@@ -37,6 +37,7 @@ class LoopTask:
     false_alarm: float = RULES.false_alarm
     input_ranges: tuple[tuple[str, float], ...] = ()
     want_curves: bool = False
+    unknown_heat: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:

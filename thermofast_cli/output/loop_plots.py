@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from thermofast.models.uncertainty.unknown_heat import UnknownHeat
+
 from ..discovery.compare import Panel
 from ..discovery.improve import Improved
 from .plots import MARK, MEASURED, MODEL, new_figure
 
 MOST = 6
 FAILING = "#fbbf24"
+HEATS = ("#c0392b", "#1f4e79", "#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
 INPUTS = ("#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
 
 
@@ -25,9 +28,10 @@ def draw_comparison(panels: Sequence[Panel]) -> Any:
     across = min(3, len(shown))
     down = -(-len(shown) // across)
     tall = 4.0 * down
-    strip = 0.9 * len(inputs) + 0.3 if inputs else 0.0
+    heats = [(p.channel, p.heat) for p in shown if p.heat is not None]
+    strip = (0.9 * len(inputs) + 0.3 if inputs else 0.0) + (2.0 if heats else 0.0)
     figure = new_figure(4.8 * across, tall + strip + 0.6)
-    upper, lower = figure.subfigures(2, 1, height_ratios=(tall, strip)) if inputs else (figure, None)
+    upper, lower = figure.subfigures(2, 1, height_ratios=(tall, strip)) if strip else (figure, None)
     axes = upper.subplots(2 * down, across, squeeze=False, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.3] * down})
     for at in range(down * across):
         column = [axes[2 * (at // across) + r][at % across] for r in range(2)]
@@ -38,7 +42,7 @@ def draw_comparison(panels: Sequence[Panel]) -> Any:
         _panel(column, shown[at])
     _legend(upper, axes)
     if lower is not None:
-        _inputs(lower, shown[0].time, inputs)
+        _inputs(lower, shown[0].time, inputs, heats)
     more = f"  ({len(shown)} of {len(panels)} sensors, the worst)" if len(panels) > len(shown) else ""
     figure.suptitle(f"{Path(shown[0].run).name}: {shown[0].effects}{more}", fontsize=11)
     return figure
@@ -73,10 +77,20 @@ def _panel(column: list[Any], p: Panel) -> None:
     low.tick_params(labelbottom=True)
 
 
-def _inputs(figure: Any, time: Any, inputs: dict[str, Any]) -> None:
-    """The logged columns, once for all sensors, each with its own scale."""
-    axes = figure.subplots(len(inputs), 1, squeeze=False, sharex=True)[:, 0]
-    for k, (axis, (name, values)) in enumerate(zip(axes, inputs.items(), strict=True)):
+def _inputs(figure: Any, time: Any, inputs: dict[str, Any], heats: Sequence[tuple[str, UnknownHeat]]) -> None:
+    """The unknown heat of the sensors, and under it the logged columns, once for all sensors, each with its own scale."""
+    ratios = ([2.2] if heats else []) + [1.0] * len(inputs)
+    axes = figure.subplots(len(ratios), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": ratios})[:, 0]
+    if heats:
+        for k, (channel, heat) in enumerate(heats):
+            axes[0].plot(heat.time, heat.heat, lw=1.2, color=HEATS[k % len(HEATS)], label=channel)
+            band = heat.heat - 1.96 * heat.deviation, heat.heat + 1.96 * heat.deviation
+            axes[0].fill_between(heat.time, *band, color=HEATS[k % len(HEATS)], alpha=0.2, lw=0)
+        axes[0].set_ylabel("heat needed,\nK/min", fontsize=8)
+        axes[0].legend(fontsize=7, frameon=False, ncols=3)
+        axes[0].tick_params(labelsize=7)
+        axes = axes[1:] if inputs else axes
+    for k, (axis, (name, values)) in enumerate(zip(axes if inputs else [], inputs.items(), strict=True)):
         axis.plot(time, values, lw=1.0, color=INPUTS[k % len(INPUTS)])
         axis.set_ylabel(name, fontsize=7, rotation=0, ha="right", va="center")
         axis.tick_params(labelsize=7)

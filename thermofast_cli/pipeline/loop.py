@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from ..analysis.effect_file import EffectFile, write_effect
 from ..discovery.compare import compare_lost, compare_task
 from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
@@ -58,6 +59,7 @@ def compare_runs(
     input_ranges: tuple[tuple[str, float], ...] = (),
     details: bool = False,
     how: Work | None = None,
+    unknown_heat: bool = False,
     **options: Any,
 ) -> Comparison:
     """Model beside measurement; options are those of :func:`loop_tasks`.
@@ -74,7 +76,7 @@ def compare_runs(
             if name not in known:
                 allowed = ", ".join(known) or "this run logs none"
                 raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=allowed)
-    tasks = loop_tasks(started, names=effects, input_ranges=input_ranges, want_curves=details, **options)
+    tasks = loop_tasks(started, names=effects, input_ranges=input_ranges, want_curves=details, unknown_heat=unknown_heat, **options)
     found, interrupted = over_runs(compare_task, tasks, compare_lost, how or Work())
     records = tuple(r for one in found for r in one.records)
     return Comparison(records, tuple(run for run, _ in started), interrupted, tuple(p for one in found for p in one.pictures))
@@ -101,6 +103,19 @@ def diagnose_runs(
         return Diagnosis(tuple(r for records in told for r in records), tuple(run for run, _ in started), False)
     found, interrupted = over_runs(diagnose_task, tasks, diagnose_lost, how or Work(), shares=True)
     return Diagnosis(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
+
+
+def write_effect_of(started: Sequence[Started], path: str, **options: Any) -> EffectFile | None:
+    """The effect that one run's unknown heat asks for, written to `path`; options are those of :func:`loop_tasks`.
+
+    Raises
+    ------
+    UsageError: not exactly one run, and as :func:`write_effect`.
+    """
+    tasks = loop_tasks(started, **options)
+    if len(tasks) != 1:
+        raise UsageError("an effect is written from one run", found=f"{len(tasks)} runs", do="give one RUN")
+    return write_effect(tasks[0], path)
 
 
 def improve_runs(

@@ -1,0 +1,341 @@
+"""The heat that a lump would need for its readings to be what they are, found by smoothing through the model.
+
+    dT/dt = q(t) - b (T - sink)
+
+At a known rate b the heat q [K/min] is linear in the readings. Its prior is a constant beside a random walk and an integrated
+random walk, whose sizes are averaged over by their likelihood, and the rate over what is known of it; nothing else is assumed.
+Without another source for the rate the heat is one that the model would need *at that rate*: another rate b' turns the same
+readings into q + (b' - b) (T - sink).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, cholesky
+
+from ..core.kernel import Array, followed
+from ..core.tails import chi2_tail
+
+#: Knots of the heat, which is a straight line between them.
+KNOTS = 120
+#: Sizes of the random walk and of the integrated one over the whole record, relative to rate times range of the readings.
+WALKS = tuple(np.geomspace(0.01, 4.0, 9).tolist())
+BENDS = (0.01, 0.1, 0.4, 1.5)
+#: A test of a column, which compares likelihoods, needs fewer knots and sizes than a band.
+TEST_KNOTS, TEST_WALKS, TEST_BENDS = 60, WALKS[::2], BENDS[::2]
+#: Prior standard deviation of the mean heat in the same unit.
+MEAN = 10.0
+#: Gauss-Hermite rule with five points for a normal distribution: an exact mean and variance over the rate.
+NODES = (-2.856970, -1.355626, 0.0, 1.355626, 2.856970)
+SHARES = (0.011257, 0.222076, 0.533333, 0.222076, 0.011257)
+
+
+@dataclass(frozen=True)
+class HeatRules:
+    """When heat is said to follow a column.
+
+    chance: nominal, of a claim where nothing follows, over everything tried; the likelihood ratio's own law is wider, so that one
+    claim in a hundred is what 0.002 gives. correlation: least, of the heat with what the column tells of
+    it on blocks left out; the trial of both is `python -m benchmarks.unknown_heat`.
+    """
+
+    chance: float = 0.002
+    correlation: float = 0.5
+
+
+RULES = HeatRules()
+
+
+@dataclass(frozen=True)
+class Prior:
+    """One size of the random walks: inverse covariance (M + 1, M + 1) of start and knots, and its log-determinant."""
+
+    inverse: Array
+    log_det: float
+
+    def with_free(self, count: int) -> "Prior":
+        """With `count` more parameters of which nothing is known; its log-determinant then leaves out a constant."""
+        wide = np.zeros((len(self.inverse) + count,) * 2)
+        wide[: len(self.inverse), : len(self.inverse)] = self.inverse
+        return Prior(wide, self.log_det)
+
+
+@dataclass(frozen=True)
+class Lump:
+    """Readings (N,) [degC] of one sensor at `time` [min], standard deviations `noise` [K], surroundings `sink` (N,) [degC]."""
+
+    time: Array
+    reading: Array
+    noise: Array
+    sink: Array
+
+    def knots(self, most: int) -> Array:
+        """Times (M,) between which the heat is a straight line."""
+        return np.linspace(self.time[0], self.time[-1], min(most, max(4, len(self.time))))
+
+    def scaled(self, rate: float, knots: Array) -> tuple[Array, Array]:
+        """(design (N, M + 1), readings (N,)) over the noise: what the start and the heat at each knot do to the readings."""
+        out = np.empty((1, len(self.time)))
+        followed(self.time, np.ascontiguousarray(self.sink), np.array([1.0 / rate]), out)
+        decay = self._decay(rate)
+        # The start is a deviation from the first reading, the surroundings act as the lump has smoothed them.
+        known = out[0] + (self.reading[0] - self.sink[0]) * decay
+        design = np.column_stack([decay, _response(rate, knots, self.time)])
+        return design / self.noise[:, None], (self.reading - known) / self.noise
+
+    def curves(self, rate: float, shapes: Array) -> Array:
+        """Rise (C, N) under heat of these shapes (C, N) but for a constant, from the start on."""
+        decay, out = self._decay(rate), np.empty((1, len(self.time)))
+        rises = np.empty_like(shapes)
+        for row, shape in zip(rises, shapes - shapes.mean(axis=1, keepdims=True), strict=True):
+            followed(self.time, np.ascontiguousarray(shape), np.array([1.0 / rate]), out)
+            row[:] = (out[0] - shape[0] * decay) / rate
+        return rises
+
+    def priors(self, rate: float, count: int, *sizes: Sequence[float]) -> "list[Prior]":
+        reach = max(float(np.ptp(self.reading)), 10.0 * float(self.noise.max()))
+        return _priors(count, rate * reach, reach, *sizes)
+
+    def _decay(self, rate: float) -> Array:
+        return np.asarray(np.exp(-rate * (self.time - self.time[0])))
+
+
+@dataclass(frozen=True)
+class UnknownHeat:
+    """Heat at `time` (M,) [min] with its standard deviation [K/min], told at a rate [1/min]."""
+
+    time: Array
+    heat: Array
+    deviation: Array
+    rate: float
+
+
+def smooth_heat(lump: Lump, rate: float, rate_deviation: float = 0.0, knots: int = KNOTS) -> UnknownHeat:
+    """Heat of one lump at its rate [1/min], of which the logarithm is known to `rate_deviation`.
+
+    Reference: Gaussian process prior through a linear system, Rasmussen & Williams, Gaussian Processes for Machine Learning, 9.8.
+    """
+    at = lump.knots(knots)
+    priors = lump.priors(rate, len(at))
+    heats, variances = [], []
+    for node in NODES if rate_deviation > 0.0 else (0.0,):
+        values, means, inverses = _posteriors(*lump.scaled(rate * float(np.exp(node * rate_deviation)), at), priors)
+        weight = np.exp(values - values.max())
+        weight /= weight.sum()
+        mean = weight @ means
+        heats.append(mean[1:])
+        variances.append((weight @ (means**2 + np.einsum("hmm->hm", inverses)) - mean**2)[1:])
+    share = np.array(SHARES if len(heats) > 1 else (1.0,))
+    heat = share @ np.array(heats)
+    variance = share @ (np.array(variances) + np.array(heats) ** 2) - heat**2
+    return UnknownHeat(at, heat, np.sqrt(np.maximum(variance, 0.0)), rate)
+
+
+def column_gains(lump: Lump, rates: Sequence[float], shapes: Array, given: Array | None = None) -> tuple[Array, Array]:
+    """Log-likelihoods (R, C) at each rate with heat that follows a shape (C, N) beside the random walks, and (R,) without.
+
+    given (K, N) are shapes that the heat follows already, each with a size of its own. The sizes of the walks are estimated anew
+    for each shape; a constant in a shape says nothing.
+    """
+    at = lump.knots(TEST_KNOTS)
+    with_, without = np.full((len(rates), len(shapes)), -np.inf), np.empty(len(rates))
+    for r, rate in enumerate(rates):
+        design, z = lump.scaled(rate, at)
+        priors = lump.priors(rates[len(rates) // 2], len(at), TEST_WALKS, TEST_BENDS)
+        if given is not None and len(given):
+            design = np.hstack([design, (lump.curves(rate, given) / lump.noise).T])
+            priors = [p.with_free(len(given)) for p in priors]
+        values, _, inverses = _posteriors(design, z, priors)
+        curves = lump.curves(rate, shapes) / lump.noise
+        projected, against = design.T @ curves.T, design.T @ z
+        own, mixed = (curves**2).sum(axis=1), curves @ z
+        for value, inverse in zip(values, inverses, strict=True):
+            reduced = inverse @ projected
+            power = np.maximum(own - (projected * reduced).sum(axis=0), 1e-12 * own + 1e-300)
+            with_[r] = np.maximum(with_[r], value + 0.5 * (mixed - against @ reduced) ** 2 / power)
+        without[r] = values.max()
+    return with_, without
+
+
+def _priors(count: int, size: float, start: float, walks: Sequence[float] = WALKS, bends: Sequence[float] = BENDS) -> list[Prior]:
+    x = np.linspace(0.0, 1.0, count)
+    low, high = np.minimum(x[:, None], x[None, :]), np.maximum(x[:, None], x[None, :])
+    bend = low**2 * (3.0 * high - low) / 2.0 + 3.0 * low * high  # an integrated random walk beside a slope of its size
+    found = []
+    for walk in walks:
+        for much in bends:
+            whole = np.zeros((count + 1, count + 1))
+            whole[0, 0] = start**2
+            whole[1:, 1:] = size**2 * (MEAN**2 + walk**2 * low + much**2 * bend)
+            factor = cholesky(whole, lower=True)
+            found.append(Prior(cho_solve((factor, True), np.eye(count + 1)), 2.0 * float(np.log(np.diag(factor)).sum())))
+    return found
+
+
+def _posteriors(design: Array, z: Array, priors: Sequence[Prior]) -> tuple[Array, Array, Array]:
+    """Log-likelihood (H,), means (H, M + 1) and covariances (H, M + 1, M + 1) under each prior."""
+    information, against = design.T @ design, design.T @ z
+    values, means, inverses = [], [], []
+    for prior in priors:
+        factor = cholesky(information + prior.inverse, lower=True)
+        mean = cho_solve((factor, True), against)
+        log_det = 2.0 * float(np.log(np.diag(factor)).sum())
+        values.append(-0.5 * (float(z @ z) - float(against @ mean) + prior.log_det + log_det))
+        means.append(mean)
+        inverses.append(cho_solve((factor, True), np.eye(len(mean))))
+    return np.array(values), np.array(means), np.array(inverses)
+
+
+def _response(rate: float, knots: Array, time: Array) -> Array:
+    """Rise (N, M) of a lump at rest by heat that is 1 at one knot and falls to 0 at its neighbours, integrated exactly."""
+    fine = np.union1d(knots, time)
+    length = np.diff(fine)
+    hats = np.maximum(0.0, 1.0 - np.abs(fine[:, None] - knots[None, :]) / (knots[1] - knots[0]))
+    kept = np.exp(-rate * length)
+    whole = -np.expm1(-rate * length) / rate
+    ending = (length - whole) / np.maximum(rate * length, 1e-300)
+    out = np.zeros_like(hats)
+    for i in range(len(length)):
+        out[i + 1] = kept[i] * out[i] + (whole[i] - ending[i]) * hats[i] + ending[i] * hats[i + 1]
+    return np.asarray(out[np.searchsorted(fine, time)])
+
+
+@dataclass(frozen=True)
+class Follows:
+    """Heat that follows a logged column: to a power, so many minutes late.
+
+    powers are the least and the largest that do nearly as well; correlation is that of the heat with what the column tells on
+    blocks left out, p the chance of such a gain over everything tried; rates (S,) [1/min] those at which it does best,
+    shape (N,) the column as the heat follows it.
+    """
+
+    column: str
+    power: float
+    powers: tuple[float, float]
+    late_min: float
+    correlation: float
+    gain: float
+    p: float
+    rates: tuple[float, ...] = ()
+    shape: Array | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """What a record holds of it."""
+        return {
+            "column": self.column,
+            "power": self.power,
+            "powers": list(self.powers),
+            "late_min": float(f"{self.late_min:.3g}"),
+            "correlation": round(self.correlation, 3),
+            "p": float(f"{self.p:.2g}"),
+        }
+
+
+#: A power does nearly as well where its gain is less than this below the best: 95 % of a chi-square law of one.
+NEAR = 3.84
+#: Powers of a column that are tried; a column that goes below zero has its first power only.
+POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+
+
+def shapes_of(
+    column: Array, time: Array, lates: Sequence[float], powers: Sequence[float] = POWERS
+) -> tuple[Array, list[tuple[float, float]]]:
+    """Shapes (C, N) of a column (N,) to powers and delays, each of range 1, and their (power, delay [min])."""
+    if float(column.min()) < 0.0:
+        powers = (1.0,)
+    rows, told = [], []
+    for power in powers:
+        for late in lates:
+            shape = np.interp(time - late, time, column) ** power
+            reach = float(np.ptp(shape))
+            if reach > 0.0:
+                rows.append(shape / reach)
+                told.append((power, late))
+    return np.array(rows).reshape(len(rows), len(time)), told
+
+
+def lates_for(time: Array) -> tuple[float, ...]:
+    """Delays [min] that are tried: none, and from two readings to a tenth of the record."""
+    span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    return (0.0, *np.geomspace(2.0 * step, max(0.1 * span, 4.0 * step), 8).tolist())
+
+
+def block_correlation(heats: Sequence[UnknownHeat], shapes: Array, time: Array, blocks: int = 4) -> float:
+    """Correlation of heats with what shapes (K, N) tell of them on blocks left out, their sizes learnt on the others."""
+    real, told = [], []
+    for heat in heats:
+        x = np.column_stack([np.ones(len(heat.time)), *(np.interp(heat.time, time, s) for s in shapes)])
+        edges = np.linspace(0, len(x), blocks + 1).astype(int)
+        guess = np.empty(len(x))
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            rest = np.ones(len(x), dtype=bool)
+            rest[a:b] = False
+            guess[a:b] = x[a:b] @ np.linalg.lstsq(x[rest], heat.heat[rest], rcond=None)[0]
+        size = max(float(np.std(heat.heat)), 1e-300)
+        real.append((heat.heat - heat.heat.mean()) / size)
+        told.append((guess - heat.heat.mean()) / size)
+    one, other = np.concatenate(real), np.concatenate(told)
+    if not (np.std(other) > 0.0 and np.std(one) > 0.0):
+        return 0.0
+    return float(np.corrcoef(one, other)[0, 1])
+
+
+def followed_column(
+    lumps: Sequence[Lump],
+    rates: Sequence[Sequence[float]],
+    columns: dict[str, NDArray[np.float64]],
+    time: Array,
+    given: Sequence[Array] = (),
+) -> list[Follows]:
+    """Logged columns (N,) at `time` that the heats of a run's sensors follow, the best power and delay of each, most gain first.
+
+    rates are those that each sensor may have; where there are several, each model takes the one that suits it best.
+    given are shapes (N,) that the heat follows already. What is told is a gain, mean over the sensors, not yet a claim.
+    """
+    lates = lates_for(time)
+    offers = {n: shapes_of(c, time, lates) for n, c in columns.items() if np.ptp(c) > 0.0}
+    offers = {n: (shapes, told) for n, (shapes, told) in offers.items() if told}
+    if not offers or not lumps:
+        return []
+    every = np.concatenate([shapes for shapes, _ in offers.values()])
+    total, best_rates = np.zeros(len(every)), np.zeros((len(lumps), len(every)))
+    for k, (lump, may) in enumerate(zip(lumps, rates, strict=True)):
+        at_readings = (np.array([np.interp(lump.time, time, s) for s in of]) for of in (every, given))
+        with_, without = column_gains(lump, may, *at_readings)
+        total += 2.0 * (with_.max(axis=0) - without.max())
+        best_rates[k] = np.asarray(may)[with_.argmax(axis=0)]
+    # The sensors of a run share its unknown heat: together they are evidence no better than one of them.
+    gains, found, begin = total / len(lumps), [], 0
+    for name, (shapes, told) in offers.items():
+        gain = gains[begin : begin + len(told)]
+        best = int(np.argmax(gain))
+        power, late = told[best]
+        near = [told[i][0] for i in np.flatnonzero(gain >= gain[best] - NEAR)]
+        p = min(1.0, len(every) * chi2_tail(1, max(0.0, float(gain[best]))))
+        own = tuple(best_rates[:, begin + best].tolist())
+        heats = [smooth_heat(lump, rate) for lump, rate in zip(lumps, own, strict=True)] if p < RULES.chance else []
+        r = block_correlation(heats, np.array([*given, shapes[best]]), time) if heats else 0.0
+        found.append(Follows(name, power, (min(near), max(near)), late, r, float(gain[best]), p, own, shapes[best]))
+        begin += len(told)
+    return sorted(found, key=lambda f: -f.gain)
+
+
+def claims(
+    lumps: Sequence[Lump], rates: Sequence[Sequence[float]], columns: dict[str, NDArray[np.float64]], time: Array, most: int = 3
+) -> list[Follows]:
+    """Columns that the heat is said to follow, each beside those before it: chance does not give such a gain, and the columns tell
+    the heat where it was not fitted.
+    """
+    found: list[Follows] = []
+    left = dict(columns)
+    while left and len(found) < most:
+        follows = followed_column(lumps, rates, left, time, [f.shape for f in found if f.shape is not None])
+        best = next((f for f in follows if f.p < RULES.chance and f.correlation >= RULES.correlation), None)
+        if best is None:
+            break
+        found.append(best)
+        del left[best.column]
+    return found

@@ -1,0 +1,153 @@
+"""compare --unknown-heat and diagnose --write-effect: the heat that a record needs, and the logged column that it follows."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import thermofast as tf
+from benchmarks.unknown_heat import trial
+from thermofast.models.uncertainty.unknown_heat import Lump, smooth_heat
+
+
+def written(path, speed="speed", seed=3, second=0.0):
+    """A file of two sensors whose heat is the square of a logged column, integrated by scipy; second: another column's share."""
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0.0, 300.0, 300)
+    column = np.interp(time, np.linspace(0.0, 300.0, 8), rng.uniform(0.3, 1.0, 8))
+    other = np.where((time > 90.0) & (time < 200.0), 1.0, 0.2)
+
+    def law(t, y):
+        return 0.012 * (20.0 * (np.interp(t, time, column) ** 2 + second * np.interp(t, time, other)) - y)
+
+    rise = solve_ivp(law, (0.0, 300.0), [0.0], t_eval=time, max_step=1.0).y[0]
+    rows = [
+        f"{t:.3f},{22.0 + y + 0.03 * rng.normal():.3f},{22.0 + 0.6 * y + 0.03 * rng.normal():.3f},{3000.0 * u:.1f},{w:.2f}"
+        for t, y, u, w in zip(time, rise, column, other, strict=True)
+    ]
+    path.write_text("\n".join([f'time_min,front,rear,"{speed}",pump', *rows]) + "\n")
+    return time, column, rise
+
+
+def test_the_smoothed_heat_of_a_constant_heat_is_that_heat():
+    time = np.linspace(0.0, 200.0, 201)
+    reading = 20.0 + 15.0 * -np.expm1(-0.03 * time)
+    told = smooth_heat(Lump(time, reading, np.full(201, 0.01), np.full(201, 20.0)), 0.03)
+    # dT/dt + b (T - sink) of an exponential rise is b times its height at every time.
+    assert told.heat == pytest.approx(0.03 * 15.0, rel=0.01)
+    assert np.all(told.deviation > 0.0)
+
+
+def test_surroundings_that_move_are_no_heat():
+    time = np.linspace(0.0, 300.0, 301)
+    sink = 20.0 + 2.0 * np.sin(2.0 * np.pi * time / 150.0)
+    whole = solve_ivp(lambda t, y: 0.02 * (np.interp(t, time, sink) + 10.0 - y), (0.0, 300.0), [20.0], t_eval=time, max_step=0.5)
+    told = smooth_heat(Lump(time, whole.y[0], np.full(301, 0.01), sink), 0.02)
+    assert np.abs(told.heat - 0.2).max() < 0.01
+
+
+def test_a_rate_that_is_not_known_widens_the_band_by_what_it_would_shift():
+    time = np.linspace(0.0, 200.0, 201)
+    lump = Lump(time, 20.0 + 15.0 * -np.expm1(-0.03 * time), np.full(201, 0.01), np.full(201, 20.0))
+    sure, unsure = smooth_heat(lump, 0.03), smooth_heat(lump, 0.03, 0.1)
+    # Another rate b' turns the same readings into q + (b' - b)(T - sink): at the end by 0.1 x 0.03 x 15 K.
+    assert unsure.deviation[-20] == pytest.approx(0.1 * 0.03 * 15.0, rel=0.15)
+    assert sure.deviation[-20] < 0.2 * unsure.deviation[-20]
+
+
+@pytest.mark.parametrize("kind", ["column", "ramp", "walk"])
+def test_the_band_holds_the_heat_and_only_a_column_that_it_follows_is_claimed(kind):
+    told = [trial(kind, True, seed) for seed in range(6)]
+    assert np.mean([held for held, _ in told]) >= 0.9
+    said = [w for _, w in told]
+    assert said.count("right") >= 5 if kind == "column" else said.count("") >= 5
+
+
+def test_compare_tells_the_heat_and_the_column_that_it_follows(tmp_path):
+    written(tmp_path / "run.csv")
+    told = tf.compare(tmp_path / "run.csv", inputs="speed,pump", unknown_heat=True)
+    for record in told:
+        follows = record.heat_follows
+        assert [f["column"] for f in follows] == ["speed"]
+        assert follows[0]["powers"][0] <= 2.0 <= follows[0]["powers"][1]
+        assert follows[0]["correlation"] > 0.9
+        assert "the unknown heat follows speed" in record.message
+        assert "at a rate that the same readings gave" in record.message
+        first = record.unknown_heat[0]
+        assert set(first) == {"time_min", "heat_k_per_min", "lo_k_per_min", "hi_k_per_min"}
+        assert first["lo_k_per_min"] < first["heat_k_per_min"] < first["hi_k_per_min"]
+    assert tf.compare(tmp_path / "run.csv", inputs="speed,pump")[0].unknown_heat == []
+
+
+def test_two_columns_are_found_one_beside_the_other(tmp_path):
+    written(tmp_path / "run.csv", second=0.5)
+    told = tf.compare(tmp_path / "run.csv", inputs="speed,pump", unknown_heat=True)[0].heat_follows
+    assert {f["column"] for f in told} == {"speed", "pump"}
+
+
+def test_the_picture_shows_the_heat_above_the_columns(tmp_path, tool):
+    written(tmp_path / "run.csv")
+    picture = tmp_path / "heat.svg"
+    tool(
+        "compare",
+        str(tmp_path / "run.csv"),
+        "--inputs",
+        "speed,pump",
+        "--unknown-heat",
+        "--save-plot",
+        str(picture),
+        "--format",
+        "csv",
+    )
+    text = picture.read_text()
+    assert "heat needed" in text
+    assert "speed" in text
+
+
+def test_an_effect_is_written_that_passes_the_check_and_removes_the_error(tmp_path):
+    written(tmp_path / "run.csv", second=0.5)
+    effect = tf.write_effect(tmp_path / "run.csv", tmp_path / "mine.py", inputs="speed,pump")
+    assert effect.kind in {"HeatFollowsSpeedPump", "HeatFollowsPumpSpeed"}
+    better = tf.improve(tmp_path / "run.csv", add=[effect.spec], inputs="speed,pump")
+    steps = {(r.step, r.channel): r for r in better}
+    for sensor in ("front", "rear"):
+        assert steps[1, sensor].rmse_ahead_c < 0.35 * steps[0, sensor].rmse_ahead_c
+    with pytest.raises(tf.UsageError, match="is there already"):
+        tf.write_effect(tmp_path / "run.csv", tmp_path / "mine.py", inputs="speed,pump")
+
+
+def test_a_column_whose_name_is_code_stays_text(tmp_path):
+    name = 'speed""); raise SystemExit  # \' [1/min]'
+    written(tmp_path / "run.csv", speed=name.replace('"', '""'))
+    effect = tf.write_effect(tmp_path / "run.csv", tmp_path / "mine.py", inputs=[name])
+    assert effect.columns == (name,)
+    assert tf.improve(tmp_path / "run.csv", add=[effect.spec], inputs=[name])[-1].status == "ok"
+
+
+def test_the_command_writes_the_effect_and_says_how_to_add_it(tmp_path, tool):
+    written(tmp_path / "run.csv")
+    target = tmp_path / "mine.py"
+    done = tool("diagnose", str(tmp_path / "run.csv"), "--inputs", "speed", "--exclude", "pump", "--write-effect", str(target))
+    assert f"--add {target}:HeatFollowsSpeed" in done.err
+    assert "p.power" in target.read_text()
+
+
+def test_an_effect_is_not_written_without_a_column_or_a_reason(tmp_path):
+    time = np.arange(0.0, 300.0)
+    rng = np.random.default_rng(5)
+    rise = 20.0 + 12.0 * -np.expm1(-0.02 * time) + 0.02 * rng.normal(size=300)
+    data = {"time_min": time, "a": rise, "flow": rng.uniform(1.0, 2.0, 300)}
+    with pytest.raises(tf.UsageError, match="needs a logged column"):
+        tf.write_effect(tf.read({n: data[n] for n in ("time_min", "a")}), tmp_path / "a.py")
+    assert tf.write_effect(tf.read(data, inputs="flow"), tmp_path / "a.py") is None
+    assert not (tmp_path / "a.py").exists()
+
+
+def test_a_constant_column_is_followed_by_nothing(tmp_path):
+    time = np.arange(0.0, 200.0)
+    data = {"time_min": time, "a": 20.0 + 12.0 * -np.expm1(-0.02 * time), "flow": np.ones(200)}
+    told = tf.compare(tf.read(data, inputs="flow"), unknown_heat=True)[0]
+    assert told.heat_follows == []
+    assert "follows no logged column" in told.message
+    assert json.loads(json.dumps(told.as_dict()))["unknown_heat"]

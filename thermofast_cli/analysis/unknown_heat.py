@@ -1,0 +1,106 @@
+"""The heat that a model would need to follow its record, sensor by sensor, and the logged columns that this heat follows."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermofast.models import Observations
+from thermofast.models.greybox import RATE, Model
+from thermofast.models.joint import Fit
+from thermofast.models.uncertainty.unknown_heat import Follows, Lump, UnknownHeat, claims, smooth_heat
+
+if TYPE_CHECKING:
+    from ..discovery.loop import LoopTask
+
+#: The logarithm of a rate learnt on other runs is known no better than this.
+LEAST_DEVIATION = 0.03
+FEWEST_READINGS = 24
+#: Rates that a column may come with where no other run tells them, times the length of the record.
+POSSIBLE = np.geomspace(0.5, 40.0, 19)
+
+
+@dataclass(frozen=True)
+class NeededHeat:
+    """heats has None for a sensor with too few readings; follows are claims, strongest first; own_rate, that a rate comes from the same record."""
+
+    heats: tuple[UnknownHeat | None, ...]
+    follows: tuple[Follows, ...]
+    own_rate: bool
+
+
+def needed_of(task: "LoopTask", fit: Fit, whole: Observations) -> NeededHeat:
+    """The unknown heat of a run beside the model that its task names."""
+    learnt = set(task.model.file.channels) if task.model is not None else set()
+    drive = {whole.drive: whole.heat} if whole.drive and whole.heat is not None else {}
+    return needed_heat(fit, whole, learnt, {**whole.ambient, **whole.inputs, **drive})
+
+
+def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns: dict[str, Any]) -> NeededHeat:
+    """Heat that each sensor of a run needs at the rates of a fit; those of `learnt` sensors come from other runs, not this record.
+
+    columns are logged columns (N,) of the run that the heat might follow, by name.
+    """
+    moved = any(part.effect.follows_ambient for part in fit.model.parts)
+    sink: Any = fit.model.sink_guess if moved or not whole.ambient else next(iter(whole.ambient.values()))
+    base = Model(whole, ())
+    rates, errors = fit.values[RATE], fit.deviations[RATE]
+    local = np.stack([fit.local[:, fit.model.column(c.key)] for c in base.local], axis=1)
+    shared = np.full((whole.sensors, len(base.shared)), fit.model.sink_guess)
+    effects = fit.curve - base.forward(local, shared, np.arange(whole.sensors)) if fit.model.parts else np.zeros_like(fit.curve)
+    lumps: list[Lump | None] = []
+    for i in range(whole.sensors):
+        good = whole.used[i]
+        noise = whole.least_noise[i] / np.sqrt(whole.weight[i][good])
+        surroundings = np.full(int(good.sum()), sink) if np.ndim(sink) == 0 else sink[good]
+        reading = (whole.known[i] - effects[i])[good]
+        lumps.append(Lump(whole.time[good], reading, noise, surroundings) if len(reading) >= FEWEST_READINGS else None)
+    known = [i for i, lump in enumerate(lumps) if lump is not None]
+    own = [c not in learnt for c in whole.channels]
+    # A rate that the same readings gave is bent by the heat that the fit did not know of: a column may come with another.
+    may = [POSSIBLE / whole.span if own[i] else rates[i : i + 1] for i in known]
+    follows = claims([lumps[i] for i in known], may, columns, whole.time)  # type: ignore[misc]
+    at = np.where(own, np.clip(rates, POSSIBLE[0] / whole.span, POSSIBLE[-1] / whole.span), rates)
+    if follows:
+        at[known] = follows[-1].rates
+    heats = [
+        None
+        if lump is None
+        else smooth_heat(lump, float(at[i]), 0.0 if own[i] else max(float(np.nan_to_num(errors[i])), LEAST_DEVIATION))
+        for i, lump in enumerate(lumps)
+    ]
+    return NeededHeat(tuple(heats), tuple(follows), any(own))
+
+
+#: What a reader of a heat must know where the rate comes from the same record.
+OWN_RATE = (
+    "the unknown heat is told at a rate that the same readings gave, and its band does not hold the error of that rate: --model with "
+    "a model learnt on another run of the machine makes it whole"
+)
+
+
+def in_words(follows: tuple[Follows, ...]) -> str:
+    """'the unknown heat follows flow^2 (powers 1.5 to 2.5 do as well), 3 min late: correlation 0.93 on blocks left out'."""
+    told = []
+    for f in follows:
+        low, high = f.powers
+        power = "" if f.power == 1.0 else f"^{f.power:g}"
+        near = f" (powers {low:g} to {high:g} do as well)" if low < high else ""
+        late = f", {f.late_min:.2g} min late" if f.late_min > 0.0 else ""
+        chance = "chance below 1e-6" if f.p < 1e-6 else f"chance {f.p:.1g}"
+        told.append(f"{f.column}{power}{near}{late}: correlation {f.correlation:.2f} on blocks left out, {chance}")
+    return "the unknown heat follows " + ", and with it ".join(told) if told else ""
+
+
+NO_COLUMN = "the unknown heat follows no logged column more than chance would have it"
+
+
+def heat_rows(heat: UnknownHeat | None) -> list[dict[str, float]]:
+    """Rows of a record: time, heat and its 95 % band."""
+    if heat is None:
+        return []
+    low, high = heat.heat - 1.96 * heat.deviation, heat.heat + 1.96 * heat.deviation
+    columns = (heat.time, heat.heat, low, high)
+    names = ("time_min", "heat_k_per_min", "lo_k_per_min", "hi_k_per_min")
+    return [{n: float(f"{v:.6g}") for n, v in zip(names, row, strict=True)} for row in zip(*columns, strict=True)]
