@@ -8,6 +8,7 @@ Without another source for the rate the heat is one that the model would need *a
 readings into q + (b' - b) (T - sink).
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -270,7 +271,7 @@ def block_correlation(heats: Sequence[UnknownHeat], shapes: Array, time: Array, 
         x = np.column_stack([np.ones(len(heat.time)), *(np.interp(heat.time, time, s) for s in shapes)])
         edges = np.linspace(0, len(x), blocks + 1).astype(int)
         guess = np.empty(len(x))
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             rest = np.ones(len(x), dtype=bool)
             rest[a:b] = False
             guess[a:b] = x[a:b] @ np.linalg.lstsq(x[rest], heat.heat[rest], rcond=None)[0]

@@ -23,7 +23,10 @@ POSSIBLE = np.geomspace(0.5, 40.0, 19)
 
 @dataclass(frozen=True)
 class NeededHeat:
-    """heats has None for a sensor with too few readings; follows are claims, strongest first; own_rate, that a rate comes from the same record."""
+    """heats has None for a sensor with too few readings; follows are claims, strongest first.
+
+    own_rate: a rate comes from the same record.
+    """
 
     heats: tuple[UnknownHeat | None, ...]
     follows: tuple[Follows, ...]
@@ -56,27 +59,23 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
         surroundings = np.full(int(good.sum()), sink) if np.ndim(sink) == 0 else sink[good]
         reading = (whole.known[i] - effects[i])[good]
         lumps.append(Lump(whole.time[good], reading, noise, surroundings) if len(reading) >= FEWEST_READINGS else None)
-    known = [i for i, lump in enumerate(lumps) if lump is not None]
+    known = {i: lump for i, lump in enumerate(lumps) if lump is not None}
     own = [c not in learnt for c in whole.channels]
     # A rate that the same readings gave is bent by the heat that the fit did not know of: a column may come with another.
-    may = [POSSIBLE / whole.span if own[i] else rates[i : i + 1] for i in known]
-    follows = claims([lumps[i] for i in known], may, columns, whole.time)  # type: ignore[misc]
+    may = [(POSSIBLE / whole.span).tolist() if own[i] else [float(rates[i])] for i in known]
+    follows = claims(list(known.values()), may, columns, whole.time)
     at = np.where(own, np.clip(rates, POSSIBLE[0] / whole.span, POSSIBLE[-1] / whole.span), rates)
     if follows:
-        at[known] = follows[-1].rates
-    heats = [
-        None
-        if lump is None
-        else smooth_heat(lump, float(at[i]), 0.0 if own[i] else max(float(np.nan_to_num(errors[i])), LEAST_DEVIATION))
-        for i, lump in enumerate(lumps)
-    ]
+        at[list(known)] = follows[-1].rates
+    unsure = np.where(own, 0.0, np.maximum(np.nan_to_num(errors), LEAST_DEVIATION))
+    heats = [None if lump is None else smooth_heat(lump, float(at[i]), float(unsure[i])) for i, lump in enumerate(lumps)]
     return NeededHeat(tuple(heats), tuple(follows), any(own))
 
 
 #: What a reader of a heat must know where the rate comes from the same record.
 OWN_RATE = (
-    "the unknown heat is told at a rate that the same readings gave, and its band does not hold the error of that rate: --model with "
-    "a model learnt on another run of the machine makes it whole"
+    "the unknown heat is told at a rate that the same readings gave, and its band does not hold the error of that rate: --model "
+    "with a model learnt on another run of the machine makes it whole"
 )
 
 
