@@ -124,3 +124,25 @@ def test_a_pot_with_more_water_has_another_heat_capacity(shared):
     told = tf.changed([one, again], two)
     assert told.verdict == "heat capacity"
     assert told[0].size_lo < 1.5 < told[0].size_hi * 1.05
+
+
+@pytest.mark.parametrize(
+    ("what", "verdict"), [({}, "nothing"), ({"heat": 1.5}, "heat"), ({"capacity": 1.8, "room": 24.0}, "heat capacity")]
+)
+def test_a_model_takes_the_place_of_old_runs(tmp_path, what, verdict):
+    rng = np.random.default_rng(8)
+    model = tf.improve(run(rng, "old")).model
+    model.save(tmp_path / "old.toml")
+    told = tf.changed(new=run(rng, "new", length=240.0, **what), model=tmp_path / "old.toml")
+    assert told.verdict == verdict
+    with pytest.raises(tf.UsageError, match="takes the place of OLD"):
+        tf.changed(run(rng, "a"), run(rng, "b"), model=tmp_path / "old.toml")
+    with pytest.raises(tf.UsageError, match="none of its sensors"):
+        tf.changed(new="sample_runs/spindle.csv", model=tmp_path / "old.toml")
+
+
+def test_a_model_with_an_effect_foretells_the_run_that_it_was_learnt_from(tool, tmp_path):
+    learnt = tmp_path / "hidden.toml"
+    assert tool("improve", "sample_runs/hidden.csv", "--auto", "-q", "-o", learnt).code == 0
+    same = tool("changed", "--model", learnt, "--new", "sample_runs/hidden_second_run.csv", "--format", "json", "-q")
+    assert json.loads(same.out)["records"][0]["verdict"] == "nothing"

@@ -129,8 +129,12 @@ def calibrate(
     return calibrate_runs(started_of(runs, start, True, reading), choose("afukf", None, ()), work_of(1, None, progress))
 
 
-def changed(old: Source, new: Source, *, start: Start = "auto", **reading: Any) -> Changes:
-    """What is different in a machine since other runs of it: heat, heat capacity, loss, one sensor, the contacts, or nothing.
+def changed(
+    old: Source = None, new: Source = None, *, model: "Model | str | Path | None" = None, start: Start = "auto", **reading: Any
+) -> Changes:
+    """What is different in a machine since `old` runs of it, or since `model` was learnt from them.
+
+    Heat, heat capacity, loss, one sensor, the contacts, or nothing.
 
     Raises
     ------
@@ -138,7 +142,8 @@ def changed(old: Source, new: Source, *, start: Start = "auto", **reading: Any) 
     """
     from .pipeline.around import changed_runs
 
-    return changed_runs(started_of(old, start, True, reading), started_of(new, start, True, reading))
+    before, after = (started_of(runs, start, True, reading) if runs is not None else [] for runs in (old, new))
+    return changed_runs(before, after, model_of(model))
 
 
 def plan(

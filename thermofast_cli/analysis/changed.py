@@ -15,6 +15,8 @@ from thermofast.models.uncertainty.changes import Change, RunNumbers, changes
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..engine import Started
 from ..errors import UsageError
+from ..machine.learnt import as_learnt
+from ..machine.model import Model
 from ..records import ChangedRecord
 
 Array = NDArray[np.float64]
@@ -49,20 +51,30 @@ class Difference:
     verdict: str
 
 
-def compare_runs(old: Sequence[Started], new: Sequence[Started]) -> tuple[list[ChangedRecord], Difference]:
+def compare_runs(
+    old: Sequence[Started], new: Sequence[Started], model: Model | None = None
+) -> tuple[list[ChangedRecord], Difference]:
     """A record for each kind of change, the likeliest first; all runs are looked at over the length of the shortest.
+
+    A model, which takes the place of old runs, is looked at as the run that it foretells at the readings of each new one.
 
     Raises
     ------
     UsageError: no runs, no sensor that all have, too few readings, a sensor that does not move, or a run on both sides.
     """
+    if model is not None and old:
+        raise UsageError("--model takes the place of OLD runs", do="leave one of them out")
     for side, runs in (("OLD", old), ("--new", new)):
-        if not runs:
+        if not runs and not (side == "OLD" and model is not None):
             raise UsageError(f"no run is given as {side}", do="as in: thermofast changed before.csv --new after.csv")
     both = {run.name for run, _ in old} & {run.name for run, _ in new}
     if both:
         raise UsageError(f"{both.pop()} is old and new", do="give each run on one side")
     seen = [_observed(one) for one in (*old, *new)]
+    if model is not None:
+        longest = max(seen, key=lambda s: s.span)
+        seen.insert(0, as_learnt(model.file, longest, longest.name, model.source))
+    many = max(len(old), 1)
     channels = [c for c in seen[0].channels if all(c in s.channels for s in seen)]
     if not channels:
         raise UsageError(
@@ -72,11 +84,11 @@ def compare_runs(old: Sequence[Started], new: Sequence[Started]) -> tuple[list[C
         )
     span = min(s.span for s in seen)
     numbers = [_numbers(s.only(channels), span) for s in seen]
-    found, difference, noise = changes(numbers[: len(old)], numbers[len(old) :])
+    found, difference, noise = changes(numbers[:many], numbers[many:])
     deviation = np.sqrt(np.diag(noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
     names = ", ".join(run.name for run, _ in new)
-    notes = _rooms(old, new, seen)
+    notes = _rooms(many, seen) if model is None else []
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     left = sorted({c for s in seen for c in s.channels} - set(channels))
@@ -160,8 +172,8 @@ def _visible(found: Sequence[Change]) -> str:
     return f"would most likely have shown: {', '.join(sizes)}"
 
 
-def _rooms(old: Sequence[Started], new: Sequence[Started], seen: Sequence[Observations]) -> list[str]:
-    """What to say where the new runs began in another room."""
+def _rooms(old: int, seen: Sequence[Observations]) -> list[str]:
+    """What to say where the new runs, which follow `old` others, began in another room."""
     first = [float(np.nanmedian([row[u][0] for row, u in zip(s.reading, s.used, strict=True)])) for s in seen]
-    before, after = float(np.mean(first[: len(old)])), float(np.mean(first[len(old) :]))
+    before, after = float(np.mean(first[:old])), float(np.mean(first[old:]))
     return [f"they began at {after:.3g} degC, the old ones at {before:.3g}"] if abs(after - before) > ROOM else []

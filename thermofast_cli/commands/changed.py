@@ -29,12 +29,14 @@ class OldAndNew(RunCommand):
 )
 @runs_argument
 @click.option("--new", "new", multiple=True, metavar="RUN...", help="Runs since then: all names up to the next option.")
+@click.option("--model", metavar="M.toml", help="In place of OLD runs: the model that 'thermofast improve' learnt from them.")
 @reading_options
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw rate and rise of every sensor, new over old: .png .pdf .svg.")
 def command(
     runs: tuple[str, ...],
     new: tuple[str, ...],
+    model: str | None,
     form: str | None,
     output: str | None,
     quiet: bool,
@@ -50,16 +52,17 @@ def command(
     from ..errors import UsageError
     from ..output.screen import interval, number, percent, text
     from ..pipeline.around import changed_runs
-    from ..shell.session import check_outputs, deliver, draw, read_all
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all
 
     if not new:
         raise UsageError("no run is given as --new", do="as in: thermofast changed before.csv --new after.csv")
     check_outputs([output], save_plot)
-    before = read_all(runs, reading, quiet, [output, save_plot], 1)
-    after = read_all(new, reading, quiet, [output, save_plot], 1)
-    for error in (*before.unreadable, *after.unreadable):
+    learnt = load_model(model)
+    groups = [read_all(some, reading, quiet, [output, save_plot], 1) for some in (runs, new) if some or learnt is None]
+    for error in (e for group in groups for e in group.unreadable):
         raise UsageError(f"{error[0]}: cannot be read", found=str(error[1]), do="leave it out")
-    result = changed_runs(before.runs, after.runs)
+    before = groups[0].runs if len(groups) > 1 else []
+    result = changed_runs(before, groups[-1].runs, learnt)
     drawn = [
         ("change", text("change")),
         ("sensor", text("channel")),

@@ -1,7 +1,8 @@
 """A learnt model on a run: the machine's constants as known, the run's own from its first minutes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,45 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
         else:
             notes.append(f"{entry.id}: an event of the run learnt from; not seen in the readings used here")
     return Carried(fit, tuple(notes))
+
+
+def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str) -> Observations:
+    """A run of the machine as it was learnt, without noise and events, at the readings of `seen` and begun as warm as it was.
+
+    Raises
+    ------
+    UsageError: as :func:`carry`, and a model that was learnt with a drive.
+    """
+    channels = [c for c in seen.channels if c in model.channels]
+    if not channels:
+        raise UsageError(
+            f"{source}: none of its sensors is in the model {model_path}",
+            found=", ".join(seen.channels[:12]),
+            allowed=", ".join(model.channels[:12]),
+        )
+    if model.learnt_from.drive:
+        raise UsageError(
+            f"{model_path}: was learnt with the drive {model.learnt_from.drive!r}",
+            do="give the runs that it was learnt from as OLD",
+        )
+    seen, known = seen.only(channels), check_effects(model, model_path)
+    parts = [(e, _part(e, known[e.id], seen, source)) for e in model.effects]
+    kept = [(e, p) for e, p in parts if not (p.effect.event and p.effect.event in e.searched)]
+    layout = Model(seen, [p for _, p in kept])
+    told: dict[Key, Any] = {}
+    for k, numbers in [(-1, model.base), *enumerate(e.parameters for e, _ in kept)]:
+        for name in {m.name for m in numbers}:
+            mine = [m for m in numbers if m.name == name]
+            value = np.array([_of(mine, c, "value") for c in channels])
+            told[Key(k, name)] = value if mine[0].channel is not None else float(value[0])
+    first = np.array([float(np.median(row[used][:3])) for row, used in zip(seen.reading, seen.used, strict=True)])
+    warmer = float(np.median(first - told[START]))
+    for key in (START, LEVEL, Key(-1, "sink")):
+        if key in told:
+            told[key] = told[key] + warmer
+    local, shared = layout.vector(told)
+    curve = layout.forward(local, np.broadcast_to(shared, (len(channels), len(shared))), np.arange(len(channels)))
+    return replace(seen, name=model_path, reading=curve)
 
 
 def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:

@@ -74,8 +74,8 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
     return Calibration((*lab.records, *unused), tuple(run for run, _ in started), prior=lab.prior, learnt_from=lab.names)
 
 
-def changed_runs(old: Sequence[Started], new: Sequence[Started]) -> Changes:
-    """What is different in a machine since other runs of it.
+def changed_runs(old: Sequence[Started], new: Sequence[Started], model: "Model | None" = None) -> Changes:
+    """What is different in a machine since other runs of it, or since a model was learnt from them.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def changed_runs(old: Sequence[Started], new: Sequence[Started]) -> Changes:
     """
     from ..analysis.changed import compare_runs
 
-    records, difference = compare_runs(old, new)
+    records, difference = compare_runs(old, new, model)
     return Changes(tuple(records), tuple(run for run, _ in (*old, *new)), difference=difference)
 
 
