@@ -145,6 +145,7 @@ class CompareRecord(Record):
     uncertain and its inputs within their ranges, foretells.
     unknown_heat is the heat that the sensor would need to follow its readings, with its 95 % band [K/min], and heat_follows the
     logged columns that the heat of all sensors follows; both only where they were asked for.
+    heat_capacity_* and resistance_*, as this sensor sees them, stand where --drive is a power whose column names its unit, W or kW.
     """
 
     effects: list[str] = field(default_factory=list)
@@ -167,6 +168,12 @@ class CompareRecord(Record):
     goes_along_with: list[dict[str, Any]] = field(default_factory=list)
     unknown_heat: list[dict[str, float]] = field(default_factory=list)
     heat_follows: list[dict[str, Any]] = field(default_factory=list)
+    heat_capacity_j_per_k: float | None = None
+    heat_capacity_lo_j_per_k: float | None = None
+    heat_capacity_hi_j_per_k: float | None = None
+    resistance_k_per_w: float | None = None
+    resistance_lo_k_per_w: float | None = None
+    resistance_hi_k_per_w: float | None = None
     status: str = "ok"
     message: str = ""
 

@@ -12,10 +12,11 @@ from thermofast.models.greybox import Model
 from thermofast.models.joint import LEVEL, RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
 from thermofast.models.search.heldout import held_out_errors
-from thermofast.models.search.judge import sensor_p_values
+from thermofast.models.search.judge import sensor_p_values, widening
 from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.unknown_heat import UnknownHeat
 
+from ..analysis.power import Constants, thermal_constants, watts
 from ..analysis.unknown_heat import NO_COLUMN, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
@@ -87,6 +88,7 @@ def _compare(task: LoopTask) -> Comparison:
     low, high = curve_bounds(fit, dict(task.input_ranges))
     if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
+    wider = widening(fit)
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
@@ -103,7 +105,9 @@ def _compare(task: LoopTask) -> Comparison:
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        messages = [few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
+        constants = _constants(task, fit, i, wider)
+        told = constants.in_words() if constants else ""
+        messages = [told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
             steps = steps_near(whole, min(a for a, _, _ in stretches))
             messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
@@ -134,6 +138,7 @@ def _compare(task: LoopTask) -> Comparison:
                 goes_along_with=along,
                 unknown_heat=heat_rows(needed.heats[i]) if needed else [],
                 heat_follows=[f.as_dict() for f in needed.follows] if needed else [],
+                **(constants.as_columns() if constants else {}),
                 status=status,
                 message="; ".join(dict.fromkeys(m for m in messages if m)),
             )
@@ -157,6 +162,15 @@ def _compare(task: LoopTask) -> Comparison:
             )
     records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels)
+
+
+def _constants(task: LoopTask, fit: Fit, sensor: int, wider: float) -> Constants | None:
+    """Heat capacity and resistance where the drive is a power in watts."""
+    unit = watts(fit.run.drive) if fit.run.drive else None
+    if unit is None:
+        return None
+    most = unit * float(np.nanmax(np.abs(task.run.inputs[fit.run.drive])))
+    return thermal_constants(fit, sensor, most, wider)
 
 
 def _needed(task: LoopTask, fit: Fit, whole: Observations) -> tuple[NeededHeat | None, list[str]]:

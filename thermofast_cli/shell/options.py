@@ -139,7 +139,9 @@ reading_options = _together(
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
-drive_option = click.option("--drive", metavar="COLUMN", help="A logged column (power, duty) that the heat follows.")
+drive_option = click.option(
+    "--drive", metavar="COLUMN", help="A logged column (power, duty) that the heat follows; one in W tells compare J/K and K/W."
+)
 
 loop_options = _together(
     click.option(
