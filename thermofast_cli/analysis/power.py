@@ -29,9 +29,7 @@ class Constants:
 
     def in_words(self) -> str:
         """'heat capacity 812 J/K (780 to 845), resistance 0.42 K/W (0.41 to 0.43)'."""
-        c, r = (
-            f"{v:.4g} {u} ({lo:.4g} to {hi:.4g})" for u, (v, lo, hi) in zip(("J/K", "K/W"), self._both, strict=True)
-        )
+        c, r = (f"{v:.4g} {u} ({lo:.4g} to {hi:.4g})" for u, (v, lo, hi) in zip(("J/K", "K/W"), self._both, strict=True))
         return f"heat capacity {c}, resistance to the surroundings {r}"
 
     @property
