@@ -60,6 +60,7 @@ HEAT: dict[str, Callable[[Params, float, float, float], float]] = {  # factor at
     "friction_decay": lambda p, mid, t, q: 1 + p["a"] * np.exp(-t / p["tau_r"]),
     "random_walk_heat": lambda p, mid, t, q: 1 + p["size"] * float(p["path"](t)),
     "hysteresis_friction": lambda p, mid, t, q: 1 - p["depth"] * q,
+    "planned": lambda p, mid, t, q: p["levels"][int(np.searchsorted(p["at_min"], mid))],  # a heat that is switched on purpose
 }
 
 
@@ -153,6 +154,7 @@ def simulate(truth: Params, t: Array, method: str | None = None, rtol: float = 1
     method = method or ("DOP853" if square and not lag else "LSODA")
     longest = min(cyc["period_min"] / 4 if cyc else np.inf, KNOT if "random_walk_heat" in fx else np.inf, 10.0 if hyst else np.inf)
     jumps = [fx[k]["event_min"] for k in ("load_step", "cooling_switch") if k in fx]
+    jumps += list(fx["planned"]["at_min"]) if "planned" in fx else []
     if square:
         jumps += list((np.arange(2 * end / cyc["period_min"] + 3) / 2 - cyc["phase"] / 2 / np.pi) * cyc["period_min"])
     edges = [0.0, *(x for x in sorted(jumps) if 1e-9 < x < end - 1e-9), end]

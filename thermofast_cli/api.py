@@ -306,6 +306,7 @@ def diagnose(
     extra: Iterable[str] = (),
     false_alarm: float = 0.01,
     together: bool = False,
+    next_experiment: bool = False,
     start: Start = "auto",
     jobs: int | None = 1,
     executor: Executor | None = None,
@@ -313,6 +314,8 @@ def diagnose(
     **reading: Any,
 ) -> Diagnosis:
     """Which physical effect is missing; together: one search of several runs of one machine.
+
+    next_experiment: where causes remain that the record does not part, simulate which run would.
 
     Raises
     ------
@@ -330,6 +333,7 @@ def diagnose(
         drive=drive,
         model=model_of(model),
         false_alarm=false_alarm,
+        next_experiment=next_experiment,
     )
 
 

@@ -129,7 +129,8 @@ def over_runs(
 
 @contextmanager
 def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator["Spread"]:
-    if jobs < 2 or max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) < SHARED_FROM:
+    small = max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) < SHARED_FROM
+    if jobs < 2 or (small and not any(t.next_experiment for t in tasks)):
         yield map
         return
     shared = Shared(jobs)

@@ -183,7 +183,8 @@ class DiagnoseRecord(Record):
     """Which effect is missing, repeated in each sensor that it concerns; docs/architecture.md has the rules.
 
     explained_share is that of the sensor's misfit which the effects named explain, remaining_c [K] what they leave beside noise;
-    explained has the effects in the order of what they explain, over all sensors.
+    explained has the effects in the order of what they explain, over all sensors. next_experiment has the runs that might settle
+    what is open, the one proposed first, with how many of those simulated named the true cause alone, where they were asked for.
     """
 
     verdict: str = ""
@@ -198,6 +199,7 @@ class DiagnoseRecord(Record):
     explained: list[dict[str, Any]] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     ranking: list[dict[str, Any]] = field(default_factory=list)
+    next_experiment: list[dict[str, Any]] = field(default_factory=list)
     advice: str = ""
     status: str = "ok"
     message: str = ""

@@ -122,7 +122,9 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
 def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
     """Less simple ways of acting, where the simple one leaves a pattern."""
     more = [c for c in effect.choices(before.run) if not c.simple]
-    if effect.changes_heat and any(part.effect.changes_heat for part in before.model.parts):
+    # Beside a heat that is not constant, a source of its own and a change of all of it are different things.
+    varies = before.run.heat is not None or any(part.effect.changes_heat for part in before.model.parts)
+    if effect.changes_heat and varies:
         plain = best[2].choice
         more = [
             replace(plain, label=f"{plain.label} times the rest".strip(), constants={**plain.constants, "product": True}),

@@ -27,6 +27,9 @@ from ..shell.options import (
     metavar="FILE.py",
     help="Where the heat that one RUN needs follows its logged columns, write that as an effect of your own, to read and add.",
 )
+@click.option(
+    "--next", "next_experiment", is_flag=True, help="Where causes remain open: simulate which run would settle it (a minute)."
+)
 @model_option
 @reading_options
 @output_options
@@ -38,6 +41,7 @@ def command(
     false_alarm: float,
     effects: str | None,
     together: bool,
+    next_experiment: bool,
     write_effect: str | None,
     model: str | None,
     form: str | None,
@@ -55,6 +59,9 @@ def command(
 
     With --together the evidence for an effect is summed over several runs of one machine; what one run alone shows is its event.
 
+    --next takes each cause that remains possible for the truth, simulates the runs that it would give (once more, longer, read
+    faster, with the heat switched off or halved) and searches them: the run proposed is one that most often settles it.
+
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..output.screen import number, percent, text
@@ -70,7 +77,7 @@ def command(
         check_effect_target(write_effect)
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
     options["model"] = load_model(model)
-    options["together"] = together
+    options["together"], options["next_experiment"] = together, next_experiment
     diagnose_runs([], names(effects), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
     with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:

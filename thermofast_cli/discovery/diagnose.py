@@ -13,6 +13,7 @@ from thermofast.models.search.discover import Discovery, Spread, discover, disco
 from thermofast.models.search.dominant import misfit
 from thermofast.models.search.judge import widening
 
+from ..analysis.next_experiment import Experiment, causes, experiment_words, next_experiments
 from ..errors import ThermofastError
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import PluginError
@@ -129,9 +130,8 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     if prepared is None:
         return refused_records(DiagnoseRecord, task.run.name, observed)
     told = search_run(task, prepared, spread)
-    return in_order(
-        _records(task, prepared, told.discovery, told.broken) + refused_records(DiagnoseRecord, task.run.name, observed), task.run
-    )
+    records = _records(task, prepared, told.discovery, told.broken, spread)
+    return in_order(records + refused_records(DiagnoseRecord, task.run.name, observed), task.run)
 
 
 def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[list[DiagnoseRecord]]:
@@ -168,7 +168,7 @@ def _who_shows(found: Sequence[Discovery], names: Sequence[str]) -> list[str]:
     return [f"of {len(names)} runs searched together: {'; '.join(said)}"] if said else [f"{len(names)} runs searched together"]
 
 
-def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[str]) -> list[DiagnoseRecord]:
+def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[str], spread: Spread = map) -> list[DiagnoseRecord]:
     """A record for each sensor of what a search found."""
     seen = prepared.seen
     ranking = [ranked(c, found) for c in found.singles]
@@ -185,6 +185,8 @@ def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[s
         advice, status = beyond, "not_determined"
     times = widening(found.named.fit) if found.named is not None else 1.0
     left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
+    after = _next(task, found, status, spread)
+    advice = f"{experiment_words(after)}; {advice}" if after else advice
     records = []
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
@@ -206,12 +208,20 @@ def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[s
                 noise_c=float(found.named.fit.noise[i] if found.named and not found.partly else seen.noise[i]),
                 parameters=parameters_of(found.named.fit, i, times) if found.named is not None else {},
                 ranking=ranking,
+                next_experiment=[e.as_dict() for e in after],
                 advice=advice,
                 status=status,
                 message=message,
             )
         )
     return records
+
+
+def _next(task: LoopTask, found: Discovery, status: str, spread: Spread) -> list[Experiment]:
+    """Possible experiments where they were asked for and two causes are open, or one is not determined."""
+    if not task.next_experiment or not (len(causes(found)) > 1 or (found.named is not None and status == "not_determined")):
+        return []
+    return next_experiments(found, chosen_effects(task.names, task.extra), spread)
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:

@@ -38,6 +38,7 @@ class LoopTask:
     input_ranges: tuple[tuple[str, float], ...] = ()
     want_curves: bool = False
     unknown_heat: bool = False
+    next_experiment: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:

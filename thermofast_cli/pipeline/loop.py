@@ -85,15 +85,17 @@ def compare_runs(
 def diagnose_runs(
     started: Sequence[Started], effects: tuple[str, ...] = (), how: Work | None = None, together: bool = False, **options: Any
 ) -> Diagnosis:
-    """Which effect is missing; options are those of :func:`loop_tasks` and ``false_alarm``.
+    """Which effect is missing; options are those of :func:`loop_tasks`, ``false_alarm`` and ``next_experiment``.
 
     together: the runs are of one machine and searched as one.
 
     Raises
     ------
-    UsageError: a model with runs together, runs together that are not of one machine, and as :func:`loop_tasks`.
+    UsageError: a model or next experiments with runs together, runs together not of one machine, and as :func:`loop_tasks`.
     """
     tasks = loop_tasks(started, names=effects, **options)
+    if together and options.get("next_experiment"):
+        raise UsageError("--next looks at one run, and --together at several as one", do="leave one of them out")
     if together and options.get("model") is not None:
         raise UsageError("--together searches beside the base model, and --model takes its place", do="leave one of them out")
     if together and tasks:

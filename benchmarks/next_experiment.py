@@ -1,0 +1,102 @@
+"""Does the run that `diagnose --next` proposes settle what a record left open? On machines of the tests' own simulator.
+
+python -m benchmarks.next_experiment [--cases 40] [--seed 30000] draws faint single effects until so many records are left with the
+true cause and another; simulates the run proposed, and the same run once more, by scipy's ODE solver, which knows nothing of the
+search; searches them with the whole catalogue; and prints how often the true cause alone is named. A run once more is searched by
+itself and together with the first.
+"""
+
+import argparse
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+import thermofast as tf
+from tests.machines import EFFECTS, Case, _record, draw
+from thermofast.analysis.next_experiment import _grid, causes, next_experiments, possible
+from thermofast.discovery.observe import observe
+from thermofast.models import Observations
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.search.discover import discover, discover_together
+
+CATALOGUE = [effect() for effect in BUILT_IN]
+
+
+def observed(case: Case, heat: np.ndarray | None = None) -> Observations:
+    """A case as the loop sees it, with the heat (N,) as logged drive where it is switched."""
+    columns = dict(case.columns)
+    if heat is None:
+        run = tf.read(columns, ambient="ambient")
+        seen = observe(run).seen
+    else:
+        run = tf.read({**columns, "heat_on": heat}, ambient="ambient", inputs="heat_on")
+        seen = observe(run, 0.0, "heat_on").seen
+    assert seen is not None
+    return seen
+
+
+def again(case: Case, k: int, rng: np.random.Generator) -> Observations:
+    """The k-th possible experiment on the machine of a case."""
+    seen = observed(case)
+    time, heat = _grid(k, seen)
+    truth = {**case.truth, "effects": dict(case.truth["effects"])}
+    if heat is not None:
+        at = np.flatnonzero(np.diff(heat) != 0.0)
+        edges = [0.5 * float(time[i] + time[i + 1]) for i in at]
+        truth["effects"]["planned"] = {"at_min": edges, "levels": [float(heat[0]), *(float(heat[i + 1]) for i in at)]}
+    told = replace(_record(case.kind, truth, np.asarray(time), False, case.noise, case.step, rng), truth=truth)
+    return observed(told, heat)
+
+
+def trial(seed: int) -> tuple[str, bool, bool, str] | None:
+    """(true cause, settled by the run proposed, by the same run once more, the run); None where the truth is not left open."""
+    rng = np.random.default_rng(seed)
+    kind = str(rng.choice(EFFECTS))
+    case = draw(kind, rng, "faint")
+    if case.truth["dt_min"] > 1.0:  # when a heat is switched between two readings of a coarse logger is not known
+        return None
+    first = observed(case)
+    found = discover(first, CATALOGUE)
+    open_ = causes(found)
+    if len(open_) < 2 or all(c.ids != (kind,) for c in open_):
+        return None
+    proposed = next_experiments(found, CATALOGUE)[0]
+    k = next(i for i, e in enumerate(possible(first)) if e.name == proposed.name)
+
+    def settled(run: Observations, repeat: bool) -> bool:
+        searches = [discover(run, CATALOGUE)] + (discover_together([first, run], CATALOGUE)[1:] if repeat else [])
+        return any(f.named is not None and all(set(c.ids) == {kind} for c in (f.named, *f.also)) for f in searches)
+
+    with_it = settled(again(case, k, rng), k == 0)
+    once_more = with_it if k == 0 else settled(again(case, 0, rng), True)
+    return kind, with_it, once_more, f"{proposed.name} ({proposed.settled} of {proposed.runs})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=30_000)
+    asked = parser.parse_args()
+    found: list[tuple[str, bool, bool, str]] = []
+    looked, seed = 0, asked.seed
+    with ProcessPoolExecutor() as pool:
+        while len(found) < asked.cases:
+            seeds = range(seed, seed + 16)
+            for one in pool.map(trial, seeds):
+                looked += 1
+                if one is not None and len(found) < asked.cases:
+                    found.append(one)
+                    print(f"{one[0]}: {one[3]}: {'settled' if one[1] else 'not settled'}; once more: {one[2]}", flush=True)
+            seed += 16
+    print("\n| true cause | cases | settled by the run proposed | by the same run once more |\n| --- | ---: | ---: | ---: |")
+    for kind, number in Counter(k for k, *_ in found).items():
+        mine = [f for f in found if f[0] == kind]
+        print(f"| {kind} | {number} | {sum(m[1] for m in mine)} | {sum(m[2] for m in mine)} |")
+    print(f"| all | {len(found)} | {sum(f[1] for f in found)} | {sum(f[2] for f in found)} |")
+    print(f"\n{looked} faint records looked at.")
+
+
+if __name__ == "__main__":
+    main()
