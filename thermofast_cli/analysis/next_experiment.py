@@ -97,10 +97,11 @@ def simulated(fit: Fit, k: int, rng: np.random.Generator) -> Observations:
     if seen.heat is not None:
         before = np.interp(time, seen.time, seen.heat)
         heat = before if heat is None else before * heat
-    columns = {n: {c: np.interp(time, seen.time, v) for c, v in getattr(seen, n).items()} for n in ("ambient", "inputs")}
+    ambient, inputs = ({c: np.interp(time, seen.time, v) for c, v in columns.items()} for columns in (seen.ambient, seen.inputs))
     weight = np.array([np.interp(time, seen.time, np.where(w > 0.0, w, np.median(w[w > 0.0]))) for w in seen.weight])
     drive = seen.drive if heat is None or seen.drive else "heat"
-    run = replace(seen, time=time, reading=np.zeros((seen.sensors, len(time))), weight=weight, heat=heat, drive=drive, **columns)
+    run = replace(seen, time=time, reading=np.zeros((seen.sensors, len(time))), weight=weight, heat=heat, drive=drive)
+    run = replace(run, ambient=ambient, inputs=inputs)
     # The first readings tell the surroundings where nobody logs them.
     run.reading[:] = fit.curve[:, :1]
     told: dict[Key, Any] = {**fit.values}

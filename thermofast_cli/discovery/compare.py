@@ -166,10 +166,11 @@ def _compare(task: LoopTask) -> Comparison:
 
 def _constants(task: LoopTask, fit: Fit, sensor: int, wider: float) -> Constants | None:
     """Heat capacity and resistance where the drive is a power in watts."""
-    unit = watts(fit.run.drive) if fit.run.drive else None
-    if unit is None:
+    drive = fit.run.drive
+    unit = watts(drive) if drive else None
+    if drive is None or unit is None:
         return None
-    most = unit * float(np.nanmax(np.abs(task.run.inputs[fit.run.drive])))
+    most = unit * float(np.nanmax(np.abs(task.run.inputs[drive])))
     return thermal_constants(fit, sensor, most, wider)
 
 
