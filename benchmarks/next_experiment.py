@@ -15,8 +15,8 @@ import numpy as np
 
 import thermofast as tf
 from tests.machines import EFFECTS, Case, _record, draw
-from thermofast.analysis.next_experiment import _grid, causes, next_experiments, possible
 from thermofast.discovery.observe import observe
+from thermofast.experiments.next_experiment import _grid, causes, next_experiments, possible
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.search.discover import discover, discover_together

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from thermofast.analysis.simulation import Probe, simulate
+from thermofast.experiments.simulation import Probe, simulate
 from thermofast.output.files import write_columns, write_json
 
 ROOM = 17.9

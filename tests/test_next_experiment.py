@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.analysis.next_experiment import Experiment, causes, experiment_words, next_experiments, possible, simulated
 from thermofast.discovery.observe import observe
+from thermofast.experiments.next_experiment import Experiment, causes, experiment_words, next_experiments, possible, simulated
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import fit_model
 from thermofast.models.search.discover import discover

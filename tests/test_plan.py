@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.analysis import planning
+from thermofast.experiments import planning
 from thermofast.models.imperfection import TYPICAL
 from thermofast.models.imperfection.draw import draw_record
 

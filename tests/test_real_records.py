@@ -100,7 +100,7 @@ def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
     block = judged("heatshield/duty_sequence.csv", (), "heater_duty", ("nonlinear_loss", "second_mode"))
     assert block["before"] < 1.2
     assert block["known_after"] < 0.6 * block["before"]
-    assert block["verdict"] == "unexplained"
+    assert block["verdict"] == "second_mode"
 
 
 # Two of the records of docs/real-records.md; python -m benchmarks.real_loop tries them all.

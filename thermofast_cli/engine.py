@@ -102,18 +102,23 @@ def over_sensors(
 
 
 def over_runs(
-    work: Callable[..., list[Any]], tasks: Sequence[Any], lost: Callable[[Any], list[Any]], how: Work, shares: bool = False
+    work: Callable[..., list[Any]],
+    tasks: Sequence[Any],
+    lost: Callable[[Any], list[Any]],
+    how: Work,
+    shares: bool = False,
+    long: bool = False,
 ) -> tuple[list[Any], bool]:
     """Results in the order of the runs, and whether the user interrupted.
 
     Many runs are spread over processes, a run each. ``shares``: the work takes a keyword `spread` and shares out a single large
-    run by it.
+    run by it, and a small one where the work is `long`.
     """
     wanted = how.jobs if how.jobs is not None else cores()
     several = len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or how.executor is not None
     single = len(tasks) == 1
     found: list[Any] = []
-    with _sharing(tasks, 1 if several or not shares else wanted) as spread:
+    with _sharing(tasks, 1 if several or not shares else wanted, long) as spread:
         doing = partial(work, spread=_counted(spread, how.advance) if single and not several else spread) if shares else work
         try:
             processes = min(wanted, len(tasks)) if several else 1
@@ -128,9 +133,8 @@ def over_runs(
 
 
 @contextmanager
-def _sharing(tasks: Sequence[Any], jobs: int) -> Iterator["Spread"]:
-    small = max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) < SHARED_FROM
-    if jobs < 2 or (small and not any(t.next_experiment for t in tasks)):
+def _sharing(tasks: Sequence[Any], jobs: int, long: bool) -> Iterator["Spread"]:
+    if jobs < 2 or not (long or max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) >= SHARED_FROM):
         yield map
         return
     shared = Shared(jobs)

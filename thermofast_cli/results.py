@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
     from .analysis.changed import Difference
     from .analysis.displacement import Panel as DisplacementPanel
-    from .analysis.planning import Curve
     from .analysis.watching import Look
     from .discovery.compare import Panel
     from .discovery.improve import Improved
     from .estimation.identify import Curves
     from .estimation.sweep import Swept
+    from .experiments.planning import Curve
     from .machine.model import Model
 
 

@@ -205,3 +205,8 @@ def varying(columns: dict[str, Array]) -> dict[str, Array]:
 def heated(drive: Drive, change: Any, p: Any) -> Any:
     """The heat with a relative change more: another source beside the others or, with p.product, all of them scaled."""
     return drive.heat * (1.0 + change) if getattr(p, "product", False) else drive.heat + change
+
+
+def driven(run: Observations) -> dict[str, Any]:
+    """Constants of a choice: a change of a heat that is logged scales it, and is off when the heat is off."""
+    return {"product": True} if run.heat is not None else {}

@@ -8,7 +8,7 @@ import numpy as np
 from ..core.kernel import Array
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, heated
+from .base import Choice, Effect, Parameter, driven, heated
 
 
 class CyclicLoad(Effect):
@@ -36,9 +36,9 @@ class CyclicLoad(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         return (
-            Choice("sine", {"wave": "sine", "duty": 0.5}, ("duty",)),
-            Choice("square", {"wave": "square", "duty": 0.5}, ("duty",), simple=False),
-            Choice("square, uneven", {"wave": "square"}, simple=False),
+            Choice("sine", {"wave": "sine", "duty": 0.5, **driven(run)}, ("duty",)),
+            Choice("square", {"wave": "square", "duty": 0.5, **driven(run)}, ("duty",), simple=False),
+            Choice("square, uneven", {"wave": "square", **driven(run)}, simple=False),
         )
 
     def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:
@@ -65,8 +65,10 @@ class CyclicLoad(Effect):
             left[max(0, best - 2) : best + 3] = -1.0
         return found
 
-    def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array:
+    def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array | None:
         """A lump answers a wave with a wave; what its start adds decays like the curve and lies in the fit's own directions."""
+        if run.heat is not None:
+            return None
         omega = 2.0 * np.pi / np.array([p["period"] for p in points[::2]])
         sine, cosine = np.sin(omega[:, None] * run.time), np.cos(omega[:, None] * run.time)
         answer = (rise * rate)[:, None] / (rate[:, None] + 1j * omega)

@@ -1,12 +1,13 @@
 """``friction_decay``: grease and preload run in."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Effect, Parameter, heated
+from .base import Choice, Effect, Parameter, driven, heated
 
 
 class FrictionDecay(Effect):
@@ -39,6 +40,9 @@ class FrictionDecay(Effect):
             settles="time",
         ),
     )
+
+    def choices(self, run: Observations) -> Sequence[Choice]:
+        return (Choice("", driven(run)),)
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         length = np.maximum(np.diff(run.time, prepend=run.time[0] - run.step), 1e-12)

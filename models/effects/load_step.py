@@ -7,7 +7,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, heated, varying
+from .base import Choice, Effect, Parameter, driven, heated, varying
 
 
 class LoadStep(Effect):
@@ -42,7 +42,7 @@ class LoadStep(Effect):
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
-        free = Choice("", {"column": "", "power": 1.0, "ending": 0.5}, ("power",))
+        free = Choice("", {"column": "", "power": 1.0, "ending": 0.5, **driven(run)}, ("power",))
         found = [free]
         for name, column in list(varying(run.inputs).items())[:6]:
             top = float(np.abs(column).max())

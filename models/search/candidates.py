@@ -126,11 +126,10 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
     varies = before.run.heat is not None or any(part.effect.changes_heat for part in before.model.parts)
     if effect.changes_heat and varies:
         plain = best[2].choice
-        more = [
-            replace(plain, label=f"{plain.label} times the rest".strip(), constants={**plain.constants, "product": True}),
-            *more,
-        ]
-        more += [replace(c, constants={**c.constants, "product": True}) for c in more[1:]]
+        other = not plain.constants.get("product", False)
+        said = f"{plain.label} {'times' if other else 'beside'} the rest".strip()
+        more = [replace(plain, label=said, constants={**plain.constants, "product": other}), *more]
+        more += [replace(c, constants={**c.constants, "product": other}) for c in more[1:]]
     if not more or best[0] < RULES.worth or least_p(sensor_p_values(best[1])) >= RULES.pattern:
         return best
     values = best[1].values

@@ -46,7 +46,7 @@ class $kind(Effect):
     logged = True
     uses_sink = True
     changes_heat = True
-    amplitude = "change"
+    amplitude = "heat_share"
     parameters = (
 $parameters    )
 
@@ -57,7 +57,7 @@ $parameters    )
     def apply(self, drive, run, p):
         logged = {**run.ambient, **run.inputs}
         change = 0.0
-$terms        drive.heat = drive.heat + p.change * change
+$terms        drive.heat = drive.heat + p.heat_share * change
 ''')
 
 
@@ -117,7 +117,7 @@ def _source(follows: tuple[Follows, ...], whole: Observations, run: str, path: s
     logged = {**whole.ambient, **whole.inputs}
     words = [re.sub(r"\W+", "_", f.column).strip("_").lower() or "input" for f in follows]
     words = [f"{w}_{k + 1}" if w in words[:k] or keyword.iskeyword(w) else w for k, w in enumerate(words)]
-    parameters = [("change", "1", -3.0, 10.0, 0.5, "share of the heat that follows", "null=0.0")]
+    parameters = [("heat_share", "1", -3.0, 10.0, 0.5, "share of the heat that follows", "null=0.0")]
     terms, equation, scales = [], [], []
     for k, (f, word) in enumerate(zip(follows, words, strict=True)):
         column, text = logged[f.column], _plain(f.column)
@@ -155,7 +155,7 @@ def _source(follows: tuple[Follows, ...], whole: Observations, run: str, path: s
         kind=kind,
         id="heat_follows_" + "_".join(words),
         words=_plain(in_words(follows)),
-        equation=f"heat(t) = 1 + change [{' + '.join(equation)}]",
+        equation=f"heat(t) = 1 + heat_share [{' + '.join(equation)}]",
         scales="".join(scales),
         parameters="".join(told),
         terms="".join(terms),

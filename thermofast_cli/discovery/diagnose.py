@@ -13,8 +13,8 @@ from thermofast.models.search.discover import Discovery, Spread, discover, disco
 from thermofast.models.search.dominant import misfit
 from thermofast.models.search.judge import widening
 
-from ..analysis.next_experiment import Experiment, causes, experiment_words, next_experiments
 from ..errors import ThermofastError
+from ..experiments.next_experiment import Experiment, causes, experiment_words, next_experiments
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import PluginError
 from ..records import DiagnoseRecord, finite

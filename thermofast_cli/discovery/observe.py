@@ -21,6 +21,8 @@ FINE = 0.05
 #: No grid has more points than this.
 MOST_POINTS = 1500
 FEWEST_READINGS = 24
+#: Share of a drive's range that is a jump, and readings on either side of it that tell when in its interval it came.
+JUMP, ABOUT = 0.3, 10
 
 
 @dataclass(frozen=True)
@@ -75,10 +77,26 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
     if note:
         notes.append(Note(None, note))
     if drive is not None:
-        # Loggers hold a column, or tell what was, or mean a straight line: the temperatures know which.
-        ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
-        seen = min(ways, key=lambda way: float((fit_model(way).rss / way.noise**2).sum()))
+        seen = _driven(seen, drive)
     return Observed(seen, tuple(refused), tuple(notes), len(time))
+
+
+def _driven(seen: Observations, drive: str) -> Observations:
+    """The run with a logged column as its heat, of which the temperatures tell how the logger keeps it.
+
+    Loggers hold a column, or tell what was, or mean a straight line. Where it jumps, the readings about the largest jump decide:
+    farther away the effects that a first fit lacks would.
+    """
+    ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
+    column = seen.inputs[drive]
+    jumps = np.abs(np.diff(column))
+    if jumps.max(initial=0.0) > JUMP * float(np.ptp(column)):
+        far = np.abs(np.arange(len(column)) - int(np.argmax(jumps)) - 0.5) > ABOUT
+        near = [way.without(far) for way in ways]
+        if int(near[0].used.sum(axis=1).min()) >= ABOUT:
+            votes = np.argmin([fit_model(way).rss for way in near], axis=0)  # a sensor that is late must not outvote the others
+            return ways[int(np.argmax(np.bincount(votes, minlength=len(ways))))]
+    return min(ways, key=lambda way: float((fit_model(way).rss / way.noise**2).sum()))
 
 
 def _refusal(reading: Array) -> tuple[str, str] | None:

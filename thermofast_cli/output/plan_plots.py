@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from .plots import new_figure
 
 if TYPE_CHECKING:
-    from ..analysis.planning import Curve
+    from ..experiments.planning import Curve
 
 
 def draw_plan(curves: Sequence["Curve"], tolerances_c: Sequence[float]) -> Any:

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from thermofast.models.imperfection import Imperfection
 
-    from ..analysis.planning import Design
     from ..analysis.sensitivity import Sizes
     from ..estimation.identify import Method
+    from ..experiments.planning import Design
     from ..machine.model import Model
 
 
@@ -100,8 +100,8 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
 
     from thermofast.models import third_difference_noise
 
-    from ..analysis.planning import TURNS, Design, of_all
     from ..estimation.identify import identify_sensors
+    from ..experiments.planning import TURNS, Design, of_all
     from .methods import choose
 
     run, start = one
@@ -158,7 +158,7 @@ def plan_design(
     from dataclasses import fields, replace
     from statistics import median
 
-    from ..analysis.planning import Design, plan
+    from ..experiments.planning import Design, plan
     from ..machine.past import past_of_model
 
     known = [f.name for f in fields(Design)]
@@ -246,8 +246,8 @@ def simulate_record(
     """
     import numpy as np
 
-    from ..analysis.hidden import simulate_hidden
-    from ..analysis.simulation import Probe, draw_probes, simulate
+    from ..experiments.hidden import simulate_hidden
+    from ..experiments.simulation import Probe, draw_probes, simulate
     from ..plugins.effects import chosen_effects
 
     if duration_min * 60.0 / interval_s > 1e7:

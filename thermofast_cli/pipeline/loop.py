@@ -103,7 +103,8 @@ def diagnose_runs(
         told = diagnose_together(tasks)
         work.advance(len(tasks))
         return Diagnosis(tuple(r for records in told for r in records), tuple(run for run, _ in started), False)
-    found, interrupted = over_runs(diagnose_task, tasks, diagnose_lost, how or Work(), shares=True)
+    long = bool(options.get("next_experiment"))
+    found, interrupted = over_runs(diagnose_task, tasks, diagnose_lost, how or Work(), shares=True, long=long)
     return Diagnosis(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Part, Past, PastRun, Rates, learn_past, settle
 from thermofast.models.imperfection.draw import draw_record
 
+from ..analysis.watching import TOGETHER
 from ..records import PlanRecord
-from .watching import TOGETHER
 
 Array = NDArray[np.float64]
 

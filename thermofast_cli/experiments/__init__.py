@@ -1,0 +1,1 @@
+"""Runs that are not yet: simulated, planned, proposed."""
