@@ -1,6 +1,7 @@
-"""Runs docs/tutorial.md command by command: ``python -m benchmarks.tutorial`` writes what they print under each of them.
+"""Runs the tutorials command by command: ``python -m benchmarks.tutorial`` writes what they print under each of them.
 
 A block is ``$ thermofast ...`` in a console fence and what it prints beneath; the suite runs the same blocks and holds the figures.
+docs/tutorial-real.md needs the records of ../shared/data and is left as it is where they are absent.
 """
 
 import os
@@ -13,7 +14,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "tutorial.md"
+PAGE, REAL_PAGE = ROOT / "docs" / "tutorial.md", ROOT / "docs" / "tutorial-real.md"
+REAL = ROOT.parent / "shared" / "data" / "heatshield"
 BLOCK = re.compile(r"```console\n\$ (.+?)\n(.*?)```", re.S)
 
 
@@ -35,20 +37,23 @@ def run(command: str, folder: Path) -> str:
 
 
 def workplace() -> Path:
-    """A folder with the sample runs in it."""
+    """A folder with the sample runs in it, and the measured one of the second page where it is there."""
     folder = Path(tempfile.mkdtemp())
     (folder / "sample_runs").symlink_to(ROOT / "sample_runs")
+    if REAL.exists():
+        (folder / "real").symlink_to(REAL)
     return folder
 
 
 def main() -> None:
-    """Rewrite the page with what its commands print today, and the pictures it shows."""
+    """Rewrite the pages with what its commands print today, and the pictures it shows."""
     folder = workplace()
-    text = PAGE.read_text()
-    page = BLOCK.sub(lambda m: f"```console\n$ {m.group(1)}\n{run(m.group(1), folder)}\n```", text)
-    PAGE.write_text(page)
+    for path in (PAGE, REAL_PAGE) if REAL.exists() else (PAGE,):
+        page = BLOCK.sub(lambda m: f"```console\n$ {m.group(1)}\n{run(m.group(1), folder)}\n```", path.read_text())
+        path.write_text(page)
     for picture in folder.glob("*.png"):
-        shutil.copy(picture, ROOT / "docs" / f"tutorial-{picture.name}")
+        if picture.name != "real.png":  # the record is not ours to draw in our pages
+            shutil.copy(picture, ROOT / "docs" / f"tutorial-{picture.name}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from benchmarks.tutorial import BLOCK, PAGE, run, workplace
+from benchmarks.tutorial import BLOCK, PAGE, REAL, REAL_PAGE, run, workplace
 
 NUMBER = re.compile(r"^[-+]?\d+(\.\d+)?$")
 
@@ -21,10 +21,13 @@ def same(shown, printed):
     )
 
 
-def test_every_command_prints_what_the_page_shows():
+@pytest.mark.parametrize(("path", "commands"), [(PAGE, 9), (REAL_PAGE, 5)])
+def test_every_command_prints_what_the_page_shows(path, commands):
+    if path == REAL_PAGE and not REAL.exists():
+        pytest.skip(f"{REAL} is not there")
     folder = workplace()
-    blocks = BLOCK.findall(PAGE.read_text())
-    assert len(blocks) >= 9
+    blocks = BLOCK.findall(path.read_text())
+    assert len(blocks) >= commands
     for command, shown in blocks:
         printed = run(command, folder).split()
         page = shown.split()

@@ -73,7 +73,7 @@ def test_compare_tells_the_heat_and_the_column_that_it_follows(tmp_path):
         assert follows[0]["powers"][0] <= 2.0 <= follows[0]["powers"][1]
         assert follows[0]["correlation"] > 0.9
         assert "the unknown heat follows speed" in record.message
-        assert "at a rate that the same readings gave" in record.message
+        assert "which the same readings gave" in record.message
         first = record.unknown_heat[0]
         assert set(first) == {"time_min", "heat_k_per_min", "lo_k_per_min", "hi_k_per_min"}
         assert first["lo_k_per_min"] < first["heat_k_per_min"] < first["hi_k_per_min"]

@@ -204,6 +204,20 @@ def _response(rate: float, knots: Array, time: Array) -> Array:
     return np.asarray(out[np.searchsorted(fine, time)])
 
 
+def simplest_rate(lump: Lump, rates: Sequence[float]) -> tuple[float, float]:
+    """The rate [1/min] at which the heat that a record needs is the simplest, and the standard deviation of its logarithm.
+
+    Of `rates`, evenly spaced in logarithm, each as likely as it makes the readings under the random walks: a heat that moves least.
+    """
+    likelihood = column_gains(lump, rates, np.empty((0, len(lump.time))))[1]
+    weight = np.exp(likelihood - likelihood.max())
+    weight /= weight.sum()
+    logs = np.log(rates)
+    mean = float(weight @ logs)
+    spacing = float(logs[1] - logs[0])
+    return float(np.exp(mean)), float(np.sqrt(weight @ (logs - mean) ** 2 + spacing**2 / 12.0))
+
+
 @dataclass(frozen=True)
 class Follows:
     """Heat that follows a logged column: to a power, so many minutes late.

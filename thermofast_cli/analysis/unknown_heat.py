@@ -9,13 +9,13 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.greybox import RATE, Model
 from thermofast.models.joint import Fit
-from thermofast.models.uncertainty.unknown_heat import Follows, Lump, UnknownHeat, claims, smooth_heat
+from thermofast.models.uncertainty.unknown_heat import Follows, Lump, UnknownHeat, claims, simplest_rate, smooth_heat
 
 if TYPE_CHECKING:
     from ..discovery.loop import LoopTask
 
-#: The logarithm of a rate learnt on other runs is known no better than this.
-LEAST_DEVIATION = 0.03
+#: The logarithm of a rate is known no better than this, and a worse one is told as this.
+LEAST_DEVIATION, MOST_DEVIATION = 0.03, 0.7
 FEWEST_READINGS = 24
 #: Rates that a column may come with where no other run tells them, times the length of the record.
 POSSIBLE = np.geomspace(0.5, 40.0, 19)
@@ -62,20 +62,30 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     known = {i: lump for i, lump in enumerate(lumps) if lump is not None}
     own = [c not in learnt for c in whole.channels]
     # A rate that the same readings gave is bent by the heat that the fit did not know of: a column may come with another.
-    may = [(POSSIBLE / whole.span).tolist() if own[i] else [float(rates[i])] for i in known]
-    follows = claims(list(known.values()), may, columns, whole.time)
-    at = np.where(own, np.clip(rates, POSSIBLE[0] / whole.span, POSSIBLE[-1] / whole.span), rates)
-    if follows:
-        at[list(known)] = follows[-1].rates
-    unsure = np.where(own, 0.0, np.maximum(np.nan_to_num(errors), LEAST_DEVIATION))
-    heats = [None if lump is None else smooth_heat(lump, float(at[i]), float(unsure[i])) for i, lump in enumerate(lumps)]
+    may = {i: possible_rates(lump) if own[i] else [float(rates[i])] for i, lump in known.items()}
+    follows = claims(list(known.values()), list(may.values()), columns, whole.time)
+    heats: list[UnknownHeat | None] = [None] * whole.sensors
+    for place, (i, lump) in enumerate(known.items()):
+        followed = follows[-1].rates[place] if follows else None
+        rate, unsure = told_rate(lump, followed) if own[i] else (float(rates[i]), float(np.nan_to_num(errors[i])))
+        heats[i] = smooth_heat(lump, rate, min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION))
     return NeededHeat(tuple(heats), tuple(follows), any(own))
+
+
+def possible_rates(lump: Lump) -> list[float]:
+    """Rates [1/min] that a record of this length may show."""
+    return (POSSIBLE / float(lump.time[-1] - lump.time[0])).tolist()  # type: ignore[no-any-return]
+
+
+def told_rate(lump: Lump, followed: float | None) -> tuple[float, float]:
+    """Rate and deviation of its logarithm from the record alone: that at which the heat follows a column, or is the simplest."""
+    return (followed, LEAST_DEVIATION) if followed is not None else simplest_rate(lump, possible_rates(lump))
 
 
 #: What a reader of a heat must know where the rate comes from the same record.
 OWN_RATE = (
-    "the unknown heat is told at a rate that the same readings gave, and its band does not hold the error of that rate: --model "
-    "with a model learnt on another run of the machine makes it whole"
+    "the unknown heat is told at the rate at which it follows a column or moves least, which the same readings gave: with --model, "
+    "learnt on another run of the machine, it is surer"
 )
 
 
