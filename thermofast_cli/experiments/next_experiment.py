@@ -63,17 +63,14 @@ def possible(seen: Observations) -> list[Experiment]:
     """Experiments that may be tried on a machine of which this was seen, those of least effort first."""
     span = seen.span
     cool = max(60.0, 0.5 * span)
+    off = f"with the heat off for {cool:.0f} min at its end"
     return [
         Experiment("the same run once more", 1),
         Experiment(f"the same run, read {FASTER} times as often", 2),
-        Experiment(f"the same run with the heat off for {cool:.0f} min at its end, logged (--drive)", 3),
+        Experiment(f"the same run {off}, logged (--drive)", 3),
         Experiment(f"the same run for {2.0 * span:.0f} min", 4),
-        Experiment(f"the same run with the heat off for {cool:.0f} min at its end and on again as long, logged (--drive)", 5),
-        Experiment(
-            f"the same run, read {FASTER} times as often, with the heat off for {cool:.0f} min at its end and on again as long, logged "
-            "(--drive)",
-            6,
-        ),
+        Experiment(f"the same run {off} and on again as long, logged (--drive)", 5),
+        Experiment(f"the same run, read {FASTER} times as often, {off} and on again as long, logged (--drive)", 6),
     ]
 
 
