@@ -12,6 +12,7 @@ from . import (
     imperfect,
     joint,
     loop_speed,
+    next_experiment,
     past_runs,
     planning,
     real_loop,
@@ -19,6 +20,7 @@ from . import (
     real_settling,
     speed,
     states,
+    unknown_heat,
     watching,
 )
 
@@ -35,6 +37,8 @@ for part in (
     dominant,
     auto,
     changed,
+    unknown_heat,
+    next_experiment,
     real_records,
     real_settling,
     filter_table,

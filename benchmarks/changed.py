@@ -8,6 +8,7 @@ and three litres and their repeats too.
 
 import argparse
 import importlib
+import itertools
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -73,6 +74,7 @@ def main() -> None:
                 )
     if POTS.is_dir():
         _pots()
+        _laptop()
 
 
 def _pots() -> None:
@@ -85,6 +87,14 @@ def _pots() -> None:
                 told = tf.changed(tf.read(POTS / f"{a}.csv"), tf.read(POTS / f"{b}.csv"))
                 change = "nothing" if a.split("_")[1] == b.split("_")[1] else "heat capacity"
                 print(f"| {a}, {b} | {change} | {told.verdict} |", flush=True)
+
+
+def _laptop() -> None:
+    """A laptop under one load at five coolings: its loss, as is said."""
+    print("\n| laptop | changed | said |\n| --- | --- | --- |")
+    paths = sorted((POTS.parent / "laptop").glob("*.csv"))
+    for a, b in itertools.combinations(paths, 2):
+        print(f"| {a.stem}, {b.stem} | loss | {tf.changed(tf.read(a), tf.read(b)).verdict} |", flush=True)
 
 
 if __name__ == "__main__":

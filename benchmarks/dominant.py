@@ -85,7 +85,7 @@ def judge(job: tuple[str, str | None, int]) -> Outcome:
     seen = observe(first).seen
     assert seen is not None
     began = time.perf_counter()
-    found = discover(seen, [kind() for kind in BUILT_IN])
+    found = discover(seen, [kind() for kind in BUILT_IN], RULES.false_alarm)
     spent = time.perf_counter() - began
     named = found.verdict.split("+") if found.named is not None else []
     rivals = [p.id for c in found.also[:1] for p in c.parts] if named else []
@@ -196,7 +196,7 @@ def judge_case(case: tuple[str, str]) -> tuple[str, str]:
     tier = f"clean, {key['tier']}" if clean else "imperfect, dominant" if effects else "imperfect, background"
     seen = observe(tf.read(CASES / folder / f"{name}_a.csv")).seen
     assert seen is not None
-    found = discover(seen, [kind() for kind in BUILT_IN])
+    found = discover(seen, [kind() for kind in BUILT_IN], RULES.false_alarm)
     named = set(found.verdict.split("+")) if found.named is not None else set()
     also = {p.id for c in found.also[:1] for p in c.parts} if named else set()
     fair = effects if clean else effects | BACKGROUND

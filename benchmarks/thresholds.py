@@ -6,12 +6,14 @@ from typing import Any
 
 from thermofast.estimation.rules import EstimationRules
 from thermofast.models.search.rules import SearchRules
+from thermofast.models.uncertainty.unknown_heat import HeatRules
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thresholds.md"
 HEAD = """# Thresholds
 
 What decides, with its value, its unit and where it comes from. Made by `python -m benchmarks.thresholds` of the settings objects
-in `thermofast_cli/estimation/rules.py` and `models/search/rules.py`. Settings of the filters are shown by `thermofast filters`,
+in `thermofast_cli/estimation/rules.py`, `models/search/rules.py` and
+`models/uncertainty/unknown_heat.py`. Settings of the filters are shown by `thermofast filters`,
 bounds of an effect's parameters by `thermofast effects`.
 """
 
@@ -33,6 +35,8 @@ def page() -> str:
         table(EstimationRules),
         "\n## The search for missing effects\n",
         table(SearchRules),
+        "\n## The unknown heat\n",
+        table(HeatRules),
         "",
     ]
     return "\n".join(parts)
