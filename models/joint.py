@@ -47,6 +47,8 @@ MOST_ITERATIONS = 40
 GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
 #: Time constants that a record seems to cover below which its rates are doubted.
 TURNED = 0.3
+#: Rates that a record may show, over its length.
+MAY_SHOW = (3.0, 8.0, 20.0)
 
 
 @dataclass(frozen=True)
@@ -165,13 +167,15 @@ class Fit:
 
     @cached_property
     def as_it_began(self) -> tuple["Fit", ...]:
-        """The same model with the rate of the readings up to the largest, where that of all readings says nothing in some sensor.
+        """The same model at other rates, where that of all readings says nothing in some sensor.
 
-        A machine that turns round in mid-record, as by a switch, looks like one that goes on for ever.
+        First that of the readings up to the largest, then some that a record of this length may show: a machine that turns round in
+        mid-record, as by a switch, or whose heat grows all the while looks like one that goes on for ever.
         """
         if float(self.values[RATE].min()) * self.run.span > TURNED:
             return ()
-        return (at_rates(self, np.full(self.run.sensors, _early_rate(self.run))),)
+        rates = [_early_rate(self.run), *(k / self.run.span for k in MAY_SHOW)]
+        return tuple(at_rates(self, np.full(self.run.sensors, rate)) for rate in rates)
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process needs: the fields, without what can be worked out again."""

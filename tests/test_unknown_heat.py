@@ -151,3 +151,12 @@ def test_a_constant_column_is_followed_by_nothing(tmp_path):
     assert told.heat_follows == []
     assert "follows no logged column" in told.message
     assert json.loads(json.dumps(told.as_dict()))["unknown_heat"]
+
+
+def test_the_search_finds_a_load_that_grows_all_the_while_from_another_rate(tmp_path):
+    """The base model takes such a record for a line without a rate; the cause shows from a rate that the record may show."""
+    written(tmp_path / "run.csv")
+    told = tf.diagnose(tmp_path / "run.csv", inputs="speed", exclude="pump")
+    assert {r.verdict for r in told} == {"load_step"}
+    assert told[0].parameters["load_step.power"]["value"] == pytest.approx(2.0, abs=0.2)
+    assert told[0].rmse_ahead_c < 0.2 * told[0].rmse_base_ahead_c
