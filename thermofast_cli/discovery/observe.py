@@ -23,6 +23,12 @@ MOST_POINTS = 1500
 FEWEST_READINGS = 24
 #: Share of a drive's range that is a jump, and readings on either side of it that tell when in its interval it came.
 JUMP, ABOUT = 0.3, 10
+#: Twice the log-likelihood ratio from which one reading of a logged jump is surely better than another.
+SURELY = 8.0
+#: The same ratio by which a jump at an end of its interval must beat one in its middle, which errs least.
+RATHER = 4.0
+#: Jumps in no more than this share of the intervals are few.
+FEW = 0.03
 
 
 @dataclass(frozen=True)
@@ -94,9 +100,23 @@ def _driven(seen: Observations, drive: str) -> Observations:
         far = np.abs(np.arange(len(column)) - int(np.argmax(jumps)) - 0.5) > ABOUT
         near = [way.without(far) for way in ways]
         if int(near[0].used.sum(axis=1).min()) >= ABOUT:
-            votes = np.argmin([fit_model(way).rss for way in near], axis=0)  # a sensor that is late must not outvote the others
-            return ways[int(np.argmax(np.bincount(votes, minlength=len(ways))))]
+            readings = near[0].used.sum(axis=1)
+            middle, late, early = misfits = [readings * np.log(fit_model(way).rss + 1e-300) for way in near]
+            # A probe may be late, and so may most of them, but none is early: one that surely is tells when the switch was.
+            refused = np.any(middle > early + SURELY), np.any(late > np.minimum(middle, early) + SURELY), False
+            total = [np.inf if no else float(m.sum()) for m, no in zip(misfits, refused, strict=True)]
+            total[0] -= RATHER
+            return _about_jumps(ways[int(np.argmin(total))], jumps > JUMP * float(np.ptp(column)))
     return min(ways, key=lambda way: float((fit_model(way).rss / way.noise**2).sum()))
+
+
+def _about_jumps(seen: Observations, jumped: NDArray[np.bool_]) -> Observations:
+    """Without the readings before and after each jump (N - 1,) of the heat, where jumps are few: when in the interval it came, and
+    what an average over it means, is not known.
+    """
+    if float(np.mean(jumped)) > FEW:
+        return seen
+    return seen.without(np.append(jumped, False) | np.append(False, jumped))
 
 
 def _refusal(reading: Array) -> tuple[str, str] | None:
