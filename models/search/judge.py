@@ -133,7 +133,8 @@ def identifiability(fit: Fit) -> Identifiability:
                 return Identifiability(False, f"{part.id}: {why}")
             deviation = math.sqrt(max(float(shared[j, j]), 1e-300))
             others = np.sqrt(np.maximum(np.diag(shared), 1e-300))
-            alike = np.abs(np.delete(shared[j] / (deviation * others), j))
+            with np.errstate(invalid="ignore"):  # what is not determined at all is told by its own doubt
+                alike = np.nan_to_num(np.abs(np.delete(shared[j] / (deviation * others), j)))
             own = np.abs(cross[:, :, j]) / (deviation * np.sqrt(np.maximum(np.einsum("sii->si", local), 1e-300)))
             if len(alike) and alike.max() > RULES.alike:
                 return Identifiability(False, f"{part.id}: {c.parameter.name} cannot be told from another parameter")
