@@ -118,11 +118,12 @@ def test_an_effect_is_written_that_passes_the_check_and_removes_the_error(tmp_pa
 
 
 def test_a_column_whose_name_is_code_stays_text(tmp_path):
-    name = 'speed""); raise SystemExit  # \' [1/min]'
-    written(tmp_path / "run.csv", speed=name.replace('"', '""'))
-    effect = tf.write_effect(tmp_path / "run.csv", tmp_path / "mine.py", inputs=[name])
+    name = 'speed² µ""); raise SystemExit  # \' [1/min]'
+    run = tmp_path / 'run "\\N{x}""" .csv'
+    written(run, speed=name.replace('"', '""'))
+    effect = tf.write_effect(run, tmp_path / "mine.py", inputs=[name])
     assert effect.columns == (name,)
-    assert tf.improve(tmp_path / "run.csv", add=[effect.spec], inputs=[name])[-1].status == "ok"
+    assert tf.improve(run, add=[effect.spec], inputs=[name])[-1].status == "ok"
 
 
 def test_the_command_writes_the_effect_and_says_how_to_add_it(tmp_path, tool):
@@ -142,6 +143,8 @@ def test_an_effect_is_not_written_without_a_column_or_a_reason(tmp_path):
         tf.write_effect(tf.read({n: data[n] for n in ("time_min", "a")}), tmp_path / "a.py")
     assert tf.write_effect(tf.read(data, inputs="flow"), tmp_path / "a.py") is None
     assert not (tmp_path / "a.py").exists()
+    with pytest.raises(tf.UsageError, match="one run"):
+        tf.write_effect([tf.read(data, inputs="flow", name=n) for n in "ab"], tmp_path / "a.py")
 
 
 def test_a_constant_column_is_followed_by_nothing(tmp_path):

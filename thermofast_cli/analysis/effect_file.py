@@ -2,6 +2,7 @@
 
 import keyword
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
@@ -15,6 +16,7 @@ from ..discovery.loop import LoopTask, first_model, ready
 from ..errors import UsageError
 from ..output.files import check_target, write_text_whole
 from ..plugins.effects import load_effect
+from ..reading import Run
 from .unknown_heat import in_words, needed_of
 
 TEMPLATE = Template('''\
@@ -83,6 +85,18 @@ def check_effect_target(path: str) -> None:
         raise UsageError(f"{path}: is there already", do="give another name; what was edited in it would be lost")
 
 
+def check_effect_runs(runs: Sequence[Run], drive: str | None) -> None:
+    """Raises UsageError unless there is one run, with a logged column beside the drive that its heat may follow."""
+    if len(runs) != 1:
+        raise UsageError("an effect is written from one run", found=f"{len(runs)} runs", do="give one RUN")
+    if not {*runs[0].inputs, *runs[0].ambient} - {drive}:
+        raise UsageError(
+            f"{runs[0].name}: --write-effect needs a logged column that heat may follow",
+            found="sensors only" if drive is None else f"the drive {drive!r} only",
+            do="name the columns with --inputs or --ambient",
+        )
+
+
 def write_effect(task: LoopTask, path: str) -> EffectFile | None:
     """Write the effect that a run's unknown heat asks for; None where it follows no logged column.
 
@@ -91,16 +105,11 @@ def write_effect(task: LoopTask, path: str) -> EffectFile | None:
     UsageError: no logged column, a file that is there already, and as the run's model raises it.
     """
     check_effect_target(path)
+    check_effect_runs([task.run], task.drive)
     _, prepared = ready(task)
     if prepared is None:
         return None
     whole = prepared.whole
-    if not (whole.inputs or whole.ambient or whole.drive):
-        raise UsageError(
-            f"{task.run.name}: --write-effect needs a logged column that heat may follow",
-            found="sensors only",
-            do="name the columns with --inputs or --ambient",
-        )
     fit, _ = first_model(task, prepared)
     follows = needed_of(task, fit, whole).follows
     follows = tuple(f for f in follows if f.column in whole.inputs or f.column in whole.ambient)
@@ -115,7 +124,8 @@ def write_effect(task: LoopTask, path: str) -> EffectFile | None:
 def _source(follows: tuple[Follows, ...], whole: Observations, run: str, path: str) -> tuple[str, str]:
     """The class's name and the file's text."""
     logged = {**whole.ambient, **whole.inputs}
-    words = [re.sub(r"\W+", "_", f.column).strip("_").lower() or "input" for f in follows]
+    # Names of columns become parts of Python names: what is no plain letter or digit does not.
+    words = [re.sub(r"[^0-9A-Za-z]+", "_", f.column).strip("_").lower() or "input" for f in follows]
     words = [f"{w}_{k + 1}" if w in words[:k] or keyword.iskeyword(w) else w for k, w in enumerate(words)]
     parameters = [("heat_share", "1", -3.0, 10.0, 0.5, "share of the heat that follows", "null=0.0")]
     terms, equation, scales = [], [], []
@@ -150,8 +160,8 @@ def _source(follows: tuple[Follows, ...], whole: Observations, run: str, path: s
     columns = " and ".join(_plain(f.column) for f in follows)
     return kind, TEMPLATE.substitute(
         columns=columns,
-        run=Path(run).name,
-        file=path,
+        run=_plain(Path(run).name),
+        file=_plain(path),
         kind=kind,
         id="heat_follows_" + "_".join(words),
         words=_plain(in_words(follows)),

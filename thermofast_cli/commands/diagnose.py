@@ -72,7 +72,7 @@ def command(
 
     check_outputs([output])
     if write_effect:
-        from ..analysis.effect_file import check_effect_target
+        from ..analysis.effect_file import check_effect_runs, check_effect_target
 
         check_effect_target(write_effect)
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
@@ -80,6 +80,8 @@ def command(
     options["together"], options["next_experiment"] = together, next_experiment
     diagnose_runs([], names(effects), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
+    if write_effect:
+        check_effect_runs([run for run, _ in readings.runs], drive)
     with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:
         result = diagnose_runs(readings.runs, names(effects), how, **options)
     drawn = [

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ..analysis.effect_file import EffectFile, write_effect
+from ..analysis.effect_file import EffectFile, check_effect_runs, write_effect
 from ..discovery.compare import compare_lost, compare_task
 from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
@@ -115,10 +115,8 @@ def write_effect_of(started: Sequence[Started], path: str, **options: Any) -> Ef
     ------
     UsageError: not exactly one run, and as :func:`write_effect`.
     """
-    tasks = loop_tasks(started, **options)
-    if len(tasks) != 1:
-        raise UsageError("an effect is written from one run", found=f"{len(tasks)} runs", do="give one RUN")
-    return write_effect(tasks[0], path)
+    check_effect_runs([run for run, _ in started], options.get("drive"))
+    return write_effect(loop_tasks(started, **options)[0], path)
 
 
 def improve_runs(
