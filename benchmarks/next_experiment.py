@@ -17,7 +17,7 @@ import numpy as np
 import thermofast as tf
 from tests.machines import EFFECTS, Case, _record, draw
 from thermofast.discovery.observe import observe
-from thermofast.experiments.next_experiment import FASTER, LEAST, _grid, causes, next_experiments, possible
+from thermofast.experiments.next_experiment import LEAST, Experiment, causes, next_experiments, planned, possible
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.search.discover import discover, discover_together
@@ -39,17 +39,17 @@ def observed(case: Case, heat: np.ndarray | None = None) -> Observations:
     return seen
 
 
-def again(case: Case, k: int, rng: np.random.Generator) -> Observations:
-    """The k-th possible experiment on the machine of a case."""
+def again(case: Case, experiment: Experiment, rng: np.random.Generator) -> Observations:
+    """An experiment on the machine of a case."""
     seen = observed(case)
-    time, heat = _grid(k, seen)
+    time, heat = planned(experiment, seen.time)
     truth = {**case.truth, "effects": dict(case.truth["effects"])}
     if heat is not None:
         at = np.flatnonzero(np.diff(heat) != 0.0)
         edges = [0.5 * float(time[i] + time[i + 1]) for i in at]
         truth["effects"]["planned"] = {"at_min": edges, "levels": [float(heat[0]), *(float(heat[i + 1]) for i in at)]}
-    if k == 5 and heat is not None:  # the program averages what is read more often than it needs
-        fine = np.linspace(time[0], time[-1], FASTER * (len(time) - 1) + 1)
+    if experiment.faster > 1 and heat is not None:  # the program averages what is read more often than it needs
+        fine = np.linspace(time[0], time[-1], experiment.faster * (len(time) - 1) + 1)
         time, heat = fine, heat[np.searchsorted(time, fine - 1e-9)]
         at = np.flatnonzero(np.diff(heat) != 0.0)
         truth["effects"]["planned"]["at_min"] = [0.5 * float(time[i] + time[i + 1]) for i in at]
@@ -70,14 +70,13 @@ def trial(seed: int) -> tuple[str, bool | None, bool, str] | None:
     if len(open_) < 2 or all(c.ids != (kind,) for c in open_):
         return None
     proposed = next_experiments(found, CATALOGUE)[0]
-    k = next(i for i, e in enumerate(possible(first)) if e.name == proposed.name)
 
     def settled(run: Observations, repeat: bool) -> bool:
         searches = [discover(run, CATALOGUE)] + (discover_together([first, run], CATALOGUE)[1:] if repeat else [])
         return any(f.named is not None and all(set(c.ids) == {kind} for c in (f.named, *f.also)) for f in searches)
 
-    with_it = settled(again(case, k, rng), k == 0) if proposed.share >= LEAST else None
-    once_more = settled(again(case, 0, rng), True)
+    with_it = settled(again(case, proposed, rng), proposed.effort == 1) if proposed.share >= LEAST else None
+    once_more = settled(again(case, possible(first)[0], rng), True)
     return kind, with_it, once_more, f"{proposed.name} ({proposed.settled} of {proposed.runs})"
 
 

@@ -39,8 +39,9 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     seen = observe(tf.read({"time_min": time, "a": curve + 1e-6 * np.sin(7.0 * time)})).seen
     fit = fit_model(seen)
     quiet = np.random.default_rng(0)
-    assert simulated(fit, 0, quiet).reading == pytest.approx(np.interp(seen.time, time, curve)[None], abs=1e-3)
-    cooled = simulated(fit, 2, quiet)
+    again, faster, cool, longer, *_ = possible(seen)
+    assert simulated(fit, again, quiet).reading == pytest.approx(np.interp(seen.time, time, curve)[None], abs=1e-3)
+    cooled = simulated(fit, cool, quiet)
     after = cooled.time > 121.0
     # With the heat off it falls to the surroundings at the same rate.
     late = cooled.time[after] - 120.0
@@ -48,8 +49,8 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     assert sink == pytest.approx(20.0, abs=0.5)
     assert cooled.reading[0][after] == pytest.approx(sink + (curve[-1] - sink) * np.exp(-0.03 * late), abs=0.02)
     assert np.all(cooled.heat[after] == 0.0)
-    assert len(simulated(fit, 1, quiet).time) == 4 * (len(seen.time) - 1) + 1
-    assert simulated(fit, 3, quiet).span == pytest.approx(2.0 * seen.span, rel=0.02)
+    assert len(simulated(fit, faster, quiet).time) == 4 * (len(seen.time) - 1) + 1
+    assert simulated(fit, longer, quiet).span == pytest.approx(2.0 * seen.span, rel=0.02)
 
 
 def test_a_run_is_proposed_that_parts_what_the_record_left_open():
@@ -66,7 +67,7 @@ def test_a_run_is_proposed_that_parts_what_the_record_left_open():
 
 
 def test_words_propose_only_what_settles():
-    again, cool = Experiment("the same run once more", 1, 1, 16), Experiment("a cool-down", 3, 15, 16)
+    again, cool = Experiment("the same run once more", 1, settled=1, runs=16), Experiment("a cool-down", 3, settled=15, runs=16)
     assert experiment_words([cool, again]) == (
         "next: a cool-down would settle it, in 15 of 16 simulated (the same run once more: 1)"
     )

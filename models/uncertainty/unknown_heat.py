@@ -141,7 +141,7 @@ def smooth_heat(lump: Lump, rate: float, rate_deviation: float = 0.0, knots: int
     return UnknownHeat(at, heat, np.sqrt(np.maximum(variance, 0.0)), rate)
 
 
-def column_gains(lump: Lump, rates: Sequence[float], shapes: Array, given: Array | None = None) -> tuple[Array, Array]:
+def column_likelihoods(lump: Lump, rates: Sequence[float], shapes: Array, given: Array | None = None) -> tuple[Array, Array]:
     """Log-likelihoods (R, C) at each rate with heat that follows a shape (C, N) beside the random walks, and (R,) without.
 
     given (K, N) are shapes that the heat follows already, each with a size of its own. The sizes of the walks are estimated anew
@@ -215,7 +215,7 @@ def simplest_rate(lump: Lump, rates: Sequence[float]) -> tuple[float, float]:
 
     Of `rates`, evenly spaced in logarithm, each as likely as it makes the readings under the random walks: a heat that moves least.
     """
-    likelihood = column_gains(lump, rates, np.empty((0, len(lump.time))))[1]
+    likelihood = column_likelihoods(lump, rates, np.empty((0, len(lump.time))))[1]
     weight = np.exp(likelihood - likelihood.max())
     weight /= weight.sum()
     logs = np.log(rates)
@@ -229,16 +229,17 @@ class Follows:
     """Heat that follows a logged column: to a power, so many minutes late.
 
     powers are the least and the largest that do nearly as well; correlation is that of the heat with what the column tells on
-    blocks left out, p the chance of such a gain over everything tried; rates (S,) [1/min] those at which it does best,
+    blocks left out, likelihood_ratio is twice the logarithm, mean over the sensors,
+    p its chance over everything tried; rates (S,) [1/min] those at which it does best,
     shape (N,) the column as the heat follows it.
     """
 
     column: str
     power: float
     powers: tuple[float, float]
-    late_min: float
+    delay_min: float
     correlation: float
-    gain: float
+    likelihood_ratio: float
     p: float
     rates: tuple[float, ...] = ()
     shape: Array | None = None
@@ -249,36 +250,36 @@ class Follows:
             "column": self.column,
             "power": self.power,
             "powers": list(self.powers),
-            "late_min": float(f"{self.late_min:.3g}"),
+            "delay_min": float(f"{self.delay_min:.3g}"),
             "correlation": round(self.correlation, 3),
             "p": float(f"{self.p:.2g}"),
         }
 
 
-#: A power does nearly as well where its gain is less than this below the best: 95 % of a chi-square law of one.
+#: A power does nearly as well where its ratio is less than this below the best: 95 % of a chi-square law of one.
 NEAR = 3.84
 #: Powers of a column that are tried; a column that goes below zero has its first power only.
 POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 
 
 def shapes_of(
-    column: Array, time: Array, lates: Sequence[float], powers: Sequence[float] = POWERS
+    column: Array, time: Array, delays: Sequence[float], powers: Sequence[float] = POWERS
 ) -> tuple[Array, list[tuple[float, float]]]:
     """Shapes (C, N) of a column (N,) to powers and delays, each of range 1, and their (power, delay [min])."""
     if float(column.min()) < 0.0:
         powers = (1.0,)
     rows, told = [], []
     for power in powers:
-        for late in lates:
-            shape = np.interp(time - late, time, column) ** power
+        for delay in delays:
+            shape = np.interp(time - delay, time, column) ** power
             reach = float(np.ptp(shape))
             if reach > 0.0:
                 rows.append(shape / reach)
-                told.append((power, late))
+                told.append((power, delay))
     return np.array(rows).reshape(len(rows), len(time)), told
 
 
-def lates_for(time: Array) -> tuple[float, ...]:
+def delays_for(time: Array) -> tuple[float, ...]:
     """Delays [min] that are tried: none, and from two readings to a tenth of the record."""
     span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
     return (0.0, *np.geomspace(2.0 * step, max(0.1 * span, 4.0 * step), 8).tolist())
@@ -311,13 +312,13 @@ def followed_column(
     time: Array,
     given: Sequence[Array] = (),
 ) -> list[Follows]:
-    """Logged columns (N,) at `time` that the heats of a run's sensors follow, the best power and delay of each, most gain first.
+    """Logged columns (N,) at `time` that the heats of a run's sensors follow, with the best power and delay; the likeliest first.
 
     rates are those that each sensor may have; where there are several, each model takes the one that suits it best.
-    given are shapes (N,) that the heat follows already. What is told is a gain, mean over the sensors, not yet a claim.
+    given are shapes (N,) that the heat follows already. What is told is not yet a claim.
     """
-    lates = lates_for(time)
-    offers = {n: shapes_of(c, time, lates) for n, c in columns.items() if np.ptp(c) > 0.0}
+    delays = delays_for(time)
+    offers = {n: shapes_of(c, time, delays) for n, c in columns.items() if np.ptp(c) > 0.0}
     offers = {n: (shapes, told) for n, (shapes, told) in offers.items() if told}
     if not offers or not lumps:
         return []
@@ -325,29 +326,29 @@ def followed_column(
     total, best_rates = np.zeros(len(every)), np.zeros((len(lumps), len(every)))
     for k, (lump, may) in enumerate(zip(lumps, rates, strict=True)):
         at_readings = (np.array([np.interp(lump.time, time, s) for s in of]) for of in (every, given))
-        with_, without = column_gains(lump, may, *at_readings)
+        with_, without = column_likelihoods(lump, may, *at_readings)
         total += 2.0 * (with_.max(axis=0) - without.max())
         best_rates[k] = np.asarray(may)[with_.argmax(axis=0)]
     # The sensors of a run share its unknown heat: together they are evidence no better than one of them.
-    gains, found, begin = total / len(lumps), [], 0
+    ratios, found, begin = total / len(lumps), [], 0
     for name, (shapes, told) in offers.items():
-        gain = gains[begin : begin + len(told)]
-        best = int(np.argmax(gain))
-        power, late = told[best]
-        near = [told[i][0] for i in np.flatnonzero(gain >= gain[best] - NEAR)]
-        p = min(1.0, len(every) * chi2_tail(1, max(0.0, float(gain[best]))))
+        ratio = ratios[begin : begin + len(told)]
+        best = int(np.argmax(ratio))
+        power, delay = told[best]
+        near = [told[i][0] for i in np.flatnonzero(ratio >= ratio[best] - NEAR)]
+        p = min(1.0, len(every) * chi2_tail(1, max(0.0, float(ratio[best]))))
         own = tuple(best_rates[:, begin + best].tolist())
         heats = [smooth_heat(lump, rate) for lump, rate in zip(lumps, own, strict=True)] if p < RULES.chance else []
         r = block_correlation(heats, np.array([*given, shapes[best]]), time) if heats else 0.0
-        found.append(Follows(name, power, (min(near), max(near)), late, r, float(gain[best]), p, own, shapes[best]))
+        found.append(Follows(name, power, (min(near), max(near)), delay, r, float(ratio[best]), p, own, shapes[best]))
         begin += len(told)
-    return sorted(found, key=lambda f: -f.gain)
+    return sorted(found, key=lambda f: -f.likelihood_ratio)
 
 
 def claims(
     lumps: Sequence[Lump], rates: Sequence[Sequence[float]], columns: dict[str, NDArray[np.float64]], time: Array, most: int = 3
 ) -> list[Follows]:
-    """Columns that the heat is said to follow, each beside those before it: chance does not give such a gain, and the columns tell
+    """Columns that the heat is said to follow, each beside those before it: chance does not give such a ratio, and the columns tell
     the heat where it was not fitted.
     """
     found: list[Follows] = []

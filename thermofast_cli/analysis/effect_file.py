@@ -135,20 +135,20 @@ def _source(follows: tuple[Follows, ...], whole: Observations, run: str, path: s
         scales.append(f'    "{text}": {top:.6g},\n')
         last = "" if len(follows) == 1 else f"_{word}"
         free = f.powers != (min(POWERS), max(POWERS)) and float(column.min()) >= 0.0
-        power, late, share = "", "run.middle", ""
+        power, at, share = "", "run.middle", ""
         if free:
             parameters.append((f"power{last}", "1", 0.2, 5.0, f.power, f"exponent of {text}", "log=True"))
             power = f" ** p.power{last}"
-        if f.late_min > 0.0:
+        if f.delay_min > 0.0:
             parameters.append(
-                (f"late{last}", "min", 0.0, 0.3, min(f.late_min / whole.span, 0.3), f"delay behind {text}", "share=True")
+                (f"delay{last}", "min", 0.0, 0.3, min(f.delay_min / whole.span, 0.3), f"delay behind {text}", "share=True")
             )
-            late = f"run.middle - p.late{last}"
+            at = f"run.middle - p.delay{last}"
         if k > 0:
             parameters.append((f"share{last}", "1", -10.0, 10.0, 1.0, f"weight of {text} beside {_plain(follows[0].column)}", ""))
             share = f"p.share{last} * "
         terms.append(
-            f'        column = np.interp({late}, run.time, logged["{text}"]) / COLUMNS["{text}"]\n'
+            f'        column = np.interp({at}, run.time, logged["{text}"]) / COLUMNS["{text}"]\n'
             f"        change = change + {share}({f'np.maximum(column, 0.0){power}' if free else 'column'} - 1.0)\n"
         )
         equation.append(f"{share.replace('p.', '')}(({text} / max){power.replace('p.', '').replace(' ** ', '^')} - 1)")

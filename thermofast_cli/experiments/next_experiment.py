@@ -5,7 +5,7 @@ simulated, with the noise and a disturbance like the ones of the record at hand,
 worth what share of such runs ends with the true cause named, and it alone.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -13,15 +13,13 @@ from typing import Any
 import numpy as np
 
 from thermofast.models import Observations
+from thermofast.models.core.kernel import Array
 from thermofast.models.greybox import SINK, Key, Model
 from thermofast.models.joint import Fit, Part
 from thermofast.models.search.candidates import Candidate
-from thermofast.models.search.discover import Discovery, discover, discover_together
+from thermofast.models.search.discover import Discovery, Spread, discover, discover_together
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
-
-Array = np.ndarray[Any, np.dtype[np.float64]]
-Spread = Callable[..., Iterable[Any]]
 
 #: Runs simulated for each cause and experiment; causes that are told apart; sweeps until sensors that heat each other agree.
 DRAWS, MOST_CAUSES, SWEEPS = 8, 3, 12
@@ -29,14 +27,26 @@ DRAWS, MOST_CAUSES, SWEEPS = 8, 3, 12
 GOOD = 0.9
 #: One that settles less is not proposed.
 LEAST = 0.5
+#: How many times as often a logger may read; the heat is off for this share of the record, and no less than so long [min].
+FASTER, OFF_SHARE, LEAST_OFF = 4, 0.5, 60.0
+#: Neighbouring residuals averaged: what is left is slow, the white noise is drawn anew.
+SMOOTH = 9
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One possible run, and in how many of the `runs` simulated it would name the true cause alone; effort orders them."""
+    """One possible run, and in how many of the `runs` simulated it would name the true cause alone; effort orders them.
+
+    The same run, `longer` by so many minutes, or with the heat off for `off` minutes after it and on again for `on`, as logged;
+    read `faster` times as often.
+    """
 
     name: str
     effort: int
+    longer: float = 0.0
+    off: float = 0.0
+    on: float = 0.0
+    faster: int = 1
     settled: int = 0
     runs: int = 0
 
@@ -62,45 +72,41 @@ def causes(found: Discovery) -> list[Candidate]:
 def possible(seen: Observations) -> list[Experiment]:
     """Experiments that may be tried on a machine of which this was seen, those of least effort first."""
     span = seen.span
-    cool = max(60.0, 0.5 * span)
-    off = f"with the heat off for {cool:.0f} min at its end"
+    cool = max(LEAST_OFF, OFF_SHARE * span)
+    off, faster = f"with the heat off for {cool:.0f} min at its end", f"read {FASTER} times as often"
     return [
         Experiment("the same run once more", 1),
-        Experiment(f"the same run, read {FASTER} times as often", 2),
-        Experiment(f"the same run {off}, logged (--drive)", 3),
-        Experiment(f"the same run for {2.0 * span:.0f} min", 4),
-        Experiment(f"the same run {off} and on again as long, logged (--drive)", 5),
-        Experiment(f"the same run, read {FASTER} times as often, {off} and on again as long, logged (--drive)", 6),
+        Experiment(f"the same run, {faster}", 2, faster=FASTER),
+        Experiment(f"the same run {off}, logged (--drive)", 3, off=cool),
+        Experiment(f"the same run for {2.0 * span:.0f} min", 4, longer=span),
+        Experiment(f"the same run {off} and on again as long, logged (--drive)", 5, off=cool, on=cool),
+        Experiment(f"the same run, {faster}, {off} and on again as long, logged (--drive)", 6, off=cool, on=cool, faster=FASTER),
     ]
 
 
-FASTER = 4
+def planned(experiment: Experiment, time: Array) -> tuple[Array, Array | None]:
+    """Times (N,) [min] of an experiment after a run read at `time`, and its heat (N,) beside the nominal 1 where it is switched."""
+    step, end = float(np.median(np.diff(time))), float(time[-1])
+    more = np.arange(end + step, end + experiment.longer + experiment.off + experiment.on + 1e-9, step)
+    whole = np.concatenate([time, more])
+    if experiment.off:
+        return whole, np.where((whole > end) & (whole <= end + experiment.off), 0.0, 1.0)
+    if experiment.faster > 1:
+        return np.linspace(time[0], end, experiment.faster * (len(time) - 1) + 1), None
+    return whole, None
 
 
-def _grid(k: int, seen: Observations) -> tuple[Array, Array | None]:
-    """Times (N,) [min] of the k-th possible experiment and the heat (N,) where it is switched, both beside the nominal 1."""
-    time, span = seen.time, seen.span
-    step = float(np.median(np.diff(time)))
-    further = np.arange(time[-1] + step, time[0] + 2.0 * span + 1e-9, step)
-    if k == 1:
-        return np.linspace(time[0], time[-1], FASTER * (len(time) - 1) + 1), None
-    cool = max(60.0, 0.5 * span)
-    if k in (2, 4, 5):
-        more = np.arange(time[-1] + step, time[-1] + (cool if k == 2 else 2.0 * cool) + 1e-9, step)
-        return np.concatenate([time, more]), np.concatenate([np.ones(len(time)), np.where(more <= time[-1] + cool, 0.0, 1.0)])
-    return (np.concatenate([time, further]) if k == 3 else time), None
-
-
-def simulated(fit: Fit, k: int, rng: np.random.Generator) -> Observations:
-    """A run of the machine that `fit` describes in the k-th possible experiment."""
+def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator) -> Observations:
+    """A run of the machine that `fit` describes in an experiment."""
     seen = fit.run
-    time, heat = _grid(k, seen)
+    time, heat = planned(experiment, seen.time)
     if seen.heat is not None:
         before = np.interp(time, seen.time, seen.heat)
         heat = before if heat is None else before * heat
     ambient, inputs = ({c: np.interp(time, seen.time, v) for c, v in columns.items()} for columns in (seen.ambient, seen.inputs))
     weight = np.array([np.interp(time, seen.time, np.where(w > 0.0, w, np.median(w[w > 0.0]))) for w in seen.weight])
-    weight *= FASTER if k == 5 else 1.0  # what is read more often than is needed is averaged
+    if experiment.off:  # a long run that is read more often than it needs is averaged
+        weight *= experiment.faster
     drive = seen.drive if heat is None or seen.drive else "heat"
     run = replace(seen, time=time, reading=np.zeros((seen.sensors, len(time))), weight=weight, heat=heat, drive=drive)
     run = replace(run, ambient=ambient, inputs=inputs)
@@ -148,16 +154,12 @@ def _disturbance(fit: Fit, time: Array, rng: np.random.Generator) -> Array:
     return np.array([np.interp(time, even, row, period=float(even[-1] - even[0]) + 1e-9) for row in other])
 
 
-#: Neighbouring residuals averaged: what is left is slow, the white noise is drawn anew.
-SMOOTH = 9
-
-
-def _trial(item: tuple[int, int, int], truths: Sequence[Fit], ids: Sequence[frozenset[str]], effects: Sequence[Any]) -> bool:
+def _trial(item: tuple[Experiment, int, int], truths: Sequence[Fit], ids: Sequence[frozenset[str]], effects: Sequence[Any]) -> bool:
     """Whether one simulated experiment (experiment, cause, draw) ends with its cause named, and it alone."""
-    k, cause, draw = item
+    experiment, cause, draw = item
     fit = truths[cause]
-    run = simulated(fit, k, np.random.default_rng([2_000, k, cause, draw]))
-    if k == 0 and _settles(discover_together([fit.run, run], effects)[1], ids[cause]):
+    run = simulated(fit, experiment, np.random.default_rng([2_000, experiment.effort - 1, cause, draw]))
+    if experiment.effort == 1 and _settles(discover_together([fit.run, run], effects)[1], ids[cause]):
         return True
     return _settles(discover(run, effects), ids[cause])
 
@@ -179,11 +181,11 @@ def next_experiments(found: Discovery, effects: Sequence[Any], spread: Spread = 
     some = [e for e in effects if any(e.id in i for i in ids)]
     fits = [c.fit for c in open_]
     offers = possible(found.base.run)
-    items = [(k, c, d) for k in range(len(offers)) for c in range(len(fits)) for d in range(draws)]
+    items = [(offer, c, d) for offer in offers for c in range(len(fits)) for d in range(draws)]
     said = list(spread(partial(_trial, truths=fits, ids=ids, effects=some), items))
     told = []
-    for k, offer in enumerate(offers):
-        mine = [s for s, item in zip(said, items, strict=True) if item[0] == k]
+    for offer in offers:
+        mine = [s for s, item in zip(said, items, strict=True) if item[0] is offer]
         told.append(replace(offer, settled=sum(mine), runs=len(mine)))
     good = [e for e in told if e.share >= GOOD]
     first = min(good, key=lambda e: (e.effort, -e.share)) if good else max(told, key=lambda e: (e.share, -e.effort))
