@@ -20,6 +20,7 @@ from . import (
     real_settling,
     speed,
     states,
+    thermal_constants,
     unknown_heat,
     watching,
 )
@@ -38,6 +39,7 @@ for part in (
     auto,
     changed,
     unknown_heat,
+    thermal_constants,
     next_experiment,
     real_records,
     real_settling,

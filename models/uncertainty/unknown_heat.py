@@ -43,7 +43,7 @@ class HeatRules:
         0.002,
         "1",
         "nominal chance, over everything tried, of a claim where nothing follows; the ratio's own law is wider than chi-square",
-        "python -m benchmarks.unknown_heat: 0.01 gave 2 to 4 claims in 100 random walks",
+        "set by hand, with room; what it comes to: python -m benchmarks.unknown_heat",
     )
     correlation: float = rule(
         0.5,

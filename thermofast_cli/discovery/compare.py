@@ -88,7 +88,7 @@ def _compare(task: LoopTask) -> Comparison:
     low, high = curve_bounds(fit, dict(task.input_ranges))
     if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
-    wider = widening(fit)
+    misfit = widening(fit)
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
@@ -105,7 +105,7 @@ def _compare(task: LoopTask) -> Comparison:
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        constants = _constants(task, fit, i, wider)
+        constants = _constants(task, fit, i, max(wider, misfit))
         told = constants.in_words() if constants else ""
         messages = [told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
