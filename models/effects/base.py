@@ -14,6 +14,9 @@ from ..core.kernel import Array
 from ..drive import Drive
 from ..observations import Observations
 
+#: Sensors of which it is told in words how an effect acts on them.
+MOST_TOLD = 6
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -83,6 +86,17 @@ class Choice:
         first = choices[0]
         own = {k: np.array([int(c.constants[k][i]) for i, c in enumerate(choices)]) for k in first.by_sensor}
         return replace(first, label="" if own else first.label, constants={**first.constants, **own})
+
+
+    def in_words(self, channels: Sequence[str], who: Any) -> str:
+        """How it acts, as 'rpm' or 'T2 by T1 and T3, T3 by T2' for the sensors who (S,) that have it."""
+        if not self.by_sensor:
+            return self.label
+        told = []
+        for i in np.flatnonzero(who):
+            others = dict.fromkeys(channels[int(self.constants[k][i])] for k in self.by_sensor)
+            told.append(f"{channels[i]} by {' and '.join(c for c in others if c != channels[i])}")
+        return ", ".join(told[:MOST_TOLD]) + (f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else "")
 
 
 class Values:

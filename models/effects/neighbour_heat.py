@@ -1,4 +1,4 @@
-"""``neighbour_heat``: another measured part warms this one."""
+"""``neighbour_heat``: another measured part, or one on either side, warms this one."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,14 +12,16 @@ from .base import Choice, Effect, Parameter
 
 #: Coupling over own rate from which a link explains anything: true links in simulated and real records reach 15.
 MOST_COUPLED = 25.0
+#: Constants that name a sensor for each sensor; a sensor that is its own `other` has one neighbour.
+SENSORS = ("source", "other")
 
 
 class NeighbourHeat(Effect):
-    """A link to the measured temperature of another sensor."""
+    """A link to the measured temperature of another sensor, or, in a row in the order of the columns, to those on both sides."""
 
     id = "neighbour_heat"
     summary = "another measured part warms this one"
-    equation = "dT/dt = ... - kappa (T - T_neighbour), T_neighbour as measured"
+    equation = "dT/dt = ... - kappa (T - T_neighbour), T_neighbour as measured; in a row - kappa (2 T - T_before - T_after)"
     tell_tale = "follows the neighbour, delayed by 1/b"
     mistaken_for = ("second_mode", "ambient")
     needs = "a second sensor"
@@ -49,15 +51,26 @@ class NeighbourHeat(Effect):
         n = run.sensors
         if n < 2 or n > 40:
             return ()
-        return [Choice(f"+{d}", {"source": (np.arange(n) + d) % n}, by_sensor=("source",)) for d in range(1, n)]
+        own = np.arange(n)
+        single = [Choice(f"+{d}", {"source": (own + d) % n, "other": own}, by_sensor=SENSORS) for d in range(1, n)]
+        if n < 3:
+            return single
+        before, after = np.abs(own - 1), np.minimum(own + 1, n - 1)
+        after[0] = 0  # the ends have one neighbour
+        return [*single, Choice("row", {"source": before, "other": after}, by_sensor=SENSORS)]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         source = np.asarray(p.source)[drive.sensor]
         drive.links.append((p.kappa, run.filled[source]))
+        other = np.asarray(getattr(p, "other", np.arange(run.sensors)))[drive.sensor]
+        both = other != drive.sensor
+        if np.any(both):
+            drive.links.append((p.kappa * both[:, None], run.filled[other]))
 
     def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
-        source = int(choice.constants["source"][sensor])
-        return own["kappa"] / (own["kappa"] + rate) * float(run.noise[source])
+        ends = {int(choice.constants[k][sensor]) for k in SENSORS if k in choice.constants} - {sensor}
+        share = own["kappa"] / (len(ends) * own["kappa"] + rate)
+        return share * float(np.sqrt(sum(run.noise[i] ** 2 for i in ends)))
 
     def physical(self, choice: Choice, who: Any, rate: Array, own: dict[str, Array]) -> bool:
         """Heat is conducted both ways; a sensor that only follows its neighbour, with hardly a loss of its own, is no link."""

@@ -246,7 +246,8 @@ def event_of(fit: Fit, sensor: int) -> float | None:
 
 def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
     """One line of the ranking."""
-    fit = candidate.fit
+    fit, channels = candidate.fit, candidate.fit.run.channels
+    ways = [p.choice.in_words(channels, p.concerns(len(channels))) for p in candidate.parts]
     who = candidate.parts[-1].concerns(fit.run.sensors)
     first = int(np.flatnonzero(who)[0]) if who.any() else 0
     named = found.named is candidate
@@ -259,7 +260,7 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
         "at_noise": candidate.at_floor,
         "identifiable": candidate.identifiable.ok,
         "why_not": candidate.identifiable.why,
-        "acts": "; ".join(p.choice.label for p in candidate.parts if p.choice.label),
+        "acts": "; ".join(way for way in ways if way),
         "sensors": [c for c, w in zip(fit.run.channels, who, strict=True) if w],
         "parameters": parameters_of(fit, first),
     }
