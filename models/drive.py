@@ -22,6 +22,7 @@ class Drive:
     exponent, lag [min], delay [min]: (B, 1).
     hidden: of each hidden mass (coupling (B, 1) [1/min], its rate (B, 1) [1/min]); a coupling of 0 is none.
     links: of each neighbour (coupling (B, 1) [1/min], neighbour's temperature (B or 1, N) [degC]).
+    earlier (B, N) [min]: the times from which readings come, where these do not lag by one delay; None: from now.
     sensor (B,): the index of each row's sensor. sink_c: the surroundings' reference [degC].
     """
 
@@ -36,6 +37,7 @@ class Drive:
     delay: Array
     hidden: list[tuple[Array, Array]] = field(default_factory=list)
     links: list[tuple[Array, Array]] = field(default_factory=list)
+    earlier: Array | None = None
 
     @classmethod
     def plain(cls, run: Observations, sensor: Any, sink_c: Array) -> "Drive":
@@ -75,6 +77,9 @@ class Drive:
             _row(self.delay, rows),
             out,
         )
+        if self.earlier is not None:
+            for row, times in zip(out, self.earlier, strict=True):
+                row[:] = np.interp(times, run.time, row)
         out += self.offset
         return out
 

@@ -87,7 +87,6 @@ class Choice:
         own = {k: np.array([int(c.constants[k][i]) for i, c in enumerate(choices)]) for k in first.by_sensor}
         return replace(first, label="" if own else first.label, constants={**first.constants, **own})
 
-
     def in_words(self, channels: Sequence[str], who: Any) -> str:
         """How it acts, as 'rpm' or 'T2 by T1 and T3, T3 by T2' for the sensors who (S,) that have it."""
         if not self.by_sensor:

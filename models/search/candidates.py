@@ -120,7 +120,7 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
 
 
 def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
-    """Less simple ways of acting, where the simple one leaves a pattern."""
+    """Less simple ways of acting of the last part, where the simple one leaves a pattern."""
     more = [c for c in effect.choices(before.run) if not c.simple]
     # Beside a heat that is not constant, a source of its own and a change of all of it are different things.
     varies = before.run.heat is not None or any(part.effect.changes_heat for part in before.model.parts)
@@ -137,7 +137,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         label = best[2].choice.constants.get("column")
         if label and choice.constants.get("column") != label:
             continue
-        part = Part(effect, choice)
+        part = replace(best[2], choice=choice)
         parts = [*before.model.parts, part]
         fit = fit_model(before.run, parts, values)
         value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
@@ -265,6 +265,7 @@ def _joined(
         fit = search(model, *model.vector(values))
     if not quick:
         fit, part = _pruned(fit, part)
+        _, fit, part = _elaborate(before, effect, (float(likelihood_ratios(before, fit).sum()), fit, part))
     return _candidate(before, fit, effect, part)
 
 

@@ -1,0 +1,52 @@
+"""Heat along a row of sensors, and a delay that follows a logged flow."""
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from benchmarks.row_and_flow import KINDS, judge, pipe, rod
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_way_of_acting_and_its_number_are_found(kind):
+    for seed in range(2):
+        _, said, error = judge((kind, seed))
+        assert said == "right"
+        assert error < 0.05
+
+
+def test_which_sensor_warms_which_is_told(tool, tmp_path):
+    run, coupling = rod(1)
+    told = tf.diagnose(run)[0]
+    names = list(run.channels)
+    assert f"({names[0]} by {names[1]}, {names[1]} by {names[0]} and {names[2]}, " in told.message
+    found = tf.improve(run, auto=True).model
+    path = tmp_path / "rod.toml"
+    found.save(path)
+    again = tf.Model.load(path)
+    # The same curve from the file as from the search.
+    error = [r.rmse_fit_c for r in tf.compare(run, model=again)]
+    assert max(error) < 0.012
+    assert coupling > 0.0
+
+
+def test_a_delay_by_flow_is_the_machines_and_holds_at_another_flow():
+    first, _ = pipe(5)
+    other, _ = pipe(5, run=1)
+    by_flow = tf.improve(first, auto=True).model
+    assert by_flow.effects == ("transport_delay",)
+    assert max(r.rmse_fit_c for r in tf.compare(other, model=by_flow)) < 0.025
+    assert min(r.rmse_fit_c for r in tf.compare(other)) > 0.06
+
+
+def test_a_flow_that_stops_holds_what_is_in_the_pipe():
+    time = np.linspace(0.0, 100.0, 201)
+    flow = np.where((time > 40.0) & (time < 60.0), 0.0, 1.0)
+    passed = np.minimum(time, 40.0) + np.maximum(time - 60.0, 0.0)
+    left = np.interp(passed - 10.0, passed[(time <= 40) | (time >= 60)], time[(time <= 40) | (time >= 60)], left=0.0)
+    reading = 20.0 - 10.0 * np.expm1(-left / 30.0) + 0.01 * np.random.default_rng(0).standard_normal(201)
+    run = tf.read({"time_min": time, "T1": reading, "flow": flow}, inputs="flow")
+    told = tf.diagnose(run)[0]
+    assert told.verdict == "transport_delay"
+    assert told.ranking[0]["acts"] == "flow"
+    assert told.parameters["transport_delay.delay"]["value"] == pytest.approx(10.0, abs=0.6)
