@@ -92,7 +92,7 @@ class Choice:
         if not self.by_sensor:
             return self.label
         told = []
-        for i in np.flatnonzero(who):
+        for i in map(int, np.flatnonzero(who)):
             others = dict.fromkeys(channels[int(self.constants[k][i])] for k in self.by_sensor)
             told.append(f"{channels[i]} by {' and '.join(c for c in others if c != channels[i])}")
         return ", ".join(told[:MOST_TOLD]) + (f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else "")
