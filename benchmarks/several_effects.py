@@ -1,0 +1,68 @@
+"""Three and four clear effects at once on clean machines: is the whole set named, and nothing else?
+
+python -m benchmarks.several_effects [--each 40] [--seed 50000] draws as many sets of three and of four of the twelve effects, each clear by
+itself, from the tests' own simulator (scipy's solver, no part of the search) and searches every record as `thermofast diagnose` does.
+A name is wrong where the effect was not hidden; "A or B" is wrong only where neither was.
+"""
+
+import argparse
+import time
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+from benchmarks.proof import as_run
+from tests.machines import EFFECTS, draw
+from thermofast.discovery.observe import observe
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.search.discover import discover
+
+
+def judge(job: tuple[int, int]) -> tuple[int, frozenset[str], frozenset[str], bool, float]:
+    """(how many, hidden effects, effects named, whether a model that does as well holds the set, seconds) of one record."""
+    count, seed = job
+    rng = np.random.default_rng([seed, count])
+    seen = None
+    while seen is None:
+        kind = frozenset(str(k) for k in rng.choice(EFFECTS, count, replace=False))
+        try:
+            seen = observe(as_run(draw(tuple(sorted(kind)), rng, "clear"))).seen
+        except RuntimeError:  # these do not go together: another set
+            continue
+    began = time.perf_counter()
+    found = discover(seen, [effect() for effect in BUILT_IN])
+    named = frozenset(found.named.ids) if found.named is not None else frozenset()
+    return count, kind, named, any(frozenset(c.ids) == kind for c in found.also), time.perf_counter() - began
+
+
+def main() -> None:
+    """Print the table, and below it what was said where it was not the set."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--each", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=50_000)
+    asked = parser.parse_args()
+    jobs = [(count, asked.seed + i) for count in (3, 4) for i in range(asked.each)]
+    with ProcessPoolExecutor() as pool:
+        found = list(pool.map(judge, jobs))
+    print(
+        "| hidden | records | the set | the set is among those as good | only hidden ones named | of the hidden ones named | s, median |"
+    )
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for count in (3, 4):
+        some = [f for f in found if f[0] == count]
+        shares = (
+            np.mean([named == kind for _, kind, named, *_ in some]),
+            np.mean([named == kind or also for _, kind, named, also, _ in some]),
+            np.mean([named <= kind for _, kind, named, *_ in some]),
+            np.mean([len(named & kind) / count for _, kind, named, *_ in some]),
+        )
+        told = " | ".join(f"{100.0 * s:.0f} %" for s in shares)
+        print(f"| {count} effects | {len(some)} | {told} | {np.median([f[-1] for f in some]):.1f} |")
+    print("\n| hidden | not named | named beside |\n| --- | --- | --- |")
+    for _, kind, named, *_ in found:
+        if named != kind:
+            print(f"| {', '.join(sorted(kind))} | {', '.join(sorted(kind - named))} | {', '.join(sorted(named - kind))} |")
+
+
+if __name__ == "__main__":
+    main()
