@@ -1,8 +1,8 @@
 """Three and four clear effects at once on clean machines: is the whole set named, and nothing else?
 
-python -m benchmarks.several_effects [--each 40] [--seed 50000] draws as many sets of three and of four of the twelve effects, each clear by
-itself, from the tests' own simulator (scipy's solver, no part of the search) and searches every record as `thermofast diagnose` does.
-A name is wrong where the effect was not hidden; "A or B" is wrong only where neither was.
+python -m benchmarks.several_effects [--each 40] [--seed 50000] draws as many sets of three and of four of the twelve effects, each
+clear by itself, from the tests' own simulator (scipy's solver, no part of the search) and searches every record as `diagnose` does.
+A name is wrong where the effect was not hidden.
 """
 
 import argparse
