@@ -6,27 +6,24 @@ equally well the one with the fewest parameters is the verdict. Where none goes 
 rest is imperfect are named one after the other (:mod:`.dominant`).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import islice
-from typing import Any
 
 import numpy as np
 
 from ..core.kernel import Array
-from ..effects.base import Choice, Effect
-from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
+from ..effects.base import Effect
+from ..joint import Fit, fit_model
 from ..observations import Observations
-from .candidates import Candidate, first_order, trials, try_add
+from .candidates import Candidate, try_add
 from .dominant import Stage, beats_disturbance, explain, try_all
 from .heldout import held_out_errors
-from .judge import chance, least_p, likelihood_ratios, sensor_p_values
+from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
-from .scan import Scan
+from .sets import Spread, larger_sets, of_needed, total_likelihood_ratio, tried_pairs
 
-#: How work is spread over processes: as the built-in ``map``, results in order.
-Spread = Callable[..., Iterable[Any]]
+__all__ = ["Discovery", "Spread", "discover", "discover_together", "total_likelihood_ratio"]
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ def discover(
     if most > 1 and known is None and (above or good):
         # A single that is well down at the noise leaves room for little more.
         sound = [c for c in good if least_p(c.floor) > RULES.sound]
-        pairs = _pairs(base, singles, effects, sound, spread)
+        pairs = tried_pairs(base, singles, effects, sound, spread)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
     if named is not None and _arbitrary(base, named, pairs):
@@ -108,6 +105,10 @@ def discover(
         also, named = [named, *also], None
     if named is not None:
         also += _nearly(base, named, also, singles)
+    if named is None and above and most > 1 and known is None:
+        sets = [of_needed(base, c, false_alarm, number) for c in larger_sets(base, pairs, effects, spread)]
+        named, rivals = _choose(base, [c for c in sets if c is not None])
+        also = rivals if named is not None else also
     p = min((over_all(c) for c in singles), default=1.0)
     blank = np.full(run.sensors, np.nan)
     if named is None:
@@ -176,152 +177,6 @@ def _share_of_run(k: int, base: Fit, singles: tuple[Candidate, ...], stages: Seq
     named = own[-1].named.shown[0].candidate
     also = tuple(s.rival.shown[0].candidate for s in own if s.rival is not None)
     return Discovery(base, floor, singles, named, also, max(s.named.p for s in own), held[0], errors[-1], "", own, errors)
-
-
-def total_likelihood_ratio(base: Fit, candidate: Candidate) -> float:
-    """Gain over the base model."""
-    return float(likelihood_ratios(base, candidate.fit).sum())
-
-
-@dataclass(frozen=True)
-class _Offer:
-    """A second effect beside a fit, and what a first-order step promises of both."""
-
-    promised: float
-    root: Fit
-    effect: Effect
-    scans: list[tuple[Choice, Scan]]
-
-
-def _offers(base: Fit, effects: Sequence[Effect], least: float, most: int, afar: bool, root: Fit) -> list[_Offer]:
-    """The best partners of a root; with afar also those that are tried from far away, which may promise little from here."""
-    own, have = float(likelihood_ratios(base, root).sum()), [p.id for p in root.model.parts]
-    offers = []
-    for effect in effects:
-        if effect.id not in have:
-            value, scans = first_order(root, effect)
-            if scans and value > least:
-                offers.append(_Offer(own + value, root, effect, scans))
-    offers.sort(key=lambda o: -o.promised)
-    return [o for rank, o in enumerate(offers) if rank < most or (afar and o.effect.scope == "run" and o.effect.large_starts())]
-
-
-def _taken(offer: _Offer, quick: bool) -> Candidate | None:
-    return try_add(offer.root, offer.effect, offer.scans, quick)
-
-
-def _pairs(
-    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], spread: Spread
-) -> list[Candidate]:
-    """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
-    promised: dict[tuple[str, ...], _Offer] = {}
-    roots = [c.fit for c in (good[:3] if good else singles)]
-    roots += [] if good else _as_logged(base, effects)
-    # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
-    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, RULES.partners, True), roots)):
-        for offer in offers:
-            unordered = tuple(sorted((*(p.id for p in offer.root.model.parts), offer.effect.id)))
-            key = (*unordered, str(number)) if number >= len(singles) else unordered
-            if key not in promised or offer.promised > promised[key].promised:
-                promised[key] = offer
-    of_single = {c.ids[0]: c for c in singles}
-    order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else RULES.pairs]
-    order += [k for k in promised if len(k) > 2 and k not in order]
-    tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
-    grown = sorted(
-        [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None],
-        key=lambda g: -total_likelihood_ratio(base, g[0]),
-    )
-    found = [c for c, _ in grown]
-    near = any(_excess(pair.fit) < RULES.far for pair in found[: RULES.refined])
-    again = [i for i, pair in enumerate(found[: RULES.refined if near else 0]) if not good or not _sound(pair)]
-    # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
-    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= len(again)][:1]
-    for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
-        found[i] = pair
-    found.sort(key=lambda c: -total_likelihood_ratio(base, c))
-    if found and not good and near:
-        # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
-        others = [e for e in effects if e.scope == "one"] if _sound(found[0]) else effects
-        found += _exchanged(base, found[0], others, spread)
-    return [_needed(pair, of_single) for pair in found]
-
-
-def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
-    """Fits with a logged cause acting just as logged: what else is missing cannot hide behind a wrong share of it."""
-    found = []
-    for effect in effects:
-        for choice in [c for c in effect.choices(base.run) if c.simple][:2] if effect.logged else []:
-            model = Model(base.run, [Part(effect, choice)])
-            local, shared = model.vector({**base.values, Key(0, effect.amplitude): effect.parameter(effect.amplitude).start})
-            model.low_shared = model.high_shared = shared
-            found.append(search(model, local, shared))
-    return found
-
-
-def _excess(fit: Fit) -> float:
-    """The residuals' root mean square in units of the noise, of the worst sensor."""
-    return float((fit.rmse / np.maximum(fit.run.least_noise, 1e-12)).max())
-
-
-def _sound(candidate: Candidate) -> bool:
-    return least_p(candidate.floor) > RULES.sound and candidate.identifiable.ok and candidate.fit.physical
-
-
-def _held(base: Fit, pair: Candidate, without: str) -> Fit:
-    """The pair's model without one of its effects, all else as the pair has it."""
-    others = [p for p in pair.parts if p.id != without]
-    model = Model(base.run, others)
-    return search(model, *model.vector(with_parts(pair.fit, others)), most=0)
-
-
-def _refined(base: Fit, pair: Candidate) -> Candidate:
-    """Each effect of a pair looked for anew while the other stands as the pair has it."""
-    for _ in range(2):
-        before = _worth(base, pair)
-        for part in pair.parts:
-            again = try_add(_held(base, pair, part.id), part.effect)
-            if again is not None and _worth(base, again) > _worth(base, pair):
-                pair = again
-        if _worth(base, pair) < before + RULES.worth_another:
-            break
-    return pair
-
-
-def _worth(base: Fit, candidate: Candidate) -> float:
-    """Gain less what parameters gain by chance."""
-    return total_likelihood_ratio(base, candidate) - 2.0 * candidate.fit.complexity
-
-
-def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
-    """Pairs that share one effect with the best one and that a first-order step promises most of."""
-    others = [e for e in effects if e.id not in pair.ids]
-    held = [_held(base, pair, p.id) for p in pair.parts]
-    offers = list(spread(partial(_offers, base, others, -1.0, RULES.exchanged, False), held))
-    tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
-    likely: list[Candidate] = []
-    for of in offers:
-        quick = [c for c in islice(tried, len(of)) if c is not None]
-        likely += sorted(quick, key=lambda c: -total_likelihood_ratio(base, c))[:2]
-    return list(spread(partial(_refined, base), likely))
-
-
-def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
-    """The pair with the chance of its less certain half: each effect must be needed beside the other."""
-    p = 0.0
-    for part in pair.parts:
-        other = next(o for o in pair.parts if o.id != part.id)
-        alone = singles.get(other.id)
-        if alone is None:
-            continue
-        own = np.maximum(likelihood_ratios(alone.fit, pair.fit), 0.0)
-        if part.effect.scope != "run":
-            own = np.where(part.concerns(len(own)), own, 0.0)
-        free = len(part.effect.active(part.choice))
-        p = max(p, chance(part.effect, own, free, trials(part.effect, pair.fit.run)))
-        if float(own.sum()) < 2.0 * RULES.equal:
-            p = 1.0
-    return Candidate(pair.fit, pair.own, p)
 
 
 def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:

@@ -176,17 +176,22 @@ def weigh(before: Sequence[Fit], tried: Sequence[Sequence[Candidate | None]], fa
     return sorted([w for w in found if w is not None], key=lambda w: -w.worth)
 
 
-def beats_disturbance(base: Fit, named: Candidate, false_alarm: float, number: int) -> bool:
-    """Whether each effect of a model that is down to the noise explains more, beside the others, than a disturbance would."""
+def beside_others(base: Fit, named: Candidate, false_alarm: float, number: int) -> list[Weighed | None]:
+    """What each effect of a model that is down to the noise explains beside the others, over an unknown disturbance."""
     new = [p for p in named.parts if p not in base.model.parts]
-    beyond = RULES.beyond_alone if len(new) < 2 else RULES.beyond_disturbance
+    found = []
     for part in new:
         others = [p for p in named.parts if p is not part]
         without = fit_model(base.run, others, with_parts(named.fit, others)) if len(new) > 1 else base
-        weighed = _weighed([_Scale(without).evidence(named, part)], false_alarm, number)
-        if weighed is None or weighed.evidence < beyond * weighed.need:
-            return False
-    return True
+        found.append(_weighed([_Scale(without).evidence(named, part)], false_alarm, number))
+    return found
+
+
+def beats_disturbance(base: Fit, named: Candidate, false_alarm: float, number: int) -> bool:
+    """Whether each effect of a model that is down to the noise explains more, beside the others, than a disturbance would."""
+    weighed = beside_others(base, named, false_alarm, number)
+    beyond = RULES.beyond_alone if len(weighed) < 2 else RULES.beyond_disturbance
+    return all(w is not None and w.evidence >= beyond * w.need for w in weighed)
 
 
 def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:

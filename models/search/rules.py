@@ -93,6 +93,12 @@ class SearchRules:
     far: float = rule(2.0, "noise", "a quick pair that leaves more is not looked at with care: it will not come down to it", COST)
     refined: int = rule(3, "pairs", "in which each effect is looked for anew beside the other", COST)
     exchanged: int = rule(5, "effects", "tried in the place of each one of the best pair", COST)
+    most_left: float = rule(
+        0.6, "share of the misfit", "that one effect more may leave of what a set leaves; with more the search ends", COST
+    )
+    close: float = rule(
+        200.0, "likelihood ratio", "short of the best by more at a quick look, a set is no rival to look at with care", COST
+    )
     most_also: int = rule(6, "sets", "of rivals that are named", "what a reader takes in")
     followed: int = rule(3, "starts", "of a shared effect that are followed to their end", COST)
     quick: int = rule(14, "iterations", "of a quick look", COST)

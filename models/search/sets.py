@@ -1,0 +1,254 @@
+"""Sets of two and more effects: which are worth trying, and each effect of a set looked for anew beside the others."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from ..effects.base import Choice, Effect
+from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
+from .candidates import Candidate, first_order, trials, try_add
+from .dominant import beside_others, misfit_power
+from .judge import chance, least_p, likelihood_ratios
+from .rules import RULES
+from .scan import Scan
+
+#: How work is spread over processes: as the built-in ``map``, results in order.
+Spread = Callable[..., Iterable[Any]]
+
+
+def total_likelihood_ratio(base: Fit, candidate: Candidate) -> float:
+    """Gain over the base model."""
+    return float(likelihood_ratios(base, candidate.fit).sum())
+
+
+@dataclass(frozen=True)
+class _Offer:
+    """A second effect beside a fit, and what a first-order step promises of both."""
+
+    promised: float
+    root: Fit
+    effect: Effect
+    scans: list[tuple[Choice, Scan]]
+
+
+def _offers(base: Fit, effects: Sequence[Effect], least: float, most: int, afar: bool, root: Fit) -> list[_Offer]:
+    """The best partners of a root; with afar also those that are tried from far away, which may promise little from here."""
+    own, have = float(likelihood_ratios(base, root).sum()), [p.id for p in root.model.parts]
+    offers = []
+    for effect in effects:
+        if effect.id not in have:
+            value, scans = first_order(root, effect)
+            if scans and value > least:
+                offers.append(_Offer(own + value, root, effect, scans))
+    offers.sort(key=lambda o: -o.promised)
+    return [o for rank, o in enumerate(offers) if rank < most or (afar and o.effect.scope == "run" and o.effect.large_starts())]
+
+
+def _taken(offer: _Offer, quick: bool) -> Candidate | None:
+    return try_add(offer.root, offer.effect, offer.scans, quick)
+
+
+def tried_pairs(
+    base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], spread: Spread
+) -> list[Candidate]:
+    """Pairs that a first-order step promises most of: quickly at first, the best of them with care."""
+    promised: dict[tuple[str, ...], _Offer] = {}
+    roots = [c.fit for c in (good[:3] if good else singles)]
+    roots += [] if good else _as_logged(base, effects)
+    # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
+    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, RULES.partners, True), roots)):
+        for offer in offers:
+            unordered = tuple(sorted((*(p.id for p in offer.root.model.parts), offer.effect.id)))
+            key = (*unordered, str(number)) if number >= len(singles) else unordered
+            if key not in promised or offer.promised > promised[key].promised:
+                promised[key] = offer
+    of_single = {c.ids[0]: c for c in singles}
+    order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else RULES.pairs]
+    order += [k for k in promised if len(k) > 2 and k not in order]
+    tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
+    grown = sorted(
+        [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None],
+        key=lambda g: -total_likelihood_ratio(base, g[0]),
+    )
+    found = [c for c, _ in grown]
+    near = any(_excess(pair.fit) < RULES.far for pair in found[: RULES.refined])
+    again = [i for i, pair in enumerate(found[: RULES.refined if near else 0]) if not good or not _sound(pair)]
+    # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
+    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= len(again)][:1]
+    for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
+        found[i] = pair
+    found.sort(key=lambda c: -total_likelihood_ratio(base, c))
+    if found and not good and near:
+        # A sound pair may still be a roundabout way to say that one sensor drifts or jumped.
+        others = [e for e in effects if e.scope == "one"] if _sound(found[0]) else effects
+        found += _exchanged(base, found[0], others, spread)
+    return [_needed(pair, of_single) for pair in found]
+
+
+def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
+    """Fits with a logged cause acting just as logged: what else is missing cannot hide behind a wrong share of it."""
+    found = []
+    for effect in effects:
+        for choice in [c for c in effect.choices(base.run) if c.simple][:2] if effect.logged else []:
+            model = Model(base.run, [Part(effect, choice)])
+            local, shared = model.vector({**base.values, Key(0, effect.amplitude): effect.parameter(effect.amplitude).start})
+            model.low_shared = model.high_shared = shared
+            found.append(search(model, local, shared))
+    return found
+
+
+def _excess(fit: Fit) -> float:
+    """The residuals' root mean square in units of the noise, of the worst sensor."""
+    return float((fit.rmse / np.maximum(fit.run.least_noise, 1e-12)).max())
+
+
+def _sound(candidate: Candidate) -> bool:
+    return least_p(candidate.floor) > RULES.sound and candidate.identifiable.ok and candidate.fit.physical
+
+
+def _held(base: Fit, pair: Candidate, without: str) -> Fit:
+    """The pair's model without one of its effects, all else as the pair has it."""
+    others = [p for p in pair.parts if p.id != without]
+    model = Model(base.run, others)
+    return search(model, *model.vector(with_parts(pair.fit, others)), most=0)
+
+
+def _refined(base: Fit, pair: Candidate) -> Candidate:
+    """Each effect of a pair looked for anew while the other stands as the pair has it."""
+    for _ in range(2):
+        before = _worth(base, pair)
+        for part in pair.parts:
+            again = try_add(_held(base, pair, part.id), part.effect)
+            if again is not None and _worth(base, again) > _worth(base, pair):
+                pair = again
+        if _worth(base, pair) < before + RULES.worth_another:
+            break
+    return pair
+
+
+def _worth(base: Fit, candidate: Candidate) -> float:
+    """Gain less what parameters gain by chance."""
+    return total_likelihood_ratio(base, candidate) - 2.0 * candidate.fit.complexity
+
+
+def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """Pairs that share one effect with the best one and that a first-order step promises most of."""
+    others = [e for e in effects if e.id not in pair.ids]
+    held = [_held(base, pair, p.id) for p in pair.parts]
+    offers = list(spread(partial(_offers, base, others, -1.0, RULES.exchanged, False), held))
+    tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
+    likely: list[Candidate] = []
+    for of in offers:
+        quick = [c for c in islice(tried, len(of)) if c is not None]
+        likely += sorted(quick, key=lambda c: -total_likelihood_ratio(base, c))[:2]
+    return list(spread(partial(_refined, base), likely))
+
+
+def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
+    """The pair with the chance of its less certain half: each effect must be needed beside the other."""
+    p = 0.0
+    for part in pair.parts:
+        other = next(o for o in pair.parts if o.id != part.id)
+        alone = singles.get(other.id)
+        if alone is None:
+            continue
+        own = np.maximum(likelihood_ratios(alone.fit, pair.fit), 0.0)
+        if part.effect.scope != "run":
+            own = np.where(part.concerns(len(own)), own, 0.0)
+        free = len(part.effect.active(part.choice))
+        p = max(p, chance(part.effect, own, free, trials(part.effect, pair.fit.run)))
+        if float(own.sum()) < 2.0 * RULES.equal:
+            p = 1.0
+    return Candidate(pair.fit, pair.own, p)
+
+
+def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """Sets of three and more effects that leave no pattern, the best first, with rivals that differ in one effect; often none.
+
+    The best pairs are grown by one effect at a time as long as each takes away most of the misfit that is left.
+    """
+    best = _distinct(base, pairs)[: RULES.carried_on]
+    if base.run.sensors < 2 or not best:  # of one sensor three effects draw nearly anything
+        return []
+    for _ in range(RULES.most_effects - 2):
+        left = min(misfit_power(c.fit) for c in best)
+        grown = _grown(base, best, effects, spread)
+        if not grown or misfit_power(grown[0].fit) > RULES.most_left * left:
+            return []
+        best = _improved(base, grown, effects, spread)[: RULES.carried_on]
+        if any(_down(c) for c in best):
+            return _with_rivals(base, best, effects, spread)
+    return []
+
+
+def of_needed(base: Fit, candidate: Candidate, false_alarm: float, number: int) -> Candidate | None:
+    """The set without effects that explain less, beside the others, than a disturbance would; None where a pattern remains then."""
+    while len(candidate.parts) - len(base.model.parts) > 1 and _down(candidate):
+        weighed = beside_others(base, candidate, false_alarm, number)
+        size, worth = len(weighed), [-np.inf if w is None else w.evidence / w.need for w in weighed]
+        least = RULES.least_evidence if size > 2 else 0.0
+        if all(w is not None and w.evidence >= max(RULES.beyond_disturbance * w.need, least) for w in weighed):
+            return Candidate(candidate.fit, candidate.own, max(w.p for w in weighed if w is not None))
+        new = [p for p in candidate.parts if p not in base.model.parts]
+        others = [p for p in candidate.parts if p is not new[int(np.argmin(worth))]]
+        fit = fit_model(base.run, others, with_parts(candidate.fit, others))
+        candidate = Candidate(fit, np.maximum(likelihood_ratios(base, fit), 0.0), 1.0)
+    return None
+
+
+def _down(candidate: Candidate) -> bool:
+    """Whether a set leaves no pattern and is determined."""
+    return least_p(candidate.floor) >= RULES.pair_pattern and candidate.identifiable.ok and candidate.fit.physical
+
+
+def _distinct(base: Fit, candidates: Iterable[Candidate | None]) -> list[Candidate]:
+    """The best of each set of effects, those that gain most first."""
+    found: dict[frozenset[str], Candidate] = {}
+    for c in sorted((c for c in candidates if c is not None), key=lambda c: -total_likelihood_ratio(base, c)):
+        found.setdefault(frozenset(c.ids), c)
+    return list(found.values())
+
+
+def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """The roots with one effect more each, at a quick look: those that a first-order step promises most of."""
+    promised: dict[frozenset[str], _Offer] = {}
+    for offers in spread(partial(_offers, base, effects, RULES.nearly[1], RULES.partners, False), [c.fit for c in roots]):
+        for offer in offers:
+            key = frozenset({*(p.id for p in offer.root.model.parts), offer.effect.id})
+            if key not in promised or offer.promised > promised[key].promised:
+                promised[key] = offer
+    likely = sorted(promised.values(), key=lambda o: -o.promised)[: 2 * RULES.partners]
+    return _distinct(base, spread(partial(_taken, quick=True), likely))
+
+
+def _replaced(base: Fit, candidate: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """The set with each of its effects replaced by another, at a quick look."""
+    others = [e for e in effects if e.id not in candidate.ids]
+    held = [_held(base, candidate, part.id) for part in candidate.parts]
+    offers = list(spread(partial(_offers, base, others, -1.0, RULES.refined, False), held))
+    return _distinct(base, spread(partial(_taken, quick=True), [o for of in offers for o in of]))
+
+
+def _improved(base: Fit, grown: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """The best sets with each effect looked for anew beside the others, and replaced where another does better."""
+    found = _distinct(base, [*spread(partial(_refined, base), grown[:2]), *grown[2:]])
+    for _ in range(2):
+        top = found[0]
+        if _sound(top):
+            break
+        found = _distinct(base, [*found, *spread(partial(_refined, base), _replaced(base, top, effects, spread)[:2])])
+        if found[0] is top:
+            break
+    return found
+
+
+def _with_rivals(base: Fit, best: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """Those of the best that leave no pattern, and sets that differ from the first in one effect and leave none either."""
+    down = [c for c in best if _down(c)]
+    near = total_likelihood_ratio(base, down[0]) - RULES.close
+    replaced = [c for c in _replaced(base, down[0], effects, spread) if total_likelihood_ratio(base, c) > near]
+    return _distinct(base, [*down, *(c for c in spread(partial(_refined, base), replaced[: RULES.refined]) if _down(c))])
