@@ -106,9 +106,13 @@ def discover(
     if named is not None:
         also += _nearly(base, named, also, singles)
     if named is None and above and most > 1 and known is None:
-        sets = [of_needed(base, c, false_alarm, number) for c in larger_sets(base, pairs, effects, spread)]
+        grown = larger_sets(base, pairs, effects, spread)
+        sets = [of_needed(base, c, false_alarm, number) for c in grown]
         named, rivals = _choose(base, [c for c in sets if c is not None])
-        also = rivals if named is not None else also
+        if named is not None:  # what explains as much is possible too, whether or not it would be named itself
+            ids = {frozenset(c.ids) for c in (named, *rivals)}
+            near = total_likelihood_ratio(base, named) - RULES.nearly[0]
+            also = rivals + [c for c in grown if frozenset(c.ids) not in ids and total_likelihood_ratio(base, c) > near]
     p = min((over_all(c) for c in singles), default=1.0)
     blank = np.full(run.sensors, np.nan)
     if named is None:

@@ -96,6 +96,7 @@ class SearchRules:
     most_left: float = rule(
         0.6, "share of the misfit", "that one effect more may leave of what a set leaves; with more the search ends", COST
     )
+    most_left_quick: float = rule(0.9, "share of the misfit", "the same at a quick look", COST)
     close: float = rule(
         200.0, "likelihood ratio", "short of the best by more at a quick look, a set is no rival to look at with care", COST
     )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.base import Choice, Effect
-from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
+from ..joint import RATE, Fit, Key, Model, Part, fit_model, search, with_parts
 from .candidates import Candidate, first_order, trials, try_add
 from .dominant import beside_others, misfit_power
 from .judge import chance, least_p, likelihood_ratios
@@ -177,21 +177,40 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], sp
     for _ in range(RULES.most_effects - 2):
         left = min(misfit_power(c.fit) for c in best)
         grown = _grown(base, best, effects, spread)
-        if not grown or misfit_power(grown[0].fit) > RULES.most_left * left:
+        if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
             return []
-        best = _improved(base, grown, effects, spread)[: RULES.carried_on]
+        best = [_unmirrored(base, c) for c in _improved(base, grown, effects, spread)[: RULES.carried_on]]
+        if misfit_power(best[0].fit) > RULES.most_left * left:
+            return []
         if any(_down(c) for c in best):
             return _with_rivals(base, best, effects, spread)
     return []
+
+
+def _unmirrored(base: Fit, candidate: Candidate) -> Candidate:
+    """The set with values that can really be, where one effect's are the mirror of those: a lag and a time constant exchanged."""
+    n = base.run.sensors
+    for at, part in enumerate(candidate.parts):
+        fit = candidate.fit
+        if fit.physical:
+            break
+        own = {p.name: fit.values[Key(at, p.name)] for p in part.effect.parameters if p.each == "sensor"}
+        mirrored = part.effect.mirrored(np.where(part.concerns(n), fit.values[RATE], 0.0), own)
+        if mirrored is not None:
+            values = {**fit.values, **{Key(at, k): v for k, v in mirrored[1].items()}}
+            values[RATE] = np.where(part.concerns(n), mirrored[0], values[RATE])
+            other = search(fit.model, *fit.model.vector(values))
+            if float(likelihood_ratios(fit, other).sum()) > -RULES.equal:
+                candidate = Candidate(other, candidate.own, candidate.p)
+    return candidate
 
 
 def of_needed(base: Fit, candidate: Candidate, false_alarm: float, number: int) -> Candidate | None:
     """The set without effects that explain less, beside the others, than a disturbance would; None where a pattern remains then."""
     while len(candidate.parts) - len(base.model.parts) > 1 and _down(candidate):
         weighed = beside_others(base, candidate, false_alarm, number)
-        size, worth = len(weighed), [-np.inf if w is None else w.evidence / w.need for w in weighed]
-        least = RULES.least_evidence if size > 2 else 0.0
-        if all(w is not None and w.evidence >= max(RULES.beyond_disturbance * w.need, least) for w in weighed):
+        worth = [-np.inf if w is None else w.evidence / w.need for w in weighed]
+        if min(worth) >= RULES.beyond_disturbance:
             return Candidate(candidate.fit, candidate.own, max(w.p for w in weighed if w is not None))
         new = [p for p in candidate.parts if p not in base.model.parts]
         others = [p for p in candidate.parts if p is not new[int(np.argmin(worth))]]
@@ -216,11 +235,10 @@ def _distinct(base: Fit, candidates: Iterable[Candidate | None]) -> list[Candida
 def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """The roots with one effect more each, at a quick look: those that a first-order step promises most of."""
     promised: dict[frozenset[str], _Offer] = {}
+    # The roots come with the best first, and of one set the best root's offer is taken: from afar promises are too large.
     for offers in spread(partial(_offers, base, effects, RULES.nearly[1], RULES.partners, False), [c.fit for c in roots]):
         for offer in offers:
-            key = frozenset({*(p.id for p in offer.root.model.parts), offer.effect.id})
-            if key not in promised or offer.promised > promised[key].promised:
-                promised[key] = offer
+            promised.setdefault(frozenset({*(p.id for p in offer.root.model.parts), offer.effect.id}), offer)
     likely = sorted(promised.values(), key=lambda o: -o.promised)[: 2 * RULES.partners]
     return _distinct(base, spread(partial(_taken, quick=True), likely))
 
@@ -249,6 +267,21 @@ def _improved(base: Fit, grown: list[Candidate], effects: Sequence[Effect], spre
 def _with_rivals(base: Fit, best: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """Those of the best that leave no pattern, and sets that differ from the first in one effect and leave none either."""
     down = [c for c in best if _down(c)]
-    near = total_likelihood_ratio(base, down[0]) - RULES.close
-    replaced = [c for c in _replaced(base, down[0], effects, spread) if total_likelihood_ratio(base, c) > near]
-    return _distinct(base, [*down, *(c for c in spread(partial(_refined, base), replaced[: RULES.refined]) if _down(c))])
+    top, near = down[0], total_likelihood_ratio(base, down[0]) - RULES.close
+    quick = [c for c in _replaced(base, top, effects, spread) if total_likelihood_ratio(base, c) > near]
+    alike = [
+        (p, e)
+        for p in top.parts
+        for e in effects
+        if e.id not in top.ids and {e.id, p.id} & {*p.effect.mistaken_for, *e.mistaken_for}
+    ]
+    tried = spread(partial(_exchanged_for, base, top), alike)
+    found = _distinct(base, [*quick, *(c for c in tried if c is not None)])
+    refined = [_unmirrored(base, c) for c in spread(partial(_refined, base), found[: RULES.most_also])]
+    return _distinct(base, [*down, *(c for c in refined if _down(c))])
+
+
+def _exchanged_for(base: Fit, candidate: Candidate, change: tuple[Part, Effect]) -> Candidate | None:
+    """The set with one of its effects exchanged for one that is easily taken for it."""
+    part, effect = change
+    return try_add(_held(base, candidate, part.id), effect)
