@@ -1,11 +1,13 @@
-"""Which effect is missing: a search over single effects and pairs that knows how often it would name one by chance.
+"""Which effect is missing: a search over single effects, pairs and larger sets that knows how often it names one by chance.
 
 The rules: a set of effects is named only if chance would not give its gain (over everything that was tried), it lowers the error
 on readings left out, the record determines its parameters, and every sensor is down to its noise. Among sets that fit
-equally well the one with the fewest parameters is the verdict. Where none goes down to the noise, effects that matter although the
-rest is imperfect are named one after the other (:mod:`.dominant`).
+equally well the one with the fewest parameters is the verdict. Where no single effect or pair does, the best pairs are grown to
+sets of three and four (:mod:`.sets`), each of whose effects must explain more beside the others than a disturbance. Where none
+goes down to the noise, effects that matter although the rest is imperfect are named one after the other (:mod:`.dominant`).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -68,7 +70,7 @@ def discover(
     known: Fit | None = None,
     spread: Spread = map,
 ) -> Discovery:
-    """Search the effects, singly and in pairs, that the base model (or the model `known`) lacks on a run.
+    """Search the effects, singly, in pairs and in larger sets, that the base model (or the model `known`) lacks on a run.
 
     `spread` may be the ``map`` of a ``concurrent.futures.Executor``; the result does not depend on it.
     """
@@ -82,8 +84,9 @@ def discover(
         return len(candidate.ids) == 1 + len(base.model.parts)
 
     def over_all(candidate: Candidate) -> float:
-        # A pair is the best of all pairs: each of its halves must beat the chance of that.
-        return min(1.0, candidate.p * (number if alone(candidate) else 0.5 * number * (number + 1)))
+        # A pair is the best of all pairs: each of its halves must beat the chance of that. A larger set likewise.
+        size = len(candidate.ids) - len(base.model.parts)
+        return min(1.0, candidate.p * math.comb(number + size - 1, size))
 
     def passes(candidate: Candidate) -> bool:
         # Two effects can imitate more than one can: their residuals must look more like noise.
@@ -106,13 +109,8 @@ def discover(
     if named is not None:
         also += _nearly(base, named, also, singles)
     if named is None and above and most > 1 and known is None:
-        grown = larger_sets(base, pairs, effects, spread)
-        sets = [of_needed(base, c, false_alarm, number) for c in grown]
-        named, rivals = _choose(base, [c for c in sets if c is not None])
-        if named is not None:  # what explains as much is possible too, whether or not it would be named itself
-            ids = {frozenset(c.ids) for c in (named, *rivals)}
-            near = total_likelihood_ratio(base, named) - RULES.nearly[0]
-            also = rivals + [c for c in grown if frozenset(c.ids) not in ids and total_likelihood_ratio(base, c) > near]
+        named, rivals = _several(base, pairs, effects, false_alarm, spread)
+        also = also if named is None else rivals
     p = min((over_all(c) for c in singles), default=1.0)
     blank = np.full(run.sensors, np.nan)
     if named is None:
@@ -194,6 +192,19 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
     named = equal[0]
     also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
     return named, also[: RULES.most_also]
+
+
+def _several(
+    base: Fit, pairs: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread
+) -> tuple[Candidate | None, list[Candidate]]:
+    """The set of three or more effects to name, and what explains as much, whether or not it would be named itself."""
+    grown = larger_sets(base, pairs, effects, false_alarm, spread)
+    named, rivals = _choose(base, [c for c in (of_needed(base, g, false_alarm, len(effects)) for g in grown) if c is not None])
+    if named is None:
+        return None, []
+    ids = {frozenset(c.ids) for c in (named, *rivals)}
+    least = total_likelihood_ratio(base, named) - RULES.nearly[0]
+    return named, rivals + [c for c in grown if frozenset(c.ids) not in ids and total_likelihood_ratio(base, c) > least]
 
 
 def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:

@@ -117,9 +117,9 @@ def _held(base: Fit, pair: Candidate, without: str) -> Fit:
     return search(model, *model.vector(with_parts(pair.fit, others)), most=0)
 
 
-def _refined(base: Fit, pair: Candidate) -> Candidate:
-    """Each effect of a pair looked for anew while the other stands as the pair has it."""
-    for _ in range(2):
+def _refined(base: Fit, pair: Candidate, rounds: int = 2) -> Candidate:
+    """Each effect of a set looked for anew while the others stand as the set has them."""
+    for _ in range(rounds):
         before = _worth(base, pair)
         for part in pair.parts:
             again = try_add(_held(base, pair, part.id), part.effect)
@@ -166,7 +166,9 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
     return Candidate(pair.fit, pair.own, p)
 
 
-def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+def larger_sets(
+    base: Fit, pairs: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread
+) -> list[Candidate]:
     """Sets of three and more effects that leave no pattern, the best first, with rivals that differ in one effect; often none.
 
     The best pairs are grown by one effect at a time as long as each takes away most of the misfit that is left.
@@ -179,11 +181,14 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], sp
         grown = _grown(base, best, effects, spread)
         if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
             return []
-        best = [_unmirrored(base, c) for c in _improved(base, grown, effects, spread)[: RULES.carried_on]]
-        if misfit_power(best[0].fit) > RULES.most_left * left:
+        grown[0] = _refined(base, grown[0], 1)
+        if misfit_power(grown[0].fit) > RULES.most_left * left:
             return []
-        if any(_down(c) for c in best):
-            return _with_rivals(base, best, effects, spread)
+        best = [_unmirrored(base, c) for c in _improved(base, grown, effects, spread)[: RULES.carried_on]]
+        down = [c for c in best if _down(c)]
+        if down:
+            sure = of_needed(base, down[0], false_alarm, len(effects))
+            return [down[0]] if sure is None else _with_rivals(base, [sure, *down], effects, spread)
     return []
 
 
@@ -254,19 +259,13 @@ def _replaced(base: Fit, candidate: Candidate, effects: Sequence[Effect], spread
 def _improved(base: Fit, grown: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """The best sets with each effect looked for anew beside the others, and replaced where another does better."""
     found = _distinct(base, [*spread(partial(_refined, base), grown[:2]), *grown[2:]])
-    for _ in range(2):
-        top = found[0]
-        if _sound(top):
-            break
-        found = _distinct(base, [*found, *spread(partial(_refined, base), _replaced(base, top, effects, spread)[:2])])
-        if found[0] is top:
-            break
+    if not _sound(found[0]):
+        found = _distinct(base, [*found, *spread(partial(_refined, base), _replaced(base, found[0], effects, spread)[:2])])
     return found
 
 
-def _with_rivals(base: Fit, best: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
-    """Those of the best that leave no pattern, and sets that differ from the first in one effect and leave none either."""
-    down = [c for c in best if _down(c)]
+def _with_rivals(base: Fit, down: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """Sets that leave no pattern, and those that differ from the first of them in one effect and leave none either."""
     top, near = down[0], total_likelihood_ratio(base, down[0]) - RULES.close
     quick = [c for c in _replaced(base, top, effects, spread) if total_likelihood_ratio(base, c) > near]
     alike = [
@@ -277,7 +276,7 @@ def _with_rivals(base: Fit, best: list[Candidate], effects: Sequence[Effect], sp
     ]
     tried = spread(partial(_exchanged_for, base, top), alike)
     found = _distinct(base, [*quick, *(c for c in tried if c is not None)])
-    refined = [_unmirrored(base, c) for c in spread(partial(_refined, base), found[: RULES.most_also])]
+    refined = [_unmirrored(base, c) for c in spread(partial(_refined, base, rounds=1), found[: RULES.partners])]
     return _distinct(base, [*down, *(c for c in refined if _down(c))])
 
 
