@@ -3,7 +3,6 @@
 import importlib
 
 import numpy as np
-import pytest
 
 from benchmarks.dominant import runs_of
 from benchmarks.proof import as_run
@@ -26,9 +25,8 @@ def candidate_of(seen, names):
     return found
 
 
-@pytest.mark.parametrize("job", [(3, 50_009), (3, 50_007)])
-def test_a_clear_set_is_named_whole(job):
-    count, hidden, named, _, _ = judge(job)
+def test_a_clear_set_is_named_whole():
+    count, hidden, named, _, _ = judge((3, 50_009))
     assert len(hidden) == count
     assert named == hidden
 
