@@ -1,8 +1,9 @@
 """Three and four clear effects at once on clean machines: is the whole set named, and nothing else?
 
-python -m benchmarks.several_effects [--each 40] [--seed 50000] draws as many sets of three and of four of the twelve effects, each
-clear by itself, from the tests' own simulator (scipy's solver, no part of the search) and searches every record as `diagnose` does.
-A name is wrong where the effect was not hidden, unless a model that is said to be as good holds the set, or is the hidden effect.
+python -m benchmarks.several_effects [--each 40] [--seed 50000] [--rule NAME=NUMBER] draws as many sets of three and of four of the
+twelve effects, each clear by itself, from the tests' own simulator (scipy's solver, no part of the search) and searches each
+as `diagnose` does. A name is wrong where the effect was not hidden, unless a model that is said to be as good has hidden ones only.
+Without sets: --rule most_left_quick=0.
 """
 
 import argparse
@@ -11,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
+from benchmarks.dominant import with_rule
 from benchmarks.proof import as_run
 from tests.machines import EFFECTS, draw
 from thermofast.discovery.observe import observe
@@ -40,9 +42,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=40)
     parser.add_argument("--seed", type=int, default=50_000)
+    parser.add_argument("--rule", default="", metavar="NAME=NUMBER", help="with another value of a rule, to see what it is for")
     asked = parser.parse_args()
     jobs = [(count, asked.seed + i) for count in (3, 4) for i in range(asked.each)]
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(initializer=with_rule, initargs=(asked.rule,)) as pool:
         found = list(pool.map(judge, jobs))
     print("| hidden | records | the set | or among those as good | only hidden ones named | of the hidden ones named | s, median |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")

@@ -19,10 +19,9 @@ class Drive:
 
     heat, loss: dimensionless, mean over the interval that ends at each reading, broadcastable to (B, N); times to take are
     ``run.middle``, and ``run.after(t)`` for a step. sink [degC], offset [K]: value at each reading, times ``run.time``.
-    exponent, lag [min], delay [min]: (B, 1).
+    exponent, lag [min]: (B, 1). delay [min]: (B, 1), or (B, N) where it is another one at each reading.
     hidden: of each hidden mass (coupling (B, 1) [1/min], its rate (B, 1) [1/min]); a coupling of 0 is none.
     links: of each neighbour (coupling (B, 1) [1/min], neighbour's temperature (B or 1, N) [degC]).
-    earlier (B, N) [min]: the times from which readings come, where these do not lag by one delay; None: from now.
     sensor (B,): the index of each row's sensor. sink_c: the surroundings' reference [degC].
     """
 
@@ -37,7 +36,6 @@ class Drive:
     delay: Array
     hidden: list[tuple[Array, Array]] = field(default_factory=list)
     links: list[tuple[Array, Array]] = field(default_factory=list)
-    earlier: Array | None = None
 
     @classmethod
     def plain(cls, run: Observations, sensor: Any, sink_c: Array) -> "Drive":
@@ -60,6 +58,7 @@ class Drive:
             for values, told in zip(masses, mass, strict=True):
                 values[:, i] = _row(told, rows)
         out = np.empty((rows, n))
+        moves = np.ndim(self.delay) == 2 and self.delay.shape[1] > 1
         kernel.forward(
             run.time,
             _row(rate, rows),
@@ -74,12 +73,12 @@ class Drive:
             _row(couplings, rows),
             _grid(linked, rows, n),
             _row(self.lag, rows),
-            _row(self.delay, rows),
+            np.zeros(rows) if moves else _row(self.delay, rows),
             out,
         )
-        if self.earlier is not None:
-            for row, times in zip(out, self.earlier, strict=True):
-                row[:] = np.interp(times, run.time, row)
+        if moves:
+            for row, delay in zip(out, _grid(self.delay, rows, n), strict=True):
+                row[:] = np.interp(run.time - delay, run.time, row)
         out += self.offset
         return out
 

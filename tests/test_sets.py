@@ -3,6 +3,7 @@
 import importlib
 
 import numpy as np
+import pytest
 
 from benchmarks.dominant import runs_of
 from benchmarks.proof import as_run
@@ -10,10 +11,10 @@ from benchmarks.several_effects import judge
 from tests.machines import draw
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
-from thermofast.models.joint import fit_model
-from thermofast.models.search.candidates import try_add
+from thermofast.models.joint import RATE, Key, fit_model, search
+from thermofast.models.search.candidates import Candidate, try_add
 from thermofast.models.search.discover import discover
-from thermofast.models.search.sets import larger_sets, of_needed
+from thermofast.models.search.sets import Sets, _unmirrored, _with_rivals, larger_sets, of_needed_effects
 
 EFFECTS = {kind.id: kind for kind in BUILT_IN}
 
@@ -36,7 +37,7 @@ def test_an_effect_that_is_not_needed_beside_the_others_is_left_out():
     seen = observe(as_run(draw(hidden, np.random.default_rng(1), "clear"))).seen
     base = fit_model(seen)
     for more in ("sensor_drift", "load_step", "friction_decay"):
-        kept = of_needed(base, candidate_of(seen, [*hidden, more]), 0.01, len(BUILT_IN))
+        kept = of_needed_effects(base, candidate_of(seen, [*hidden, more]), 0.01, len(BUILT_IN))
         assert kept is not None
         assert set(kept.ids) == set(hidden)
 
@@ -53,4 +54,29 @@ def test_of_one_sensor_no_set_is_grown():
     seen = observe(as_run(draw(("load_step", "cyclic_load"), np.random.default_rng(1), "clear"))).seen
     one = seen.only(seen.channels[:1])
     base = fit_model(one)
-    assert larger_sets(base, [try_add(base, EFFECTS["load_step"]())], [k() for k in BUILT_IN], 0.01, map) == []
+    assert larger_sets(base, [try_add(base, EFFECTS["load_step"]())], [k() for k in BUILT_IN], 0.01, map) == Sets()
+
+
+def test_what_is_easily_mistaken_for_a_member_is_a_rival():
+    hidden = ("cooling_switch", "reading_jump")
+    seen = observe(as_run(draw(hidden, np.random.default_rng(8), "clear"))).seen
+    base, effects = fit_model(seen), [kind() for kind in BUILT_IN]
+    other = candidate_of(seen, ["reading_jump", "load_step"])
+    found = _with_rivals(base, [other], effects, map)
+    assert set(hidden) in [set(c.ids) for c in found]
+    assert set(other.ids) in [set(c.ids) for c in found]
+
+
+def test_a_lag_and_a_time_constant_that_are_exchanged_are_put_right():
+    seen = observe(as_run(draw(("sensor_lag",), np.random.default_rng(2), "clear"))).seen
+    right = candidate_of(seen, ["sensor_lag"])
+    assert right.fit.physical
+    who, values = right.parts[0].concerns(seen.sensors), right.fit.values
+    lag, rate = values[Key(0, "lag")], values[RATE]
+    swapped = {**values, RATE: np.where(who, 1.0 / lag, rate), Key(0, "lag"): np.where(who, 1.0 / rate, lag)}
+    mirrored = search(right.fit.model, *right.fit.model.vector(swapped), most=0)
+    assert not mirrored.physical
+    again = _unmirrored(Candidate(mirrored, right.own, right.p))
+    assert again.fit.physical
+    assert again.fit.values[RATE] == pytest.approx(rate, rel=1e-3)
+    assert again.fit.rss.sum() == pytest.approx(right.fit.rss.sum(), rel=1e-4)

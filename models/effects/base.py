@@ -14,8 +14,8 @@ from ..core.kernel import Array
 from ..drive import Drive
 from ..observations import Observations
 
-#: Sensors of which it is told in words how an effect acts on them.
-MOST_TOLD = 6
+#: Logged columns that an effect is tried along.
+MOST_COLUMNS = 6
 
 
 @dataclass(frozen=True)
@@ -87,15 +87,15 @@ class Choice:
         own = {k: np.array([int(c.constants[k][i]) for i, c in enumerate(choices)]) for k in first.by_sensor}
         return replace(first, label="" if own else first.label, constants={**first.constants, **own})
 
-    def in_words(self, channels: Sequence[str], who: Any) -> str:
-        """How it acts, as 'rpm' or 'T2 by T1 and T3, T3 by T2' for the sensors who (S,) that have it."""
+    def ways(self, channels: Sequence[str], who: Any) -> list[str]:
+        """How it acts on the sensors who (S,) that have it, as ['rpm'] or ['T2 by T1 and T3', 'T3 by T2']; [] where plainly."""
         if not self.by_sensor:
-            return self.label
+            return [self.label] if self.label else []
         told = []
         for i in map(int, np.flatnonzero(who)):
             others = dict.fromkeys(channels[int(self.constants[k][i])] for k in self.by_sensor)
             told.append(f"{channels[i]} by {' and '.join(c for c in others if c != channels[i])}")
-        return ", ".join(told[:MOST_TOLD]) + (f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else "")
+        return told
 
 
 class Values:
@@ -213,6 +213,11 @@ class Effect:
 def varying(columns: dict[str, Array]) -> dict[str, Array]:
     """Those logged columns that change during the run."""
     return {n: c for n, c in columns.items() if float(np.ptp(c)) > 1e-6 * max(1.0, float(np.abs(c).max()))}
+
+
+def tried_columns(run: Observations) -> dict[str, Array]:
+    """Logged inputs that an effect is tried along."""
+    return dict(list(varying(run.inputs).items())[:MOST_COLUMNS])
 
 
 def heated(drive: Drive, change: Any, p: Any) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, varying
+from .base import Choice, Effect, Parameter, tried_columns
 from .load_step import endings, held
 
 
@@ -34,7 +34,7 @@ class CoolingSwitch(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         found = [Choice("", {"column": ""})]
-        for name, column in list(varying(run.inputs).items())[:6]:
+        for name, column in tried_columns(run).items():
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
             found += [Choice(name, {**constants, "ending": ending}, ("event",), coupled=("ratio",)) for ending in endings(column)]
         return found

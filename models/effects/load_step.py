@@ -7,7 +7,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, driven, heated, varying
+from .base import Choice, Effect, Parameter, driven, heated, tried_columns
 
 
 class LoadStep(Effect):
@@ -44,7 +44,7 @@ class LoadStep(Effect):
     def choices(self, run: Observations) -> Sequence[Choice]:
         free = Choice("", {"column": "", "power": 1.0, "ending": 0.5, **driven(run)}, ("power",))
         found = [free]
-        for name, column in list(varying(run.inputs).items())[:6]:
+        for name, column in tried_columns(run).items():
             top = float(np.abs(column).max())
             constants = {"column": name, "scale": top, "event": 0.0}
             ways = [{**constants, "power": 1.0, "ending": ending} for ending in endings(column)]

@@ -7,10 +7,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, varying
-
-#: Logged columns that are tried as the flow.
-MOST_COLUMNS = 6
+from .base import Choice, Effect, Parameter, tried_columns
 
 
 class TransportDelay(Effect):
@@ -48,8 +45,8 @@ class TransportDelay(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         found = [Choice("", {"column": ""})]
-        flows = [(n, c) for n, c in varying(run.inputs).items() if float(c.min()) >= 0.0]
-        return [*found, *(Choice(n, {"column": n, "scale": float(c.max())}, simple=False) for n, c in flows[:MOST_COLUMNS])]
+        flows = [(n, c) for n, c in tried_columns(run).items() if float(c.min()) >= 0.0]
+        return [*found, *(Choice(n, {"column": n, "scale": float(c.max())}, simple=False) for n, c in flows)]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         column = getattr(p, "column", "")
@@ -58,7 +55,7 @@ class TransportDelay(Effect):
             return
         share = run.inputs[column] / p.scale
         passed = np.concatenate([[0.0], np.cumsum(0.5 * (share[1:] + share[:-1]) * np.diff(run.time))])
-        drive.earlier = np.interp(passed - p.delay, passed, run.time)
+        drive.delay = drive.delay + run.time - np.interp(passed - p.delay, passed, run.time)
 
     def large_starts(self) -> tuple[float, ...]:
         return 0.004, 0.015, 0.04, 0.1, 0.25

@@ -111,12 +111,30 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
             starts += [(gain, {**own, **start}) for gain, start in shared_starts(scan(other, effect, choice), effect, at, most)]
         for _, start in starts:
             fit = fit_model(run, parts, {**base, **start}, None, RULES.quick if quick else MOST_ITERATIONS)
-            value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
+            value = _value(before, fit, part)
             if best is None or value > best[0]:
                 best = value, fit, part
     assert best is not None
     best = best if quick else _elaborate(before, effect, best)
     return _candidate(before, best[1], effect, best[2])
+
+
+def _value(before: Fit, fit: Fit, part: Part) -> float:
+    """Gain of a part less what each of its parameters costs."""
+    return float(likelihood_ratios(before, fit).sum()) - 6.0 * len(part.effect.active(part.choice))
+
+
+def unmirrored(fit: Fit, at: int) -> Fit:
+    """The fit with values that can really be, where those of part `at` are their mirror: a lag and a time constant exchanged."""
+    part = fit.model.parts[at]
+    who = part.concerns(fit.run.sensors)
+    own = {p.name: fit.values[Key(at, p.name)] for p in part.effect.parameters if p.each == "sensor"}
+    mirrored = part.effect.mirrored(np.where(who, fit.values[RATE], 0.0), own)
+    if mirrored is None:
+        return fit
+    values = {**fit.values, **{Key(at, k): v for k, v in mirrored[1].items()}}
+    values[RATE] = np.where(who, mirrored[0], values[RATE])
+    return search(fit.model, *fit.model.vector(values))
 
 
 def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
@@ -140,7 +158,7 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         part = replace(best[2], choice=choice)
         parts = [*before.model.parts, part]
         fit = fit_model(before.run, parts, values)
-        value = float(likelihood_ratios(before, fit).sum()) - 6.0 * len(effect.active(choice))
+        value = _value(before, fit, part)
         if value > best[0] + RULES.worth:
             best = value, fit, part
     return best
@@ -243,7 +261,7 @@ def _own_choices(
 def _joined(
     before: Fit, effect: Effect, rows: Sequence[tuple[Choice, Fit, int] | None], concerned: Any, quick: bool
 ) -> Candidate | None:
-    run, n = before.run, before.run.sensors
+    run = before.run
     chosen = next((r for r in rows if r is not None), None)
     if chosen is None:
         return None
@@ -256,16 +274,10 @@ def _joined(
         if r is not None and concerned[i]:
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
     fit = search(model, local, shared, None, RULES.quick if quick else MOST_ITERATIONS)
-    at = len(parts) - 1
-    own = {p.name: fit.values[Key(at, p.name)] for p in effect.parameters if p.each == "sensor"}
-    mirrored = effect.mirrored(np.where(part.concerns(n), fit.values[RATE], 0.0), own)
-    if mirrored is not None:
-        values = {**fit.values, **{Key(at, k): v for k, v in mirrored[1].items()}}
-        values[RATE] = np.where(part.concerns(n), mirrored[0], values[RATE])
-        fit = search(model, *model.vector(values))
+    fit = unmirrored(fit, len(parts) - 1)
     if not quick:
         fit, part = _pruned(fit, part)
-        _, fit, part = _elaborate(before, effect, (float(likelihood_ratios(before, fit).sum()), fit, part))
+        _, fit, part = _elaborate(before, effect, (_value(before, fit, part), fit, part))
     return _candidate(before, fit, effect, part)
 
 

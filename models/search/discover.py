@@ -23,7 +23,7 @@ from .dominant import Stage, beats_disturbance, explain, try_all
 from .heldout import held_out_errors
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
-from .sets import Spread, larger_sets, of_needed, total_likelihood_ratio, tried_pairs
+from .sets import Spread, larger_sets, total_likelihood_ratio, tried_pairs
 
 __all__ = ["Discovery", "Spread", "discover", "discover_together", "total_likelihood_ratio"]
 
@@ -198,13 +198,15 @@ def _several(
     base: Fit, pairs: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread
 ) -> tuple[Candidate | None, list[Candidate]]:
     """The set of three or more effects to name, and what explains as much, whether or not it would be named itself."""
-    grown = larger_sets(base, pairs, effects, false_alarm, spread)
-    named, rivals = _choose(base, [c for c in (of_needed(base, g, false_alarm, len(effects)) for g in grown) if c is not None])
+    sets = larger_sets(base, pairs, effects, false_alarm, spread)
+    named, rivals = _choose(base, list(sets.needed))
     if named is None:
         return None, []
-    ids = {frozenset(c.ids) for c in (named, *rivals)}
+    told = [set(c.ids) for c in (named, *rivals)]
     least = total_likelihood_ratio(base, named) - RULES.nearly[0]
-    return named, rivals + [c for c in grown if frozenset(c.ids) not in ids and total_likelihood_ratio(base, c) > least]
+    # A set with one effect more than is needed is no rival.
+    other = [c for c in sets.down if set(c.ids) not in told and not set(named.ids) < set(c.ids)]
+    return named, rivals + [c for c in other if total_likelihood_ratio(base, c) > least]
 
 
 def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:

@@ -93,13 +93,18 @@ class SearchRules:
     far: float = rule(2.0, "noise", "a quick pair that leaves more is not looked at with care: it will not come down to it", COST)
     refined: int = rule(3, "pairs", "in which each effect is looked for anew beside the other", COST)
     exchanged: int = rule(5, "effects", "tried in the place of each one of the best pair", COST)
-    most_left: float = rule(
-        0.6, "share of the misfit", "that one effect more may leave of what a set leaves; with more the search ends", COST
+    grown: int = rule(3, "sets", "that are grown by one effect more", COST)
+    promise: float = rule(30.0, "likelihood ratio", "that a first-order step must promise of one effect more beside a pair", COST)
+    quick_sets: int = rule(8, "sets", "of three, then of four, that get a quick look", COST)
+    most_left_quick: float = rule(
+        0.9, "share of the misfit", "that one effect more may leave of it at a quick look; more ends the search", COST
     )
-    most_left_quick: float = rule(0.9, "share of the misfit", "the same at a quick look", COST)
+    most_left: float = rule(0.6, "share of the misfit", "the same with each effect looked for anew", COST)
+    replaced: int = rule(3, "effects", "tried in the place of each one of the best larger set", COST)
     close: float = rule(
         200.0, "likelihood ratio", "short of the best by more at a quick look, a set is no rival to look at with care", COST
     )
+    rivals: int = rule(4, "sets", "that are looked at with care for whether they explain as much as the best", COST)
     most_also: int = rule(6, "sets", "of rivals that are named", "what a reader takes in")
     followed: int = rule(3, "starts", "of a shared effect that are followed to their end", COST)
     quick: int = rule(14, "iterations", "of a quick look", COST)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..effects.base import Choice, Effect
-from ..joint import RATE, Fit, Key, Model, Part, fit_model, search, with_parts
-from .candidates import Candidate, first_order, trials, try_add
+from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
+from .candidates import Candidate, first_order, trials, try_add, unmirrored
 from .dominant import beside_others, misfit_power
 from .judge import chance, least_p, likelihood_ratios
 from .rules import RULES
@@ -135,16 +135,19 @@ def _worth(base: Fit, candidate: Candidate) -> float:
     return total_likelihood_ratio(base, candidate) - 2.0 * candidate.fit.complexity
 
 
-def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
-    """Pairs that share one effect with the best one and that a first-order step promises most of."""
-    others = [e for e in effects if e.id not in pair.ids]
-    held = [_held(base, pair, p.id) for p in pair.parts]
-    offers = list(spread(partial(_offers, base, others, -1.0, RULES.exchanged, False), held))
+def _replaced(base: Fit, candidate: Candidate, effects: Sequence[Effect], most: int, spread: Spread) -> list[list[Candidate]]:
+    """For each effect of a set, the set with it replaced by `most` others, those that a first-order step promises most of."""
+    others = [e for e in effects if e.id not in candidate.ids]
+    held = [_held(base, candidate, p.id) for p in candidate.parts]
+    offers = list(spread(partial(_offers, base, others, -1.0, most, False), held))
     tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
-    likely: list[Candidate] = []
-    for of in offers:
-        quick = [c for c in islice(tried, len(of)) if c is not None]
-        likely += sorted(quick, key=lambda c: -total_likelihood_ratio(base, c))[:2]
+    found = [[c for c in islice(tried, len(of)) if c is not None] for of in offers]
+    return [sorted(some, key=lambda c: -total_likelihood_ratio(base, c)) for some in found]
+
+
+def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """Pairs that share one effect with the best one."""
+    likely = [c for some in _replaced(base, pair, effects, RULES.exchanged, spread) for c in some[:2]]
     return list(spread(partial(_refined, base), likely))
 
 
@@ -166,51 +169,55 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
     return Candidate(pair.fit, pair.own, p)
 
 
-def larger_sets(
-    base: Fit, pairs: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread
-) -> list[Candidate]:
-    """Sets of three and more effects that leave no pattern, the best first, with rivals that differ in one effect; often none.
+@dataclass(frozen=True)
+class Sets:
+    """Sets that leave no pattern, the best first, and those of them in which each effect is needed."""
+
+    down: tuple[Candidate, ...] = ()
+    needed: tuple[Candidate, ...] = ()
+
+
+def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], false_alarm: float, spread: Spread) -> Sets:
+    """Sets of three and more effects that leave no pattern, with rivals that differ in one effect; often none.
 
     The best pairs are grown by one effect at a time as long as each takes away most of the misfit that is left.
     """
-    best = _distinct(base, pairs)[: RULES.carried_on]
-    if base.run.sensors < 2 or not best:  # of one sensor three effects draw nearly anything
-        return []
+    best = _distinct(base, pairs)[: RULES.grown]
+    # Of one sensor three effects draw nearly anything, and where a pair leaves no pattern more effects say nothing more.
+    if base.run.sensors < 2 or not best or any(_down(c) for c in pairs):
+        return Sets()
     for _ in range(RULES.most_effects - 2):
         left = min(misfit_power(c.fit) for c in best)
         grown = _grown(base, best, effects, spread)
         if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
-            return []
+            return Sets()
         grown[0] = _refined(base, grown[0], 1)
         if misfit_power(grown[0].fit) > RULES.most_left * left:
-            return []
-        best = [_unmirrored(base, c) for c in _improved(base, grown, effects, spread)[: RULES.carried_on]]
+            return Sets()
+        best = [_unmirrored(c) for c in _improved(base, grown, effects, spread)[: RULES.grown]]
         down = [c for c in best if _down(c)]
         if down:
-            sure = of_needed(base, down[0], false_alarm, len(effects))
-            return [down[0]] if sure is None else _with_rivals(base, [sure, *down], effects, spread)
-    return []
+            first = of_needed_effects(base, down[0], false_alarm, len(effects))
+            if first is None:
+                return Sets((down[0],))
+            down = _with_rivals(base, down, effects, spread)
+            others = [of_needed_effects(base, c, false_alarm, len(effects)) for c in down if c is not down[0]]
+            return Sets(tuple(down), tuple(_distinct(base, [first, *others])))
+    return Sets()
 
 
-def _unmirrored(base: Fit, candidate: Candidate) -> Candidate:
-    """The set with values that can really be, where one effect's are the mirror of those: a lag and a time constant exchanged."""
-    n = base.run.sensors
-    for at, part in enumerate(candidate.parts):
-        fit = candidate.fit
-        if fit.physical:
+def _unmirrored(candidate: Candidate) -> Candidate:
+    """The set with values that can really be, where that costs nothing."""
+    for at in range(len(candidate.parts)):
+        if candidate.fit.physical:
             break
-        own = {p.name: fit.values[Key(at, p.name)] for p in part.effect.parameters if p.each == "sensor"}
-        mirrored = part.effect.mirrored(np.where(part.concerns(n), fit.values[RATE], 0.0), own)
-        if mirrored is not None:
-            values = {**fit.values, **{Key(at, k): v for k, v in mirrored[1].items()}}
-            values[RATE] = np.where(part.concerns(n), mirrored[0], values[RATE])
-            other = search(fit.model, *fit.model.vector(values))
-            if float(likelihood_ratios(fit, other).sum()) > -RULES.equal:
-                candidate = Candidate(other, candidate.own, candidate.p)
+        other = unmirrored(candidate.fit, at)
+        if float(likelihood_ratios(candidate.fit, other).sum()) > -RULES.equal:
+            candidate = Candidate(other, candidate.own, candidate.p)
     return candidate
 
 
-def of_needed(base: Fit, candidate: Candidate, false_alarm: float, number: int) -> Candidate | None:
+def of_needed_effects(base: Fit, candidate: Candidate, false_alarm: float, number: int) -> Candidate | None:
     """The set without effects that explain less, beside the others, than a disturbance would; None where a pattern remains then."""
     while len(candidate.parts) - len(base.model.parts) > 1 and _down(candidate):
         weighed = beside_others(base, candidate, false_alarm, number)
@@ -241,46 +248,36 @@ def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread:
     """The roots with one effect more each, at a quick look: those that a first-order step promises most of."""
     promised: dict[frozenset[str], _Offer] = {}
     # The roots come with the best first, and of one set the best root's offer is taken: from afar promises are too large.
-    for offers in spread(partial(_offers, base, effects, RULES.nearly[1], RULES.partners, False), [c.fit for c in roots]):
+    for offers in spread(partial(_offers, base, effects, RULES.promise, RULES.partners, False), [c.fit for c in roots]):
         for offer in offers:
             promised.setdefault(frozenset({*(p.id for p in offer.root.model.parts), offer.effect.id}), offer)
-    likely = sorted(promised.values(), key=lambda o: -o.promised)[: 2 * RULES.partners]
+    likely = sorted(promised.values(), key=lambda o: -o.promised)[: RULES.quick_sets]
     return _distinct(base, spread(partial(_taken, quick=True), likely))
-
-
-def _replaced(base: Fit, candidate: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
-    """The set with each of its effects replaced by another, at a quick look."""
-    others = [e for e in effects if e.id not in candidate.ids]
-    held = [_held(base, candidate, part.id) for part in candidate.parts]
-    offers = list(spread(partial(_offers, base, others, -1.0, RULES.refined, False), held))
-    return _distinct(base, spread(partial(_taken, quick=True), [o for of in offers for o in of]))
 
 
 def _improved(base: Fit, grown: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """The best sets with each effect looked for anew beside the others, and replaced where another does better."""
     found = _distinct(base, [*spread(partial(_refined, base), grown[:2]), *grown[2:]])
     if not _sound(found[0]):
-        found = _distinct(base, [*found, *spread(partial(_refined, base), _replaced(base, found[0], effects, spread)[:2])])
+        quick = _distinct(base, [c for some in _replaced(base, found[0], effects, RULES.replaced, spread) for c in some])
+        found = _distinct(base, [*found, *spread(partial(_refined, base), quick[:2])])
     return found
 
 
 def _with_rivals(base: Fit, down: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """Sets that leave no pattern, and those that differ from the first of them in one effect and leave none either."""
     top, near = down[0], total_likelihood_ratio(base, down[0]) - RULES.close
-    quick = [c for c in _replaced(base, top, effects, spread) if total_likelihood_ratio(base, c) > near]
-    alike = [
-        (p, e)
-        for p in top.parts
-        for e in effects
-        if e.id not in top.ids and {e.id, p.id} & {*p.effect.mistaken_for, *e.mistaken_for}
+    quick = [
+        c for some in _replaced(base, top, effects, RULES.replaced, spread) for c in some if total_likelihood_ratio(base, c) > near
     ]
-    tried = spread(partial(_exchanged_for, base, top), alike)
-    found = _distinct(base, [*quick, *(c for c in tried if c is not None)])
-    refined = [_unmirrored(base, c) for c in spread(partial(_refined, base, rounds=1), found[: RULES.partners])]
+    others = [e for e in effects if e.id not in top.ids]
+    alike = [(p, e) for p in top.parts for e in others if e.id in p.effect.mistaken_for or p.id in e.mistaken_for]
+    found = _distinct(base, [*quick, *spread(partial(_mistaken, base, top), alike)])
+    refined = [_unmirrored(c) for c in spread(partial(_refined, base, rounds=1), found[: RULES.rivals])]
     return _distinct(base, [*down, *(c for c in refined if _down(c))])
 
 
-def _exchanged_for(base: Fit, candidate: Candidate, change: tuple[Part, Effect]) -> Candidate | None:
-    """The set with one of its effects exchanged for one that is easily taken for it."""
+def _mistaken(base: Fit, candidate: Candidate, change: tuple[Part, Effect]) -> Candidate | None:
+    """The set with one of its effects exchanged for one that is easily mistaken for it."""
     part, effect = change
     return try_add(_held(base, candidate, part.id), effect)

@@ -88,7 +88,6 @@ def _compare(task: LoopTask) -> Comparison:
     low, high = curve_bounds(fit, dict(task.input_ranges))
     if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
-    misfit = widening(fit)
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
@@ -105,7 +104,7 @@ def _compare(task: LoopTask) -> Comparison:
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        constants = _constants(task, fit, i, max(wider, misfit))
+        constants = _constants(task, fit, i, wider)
         told = constants.in_words() if constants else ""
         messages = [told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
@@ -171,7 +170,8 @@ def _constants(task: LoopTask, fit: Fit, sensor: int, wider: float) -> Constants
     if drive is None or unit is None:
         return None
     most = unit * float(np.nanmax(np.abs(task.run.inputs[drive])))
-    return thermal_constants(fit, sensor, most, wider)
+    # A misfit, which is no noise of the sensor's, errs as its colour says.
+    return thermal_constants(fit, sensor, most, max(wider, widening(fit)))
 
 
 def _needed(task: LoopTask, fit: Fit, whole: Observations) -> tuple[NeededHeat | None, list[str]]:

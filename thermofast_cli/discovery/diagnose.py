@@ -246,9 +246,9 @@ def event_of(fit: Fit, sensor: int) -> float | None:
 
 def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
     """One line of the ranking."""
-    fit, channels = candidate.fit, candidate.fit.run.channels
-    ways = [p.choice.in_words(channels, p.concerns(len(channels))) for p in candidate.parts]
-    who = candidate.parts[-1].concerns(fit.run.sensors)
+    fit, channels, n = candidate.fit, candidate.fit.run.channels, candidate.fit.run.sensors
+    ways = [", ".join(p.choice.ways(channels, p.concerns(n))) for p in candidate.parts]
+    who = candidate.parts[-1].concerns(n)
     first = int(np.flatnonzero(who)[0]) if who.any() else 0
     named = found.named is candidate
     return {
@@ -261,6 +261,6 @@ def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:
         "identifiable": candidate.identifiable.ok,
         "why_not": candidate.identifiable.why,
         "acts": "; ".join(way for way in ways if way),
-        "sensors": [c for c, w in zip(fit.run.channels, who, strict=True) if w],
+        "sensors": [c for c, w in zip(channels, who, strict=True) if w],
         "parameters": parameters_of(fit, first),
     }

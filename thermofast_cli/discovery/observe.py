@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations, fit_decay, spike_weights, third_difference_noise
 from thermofast.models.joint import fit_model
+from thermofast.models.search.judge import least_p, sensor_p_values
+from thermofast.models.search.rules import RULES
 
 from ..estimation.sensor import logger_step, saturated
 from ..reading import Run
@@ -90,13 +92,16 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
 def _driven(seen: Observations, drive: str) -> Observations:
     """The run with a logged column as its heat, of which the temperatures tell how the logger keeps it.
 
-    Loggers hold a column, or tell what was, or mean a straight line. Where it jumps, the readings about the largest jump decide:
-    farther away the effects that a first fit lacks would.
+    Loggers hold a column, or tell what was, or mean a straight line. The one with which the base law leaves no pattern is right.
+    Else, where the column jumps, the readings about the largest jump decide: farther away the effects that a fit lacks would.
     """
     ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
+    fits = [fit_model(way) for way in ways]
     column = seen.inputs[drive]
     jumps = np.abs(np.diff(column))
-    if jumps.max(initial=0.0) > JUMP * float(np.ptp(column)):
+    jumped = jumps > JUMP * float(np.ptp(column))
+    best = int(np.argmin([float((fit.rss / way.noise**2).sum()) for fit, way in zip(fits, ways, strict=True)]))
+    if jumped.any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
         far = np.abs(np.arange(len(column)) - int(np.argmax(jumps)) - 0.5) > ABOUT
         near = [way.without(far) for way in ways]
         if int(near[0].used.sum(axis=1).min()) >= ABOUT:
@@ -106,8 +111,8 @@ def _driven(seen: Observations, drive: str) -> Observations:
             refused = np.any(middle > early + SURELY), np.any(late > np.minimum(middle, early) + SURELY), False
             total = [np.inf if no else float(m.sum()) for m, no in zip(misfits, refused, strict=True)]
             total[0] -= RATHER
-            return _about_jumps(ways[int(np.argmin(total))], jumps > JUMP * float(np.ptp(column)))
-    return min(ways, key=lambda way: float((fit_model(way).rss / way.noise**2).sum()))
+            best = int(np.argmin(total))
+    return _about_jumps(ways[best], jumped)
 
 
 def _about_jumps(seen: Observations, jumped: NDArray[np.bool_]) -> Observations:

@@ -139,8 +139,8 @@ def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:
     part = fit.model.parts[k]
     who = part.concerns(seen.sensors)
     sensors = "all sensors" if who.all() else _listed([c for c, w in zip(seen.channels, who, strict=True) if w])
-    way = part.choice.in_words(seen.channels, who)
-    acts = f" ({way})" if way else ""
+    ways = part.choice.ways(seen.channels, who)
+    acts = f" ({_listed(ways)})" if ways else ""
     return f"{part.effect.summary}{acts}, in {sensors}: {', '.join(_numbers(fit, k, who, times))}"
 
 
