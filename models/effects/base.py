@@ -87,6 +87,10 @@ class Choice:
         own = {k: np.array([int(c.constants[k][i]) for i, c in enumerate(choices)]) for k in first.by_sensor}
         return replace(first, label="" if own else first.label, constants={**first.constants, **own})
 
+    def ends(self, sensor: int) -> set[int]:
+        """The other sensors that a sensor's own constants name."""
+        return {int(self.constants[k][sensor]) for k in self.by_sensor} - {sensor}
+
     def ways(self, channels: Sequence[str], who: Any) -> list[str]:
         """How it acts on the sensors who (S,) that have it, as ['rpm'] or ['T2 by T1 and T3', 'T3 by T2']; [] where plainly."""
         if not self.by_sensor:

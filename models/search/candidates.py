@@ -211,6 +211,7 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
             if np.isfinite(fit.rss[row]) and fit.rss[row] < best_cost[i] * (1.0 - 1e-12):
                 best_cost[i] = fit.rss[row]
                 best_rows[i] = choice, fit, row
+    best_rows = _both_ways(looked, best_rows, best_cost, before.dof)
     gained = log_ratio(before.rss, best_cost, before.dof)
     own = np.array([g if r is not None else 0.0 for g, r in zip(gained, best_rows, strict=True)])
     free = len(effect.parameters)
@@ -226,6 +227,35 @@ def _promising(looked: list[Fit], sensors: int) -> list[Any]:
     costs = [np.where(np.isfinite(f.rss), f.rss, np.inf).reshape(-1, sensors) for f in looked]
     limit = np.sort(np.concatenate(costs), axis=0)[: RULES.carried_on][-1]
     return [np.flatnonzero((c <= limit) & np.isfinite(c)) for c in costs]
+
+
+def _both_ways(
+    looked: Sequence[tuple[Choice, Fit]], rows: Sequence[tuple[Choice, Fit, int] | None], costs: Array, dof: Array
+) -> list[tuple[Choice, Fit, int] | None]:
+    """Each sensor's neighbours again: of those that fit about as well as the best, the ones that could have it as theirs too.
+
+    Each sensor alone picks the neighbour whose noise does least harm, by a hair. Heat is conducted both ways.
+    """
+    n = len(costs)
+    likely: list[list[tuple[Choice, Fit, int]]] = [[r] if r is not None else [] for r in rows]
+    for choice, fit in looked:
+        if not choice.by_sensor:
+            return list(rows)
+        behind = log_ratio(fit.rss, costs[np.arange(len(fit.rss)) % n], dof[np.arange(len(fit.rss)) % n])
+        for row in np.argsort(behind):
+            if behind[row] < RULES.one_way and rows[row % n] is not None:
+                likely[row % n].append((choice, fit, int(row)))
+    ends = [[choice.ends(i) for choice, _, _ in likely[i]] for i in range(n)]
+    could, must = [set.union(set(), *e) for e in ends], [set.intersection(*e) if e else set() for e in ends]
+    picks = [0] * n
+    for _ in range(3):
+        for i in range(n):
+            needed = {j for j in range(n) if i in must[j]}
+            shares = [sum(i in could[j] for j in own) / max(len(own | needed), 1) for own in ends[i]]
+            # The first of those that are equally mutual is the best fit.
+            picks[i] = int(np.argmax(shares)) if shares else 0
+        could = must = [e[k] if e else set() for e, k in zip(ends, picks, strict=True)]
+    return [few[k] if few else None for few, k in zip(likely, picks, strict=True)]
 
 
 def _own_choices(
@@ -244,7 +274,8 @@ def _own_choices(
         for rank in range(min(1 if quick else 9, len(scans))):
             pick = order[rank]
             small = {Key(at, effect.amplitude): amplitude[pick, sensors]}
-            starts = [small, {Key(at, effect.amplitude): np.full(run.sensors, main.start)}]
+            # A strong coupling is reached slowly from a weak one: the other start is a strong one.
+            starts = [small, {Key(at, effect.amplitude): np.maximum(main.start, 2.0 * before.values[RATE])}]
             found.append((Choice.composed([scans[p][0] for p in pick]), starts))
         return found
     for choice, s in scans:

@@ -40,6 +40,12 @@ class SearchRules:
         12.0, "likelihood ratio", "what a way of acting with one more parameter must gain over the plain one", "chance of 1 in 2000"
     )
     worth_another: float = rule(20.0, "likelihood ratio", "a round of refinement that gains less is the last", COST)
+    one_way: float = rule(
+        16.0,
+        "likelihood ratio",
+        "what a neighbour may lose of a sensor's fit against one that is not warmed by the sensor in turn",
+        "four deviations of one parameter: heat is conducted both ways",
+    )
     concerned: float = rule(0.01, "1", "chance at which a sensor's gain makes it one that has the effect", "once in a hundred runs")
     needed: float = rule(4.0, "standard errors", "a sensor with less of the effect is tried without it", BY_HAND)
     sure: float = rule(1.5, "standard errors", "an amplitude nearer to nothing is not determined", BY_HAND)
