@@ -14,6 +14,12 @@ def test_the_way_of_acting_and_its_number_are_found(kind):
     assert error < 0.05
 
 
+@pytest.mark.parametrize(("seed", "pairs"), [(3000, False), (3002, True), (4020, False), (5015, False), (6013, True)])
+def test_no_sensor_is_warmed_by_one_that_is_not_its_neighbour(seed, pairs):
+    # Each of these told a wrong link while every sensor's neighbours were picked by its own fit alone, or after a short search.
+    assert judge(("pairs" if pairs else "row", seed))[1] == "right"
+
+
 def test_which_sensor_warms_which_is_told(tool, tmp_path):
     run, coupling = rod(1)
     told = tf.diagnose(run)[0]

@@ -189,6 +189,7 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
     """Each sensor by itself from several starts, all at once; then those it concerns, with what is shared."""
     run, at, n = before.run, len(before.model.parts), before.run.sensors
     sensors = np.arange(n)
+    first = RULES.glance_at_links if scans[0][0].by_sensor and not quick else RULES.glance
     looked: list[tuple[Choice, Fit]] = []
     for choice, starts in _own_choices(before, effect, scans, at, quick):
         parts = [*before.model.parts, Part(effect, choice)]
@@ -199,13 +200,13 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
             local, shared = model.vector({**base, **start})
             stacked.append(local)
         tiled = np.tile(sensors, len(starts))
-        looked.append((choice, search(model, np.concatenate(stacked), shared, None, RULES.glance, tiled, hold_shared=True)))
+        looked.append((choice, search(model, np.concatenate(stacked), shared, None, first, tiled, hold_shared=True)))
     best_cost = before.rss.copy()
     best_rows: list[tuple[Choice, Fit, int] | None] = [None] * n
     for (choice, glance), kept in zip(looked, _promising([f for _, f in looked], n), strict=True):
         if not len(kept):
             continue
-        own, most = kept % n, (RULES.quick if quick else 25) - RULES.glance
+        own, most = kept % n, (RULES.quick if quick else 25) - first
         fit = search(glance.model, glance.local[kept], glance.shared, None, most, own, hold_shared=True)
         for row, i in enumerate(own):
             if np.isfinite(fit.rss[row]) and fit.rss[row] < best_cost[i] * (1.0 - 1e-12):

@@ -115,6 +115,7 @@ class SearchRules:
     followed: int = rule(3, "starts", "of a shared effect that are followed to their end", COST)
     quick: int = rule(14, "iterations", "of a quick look", COST)
     glance: int = rule(8, "iterations", "of the first look at every start that each sensor has for itself", COST)
+    glance_at_links: int = rule(18, "iterations", "of the first look at neighbours, whose order is told by small differences", COST)
     carried_on: int = rule(3, "starts", "of these that are carried on", COST)
 
 
