@@ -1,14 +1,18 @@
 """The heat that a record needs: does its band hold the truth, and is the column that it follows found, and no other?
 
-python -m benchmarks.unknown_heat [--each 200] [--seed 900000] [--machine lump|network] prints, by kind of heat (a logged column
-squared, a ramp, a random walk) and by what is known of the rate (learnt on another run with 3 % error, or from the record alone):
+python -m benchmarks.unknown_heat [--each 200] [--seed 900000] [--machine lump|network|power] prints, by kind of heat (a logged
+column squared, a ramp, a random walk) and by what is known of the rate (learnt on another run with 3 % error, or from the record):
 the share of the time that the 95 % band holds the true heat, how often the column and its power are found, and how often a column
 is claimed at all. The records are integrated by scipy's solve_ivp; the column of a ramp or a walk has nothing to do with the heat.
 A lump obeys the model's own law; a network of five bodies, heated at one and read at another by a late probe in a room that
 wanders, does not: it has no true heat of one sensor, so what is judged there is the column, and whether one is claimed.
+
+With `--machine power` a power in W is logged, which moves in steps, and beside it acts nothing, or a heat that nobody logged: one
+switched on and off, a ramp or a random walk. Judged are the band of all heat in W, and the intervals of capacity and resistance.
 """
 
 import argparse
+import itertools
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
@@ -16,6 +20,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from thermofast.analysis.unknown_heat import possible_rates, told_rate
+from thermofast.models.uncertainty.heat_in_watts import heat_in_watts
 from thermofast.models.uncertainty.unknown_heat import Lump, claims, smooth_heat
 
 KINDS = ("column", "ramp", "walk")
@@ -95,13 +100,83 @@ def trial(kind: str, known: bool, seed: int, network: bool = False) -> tuple[flo
     return held, "right" if found[0].powers[0] <= 2.0 <= found[0].powers[1] else "column"
 
 
+def powered(kind: str, seed: int) -> tuple[Lump, np.ndarray, np.ndarray, float, float]:
+    """(readings of one sensor, the logged power and all heat [W] at each, heat capacity [J/K], resistance [K/W])."""
+    rng = np.random.default_rng(seed)
+    capacity, tau = float(np.exp(rng.uniform(np.log(300.0), np.log(5000.0)))), rng.uniform(20.0, 80.0)
+    resistance, noise, sink = 60.0 * tau / capacity, rng.uniform(0.01, 0.05), rng.uniform(15.0, 28.0)
+    time = np.linspace(0.0, tau * rng.uniform(4.0, 7.0), 400)
+    edges = np.sort(rng.uniform(0.1, 0.8, int(rng.integers(1, 5)))) * time[-1]
+    most = rng.uniform(15.0, 40.0) / resistance
+    levels, share = most * rng.uniform(0.3, 1.0, len(edges) + 1), most * rng.uniform(-0.15, 0.3)
+    begin, length = rng.uniform(0.1, 0.7) * time[-1], rng.uniform(0.1, 0.3) * time[-1]
+    walk = np.cumsum(rng.normal(size=400)) / 20.0
+
+    def logged(t: float) -> float:
+        return float(levels[np.searchsorted(edges, t)])
+
+    def hidden(t: float) -> float:
+        if kind == "switched":
+            return share * float(begin < t < begin + length)
+        if kind == "ramp":
+            return share * t / float(time[-1])
+        return share * float(np.interp(t, time, walk)) if kind == "walk" else 0.0
+
+    ends = np.unique(np.concatenate([time[[0, -1]], edges, [begin, begin + length]]))
+    y, rise = np.zeros(1), np.zeros(400)
+    for a, b in itertools.pairwise(ends[ends <= time[-1]]):
+        inside = (time >= a) & (time <= b)
+        part = solve_ivp(
+            lambda t, y: (logged(t) + hidden(t) - y / resistance) * 60.0 / capacity,
+            (a, b),
+            y,
+            t_eval=np.union1d(time[inside], b),
+            max_step=time[-1] / 400.0,
+        )
+        rise[inside], y = part.y[0][: int(inside.sum())], part.y[:, -1]
+    power = np.array([logged(t) for t in time])
+    lump = Lump(time, sink + rise + noise * rng.normal(size=400), np.full(400, noise), np.full(400, sink))
+    return lump, power, power + np.array([hidden(t) for t in time]), capacity, resistance
+
+
+def power_trial(kind: str, seed: int) -> tuple[float, ...]:
+    """Share of the time the band holds, its half width over the power, whether C and R are held, error of C; NaN: not told."""
+    lump, power, heat, capacity, resistance = powered(kind, seed)
+    told = heat_in_watts(lump, power, possible_rates(lump))
+    if told is None:
+        return (np.nan,) * 5
+    true = np.interp(told.time, lump.time, heat)
+    held = float(np.mean((told.low <= true) & (true <= told.high)))
+    (c, c_low, c_high), (_, r_low, r_high) = told.capacity, told.resistance
+    wide = float(np.median(told.high - told.low)) / 2.0 / float(power.max())
+    return held, wide, float(c_low < capacity < c_high), float(r_low < resistance < r_high), abs(c / capacity - 1.0)
+
+
+def power_table(pool: ProcessPoolExecutor, each: int, seed: int) -> None:
+    """How often watts are told, and how often rightly."""
+    print(
+        "| beside the power | records | told | band holds, % of the time | its half width | C held | R held | error of C, median |"
+    )
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for kind in ("nothing", "switched", "ramp", "walk"):
+        found = np.array(list(pool.map(partial(power_trial, kind), range(seed, seed + each), chunksize=4)))
+        told = found[np.isfinite(found[:, 0])]
+        held, _, c, r, _ = 100.0 * told.mean(axis=0)
+        _, wide, _, _, error = 100.0 * np.median(told, axis=0)
+        print(f"| {kind} | {each} | {len(told)} | {held:.1f} | {wide:.0f} % | {c:.1f} % | {r:.1f} % | {error:.1f} % |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=200)
     parser.add_argument("--seed", type=int, default=900_000)
-    parser.add_argument("--machine", choices=["lump", "network"], default="lump")
+    parser.add_argument("--machine", choices=["lump", "network", "power"], default="lump")
     asked = parser.parse_args()
     network = asked.machine == "network"
+    if asked.machine == "power":
+        with ProcessPoolExecutor() as pool:
+            power_table(pool, asked.each, asked.seed)
+        return
     print("| heat | rate | records | band holds, % of the time | column and power | column, other power | none | wrong |")
     print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     with ProcessPoolExecutor() as pool:

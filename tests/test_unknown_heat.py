@@ -3,11 +3,12 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from benchmarks.unknown_heat import trial
+from benchmarks.unknown_heat import power_trial, powered, trial
 from thermofast.models.uncertainty.unknown_heat import Lump, smooth_heat
 
 
@@ -163,3 +164,39 @@ def test_the_search_finds_a_load_that_grows_all_the_while_from_another_rate(tmp_
     assert {r.verdict for r in told} == {"load_step"}
     assert told[0].parameters["load_step.power"]["value"] == pytest.approx(2.0, abs=0.2)
     assert told[0].rmse_ahead_c < 0.2 * told[0].rmse_base_ahead_c
+
+
+@pytest.mark.parametrize("kind", ["nothing", "switched", "walk"])
+def test_heat_beside_a_logged_power_is_told_in_watts(kind):
+    told = np.array([power_trial(kind, seed) for seed in range(960_000, 960_005)])
+    told = told[np.isfinite(told[:, 0])]
+    assert len(told) >= 3
+    held, _, capacity, resistance, _ = told.mean(axis=0)
+    assert held > 0.9
+    assert capacity + resistance >= 1.6
+    _, wide, _, _, error = np.median(told, axis=0)
+    assert error < 0.1
+    if kind == "nothing":
+        assert wide < 0.05
+
+
+def test_compare_tells_watts_and_the_capacity_that_any_other_heat_leaves():
+    lump, power, heat, capacity, _ = powered("switched", 960_004)
+    run = tf.read({"time_min": lump.time, "T1": lump.reading, "room": lump.sink, "power_kW": power / 1000.0}, ambient="room")
+    plain = tf.compare(run, drive="power_kW")[0]
+    told = tf.compare(run, drive="power_kW", unknown_heat=True)[0]
+    rows = pd.DataFrame(told.unknown_heat)
+    true = np.interp(rows.time_min, lump.time, heat)
+    assert np.mean((rows.lo_w <= true) & (true <= rows.hi_w)) > 0.9
+    assert told.heat_capacity_lo_j_per_k < capacity < told.heat_capacity_hi_j_per_k
+    # The fit alone takes the hidden heat for the power's.
+    assert abs(told.heat_capacity_j_per_k / capacity - 1.0) < abs(plain.heat_capacity_j_per_k / capacity - 1.0)
+
+
+def test_a_power_that_never_moves_tells_no_watts():
+    time = np.linspace(0.0, 200.0, 201)
+    reading = 20.0 - 10.0 * np.expm1(-time / 40.0) + 0.02 * np.random.default_rng(1).standard_normal(201)
+    run = tf.read({"time_min": time, "T1": reading, "room": np.full(201, 20.0), "power_w": np.full(201, 50.0)}, ambient="room")
+    told = tf.compare(run, drive="power_w", unknown_heat=True)[0]
+    assert "heat_w" not in told.unknown_heat[0]
+    assert "the power moves too little to tell how many watts" in told.message

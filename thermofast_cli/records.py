@@ -143,9 +143,10 @@ class CompareRecord(Record):
     where that is short enough to be the sensor's noise, whitened_p the p value once the colour is taken off.
     area_metric_c is the mean distance by which the residuals would have to move to be such as the model, its parameters
     uncertain and its inputs within their ranges, foretells.
-    unknown_heat is the heat that the sensor would need to follow its readings, with its 95 % band [K/min], and heat_follows the
-    logged columns that the heat of all sensors follows; both only where they were asked for.
-    heat_capacity_* and resistance_*, as this sensor sees them, stand where --drive is a power whose column names its unit, W or kW.
+    unknown_heat is the heat that the sensor would need to follow its readings, with its 95 % band [K/min, and W where --drive is a
+    power], and heat_follows the logged columns that the heat of all sensors follows; both only where they were asked for.
+    heat_capacity_* and resistance_*, as this sensor sees them, stand where --drive is a power whose column names its unit, W or kW;
+    with the unknown heat, which may be any beside the power, their intervals are those that it leaves.
     """
 
     effects: list[str] = field(default_factory=list)

@@ -129,7 +129,7 @@ def smooth_heat(lump: Lump, rate: float, rate_deviation: float = 0.0, knots: int
     priors = lump.priors(rate, len(at))
     heats, variances = [], []
     for node in NODES if rate_deviation > 0.0 else (0.0,):
-        values, means, inverses = _posteriors(*lump.scaled(rate * float(np.exp(node * rate_deviation)), at), priors)
+        values, means, inverses = posteriors(*lump.scaled(rate * float(np.exp(node * rate_deviation)), at), priors)
         weight = np.exp(values - values.max())
         weight /= weight.sum()
         mean = weight @ means
@@ -155,7 +155,7 @@ def column_likelihoods(lump: Lump, rates: Sequence[float], shapes: Array, given:
         if given is not None and len(given):
             design = np.hstack([design, (lump.curves(rate, given) / lump.noise).T])
             priors = [p.with_free(len(given)) for p in priors]
-        values, _, inverses = _posteriors(design, z, priors)
+        values, _, inverses = posteriors(design, z, priors)
         curves = lump.curves(rate, shapes) / lump.noise
         projected, against = design.T @ curves.T, design.T @ z
         own, mixed = (curves**2).sum(axis=1), curves @ z
@@ -182,7 +182,7 @@ def _priors(count: int, size: float, start: float, walks: Sequence[float] = WALK
     return found
 
 
-def _posteriors(design: Array, z: Array, priors: Sequence[Prior]) -> tuple[Array, Array, Array]:
+def posteriors(design: Array, z: Array, priors: Sequence[Prior]) -> tuple[Array, Array, Array]:
     """Log-likelihood (H,), means (H, M + 1) and covariances (H, M + 1, M + 1) under each prior."""
     information, against = design.T @ design, design.T @ z
     values, means, inverses = [], [], []

@@ -2,7 +2,9 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,8 +45,14 @@ def watts(column: str) -> float | None:
     return None if found is None else 1000.0 if found["kilo"] else 1.0
 
 
-def thermal_constants(fit: Fit, sensor: int, most_watts: float, wider: float) -> Constants | None:
-    """C and R of one sensor from a fit whose heat is a power that is `most_watts` at most; None where they are not determined.
+def most_watts(drive: str | None, inputs: Mapping[str, Any]) -> float | None:
+    """The largest power [W] of a run's drive; None where its name tells no power."""
+    unit = watts(drive) if drive else None
+    return unit * float(np.nanmax(np.abs(inputs[drive]))) if drive is not None and unit is not None else None
+
+
+def thermal_constants(fit: Fit, sensor: int, most: float, wider: float) -> Constants | None:
+    """C and R of one sensor from a fit whose heat is a power of `most` [W] at most; None where they are not determined.
 
     The law b = 1 / (R C) and level - sink = R P. wider multiplies the standard errors, which are those under white noise.
     """
@@ -52,7 +60,7 @@ def thermal_constants(fit: Fit, sensor: int, most_watts: float, wider: float) ->
     sink_key = Key(-1, SINK.name)
     sink = float(values[sink_key]) if sink_key in values else model.sink_guess
     rate, rise = float(values[RATE][sensor]), float(values[LEVEL][sensor]) - sink
-    if not (rise > 0.0 and rate > 0.0 and most_watts > 0.0):
+    if not (rise > 0.0 and rate > 0.0 and most > 0.0):
         return None
     slopes = np.zeros((2, len(model.local) + len(model.shared)))  # logarithms of R and C by the search coordinates
     slopes[0, model.column(LEVEL)] = 1.0 / rise
@@ -64,7 +72,7 @@ def thermal_constants(fit: Fit, sensor: int, most_watts: float, wider: float) ->
     deviations = wider * np.sqrt(np.diag(slopes @ fit.joint_covariance(sensor) @ slopes.T))
     if not np.all(deviations < MOST_DEVIATION):
         return None
-    resistance = rise / most_watts
+    resistance = rise / most
     centre = resistance, 60.0 / (rate * resistance)
     bounds = [(v, v * math.exp(-1.96 * d), v * math.exp(1.96 * d)) for v, d in zip(centre, deviations, strict=True)]
     return Constants(bounds[1], bounds[0])

@@ -9,7 +9,10 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.greybox import RATE, Model
 from thermofast.models.joint import Fit
+from thermofast.models.uncertainty.heat_in_watts import HeatInWatts, heat_in_watts
 from thermofast.models.uncertainty.unknown_heat import Follows, Lump, UnknownHeat, claims, simplest_rate, smooth_heat
+
+from .power import Constants, most_watts
 
 if TYPE_CHECKING:
     from ..discovery.loop import LoopTask
@@ -25,25 +28,35 @@ POSSIBLE = np.geomspace(0.5, 40.0, 19)
 class NeededHeat:
     """heats has None for a sensor with too few readings; follows are claims, strongest first.
 
-    own_rate: a rate comes from the same record.
+    own_rate: a rate comes from the same record. in_watts has None for each sensor where no power was logged as the drive, or it
+    moves too little to tell how much heat the sensor's part holds.
     """
 
     heats: tuple[UnknownHeat | None, ...]
     follows: tuple[Follows, ...]
     own_rate: bool
+    in_watts: tuple[HeatInWatts | None, ...]
+
+    def constants(self, sensor: int) -> Constants | None:
+        """Heat capacity and resistance with the intervals that any other heat leaves them."""
+        told = self.in_watts[sensor]
+        return Constants(told.capacity, told.resistance) if told is not None else None
 
 
 def needed_of(task: "LoopTask", fit: Fit, whole: Observations) -> NeededHeat:
     """The unknown heat of a run beside the model that its task names."""
     learnt = set(task.model.file.channels) if task.model is not None else set()
     drive = {whole.drive: whole.heat} if whole.drive and whole.heat is not None else {}
-    return needed_heat(fit, whole, learnt, {**whole.ambient, **whole.inputs, **drive})
+    most = most_watts(whole.drive, task.run.inputs)
+    power = whole.heat * most if most is not None and whole.heat is not None else None
+    return needed_heat(fit, whole, learnt, {**whole.ambient, **whole.inputs, **drive}, power)
 
 
-def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns: dict[str, Any]) -> NeededHeat:
+def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns: dict[str, Any], power: Any = None) -> NeededHeat:
     """Heat that each sensor of a run needs at the rates of a fit; those of `learnt` sensors come from other runs, not this record.
 
-    columns are logged columns (N,) of the run that the heat might follow, by name.
+    columns are logged columns (N,) of the run that the heat might follow, by name; power (N,) [W] is the logged part
+    of the heat.
     """
     moved = any(part.effect.follows_ambient for part in fit.model.parts)
     sink: Any = fit.model.sink_guess if moved or not whole.ambient else next(iter(whole.ambient.values()))
@@ -65,11 +78,15 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     may = {i: possible_rates(lump) if own[i] else [float(rates[i])] for i, lump in known.items()}
     follows = claims(list(known.values()), list(may.values()), columns, whole.time)
     heats: list[UnknownHeat | None] = [None] * whole.sensors
+    watts: list[HeatInWatts | None] = [None] * whole.sensors
     for place, (i, lump) in enumerate(known.items()):
         followed = follows[-1].rates[place] if follows else None
         rate, unsure = told_rate(lump, followed) if own[i] else (float(rates[i]), float(np.nan_to_num(errors[i])))
-        heats[i] = smooth_heat(lump, rate, min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION))
-    return NeededHeat(tuple(heats), tuple(follows), any(own))
+        unsure = min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION)
+        heats[i] = smooth_heat(lump, rate, unsure)
+        if power is not None:
+            watts[i] = heat_in_watts(lump, power[whole.used[i]], may[i], None if own[i] else unsure)
+    return NeededHeat(tuple(heats), tuple(follows), any(own), tuple(watts))
 
 
 def possible_rates(lump: Lump) -> list[float]:
@@ -105,11 +122,15 @@ def in_words(follows: tuple[Follows, ...]) -> str:
 NO_COLUMN = "the unknown heat follows no logged column more than chance would have it"
 
 
-def heat_rows(heat: UnknownHeat | None) -> list[dict[str, float]]:
-    """Rows of a record: time, heat and its 95 % band."""
+NO_WATTS = "the power moves too little to tell how many watts the unknown heat is: log a run in which it is changed"
+
+
+def heat_rows(heat: UnknownHeat | None, watts: HeatInWatts | None) -> list[dict[str, float]]:
+    """Rows of a record: time, heat and its 95 % band, in K/min and, where that is known, in W."""
     if heat is None:
         return []
     low, high = heat.heat - 1.96 * heat.deviation, heat.heat + 1.96 * heat.deviation
-    columns = (heat.time, heat.heat, low, high)
-    names = ("time_min", "heat_k_per_min", "lo_k_per_min", "hi_k_per_min")
-    return [{n: float(f"{v:.6g}") for n, v in zip(names, row, strict=True)} for row in zip(*columns, strict=True)]
+    columns = {"time_min": heat.time, "heat_k_per_min": heat.heat, "lo_k_per_min": low, "hi_k_per_min": high}
+    if watts is not None:
+        columns |= {"heat_w": watts.heat, "lo_w": watts.low, "hi_w": watts.high}
+    return [{n: float(f"{v:.6g}") for n, v in zip(columns, row, strict=True)} for row in zip(*columns.values(), strict=True)]

@@ -61,7 +61,9 @@ def command(
 
     --unknown-heat smooths the readings through the model: the heat in K/min at each time, with its 95 % band, drawn by --save-plot
     above the logged columns, and the column, power and delay that it follows where chance would not give that. With --model, learnt
-    on another run, the band holds the error of the rate too; without, it is told at the rate of this fit.
+    on another run, the band holds the error of the rate too; without, it is told at the rate of this fit. Where --drive is a power
+    that moves, in W or kW by its column's name, the heat stands in W too, beside what was logged, and heat capacity and resistance
+    have the intervals that any heat beside the power leaves them.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """

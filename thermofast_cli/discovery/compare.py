@@ -14,10 +14,11 @@ from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metr
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import sensor_p_values, widening
 from thermofast.models.search.rules import RULES
+from thermofast.models.uncertainty.heat_in_watts import HeatInWatts
 from thermofast.models.uncertainty.unknown_heat import UnknownHeat
 
-from ..analysis.power import Constants, thermal_constants, watts
-from ..analysis.unknown_heat import NO_COLUMN, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of
+from ..analysis.power import Constants, most_watts, thermal_constants
+from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
 from .colour import colour_of
@@ -56,6 +57,7 @@ class Panel:
     noise: float
     inputs: dict[str, Array]
     heat: UnknownHeat | None = None
+    in_watts: HeatInWatts | None = None
 
 
 def compare_task(task: LoopTask) -> list[Comparison]:
@@ -104,7 +106,7 @@ def _compare(task: LoopTask) -> Comparison:
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        constants = _constants(task, fit, i, wider)
+        constants = (needed and needed.constants(i)) or _constants(task, fit, i, wider)
         told = constants.in_words() if constants else ""
         messages = [told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
@@ -135,7 +137,7 @@ def _compare(task: LoopTask) -> Comparison:
                 worst_error_c=worst[2] if worst else None,
                 failing=[{"from_min": a, "to_min": b, "size_c": s} for a, b, s in stretches],
                 goes_along_with=along,
-                unknown_heat=heat_rows(needed.heats[i]) if needed else [],
+                unknown_heat=heat_rows(needed.heats[i], needed.in_watts[i]) if needed else [],
                 heat_follows=[f.as_dict() for f in needed.follows] if needed else [],
                 **(constants.as_columns() if constants else {}),
                 status=status,
@@ -155,8 +157,9 @@ def _compare(task: LoopTask) -> Comparison:
                     task.until_min,
                     name,
                     float(seen.noise[i]),
-                    {**whole.ambient, **whole.inputs},
+                    {**whole.ambient, **whole.inputs, **drive_of(task, whole)},
                     needed.heats[i] if needed else None,
+                    needed.in_watts[i] if needed else None,
                 )
             )
     records += refused_records(CompareRecord, task.run.name, observed)
@@ -165,11 +168,9 @@ def _compare(task: LoopTask) -> Comparison:
 
 def _constants(task: LoopTask, fit: Fit, sensor: int, wider: float) -> Constants | None:
     """Heat capacity and resistance where the drive is a power in watts."""
-    drive = fit.run.drive
-    unit = watts(drive) if drive else None
-    if drive is None or unit is None:
+    most = most_watts(fit.run.drive, task.run.inputs)
+    if most is None:
         return None
-    most = unit * float(np.nanmax(np.abs(task.run.inputs[drive])))
     # A misfit, which is no noise of the sensor's, errs as its colour says.
     return thermal_constants(fit, sensor, most, max(wider, widening(fit)))
 
@@ -180,7 +181,16 @@ def _needed(task: LoopTask, fit: Fit, whole: Observations) -> tuple[NeededHeat |
         return None, []
     found = needed_of(task, fit, whole)
     logged = bool(whole.ambient or whole.inputs or whole.drive)
-    return found, [in_words(found.follows) or NO_COLUMN if logged else "", OWN_RATE if found.own_rate else ""]
+    power = most_watts(whole.drive, task.run.inputs) is not None
+    watts = NO_WATTS if power and not any(found.in_watts) else ""
+    return found, [in_words(found.follows) or NO_COLUMN if logged else "", watts, OWN_RATE if found.own_rate else ""]
+
+
+def drive_of(task: LoopTask, whole: Observations) -> dict[str, Array]:
+    """The logged column (N,) that is the run's heat, by name, in its own unit; empty where the heat is constant."""
+    if whole.drive is None or whole.heat is None:
+        return {}
+    return {whole.drive: whole.heat * float(np.nanmax(np.abs(task.run.inputs[whole.drive])))}
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:

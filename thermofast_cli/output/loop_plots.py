@@ -1,12 +1,11 @@
 """Pictures of the discovery loop: model beside measurement with failing stretches, and the staircase of errors."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from thermofast.models.uncertainty.unknown_heat import UnknownHeat
 
 from ..discovery.compare import Panel
 from ..discovery.improve import Improved
@@ -16,6 +15,19 @@ MOST = 6
 FAILING = "#fbbf24"
 HEATS = ("#c0392b", "#1f4e79", "#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
 INPUTS = ("#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
+
+
+@dataclass(frozen=True)
+class Band:
+    """The unknown heat of one sensor with its 95 % band."""
+
+    channel: str
+    unit: str
+    time: Any
+    heat: Any
+    low: Any
+    high: Any
+    logged: Any = None
 
 
 def draw_comparison(panels: Sequence[Panel]) -> Any:
@@ -28,7 +40,7 @@ def draw_comparison(panels: Sequence[Panel]) -> Any:
     across = min(3, len(shown))
     down = -(-len(shown) // across)
     tall = 4.0 * down
-    heats = [(p.channel, p.heat) for p in shown if p.heat is not None]
+    heats = _bands(shown)
     strip = (0.9 * len(inputs) + 0.3 if inputs else 0.0) + (2.0 if heats else 0.0)
     figure = new_figure(4.8 * across, tall + strip + 0.6)
     upper, lower = figure.subfigures(2, 1, height_ratios=(tall, strip)) if strip else (figure, None)
@@ -77,16 +89,26 @@ def _panel(column: list[Any], p: Panel) -> None:
     low.tick_params(labelbottom=True)
 
 
-def _inputs(figure: Any, time: Any, inputs: dict[str, Any], heats: Sequence[tuple[str, UnknownHeat]]) -> None:
+def _bands(shown: Sequence[Panel]) -> list[Band]:
+    """The unknown heat of each sensor: in W where that is known of all of them, else in K/min."""
+    known = [p for p in shown if p.heat is not None]
+    if known and all(p.in_watts is not None for p in known):
+        return [Band(p.channel, "W", w.time, w.heat, w.low, w.high, w.logged) for p in known if (w := p.in_watts) is not None]
+    found = [(p.channel, h.time, h.heat, 1.96 * h.deviation) for p in known if (h := p.heat) is not None]
+    return [Band(channel, "K/min", time, heat, heat - wide, heat + wide) for channel, time, heat, wide in found]
+
+
+def _inputs(figure: Any, time: Any, inputs: dict[str, Any], heats: Sequence[Band]) -> None:
     """The unknown heat of the sensors, and under it the logged columns, once for all sensors, each with its own scale."""
     ratios = ([2.2] if heats else []) + [1.0] * len(inputs)
     axes = figure.subplots(len(ratios), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": ratios})[:, 0]
     if heats:
-        for k, (channel, heat) in enumerate(heats):
-            axes[0].plot(heat.time, heat.heat, lw=1.2, color=HEATS[k % len(HEATS)], label=channel)
-            band = heat.heat - 1.96 * heat.deviation, heat.heat + 1.96 * heat.deviation
-            axes[0].fill_between(heat.time, *band, color=HEATS[k % len(HEATS)], alpha=0.2, lw=0)
-        axes[0].set_ylabel("heat needed,\nK/min", fontsize=8)
+        for k, band in enumerate(heats):
+            axes[0].plot(band.time, band.heat, lw=1.2, color=HEATS[k % len(HEATS)], label=band.channel)
+            axes[0].fill_between(band.time, band.low, band.high, color=HEATS[k % len(HEATS)], alpha=0.2, lw=0)
+        if heats[0].logged is not None:
+            axes[0].plot(heats[0].time, heats[0].logged, color=MARK, lw=1.0, ls="--", label="logged")
+        axes[0].set_ylabel(f"heat needed,\n{heats[0].unit}", fontsize=8)
         axes[0].legend(fontsize=7, frameon=False, ncols=3)
         axes[0].tick_params(labelsize=7)
         axes = axes[1:] if inputs else axes
