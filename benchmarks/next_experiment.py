@@ -17,7 +17,7 @@ import numpy as np
 import thermofast as tf
 from tests.machines import EFFECTS, Case, _record, draw
 from thermofast.discovery.observe import observe
-from thermofast.experiments.next_experiment import LEAST, Experiment, causes, next_experiments, planned, possible
+from thermofast.experiments.next_experiment import LEAST, SEEN_RISE, Experiment, causes, next_experiments, planned, possible, rises
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.search.discover import discover, discover_together
@@ -48,6 +48,8 @@ def again(case: Case, experiment: Experiment, rng: np.random.Generator) -> Obser
         at = np.flatnonzero(np.diff(heat) != 0.0)
         edges = [0.5 * float(time[i] + time[i + 1]) for i in at]
         truth["effects"]["planned"] = {"at_min": edges, "levels": [float(heat[0]), *(float(heat[i + 1]) for i in at)]}
+    if experiment.heated is not None:
+        truth |= {"R": np.where(np.arange(len(truth["R"])) == experiment.heated, truth["R"], 0.0), "T0": truth["room"]}
     if experiment.faster > 1 and heat is not None:  # the program averages what is read more often than it needs
         fine = np.linspace(time[0], time[-1], experiment.faster * (len(time) - 1) + 1)
         time, heat = fine, heat[np.searchsorted(time, fine - 1e-9)]
@@ -71,12 +73,18 @@ def trial(seed: int) -> tuple[str, bool | None, bool, str] | None:
         return None
     proposed = next_experiments(found, CATALOGUE)[0]
 
-    def settled(run: Observations, repeat: bool) -> bool:
+    def settled(run: Observations, experiment: Experiment) -> bool:
+        if experiment.heated is not None:
+            linked = [any(p.effect.reads_sensors for p in c.parts) for c in open_]
+            mine = linked[[c.ids for c in open_].index((kind,))]
+            return bool(rises(run, experiment.heated).max() > SEEN_RISE) == mine and linked.count(mine) == 1
+        repeat = experiment.effort == 1
         searches = [discover(run, CATALOGUE)] + (discover_together([first, run], CATALOGUE)[1:] if repeat else [])
         return any(f.named is not None and all(set(c.ids) == {kind} for c in (f.named, *f.also)) for f in searches)
 
-    with_it = settled(again(case, proposed, rng), proposed.effort == 1) if proposed.share >= LEAST else None
-    once_more = settled(again(case, possible(first)[0], rng), True)
+    with_it = settled(again(case, proposed, rng), proposed) if proposed.share >= LEAST else None
+    repeat = possible(first)[0]
+    once_more = settled(again(case, repeat, rng), repeat)
     return kind, with_it, once_more, f"{proposed.name} ({proposed.settled} of {proposed.runs})"
 
 

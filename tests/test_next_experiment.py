@@ -8,7 +8,16 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from thermofast.discovery.observe import observe
-from thermofast.experiments.next_experiment import Experiment, causes, experiment_words, next_experiments, possible, simulated
+from thermofast.experiments.next_experiment import (
+    SEEN_RISE,
+    Experiment,
+    causes,
+    experiment_words,
+    next_experiments,
+    possible,
+    rises,
+    simulated,
+)
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import fit_model
 from thermofast.models.search.discover import discover
@@ -39,7 +48,7 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     seen = observe(tf.read({"time_min": time, "a": curve + 1e-6 * np.sin(7.0 * time)})).seen
     fit = fit_model(seen)
     quiet = np.random.default_rng(0)
-    again, faster, cool, longer, *_ = possible(seen)
+    again, faster, room, cool, longer, *_ = possible(seen)
     assert simulated(fit, again, quiet).reading == pytest.approx(np.interp(seen.time, time, curve)[None], abs=1e-3)
     cooled = simulated(fit, cool, quiet)
     after = cooled.time > 121.0
@@ -50,6 +59,7 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     assert cooled.reading[0][after] == pytest.approx(sink + (curve[-1] - sink) * np.exp(-0.03 * late), abs=0.02)
     assert np.all(cooled.heat[after] == 0.0)
     assert len(simulated(fit, faster, quiet).time) == 4 * (len(seen.time) - 1) + 1
+    assert simulated(fit, room, quiet).ambient["surroundings"] == pytest.approx(np.full(121, sink), abs=0.3)
     assert simulated(fit, longer, quiet).span == pytest.approx(2.0 * seen.span, rel=0.02)
 
 
@@ -60,7 +70,7 @@ def test_a_run_is_proposed_that_parts_what_the_record_left_open():
     assert ("load_step",) in open_
     assert ("cooling_switch",) in open_
     told = next_experiments(found, CATALOGUE, draws=2)
-    assert len(told) == len(possible(seen))
+    assert len(told) == len(possible(seen)) == 7
     assert "heat" in told[0].name
     once_more = next(e for e in told if e.effort == 1)
     assert told[0].share >= 0.5 > once_more.share
@@ -84,6 +94,40 @@ def test_the_command_proposes_where_something_is_open_and_is_silent_elsewhere(to
     assert "next: " in record["advice"] or "no run that was simulated" in record["advice"]
     plain = tool("diagnose", "sample_runs/spindle.csv", "--channels", "T1,T2", "--next", "--format", "json", "-q")
     assert json.loads(plain.out)["records"][0]["next_experiment"] == []
-    refused = tool("diagnose", "sample_runs/hidden.csv", "sample_runs/hidden_second_run.csv", "--next", "--together", "-q")
-    assert refused.code == 2
-    assert "--next looks at one run" in refused.err
+
+
+def two_bodies(path, coupling, heated=(1.0, 1.0), seed=0):
+    """Two bodies whose weak link is hardly told from a load that grows."""
+    rng = np.random.default_rng(seed)
+    time, loss, rise = np.arange(0.0, 241.0), np.array([0.0272, 0.0149]), np.array([10.1, 8.0])
+    matrix = np.diag(-loss) + coupling * np.array([[-1.0, 1.0], [1.0, -1.0]])
+    curve = solve_ivp(lambda t, y: loss * rise * heated + matrix @ y, (0.0, 240.0), [0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-9).y
+    readings = 20.0 + curve + 0.03 * rng.standard_normal(curve.shape)
+    data = {"time_min": time, "spindle": readings[0], "housing": readings[1]}
+    np.savetxt(path, np.array(list(data.values())).T, delimiter=",", header=",".join(data), comments="", fmt="%.4f")
+    return path
+
+
+def test_heating_one_part_alone_tells_conduction_from_what_looks_like_it(tmp_path):
+    seen = observe(tf.read(two_bodies(tmp_path / "run.csv", 0.0012, seed=3))).seen
+    found = discover(seen, CATALOGUE)
+    open_ = causes(found)
+    assert {c.ids for c in open_} == {("neighbour_heat",), ("load_step",)}
+    offer = next(e for e in possible(seen, open_) if e.heated is not None)
+    assert offer.heated == 0
+    assert "only the part of spindle is heated: by neighbour_heat housing rises" in offer.name
+    told = next_experiments(found, CATALOGUE, draws=2)
+    assert next(e for e in told if e.heated == 0).share == 1.0
+    # So it is on the machine itself, by scipy's solver, and on one without the link.
+    linked = observe(tf.read(two_bodies(tmp_path / "linked.csv", 0.0012, (1.0, 0.0)))).seen
+    apart = observe(tf.read(two_bodies(tmp_path / "apart.csv", 0.0, (1.0, 0.0)))).seen
+    assert rises(linked, 0)[1] > SEEN_RISE > rises(apart, 0)[1]
+
+
+def test_several_runs_together_are_asked_for_the_next_one_once(tool, tmp_path):
+    runs = [switched(tmp_path / f"{n}.csv", 1.05, seed=n) for n in (1, 2)]
+    done = tool("diagnose", *runs, "--together", "--next", "--effects", "load_step,cooling_switch", "--format", "json", "-q")
+    records = json.loads(done.out)["records"]
+    told = [r["next_experiment"] for r in records]
+    assert all(t == told[0] for t in told)
+    assert len(told[0]) == 7

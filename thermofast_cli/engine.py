@@ -118,7 +118,7 @@ def over_runs(
     several = len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or how.executor is not None
     single = len(tasks) == 1
     found: list[Any] = []
-    with _sharing(tasks, 1 if several or not shares else wanted, long) as spread:
+    with sharing(tasks, 1 if several or not shares else wanted, long) as spread:
         doing = partial(work, spread=_counted(spread, how.advance) if single and not several else spread) if shares else work
         try:
             processes = min(wanted, len(tasks)) if several else 1
@@ -133,7 +133,8 @@ def over_runs(
 
 
 @contextmanager
-def _sharing(tasks: Sequence[Any], jobs: int, long: bool) -> Iterator["Spread"]:
+def sharing(tasks: Sequence[Any], jobs: int, long: bool) -> Iterator["Spread"]:
+    """A spread over processes for runs that are large, or for work that is long; else a plain map."""
     if jobs < 2 or not (long or max((len(t.run.time_s) * len(t.run.channels) for t in tasks), default=0) >= SHARED_FROM):
         yield map
         return

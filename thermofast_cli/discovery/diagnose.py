@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.joint import Fit, Key
 from thermofast.models.search.candidates import Candidate
@@ -130,7 +131,8 @@ def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:
     if prepared is None:
         return refused_records(DiagnoseRecord, task.run.name, observed)
     told = search_run(task, prepared, spread)
-    records = _records(task, prepared, told.discovery, told.broken, spread)
+    after = _next(task, prepared, told.discovery, spread)
+    records = _records(task, prepared, told.discovery, told.broken, after)
     return in_order(records + refused_records(DiagnoseRecord, task.run.name, observed), task.run)
 
 
@@ -146,9 +148,12 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     runs, notes = common_runs(runs)
     told = search_together(runs, spread)
     said = (*_who_shows(told.discoveries, [r.task.run.name for r in runs]), *notes, *told.broken)
+    seen = [r.prepared.seen for r in runs]
+    # One machine: what is open is asked of the first run that leaves anything open, beside all that were seen.
+    after = next((e for r, f in zip(runs, told.discoveries, strict=True) if (e := _next(r.task, r.prepared, f, spread, seen))), [])
     records = []
     for run, found in zip(runs, told.discoveries, strict=True):
-        mine = _records(run.task, run.prepared, found, said)
+        mine = _records(run.task, run.prepared, found, said, after)
         records.append(in_order(mine + run.refused, run.task.run))
     return [*records, *failed]
 
@@ -168,24 +173,17 @@ def _who_shows(found: Sequence[Discovery], names: Sequence[str]) -> list[str]:
     return [f"of {len(names)} runs searched together: {'; '.join(said)}"] if said else [f"{len(names)} runs searched together"]
 
 
-def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[str], spread: Spread = map) -> list[DiagnoseRecord]:
+def _records(
+    task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[str], after: Sequence[Experiment]
+) -> list[DiagnoseRecord]:
     """A record for each sensor of what a search found."""
     seen = prepared.seen
     ranking = [ranked(c, found) for c in found.singles]
     if found.named is not None:
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
-    evidence, advice, status = words(found, seen)
-    also = list(dict.fromkeys("+".join(sorted(c.ids)) for c in rivals(found)))
-    room = unlogged_room(found, seen)
-    if room:
-        also += ROOMS
-        advice, status = f"{room}; {advice}", "not_determined"
-    beyond = fails_beyond(found, seen, task.until_min)
-    if beyond:  # "nothing to add" would contradict it
-        advice, status = beyond, "not_determined"
+    evidence, advice, status, also = _verdict(task, found, seen)
     times = widening(found.named.fit) if found.named is not None else 1.0
     left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
-    after = _next(task, found, status, spread)
     advice = f"{experiment_words(after)}; {advice}" if after else advice
     records = []
     for i, channel in enumerate(seen.channels):
@@ -217,11 +215,30 @@ def _records(task: LoopTask, prepared: Ready, found: Discovery, more: Sequence[s
     return records
 
 
-def _next(task: LoopTask, found: Discovery, status: str, spread: Spread) -> list[Experiment]:
+def _verdict(task: LoopTask, found: Discovery, seen: Observations) -> tuple[str, str, str, list[str]]:
+    """(evidence, advice, status, what is also possible) of a verdict, with what the rest of the record and an unlogged room say."""
+    evidence, advice, status = words(found, seen)
+    also = list(dict.fromkeys("+".join(sorted(c.ids)) for c in rivals(found)))
+    room = unlogged_room(found, seen)
+    if room:
+        also += ROOMS
+        advice, status = f"{room}; {advice}", "not_determined"
+    beyond = fails_beyond(found, seen, task.until_min)
+    if beyond:  # "nothing to add" would contradict it
+        advice, status = beyond, "not_determined"
+    return evidence, advice, status, also
+
+
+def _next(
+    task: LoopTask, prepared: Ready, found: Discovery, spread: Spread, before: Sequence[Observations] = ()
+) -> list[Experiment]:
     """Possible experiments where they were asked for and two causes are open, or one is not determined."""
-    if not task.next_experiment or not (len(causes(found)) > 1 or (found.named is not None and status == "not_determined")):
+    if not task.next_experiment:
         return []
-    return next_experiments(found, chosen_effects(task.names, task.extra), spread)
+    _, _, status, _ = _verdict(task, found, prepared.seen)
+    if len(causes(found)) < 2 and (found.named is None or status != "not_determined"):
+        return []
+    return next_experiments(found, chosen_effects(task.names, task.extra), spread, before=before)
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.core.kernel import Array
 from thermofast.models.greybox import SINK, Key, Model
-from thermofast.models.joint import Fit, Part
+from thermofast.models.joint import LEVEL, START, Fit, Part
 from thermofast.models.search.candidates import Candidate
 from thermofast.models.search.discover import Discovery, Spread, discover, discover_together
 from thermofast.models.search.judge import least_p, sensor_p_values
@@ -29,6 +29,10 @@ GOOD = 0.9
 LEAST = 0.5
 #: How many times as often a logger may read; the heat is off for this share of the record, and no less than so long [min].
 FASTER, OFF_SHARE, LEAST_OFF = 4, 0.5, 60.0
+#: A rise [K] that is one: more than a room that wanders gives.
+SEEN_RISE = 0.2
+#: Standard deviation [K] of a thermometer in a quiet room.
+ROOM_NOISE = 0.05
 #: Neighbouring residuals averaged: what is left is slow, the white noise is drawn anew.
 SMOOTH = 9
 
@@ -38,15 +42,17 @@ class Experiment:
     """One possible run, and in how many of the `runs` simulated it would name the true cause alone; effort orders them.
 
     The same run, `longer` by so many minutes, or with the heat off for `off` minutes after it and on again for `on`, as logged;
-    read `faster` times as often.
+    read `faster` times as often; with the `room` logged; or with the parts of all sensors but one, `heated`, left cold.
     """
 
     name: str
-    effort: int
+    effort: float
     longer: float = 0.0
     off: float = 0.0
     on: float = 0.0
     faster: int = 1
+    room: bool = False
+    heated: int | None = None
     settled: int = 0
     runs: int = 0
 
@@ -69,12 +75,12 @@ def causes(found: Discovery) -> list[Candidate]:
     return told[:MOST_CAUSES]
 
 
-def possible(seen: Observations) -> list[Experiment]:
-    """Experiments that may be tried on a machine of which this was seen, those of least effort first."""
+def possible(seen: Observations, open_: Sequence[Candidate] = ()) -> list[Experiment]:
+    """Experiments that may be tried on a machine of which this was seen with these causes open, those of least effort first."""
     span = seen.span
     cool = max(LEAST_OFF, OFF_SHARE * span)
     off, faster = f"with the heat off for {cool:.0f} min at its end", f"read {FASTER} times as often"
-    return [
+    offers = [
         Experiment("the same run once more", 1),
         Experiment(f"the same run, {faster}", 2, faster=FASTER),
         Experiment(f"the same run {off}, logged (--drive)", 3, off=cool),
@@ -82,6 +88,43 @@ def possible(seen: Observations) -> list[Experiment]:
         Experiment(f"the same run {off} and on again as long, logged (--drive)", 5, off=cool, on=cool),
         Experiment(f"the same run, {faster}, {off} and on again as long, logged (--drive)", 6, off=cool, on=cool, faster=FASTER),
     ]
+    if not seen.ambient:
+        offers.append(Experiment("the same run with the surroundings logged (--ambient)", 2.5, room=True))
+    offers += _heat_one(seen, open_)
+    return sorted(offers, key=lambda e: e.effort)
+
+
+def _linked(candidate: Candidate) -> bool:
+    return any(part.effect.reads_sensors for part in candidate.parts)
+
+
+def _heat_one(seen: Observations, open_: Sequence[Candidate]) -> list[Experiment]:
+    """To heat one part alone, where by some open cause it warms others enough to be seen, and by others it does not."""
+    linked = [c for c in open_ if _linked(c)]
+    if not linked or len(linked) == len(open_):
+        return []
+    count = np.zeros(seen.sensors)
+    for part in linked[0].parts:
+        for i in np.flatnonzero(part.concerns(seen.sensors)):
+            count[list(part.choice.ends(int(i)))] += 1
+    if not count.any():
+        return []
+    source = int(np.argmax(count))
+    offer = Experiment(f"a run from cold in which only the part of {seen.channels[source]} is heated", 4.5, heated=source)
+    rise = rises(simulated(linked[0].fit, offer, None), source)
+    most = int(np.argmax(rise))
+    if rise[most] < 2.0 * SEEN_RISE:
+        return []
+    links = " and ".join(sorted(p.id for p in linked[0].parts if p.effect.reads_sensors))
+    return [replace(offer, name=f"{offer.name}: by {links} {seen.channels[most]} rises {rise[most]:.2g} K, else not")]
+
+
+def rises(run: Observations, heated: int) -> Array:
+    """By how much (S,) [K] each sensor rises from its first readings to its last; none for the heated one."""
+    tenth = max(len(run.time) // 10, 1)
+    rise = np.array([np.median(row[-tenth:]) - np.median(row[: max(tenth // 4, 1)]) for row in run.filled])
+    rise[heated] = 0.0
+    return rise
 
 
 def planned(experiment: Experiment, time: Array) -> tuple[Array, Array | None]:
@@ -96,8 +139,8 @@ def planned(experiment: Experiment, time: Array) -> tuple[Array, Array | None]:
     return whole, None
 
 
-def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator) -> Observations:
-    """A run of the machine that `fit` describes in an experiment."""
+def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator | None) -> Observations:
+    """A run of the machine that `fit` describes in an experiment; without noise and disturbance where there is no `rng`."""
     seen = fit.run
     time, heat = planned(experiment, seen.time)
     if seen.heat is not None:
@@ -109,11 +152,18 @@ def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator) -> Obs
         weight *= experiment.faster
     drive = seen.drive if heat is None or seen.drive else "heat"
     run = replace(seen, time=time, reading=np.zeros((seen.sensors, len(time))), weight=weight, heat=heat, drive=drive)
+    sink = float(fit.values.get(Key(-1, SINK.name), fit.model.sink_guess))
+    if experiment.room:
+        ambient = {"surroundings": sink + (ROOM_NOISE * rng.standard_normal(len(time)) if rng is not None else np.zeros(len(time)))}
     run = replace(run, ambient=ambient, inputs=inputs)
     # The first readings tell the surroundings where nobody logs them.
     run.reading[:] = fit.curve[:, :1]
     told: dict[Key, Any] = {**fit.values}
-    told.setdefault(Key(-1, SINK.name), fit.model.sink_guess)
+    told.setdefault(Key(-1, SINK.name), sink)
+    if experiment.heated is not None:
+        cold = np.arange(seen.sensors) != experiment.heated
+        told[LEVEL], told[START] = np.where(cold, sink, told[LEVEL]), np.full(seen.sensors, sink)
+        run.reading[:] = sink
     parts = fit.model.parts if heat is None else [_scaling(p) for p in fit.model.parts]
     sensors = np.arange(seen.sensors)
     for _ in range(SWEEPS if any(p.effect.reads_sensors for p in parts) else 1):
@@ -121,6 +171,8 @@ def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator) -> Obs
         local, shared = model.vector(told)
         curve = model.forward(local, np.broadcast_to(shared, (seen.sensors, len(shared))), sensors)
         run = replace(run, reading=curve)
+    if rng is None:
+        return run
     white = rng.standard_normal(curve.shape) * seen.least_noise[:, None] / np.sqrt(np.maximum(weight, 1e-9))
     return replace(run, reading=curve + white + _disturbance(fit, time, rng))
 
@@ -154,14 +206,29 @@ def _disturbance(fit: Fit, time: Array, rng: np.random.Generator) -> Array:
     return np.array([np.interp(time, even, row, period=float(even[-1] - even[0]) + 1e-9) for row in other])
 
 
-def _trial(item: tuple[Experiment, int, int], truths: Sequence[Fit], ids: Sequence[frozenset[str]], effects: Sequence[Any]) -> bool:
-    """Whether one simulated experiment (experiment, cause, draw) ends with its cause named, and it alone."""
+def _trial(
+    item: tuple[Experiment, int, int],
+    truths: Sequence[Fit],
+    ids: Sequence[frozenset[str]],
+    effects: Sequence[Any],
+    before: Sequence[Observations],
+) -> bool:
+    """Whether one simulated experiment (experiment, cause, draw) ends with its cause named, and it alone; before: the runs seen."""
     experiment, cause, draw = item
     fit = truths[cause]
-    run = simulated(fit, experiment, np.random.default_rng([2_000, experiment.effort - 1, cause, draw]))
-    if experiment.effort == 1 and _settles(discover_together([fit.run, run], effects)[1], ids[cause]):
+    run = simulated(fit, experiment, np.random.default_rng([2_000, round(10.0 * experiment.effort), cause, draw]))
+    if experiment.heated is not None:
+        links = frozenset(e.id for e in effects if e.reads_sensors)
+        with_link = [bool(links & i) for i in ids]
+        return _settles_link(run, experiment.heated, with_link[cause], with_link.count(with_link[cause]))
+    if experiment.effort == 1 and _settles(discover_together([*before, run], effects)[-1], ids[cause]):
         return True
     return _settles(discover(run, effects), ids[cause])
+
+
+def _settles_link(run: Observations, heated: int, linked: bool, alike: int) -> bool:
+    """Whether a run in which one part is heated says rightly if others are warmed by it, and that leaves one cause."""
+    return alike == 1 and bool(np.max(rises(run, heated)) > SEEN_RISE) == linked
 
 
 def _settles(found: Discovery, truth: frozenset[str]) -> bool:
@@ -169,10 +236,13 @@ def _settles(found: Discovery, truth: frozenset[str]) -> bool:
     return found.named is not None and all(frozenset(c.ids) == truth for c in (found.named, *found.also))
 
 
-def next_experiments(found: Discovery, effects: Sequence[Any], spread: Spread = map, draws: int = DRAWS) -> list[Experiment]:
+def next_experiments(
+    found: Discovery, effects: Sequence[Any], spread: Spread = map, draws: int = DRAWS, before: Sequence[Observations] = ()
+) -> list[Experiment]:
     """Possible experiments with how often each would settle what the search left open; the one to propose first.
 
-    effects is the catalogue that was searched; only those of the open causes are tried. Empty where nothing is open.
+    effects is the catalogue that was searched; only those of the open causes are tried; before are the runs that were searched
+    together. Empty where nothing is open.
     """
     open_ = causes(found)
     if not open_:
@@ -180,9 +250,9 @@ def next_experiments(found: Discovery, effects: Sequence[Any], spread: Spread = 
     ids = [frozenset(c.ids) for c in open_]
     some = [e for e in effects if any(e.id in i for i in ids)]
     fits = [c.fit for c in open_]
-    offers = possible(found.base.run)
+    offers = possible(found.base.run, open_)
     items = [(offer, c, d) for offer in offers for c in range(len(fits)) for d in range(draws)]
-    said = list(spread(partial(_trial, truths=fits, ids=ids, effects=some), items))
+    said = list(spread(partial(_trial, truths=fits, ids=ids, effects=some, before=before or (found.base.run,)), items))
     told = []
     for offer in offers:
         mine = [s for s, item in zip(said, items, strict=True) if item[0] is offer]

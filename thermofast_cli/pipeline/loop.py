@@ -9,11 +9,12 @@ from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
 from ..discovery.loop import LoopTask, check_drive
 from ..discovery.together import improve_together
-from ..engine import Started, Work, over_runs
+from ..engine import Started, Work, over_runs, sharing
 from ..errors import UsageError
 from ..machine.learnt import check_effects
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
+from ..pool import cores
 from ..results import Comparison, Diagnosis, Improvement
 from .sensors import check_until
 
@@ -91,19 +92,18 @@ def diagnose_runs(
 
     Raises
     ------
-    UsageError: a model or next experiments with runs together, runs together not of one machine, and as :func:`loop_tasks`.
+    UsageError: a model with runs together, runs together not of one machine, and as :func:`loop_tasks`.
     """
     tasks = loop_tasks(started, names=effects, **options)
-    if together and options.get("next_experiment"):
-        raise UsageError("--next looks at one run, and --together at several as one", do="leave one of them out")
     if together and options.get("model") is not None:
         raise UsageError("--together searches beside the base model, and --model takes its place", do="leave one of them out")
+    long = bool(options.get("next_experiment"))
     if together and tasks:
         work = how or Work()
-        told = diagnose_together(tasks)
+        with sharing(tasks, work.jobs if work.jobs is not None else cores(), long) as spread:
+            told = diagnose_together(tasks, spread)
         work.advance(len(tasks))
         return Diagnosis(tuple(r for records in told for r in records), tuple(run for run, _ in started), False)
-    long = bool(options.get("next_experiment"))
     found, interrupted = over_runs(diagnose_task, tasks, diagnose_lost, how or Work(), shares=True, long=long)
     return Diagnosis(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
 
