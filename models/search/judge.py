@@ -9,6 +9,7 @@ from ..core.kernel import Array
 from ..core.tails import chi2_tail
 from ..effects.base import Effect, Parameter
 from ..joint import RATE, Fit, Part
+from ..noise.rounding import cell_residual
 from ..noise.whiteness import pattern_p_value, variance_inflation
 from .rules import RULES
 
@@ -28,12 +29,44 @@ def sensor_p_values(fit: Fit) -> Array:
             continue
         root = np.sqrt(run.weight[i][used])
         values[i] = pattern_p_value(residual[i][used] * root, fit.tangent(i) * root[:, None], _input_noise(fit, i))
+        if values[i] < RULES.pattern and _coarse(fit, i):
+            values[i] = max(values[i], _in_cells(fit, i)[0])
         if fit.rmse[i] <= RULES.rounding * run.resolution[i]:
             values[i] = 1.0
         largest = RULES.too_large * max(float(run.noise[i]), run.resolution[i] / math.sqrt(12.0)) * (1.0 + 3.0 / math.sqrt(n))
         if math.sqrt(fit.rss[i] / n) > largest:
             values[i] = 0.0
     return values
+
+
+def rounded_residual(fit: Fit, sensor: int) -> Array | None:
+    """Residuals (N,) [K] beside a logger's rounding, where that explains their pattern; else None."""
+    used = fit.run.used[sensor]
+    if int(used.sum()) < 12 or not _coarse(fit, sensor):
+        return None
+    p, told = _in_cells(fit, sensor)
+    if p < RULES.pattern:
+        return None
+    whole = np.zeros(len(used))
+    whole[used] = told
+    return whole
+
+
+def _in_cells(fit: Fit, sensor: int) -> tuple[float, Array]:
+    """P value of the residuals (n used,) [K] of the curve that suits the cells of rounded readings best, and they."""
+    used, step = fit.run.used[sensor], float(fit.run.resolution[sensor])
+    tangent = fit.tangent(sensor)
+    told = cell_residual(fit.run.reading[sensor][used], fit.curve[sensor][used], tangent, step)
+    if np.abs(told).max() <= RULES.rounding * step:
+        return 1.0, told
+    return pattern_p_value(told, tangent, _input_noise(fit, sensor)), told
+
+
+def _coarse(fit: Fit, sensor: int) -> bool:
+    """Whether a sensor's residuals may be the logger's rounding alone: single readings, and no more than that leaves."""
+    run, step = fit.run, float(fit.run.resolution[sensor])
+    weight = run.weight[sensor][run.used[sensor]]
+    return step > 0.0 and float(np.ptp(weight)) == 0.0 and float(fit.rss[sensor] / fit.dof[sensor]) < weight[0] * (0.5 * step) ** 2
 
 
 def least_p(floor: Array) -> float:

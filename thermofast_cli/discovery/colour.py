@@ -42,12 +42,15 @@ class Colour:
     words: str = ""
 
 
-def colour_of(fit: Fit, sensor: int, whiteness_p: float) -> Colour:
-    """Colour of a sensor's residual where it does not look white; whiteness_p is its p value under white noise."""
+def colour_of(fit: Fit, sensor: int, whiteness_p: float, own: Array | None = None) -> Colour:
+    """Colour of a sensor's residual where it does not look white; whiteness_p is its p value under white noise.
+
+    own (N,) [K] are the residuals where they are known better than the fit tells them.
+    """
     used = fit.run.used[sensor]
     if int(used.sum()) < FEWEST:
         return Colour()
-    residual = np.where(used, fit.unrounded[sensor], np.nan)
+    residual = np.where(used, fit.unrounded[sensor] if own is None else own, np.nan)
     span = slice(*(np.flatnonzero(used)[[0, -1]] + [0, 1]))
     series, weight = residual[span], np.sqrt(fit.run.weight[sensor][span])
     if whiteness_p >= RULES.pattern:

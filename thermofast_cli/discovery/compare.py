@@ -12,7 +12,7 @@ from thermofast.models.greybox import Model
 from thermofast.models.joint import LEVEL, RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
 from thermofast.models.search.heldout import held_out_errors
-from thermofast.models.search.judge import sensor_p_values, widening
+from thermofast.models.search.judge import rounded_residual, sensor_p_values, widening
 from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts
 from thermofast.models.uncertainty.unknown_heat import UnknownHeat
@@ -93,7 +93,10 @@ def _compare(task: LoopTask) -> Comparison:
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
-        colour = colour_of(fit, i, float(floor[i]))
+        rounded = rounded_residual(fit, i) if np.array_equal(whole.used[i], fit.run.used[i]) else None
+        if rounded is not None:
+            residual[i] = np.where(whole.used[i], rounded, np.nan)
+        colour = colour_of(fit, i, float(floor[i]), rounded)
         # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
         wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
         noise = wider * float(fit.noise[i]) if colour.short else float(seen.noise[i])
