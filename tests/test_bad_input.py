@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
+import thermofast as tf
+
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
 GOOD = "time_min,T1\n" + "".join(f"{i},{18 + 8 * (1 - np.exp(-0.02 * i)):.3f}\n" for i in range(60))
 
@@ -173,3 +175,17 @@ def test_a_parquet_without_rows_or_with_odd_columns(tool, tmp_path):
     assert "'odd'" in done.err
     frame[:0].drop(columns="odd").to_parquet(path)
     assert tool("identify", path).code == 2
+
+
+def test_columns_and_sensors_that_tell_nothing_are_said_to(tmp_path):
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 201.0)
+    rise = 20.0 - 10.0 * np.expm1(-time / 40.0) + 0.02 * rng.standard_normal(201)
+    flow = np.where((time > 50) & (time < 91), np.nan, 5.0)
+    data = {"time_min": time, "T1": rise, "T2": 20.0 + 0.02 * rng.standard_normal(201), "flow": flow}
+    first, second = tf.diagnose(tf.read(data, inputs="flow"), drive="flow")
+    assert (first.verdict, second.verdict) == ("none", "none")
+    assert "flow: 40 of 201 readings are missing, filled by straight lines" in first.message
+    assert "the drive flow never moves" in first.message
+    assert "no rise to learn from" in second.message
+    assert "no rise to learn from" not in first.message

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from machines import EFFECTS
+from scipy.stats import truncnorm
 from test_effects_contract import record
 
+from benchmarks.coarse_readings import trial
 from benchmarks.proof import Job, guarded
 from thermofast.discovery.compare import failing_stretches
 from thermofast.models.effects import BUILT_IN
+from thermofast.models.noise.rounding import _in_cell
 from thermofast.models.search.discover import discover
 
 
@@ -58,3 +61,20 @@ def test_failing_stretches_are_where_the_curve_fails_and_nowhere_else():
     assert stretches[0][0] == pytest.approx(201.0, abs=6.0)
     assert stretches[0][1] == pytest.approx(239.0, abs=6.0)
     assert stretches[0][2] == pytest.approx(0.06, abs=0.015)
+
+
+@pytest.mark.parametrize("logger", [(1.0, 0.02), (1.0, 0.1), (0.5, 0.02)])
+def test_rounding_to_steps_above_the_noise_is_no_misfit(logger):
+    for seed in range(100, 102):
+        assert trial((*logger, 0.0, seed)) == (False, False, "none")
+    # And a load that grows by more than the rounding hides is still seen.
+    assert [trial((*logger, 0.2, seed))[0] for seed in range(100, 102)] == [True] * 3
+
+
+def test_the_mean_in_a_cell_is_that_of_the_normal_law_cut_off_by_it():
+    reading, curve = np.array([21.0, 21.0, 20.0, 25.0]), np.array([21.1, 21.6, 21.2, 20.0])
+    for noise in (0.05, 0.3):
+        low, high = (reading - 0.5 - curve) / noise, (reading + 0.5 - curve) / noise
+        mean, _ = _in_cell(reading, curve, 1.0, noise)
+        assert mean[:3] == pytest.approx(truncnorm.mean(low, high, curve, noise)[:3], abs=2e-3)
+        assert mean[3] == pytest.approx(24.5, abs=0.05)

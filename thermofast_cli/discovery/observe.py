@@ -1,6 +1,7 @@
 """A run made ready for a joint fit: all sensors on one grid, thinned where that loses nothing, noise and rounding told apart."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,6 +78,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
         steps.append(step)
     if not channels:
         return Observed(None, tuple(refused), tuple(notes))
+    notes += _of_columns({**run.ambient, **run.inputs}, keep, drive)
     used = {n: _filled(time, c[keep]) for n, c in run.ambient.items() if np.isfinite(c[keep]).any()}
     inputs = {n: _filled(time, c[keep]) for n, c in run.inputs.items() if np.isfinite(c[keep]).any()}
     reading, weight = np.array(rows), np.array(weights)
@@ -84,9 +86,35 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
     seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates)
     if note:
         notes.append(Note(None, note))
+    notes += _without_rise(seen)
     if drive is not None:
         seen = _driven(seen, drive)
     return Observed(seen, tuple(refused), tuple(notes), len(time))
+
+
+def _of_columns(columns: Mapping[str, Array], keep: NDArray[np.bool_], drive: str | None) -> list[Note]:
+    """What to say of logged columns (N,) that have gaps, and of a drive that never moves."""
+    notes = []
+    for name, column in columns.items():
+        mine = column[keep]
+        empty = int(np.count_nonzero(~np.isfinite(mine)))
+        if 0 < empty < len(mine):
+            notes.append(Note(None, f"{name}: {empty} of {len(mine)} readings are missing, filled by straight lines"))
+        if name == drive and empty < len(mine) and float(np.nanmax(mine) - np.nanmin(mine)) == 0.0:
+            notes.append(Note(None, f"the drive {name} never moves: a heat that is constant, as without it"))
+    return notes
+
+
+def _without_rise(seen: Observations) -> list[Note]:
+    """A word for each sensor whose readings stay within their noise."""
+    notes = []
+    for i, name in enumerate(seen.channels):
+        reading = seen.reading[i][seen.used[i]]
+        tenth = max(len(reading) // 10, 3)
+        ends = abs(float(np.median(reading[-tenth:]) - np.median(reading[:tenth])))
+        if max(ends, 0.5 * float(reading.std())) < seen.least_noise[i]:
+            notes.append(Note(name, "it does not move beyond its noise: there is no rise to learn from; was this part heated?"))
+    return notes
 
 
 def _driven(seen: Observations, drive: str) -> Observations:

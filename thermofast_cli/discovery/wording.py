@@ -88,8 +88,8 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     where = _where(found, seen)
     near = ", ".join("+".join(c.ids) for c in rivals(found)[:3])
     evidence = (
-        f"the base model fails in {_listed(above)} {where}, and no effect of the catalogue, alone or with a second one, "
-        f"explains it better than an unknown disturbance of the same size and colour would; nearest: {near or 'none'}"
+        f"the base model fails in {f'{_listed(above)} {where}'.strip()}, and no effect of the catalogue, alone or with a second "
+        f"one, explains it better than an unknown disturbance of the same size and colour would; nearest: {near or 'none'}"
     )
     begins = _worst(found, seen)
     steps = steps_near(seen, begins[0]) if begins else []
