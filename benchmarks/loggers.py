@@ -17,6 +17,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "shared" / "loggers"
 #: What the message of a refusal says to give, as a user would give it.
 GIVEN = {
     "influx_annotated_long.csv": Options(header_line=0, long=("column 8+column 10", "column 7")),
+    "picolog_calibration.xlsx": Options(time_unit="s"),
     "tclab_apm_kelvin_headerless.csv": Options(units=("K",), time_unit="s", channels=("column 3",)),
 }
 #: The careful reader overlooked a column: this file has a cell temperature in degC, beside an empty one.

@@ -40,6 +40,7 @@ _ELSEWHERE = {
     "Run": "reading",
     "ThermofastError": "errors",
     "UsageError": "errors",
+    "inspect": "pipeline.inspecting",
 }
 
 __all__ = [
@@ -57,6 +58,7 @@ __all__ = [
     "displacement",
     "identify",
     "improve",
+    "inspect",
     "plan",
     "read",
     "read_all",

@@ -34,6 +34,7 @@ TASKS = {
         "displacement": "Thermal displacement from temperatures, and which way to trust.",
     },
     "Look things up, make records": {
+        "inspect": "What is read of a file: columns, units, times, guesses.",
         "effects": "The catalogue of effects: equations, parameters, tell-tales.",
         "filters": "The catalogue of filters and their settings; bench tries all on a record.",
         "simulate": "A record with known truth.",

@@ -1,6 +1,7 @@
 """What the user may say about how a file is to be read, from the command line or from Python."""
 
 import csv
+import io
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
@@ -30,6 +31,7 @@ class Options:
     decimal: str | None = None
     encoding: str | None = None
     header_line: int | None = None
+    sheet: str | None = None
     long: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     strict: bool = False
@@ -63,10 +65,18 @@ def options_from(given: dict[str, Any]) -> Options:
 
 
 def names(several: str | Iterable[str] | None) -> tuple[str, ...]:
-    """'A, B' or a list as ('A', 'B'); a name that holds a comma is given in a list."""
+    """'A, B' or a list as ('A', 'B'); a name that holds a comma stands in quotes, or in a list."""
     if isinstance(several, str):
-        return tuple(part.strip() for part in several.split(",") if part.strip())
+        parts = next(csv.reader([several], skipinitialspace=True), [])
+        return tuple(part.strip() for part in parts if part.strip())
     return tuple(several or ())
+
+
+def joined(several: Iterable[str]) -> str:
+    """Names as one text that :func:`names` takes apart again."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="").writerow(several)
+    return text.getvalue()
 
 
 def _long(given: str | Iterable[str] | None) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, ClassVar
 
 #: Statuses that are failures of a sensor: exit code 1.
 FAILURES = frozenset({"constant", "no_data", "too_short", "diverged", "unreadable"})
@@ -13,19 +13,23 @@ def finite(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+class Row:
+    """A row of output."""
+
+    @classmethod
+    def columns(cls) -> tuple[str, ...]:
+        return tuple(f.name for f in fields(cls))  # type: ignore[arg-type]
+
+    def as_dict(self) -> dict[str, Any]:
+        return dict(vars(self))
+
+
 @dataclass(frozen=True)
-class Record:
+class Record(Row):
     """run and channel name the sensor; status and message say how far to trust the rest."""
 
     run: str
     channel: str
-
-    @classmethod
-    def columns(cls) -> tuple[str, ...]:
-        return tuple(f.name for f in fields(cls))
-
-    def as_dict(self) -> dict[str, Any]:
-        return dict(vars(self))
 
 
 @dataclass(frozen=True)
@@ -329,3 +333,22 @@ TRACE_COLUMNS = (
     "measurement_noise_k2",
     "weight",
 )
+
+
+@dataclass(frozen=True)
+class InspectRecord(Row):
+    """One column of a file as it was read: role is time, sensor, ambient, input, displacement or ignored; note says why.
+
+    first and last are its first and last readings: degC for temperatures, elapsed minutes for time, else as they stand.
+    """
+
+    status: ClassVar[str] = "ok"
+    run: str
+    column: str
+    role: str
+    unit: str = ""
+    readings: int = 0
+    first: float | None = None
+    last: float | None = None
+    guessed: str = ""
+    note: str = ""

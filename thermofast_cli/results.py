@@ -15,8 +15,10 @@ from .records import (
     DisplacementRecord,
     IdentifyRecord,
     ImproveRecord,
+    InspectRecord,
     PlanRecord,
     Record,
+    Row,
     SensitivityRecord,
     SweepRecord,
 )
@@ -44,7 +46,7 @@ class Result:
     """Records in the order of the runs and their sensors; `interrupted` where the user stopped the work and the rest is missing."""
 
     command: ClassVar[str] = ""
-    kind: ClassVar[type[Record]] = Record
+    kind: ClassVar[type[Row]] = Record
     records: tuple[Any, ...]
     runs: tuple[Run, ...] = ()
     interrupted: bool = False
@@ -129,11 +131,42 @@ def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
 
 
 @dataclass(frozen=True)
+class Inspection(Result):
+    """What ``inspect`` found: a record for each column of each run."""
+
+    command: ClassVar[str] = "inspect"
+    kind: ClassVar[type[Row]] = InspectRecord
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The records as dictionaries."""
+        return [record.as_dict() for record in self.records]
+
+    def input(self) -> list[dict[str, Any]]:
+        """How each file is laid out, and what was guessed of it."""
+        return [_layout(run) for run in self.runs]
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """All columns that were read, over time."""
+        from .output.inspect_plots import draw_columns
+
+        return _drawn(draw_columns(self.runs), path)
+
+
+def _layout(run: Run) -> dict[str, Any]:
+    seen = run.seen
+    told: dict[str, Any] = {"run": run.name, "rows": len(run.time_s), "duration_s": float(run.time_s[-1])}
+    if seen is not None:
+        names = ("encoding", "delimiter", "decimal", "header_line", "time_column", "time_unit")
+        told |= {n: getattr(seen, n) for n in names} | {"long": list(seen.long)}
+    return told | {"notes": list(run.notes), "guesses": [g.as_dict() for g in run.guesses]}
+
+
+@dataclass(frozen=True)
 class Identification(Result):
     """What ``identify`` found; `curves` and `traces` only where details were asked for."""
 
     command: ClassVar[str] = "identify"
-    kind: ClassVar[type[Record]] = IdentifyRecord
+    kind: ClassVar[type[Row]] = IdentifyRecord
     curves: tuple["Curves", ...] = ()
     traces: tuple[dict[str, Any] | None, ...] = ()
 
@@ -158,7 +191,7 @@ class Sweeping(Result):
     """What ``sweep`` found; `curves` only where they were asked for."""
 
     command: ClassVar[str] = "sweep"
-    kind: ClassVar[type[Record]] = SweepRecord
+    kind: ClassVar[type[Row]] = SweepRecord
     curves: tuple["Swept", ...] = ()
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
@@ -173,7 +206,7 @@ class Calibration(Result):
     """What ``calibrate`` learnt: how it held, and the prior for ``imperfection=``."""
 
     command: ClassVar[str] = "calibrate"
-    kind: ClassVar[type[Record]] = CalibrateRecord
+    kind: ClassVar[type[Row]] = CalibrateRecord
     prior: "Imperfection | None" = None
     learnt_from: tuple[str, ...] = ()
 
@@ -192,7 +225,7 @@ class Changes(Result):
     """What ``changed`` found, the likeliest kind first; `difference` is what its picture shows."""
 
     command: ClassVar[str] = "changed"
-    kind: ClassVar[type[Record]] = ChangedRecord
+    kind: ClassVar[type[Row]] = ChangedRecord
     difference: "Difference | None" = None
 
     @property
@@ -212,7 +245,7 @@ class Plan(Result):
     """How long a test must run; `curves` are half-widths against the time measured."""
 
     command: ClassVar[str] = "plan"
-    kind: ClassVar[type[Record]] = PlanRecord
+    kind: ClassVar[type[Row]] = PlanRecord
     curves: tuple["Curve", ...] = ()
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
@@ -227,7 +260,7 @@ class Comparison(Result):
     """What ``compare`` found; `panels` only where details were asked for."""
 
     command: ClassVar[str] = "compare"
-    kind: ClassVar[type[Record]] = CompareRecord
+    kind: ClassVar[type[Row]] = CompareRecord
     panels: tuple["Panel", ...] = ()
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
@@ -242,7 +275,7 @@ class Diagnosis(Result):
     """What ``diagnose`` found."""
 
     command: ClassVar[str] = "diagnose"
-    kind: ClassVar[type[Record]] = DiagnoseRecord
+    kind: ClassVar[type[Row]] = DiagnoseRecord
 
 
 @dataclass(frozen=True)
@@ -263,7 +296,7 @@ class Improvement(Result):
     """What ``improve`` found: a record for each step and sensor, and the model learnt of each run."""
 
     command: ClassVar[str] = "improve"
-    kind: ClassVar[type[Record]] = ImproveRecord
+    kind: ClassVar[type[Row]] = ImproveRecord
     steps: tuple["Improved", ...] = ()
     models: tuple["Model | None", ...] = ()
 
@@ -291,7 +324,7 @@ class Bench(Result):
     """What ``filters bench`` found."""
 
     command: ClassVar[str] = "filters bench"
-    kind: ClassVar[type[Record]] = BenchRecord
+    kind: ClassVar[type[Row]] = BenchRecord
 
 
 @dataclass(frozen=True)
@@ -299,7 +332,7 @@ class Sensitivity(Result):
     """What ``sensitivity`` found."""
 
     command: ClassVar[str] = "sensitivity"
-    kind: ClassVar[type[Record]] = SensitivityRecord
+    kind: ClassVar[type[Row]] = SensitivityRecord
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """The shares as bars."""
@@ -313,7 +346,7 @@ class Displacement(Result):
     """What ``displacement`` found."""
 
     command: ClassVar[str] = "displacement"
-    kind: ClassVar[type[Record]] = DisplacementRecord
+    kind: ClassVar[type[Row]] = DisplacementRecord
     panels: tuple["DisplacementPanel", ...] = ()
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":

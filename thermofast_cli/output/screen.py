@@ -8,9 +8,27 @@ from typing import Any
 from .text import Row, short, to_csv, to_json, to_jsonl, to_markdown
 
 #: Headings of columns of words: to the left, and folded where they are long.
-WORDS = ("sensor", "effects", "verdict", "also possible", "displacement", "by", "filter", "uncertain", "of", "", "use", "agreed")
+WORDS = (
+    "sensor",
+    "effects",
+    "verdict",
+    "also possible",
+    "displacement",
+    "by",
+    "filter",
+    "uncertain",
+    "of",
+    "",
+    "use",
+    "agreed",
+    "column",
+    "role",
+    "unit",
+    "guessed",
+    "note",
+)
 #: The column that leads each part of a table too wide for the terminal.
-LEADING = ("sensor", "displacement", "filter")
+LEADING = ("sensor", "displacement", "filter", "column")
 FORMATS = ("table", "csv", "json", "jsonl", "md")
 #: How a row is drawn by its status; red where none of these.
 STYLES = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow", "partly_explained": "yellow"}
@@ -78,7 +96,7 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
                 console.print(Text(line, style="bold"), no_wrap=True, overflow="ignore", crop=False)
             console.print("─" * across, no_wrap=True, overflow="ignore", crop=False)
             for row, texts in zip(mine, lines, strict=True):
-                style = STYLES.get(row["status"], "red")
+                style = STYLES.get(row.get("status", "ok"), "red")
                 for line in texts:
                     console.print(Text(line, style=style), no_wrap=True, overflow="ignore", crop=False)
             console.print()

@@ -2,8 +2,10 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -74,6 +76,38 @@ def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: s
                 allowed=listed(known),
                 do=nearest(name, known) or "use a name as it stands in the header",
             )
+
+
+def resolved(options: Options, known: list[str]) -> Options:
+    """Options whose names of columns are those of the record: ``T*`` all that begin so, ``front`` the one ``front [degC]``.
+
+    What is no column stays as it is, to be refused by name where it is used.
+    """
+
+    def every(wanted: Iterable[str]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(name for text in wanted for name in _columns_named(text, known)))
+
+    def one(wanted: str | None) -> str | None:
+        found = _columns_named(wanted, known) if wanted is not None else ()
+        return found[0] if len(found) == 1 else wanted
+
+    units = []
+    for text in options.units:
+        name, sign, letter = text.rpartition("=")
+        units += [f"{n}={letter}" for n in _columns_named(name, known)] if sign else [text]
+    several: dict[str, Any] = {n: every(getattr(options, n)) for n in ("inputs", "channels", "exclude")}
+    return replace(options, time=one(options.time), ambient=one(options.ambient), units=tuple(units), **several)
+
+
+def _columns_named(wanted: str, known: list[str]) -> tuple[str, ...]:
+    """Columns that a text names: by the whole name, by a pattern with * or ?, or by the name before its unit."""
+    if wanted in known:
+        return (wanted,)
+    if "*" in wanted or "?" in wanted:
+        pattern = wanted.replace("[", "[[]")
+        return tuple(n for n in known if fnmatchcase(n, pattern)) or (wanted,)
+    bare = [n for n in known if re.sub(r"\s*[\[(].*$", "", n).strip(" ,").casefold() == wanted.casefold()]
+    return tuple(bare) if len(bare) == 1 else (wanted,)
 
 
 def sign_of(name: str, unit_cell: str) -> Sign:

@@ -37,6 +37,35 @@ def told(guesses: Iterable[Guess]) -> str:
 
 
 @dataclass(frozen=True)
+class SeenColumn:
+    """A column of a file: role is time, sensor, ambient, input, displacement or ignored, and note says why it is that."""
+
+    name: str
+    role: str
+    unit: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """How a file was understood: its rows, its columns in their order, its layout where it is text, and where time stands.
+
+    header_line counts from 1, 0 for none; time_unit is that of numbers, else ``stamp`` or ``interval``; long are the columns that
+    name sensors and the one of readings in a long table.
+    """
+
+    rows: int
+    columns: tuple[SeenColumn, ...]
+    time_column: str = ""
+    time_unit: str = ""
+    encoding: str = ""
+    delimiter: str = ""
+    decimal: str = ""
+    header_line: int | None = None
+    long: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Run:
     """One run: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 
@@ -53,6 +82,7 @@ class Run:
     channel_notes: dict[str, str] = field(default_factory=dict)
     displacements: dict[str, Array] = field(default_factory=dict)
     guesses: tuple[Guess, ...] = ()
+    seen: Seen | None = None
 
 
 def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:

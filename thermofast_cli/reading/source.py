@@ -3,23 +3,26 @@
 import hashlib
 import re
 import sys
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, listed
+from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
-from .columns import Roles, check_names, classify, sign_of, to_micrometres, without_impossible
+from .columns import Roles, check_names, classify, resolved, sign_of, to_micrometres, without_impossible
 from .degrees import Temperatures
-from .long import find_long, to_wide
+from .long import Layout, find_long, to_wide
 from .order import in_order
-from .run import Run, stretch
+from .run import Run, Seen, SeenColumn, stretch
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
+from .tables.packed import is_workbook, unpacked
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
+from .tables.workbook import sheet_text
 from .times import Time, find_time, is_time_name
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
@@ -51,16 +54,8 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     UsageError: an option names a column that is not there.
     """
     options = options or Options()
-    number = None
-    if isinstance(source, str | Path):
-        path, number = _numbered(str(source))
-        held = [_bytes(path)]
-        name = name or ("stdin" if path == "-" else path)
-        parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
-        # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
-        table = read_parquet(held.pop(), name) if parquet else read_text(held.pop(), name, options)
-    else:
-        table = table_of(source, name or IN_MEMORY)
+    path, number = _numbered(str(source)) if isinstance(source, str | Path) else ("", None)
+    table = read_table(source, options, name)
     runs = [stretch(run, options.from_min, options.to_min) for run in runs_from_table(table, options)]
     if options.strict:
         for run in runs:
@@ -70,6 +65,29 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     if not 1 <= number <= len(runs):
         raise InputError(f"{source}: no run of that number", found=f"{len(runs)} in {path}", allowed=f"#1 to #{len(runs)}")
     return runs[number - 1 : number]
+
+
+def read_table(source: Any, options: Options, name: str | None = None) -> Table:
+    """The table of a file or of something in memory, before anyone says what its columns are.
+
+    Raises
+    ------
+    InputError: as :func:`read_runs`.
+    """
+    if not isinstance(source, str | Path):
+        return table_of(source, name or IN_MEMORY)
+    path, _ = _numbered(str(source))
+    name = name or ("stdin" if path == "-" else path)
+    held = [unpacked(_bytes(path), name)]
+    if is_workbook(held[0]):
+        text, sheet = sheet_text(held.pop(), name, options.sheet)
+        table = read_text(text, name, replace(options, delimiter=options.delimiter or ",", decimal=options.decimal or "."))
+        return replace(table, notes=(f"Excel, sheet {sheet!r}", *table.notes[1:]), dialect=None)
+    if options.sheet is not None:
+        raise UsageError(f"{name}: --sheet is for Excel workbooks", do="leave it out")
+    parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
+    # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
+    return read_parquet(held.pop(), name) if parquet else read_text(held.pop(), name, options)
 
 
 def refuse_guesses(run: Run) -> None:
@@ -132,11 +150,13 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
     UsageError: an option names no column.
     """
+    options = resolved(options, table.names)
     check_names(options.exclude, table.names, "--exclude", table.name)
     time = find_time(table, options)
     layout = find_long(table, time, options)
     if layout is not None:
         table = to_wide(table, layout, time)
+        options = resolved(options, table.names)
     notes, guesses = [*table.notes, time.note], [*table.guesses, *time.guesses]
     numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
     spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
@@ -189,6 +209,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     for n in roles.displacements:
         columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
         notes += [unit_note] if unit_note else []
+    seen = _seen(table, time, layout, roles, units, spare, options)
     stretches = in_order(time.seconds, columns, table.name, table.lines, time.wall, time.dated, layout is not None)
     return [
         Run(
@@ -201,9 +222,53 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
             channel_notes,
             {n: part.columns[n] for n in roles.displacements},
             (*guesses, *part.guesses),
+            seen,
         )
         for k, part in enumerate(stretches)
     ]
+
+
+def _seen(
+    table: Table, time: Time, layout: Layout | None, roles: Roles, units: dict[str, str], spare: list[str], options: Options
+) -> Seen:
+    """What each column was taken for, and how the file is laid out."""
+    of = {n: r for r in ("sensors", "ambient", "inputs", "displacements") for n in getattr(roles, r)}
+    columns = []
+    for n in table.names:
+        role = "time" if n in time.used else {"ambient": "ambient"}.get(of.get(n, ""), of.get(n, "ignored").removesuffix("s"))
+        unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
+        columns.append(SeenColumn(n, role, unit, _why(n, role, table, roles, spare, options)))
+    d = table.dialect
+    return Seen(
+        len(time.seconds),
+        tuple(columns),
+        " and ".join(n for n in table.names if n in time.used),
+        time.unit,
+        d.encoding if d else "",
+        d.delimiter if d else "",
+        d.decimal if d else "",
+        None if d is None else 0 if d.header_line is None else d.header_line + 1,
+        (*layout.labels, layout.value) if layout is not None else (),
+    )
+
+
+def _why(name: str, role: str, table: Table, roles: Roles, spare: list[str], options: Options) -> str:
+    """Why a column is left out."""
+    if role != "ignored":
+        return ""
+    if name in options.exclude:
+        return "--exclude"
+    if name in spare:
+        return "another column of time"
+    column = table.columns.get(name)
+    if isinstance(column, np.ndarray) and not np.isfinite(column).any():
+        return "empty"
+    if column is not None and not isinstance(column, np.ndarray):
+        return "words" if any(c.strip() for c in column) else "empty"
+    if options.channels and name not in options.channels:
+        return "not among --channels"
+    said = (n.partition(":")[0] for n in roles.notes if name in n)
+    return next(said, "neither name nor unit says a temperature")
 
 
 def _no_sensor(table: Table, roles: Roles, words: list[str], named: list[str]) -> InputError:

@@ -41,6 +41,8 @@ class Time:
     wall: tuple[float, ...] = ()
     #: Whether the moments are those of a calendar, so that an earlier one was earlier.
     dated: bool = False
+    #: Of numbers their unit, else ``stamp``, or ``interval`` where rows are evenly spaced as told.
+    unit: str = ""
 
 
 def unit_of(name: str, unit_cell: str = "") -> str | None:
@@ -81,7 +83,7 @@ def find_time(table: Table, options: Options) -> Time:
     if options.interval_s is not None:
         even: Array = np.arange(rows, dtype=np.float64) * options.interval_s
         named = frozenset(n for n in table.names if is_time_name(n))
-        return Time(even, named, f"time: one row every {options.interval_s:g} s, as told")
+        return Time(even, named, f"time: one row every {options.interval_s:g} s, as told", unit="interval")
     if options.time is not None:
         check_names([options.time], table.names, "--time", table.name)
         return _convert(table, options.time, None, options)
@@ -168,7 +170,7 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
     stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.lines, label, options.time_format)
     used = frozenset({name} | ({clock} if clock else set()) | ({halves} if halves else set()))
     note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
-    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated)
+    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated, "stamp")
 
 
 def _halves_of_day(table: Table) -> str | None:
@@ -194,14 +196,16 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         return written
     epoch = _epoch(column)
     if unit and not (epoch and not options.time_unit):
-        return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}")
+        return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", unit=unit)
     if epoch:
         # 1.7e18 less 1.7e18 has lost its last digits once it is multiplied: take the start away first.
-        return Time((column - column[0]) * UNITS[epoch], frozenset({name}), f"time: {name!r}, an epoch in {epoch}", dated=True)
+        note = f"time: {name!r}, an epoch in {epoch}"
+        return Time((column - column[0]) * UNITS[epoch], frozenset({name}), note, dated=True, unit=epoch)
     if _serial(column):
         text = f"{name!r} read as serial days of a spreadsheet (one is {column[0]:.6g})"
         seconds = np.round((column - column[0]) * DAY_S, 3)
-        return Time(seconds, frozenset({name}), f"time: {name!r} in days", (Guess("time", text, "--time-unit says otherwise"),))
+        guess = Guess("time", text, "--time-unit says otherwise")
+        return Time(seconds, frozenset({name}), f"time: {name!r} in days", (guess,), unit="d")
     return _without_unit(table, name, column)
 
 
@@ -221,7 +225,7 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
         stamps = parse_stamps([f"{c[:8]} {c[8:]}" for c in cells], f"{table.name}, column {name!r}", table.lines, name)
     except InputError:
         return None
-    return Time(stamps.seconds, used, f"time: moments in {' and '.join(map(repr, sorted(used)))}", (), stamps.starts, True)
+    return Time(stamps.seconds, used, f"time: moments in {' and '.join(map(repr, sorted(used)))}", (), stamps.starts, True, "stamp")
 
 
 def _is_date_number(column: Array | list[str]) -> bool:
@@ -252,7 +256,7 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
             continue
         known = _same_time(table, other, column)
         if known:
-            return Time(column * UNITS[known], frozenset({name}), f"time: {name!r} in {known}, as {other!r} shows")
+            return Time(column * UNITS[known], frozenset({name}), f"time: {name!r} in {known}, as {other!r} shows", unit=known)
     likely = [u for u in ("s", "min", "h") if plausible(column * UNITS[u])]
     lengths = ", ".join(f"in {u} {_length(float(np.ptp(column)) * UNITS[u])}" for u in ("s", "min", "h"))
     if len(likely) != 1:
@@ -265,7 +269,7 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
     unit = likely[0]
     text = f"{name!r} has no unit, taken as {unit}: the record is then {_length(float(np.ptp(column)) * UNITS[unit])} long"
     guess = Guess("time", text, f"--time-unit {unit} confirms it")
-    return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", (guess,))
+    return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", (guess,), unit=unit)
 
 
 def _same_time(table: Table, other: str, column: Array) -> str | None:

@@ -2,11 +2,45 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 
+if TYPE_CHECKING:
+    from ..reading import Run
+
 FILE = "thermofast.toml"
+
+
+def write_settings(path: str, run: "Run") -> None:
+    """How a run was read, as the [input] table of a settings file that reads it so again.
+
+    Raises
+    ------
+    UsageError: the file is there already, or cannot be written.
+    """
+    import tomli_w
+
+    from ..output.files import check_target, write_text_whole
+
+    check_target(path, (".toml",))
+    if Path(path).exists():
+        raise UsageError(f"{path}: is there already", do="name another file, or move it away")
+    seen, given = run.seen, dict[str, Any]()
+    if seen is not None:
+        text = {n: getattr(seen, n) for n in ("encoding", "delimiter", "decimal") if getattr(seen, n)}
+        header = {"header_line": seen.header_line} if seen.header_line is not None else {}
+        stamped = seen.time_unit in ("stamp", "interval", "")
+        time = {} if " and " in seen.time_column or not seen.time_column else {"time": seen.time_column}
+        given = text | header | time | ({} if stamped else {"time_unit": seen.time_unit})
+        given |= {"long": f"{'+'.join(seen.long[:-1])},{seen.long[-1]}"} if seen.long else {}
+    room = next(iter(run.ambient), None)
+    given |= {"ambient": room} if room is not None else {}
+    given |= {"channels": list(run.channels)} | ({"inputs": list(run.inputs)} if run.inputs else {})
+    lines = [f"# How {run.name} was read. Correct what is wrong; every command reads it so from then on.", ""]
+    lines += [f"# {note}" for note in (*run.notes, *map(str, run.guesses))]
+    whole = "\n".join(lines) + "\n\n" + tomli_w.dumps({"input": given})
+    write_text_whole(path, whole)
 
 
 def load_settings(path: str | None) -> dict[str, Any]:

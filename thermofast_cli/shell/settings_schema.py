@@ -4,6 +4,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from ..reading_options import joined
+
 
 class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """How records are read: the same words as the options."""
@@ -22,6 +24,7 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     decimal: Literal[".", ","] | None = None
     encoding: str | None = None
     header_line: int | None = None
+    sheet: str | None = None
     long: str | None = None
     units: tuple[str, ...] = ()
     strict: bool | None = None
@@ -57,13 +60,14 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
 
     def defaults(self, source: str) -> dict[str, Any]:
         """As Click's default map: what a command takes where its option is not given; source is the settings file itself."""
-        joined = {k: ",".join(v) if isinstance(v, tuple) else v for k, v in msgspec.structs.asdict(self.input).items()}
-        shared = {**joined, "filter_name": self.filter, "preset": self.preset, "settings": self.set, "jobs": self.jobs}
+        reads = {k: joined(v) if isinstance(v, tuple) else v for k, v in msgspec.structs.asdict(self.input).items()}
+        shared = {**reads, "filter_name": self.filter, "preset": self.preset, "settings": self.set, "jobs": self.jobs}
         sweep = msgspec.structs.asdict(self.sweep)
         sweep["windows"] = ",".join(f"{w:g}" for w in self.sweep.windows)
         given = {"runs": self.runs}
-        reading = {**joined, "jobs": self.jobs}
+        reading = {**reads, "jobs": self.jobs}
         loop = {name: _given(reading) | given for name in ("compare", "diagnose", "improve")}
+        loop["inspect"] = _given(reads) | given
         machine = {"rates": self.rates, "imperfection": source if self.imperfection is not None else None}
         return loop | {
             "identify": _given(shared | machine | msgspec.structs.asdict(self.identify)) | given,

@@ -2,12 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 
 from ...errors import InputError
 from ..run import Array, Guess
+
+if TYPE_CHECKING:
+    from .dialect import Dialect
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,8 @@ class Table:
     faults: dict[str, InputError] = field(default_factory=dict)
     guesses: tuple[Guess, ...] = ()
     header: bool = True
+    #: How a text file is laid out.
+    dialect: "Dialect | None" = None
 
 
 def to_floats(column: pa.ChunkedArray) -> Array:

@@ -65,7 +65,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     columns, faults, carried, at, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
-    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), dialect.header_line is not None)
+    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), dialect.header_line is not None, dialect)
 
 
 def _with_delimiter(options: Options, delimiter: str) -> Options:

@@ -1,0 +1,69 @@
+"""An Excel workbook as the text that its sheet would be exported to."""
+
+import csv
+import datetime as dt
+import io
+from typing import Any
+
+from ...errors import InputError, UsageError, listed
+
+#: A sheet with fewer rows or columns is no record.
+LEAST_ROWS, LEAST_COLUMNS = 3, 2
+
+
+def sheet_text(data: bytes, name: str, sheet: str | None) -> tuple[bytes, str]:
+    """(comma-separated UTF-8 text, name of the sheet) of the sheet named, or of the only one that holds a table.
+
+    Raises
+    ------
+    InputError: no workbook that can be read, no sheet with a table, or several.
+    UsageError: no sheet of that name.
+    """
+    import python_calamine as calamine
+
+    try:
+        book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
+    except (calamine.CalamineError, OSError) as error:
+        raise InputError(
+            f"{name}: an Excel workbook that cannot be read", found=str(error)[:120], do="save the sheet as CSV"
+        ) from None
+    names = list(book.sheet_names)
+    if sheet is not None and sheet not in names:
+        raise UsageError(f"{name}: --sheet {sheet!r} is no sheet of this workbook", allowed=listed(names, 12))
+    tables = {n: rows for n in ([sheet] if sheet is not None else names) if _is_table(rows := _rows(book, n))}
+    if not tables:
+        raise InputError(f"{name}: no sheet with a table", found=listed(names, 6), allowed="a row of names above rows of numbers")
+    if len(tables) > 1:
+        raise InputError(
+            f"{name}: {len(tables)} sheets hold tables", found=listed(list(tables), 8), allowed="one", do="say which: --sheet NAME"
+        )
+    chosen, rows = next(iter(tables.items()))
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([_cell(c) for c in row] for row in rows)
+    return text.getvalue().encode("utf-8"), chosen
+
+
+def _rows(book: Any, sheet: str) -> list[list[Any]]:
+    """Cells of a sheet; none for a sheet of a chart."""
+    try:
+        return list(book.get_sheet_by_name(sheet).to_python(skip_empty_area=True))
+    except Exception:
+        return []
+
+
+def _is_table(rows: list[list[Any]]) -> bool:
+    numbers = sum(sum(isinstance(c, int | float | dt.date | dt.time | dt.timedelta) for c in row) >= LEAST_COLUMNS for row in rows)
+    return numbers >= LEAST_ROWS
+
+
+def _cell(value: Any) -> str:
+    """A cell as a logger would write it: whole numbers without a fraction, moments as ISO stamps, lengths of time as h:mm:ss."""
+    if isinstance(value, float):
+        return f"{value:.15g}"
+    if isinstance(value, dt.datetime):
+        return value.isoformat(sep=" ")
+    if isinstance(value, dt.timedelta):
+        seconds = value.total_seconds()
+        hours, rest = divmod(abs(seconds), 3600.0)
+        return f"{'-' if seconds < 0 else ''}{hours:.0f}:{int(rest // 60.0):02d}:{rest % 60.0:06.3f}"
+    return str(value) if value is not None else ""
