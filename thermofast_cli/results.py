@@ -98,17 +98,25 @@ class Result:
 
         return to_json(self.command, self.rows(), self.input())
 
-    def save(self, path: str | Path) -> None:
-        """Write the records, whole or not at all: .csv .json .jsonl .parquet .md.
+    def save(self, path: str | Path, excel_csv: bool = False) -> None:
+        """Write the records, whole or not at all: .csv .json .jsonl .parquet .md .xlsx.
+
+        A workbook holds a summary beside the records and, where details were asked for, curves with charts. excel_csv: a .csv with
+        semicolons and decimal commas.
 
         Raises
         ------
         UsageError: an unknown suffix, or a place that cannot be written.
         """
-        from .output.files import TABLE_SUFFIXES, check_target, write_table
+        from .output.files import TABLE_SUFFIXES, check_target, write_table, write_whole
 
         check_target(str(path), TABLE_SUFFIXES)
-        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input())
+        if Path(path).suffix.lower() == ".xlsx":
+            from .output.report.excel import write_result
+
+            write_whole(str(path), lambda p: write_result(p, self))
+            return
+        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv)
 
     def _repr_html_(self) -> str:
         """For a notebook: the table without columns that are empty throughout; names stay text."""
@@ -210,14 +218,14 @@ class Calibration(Result):
     prior: "Imperfection | None" = None
     learnt_from: tuple[str, ...] = ()
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, excel_csv: bool = False) -> None:
         """Write the prior: .toml for ``--imperfection``; any other suffix the rows."""
         if str(path).endswith(".toml") and self.prior is not None:
             from .machine.lab import write_imperfection
 
             write_imperfection(str(path), self.prior, self.learnt_from)
         else:
-            super().save(path)
+            super().save(path, excel_csv)
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def command(
     from ..pipeline.loop import compare_runs
     from ..records import CompareRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, wants_details, working
 
     check_outputs([output], save_plot)
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model)}
@@ -79,7 +79,7 @@ def command(
     compare_runs([], chosen, (), **options)  # what is wrong with the options is said before any file is read
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
     with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
-        result = compare_runs(readings.runs, chosen, allowed, bool(save_plot), how, unknown_heat, **options)
+        result = compare_runs(readings.runs, chosen, allowed, wants_details(output, save_plot), how, unknown_heat, **options)
     drawn = [
         ("sensor", text("channel")),
         ("effects", text("effects")),

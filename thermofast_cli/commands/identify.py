@@ -87,7 +87,7 @@ def command(
     from ..pipeline.sensors import from_rise, identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
 
     method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
     if plot_trace and not save_plot:
@@ -99,7 +99,8 @@ def command(
     )  # wrong options are told before reading
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
-        result = identify_runs(readings.runs, method, until, learnt, joint, bool(trace or save_plot), how, at, room, drive, auto)
+        details = bool(trace) or wants_details(output, save_plot)
+        result = identify_runs(readings.runs, method, until, learnt, joint, details, how, at, room, drive, auto)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),

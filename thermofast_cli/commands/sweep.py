@@ -74,7 +74,7 @@ def command(
     from ..records import SweepRecord
     from ..results import failed
     from ..shell.options import numbers
-    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, working
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
 
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     spans = numbers(windows, "--windows")
@@ -85,7 +85,7 @@ def command(
     with working(
         readings, readings.sensors if learnt is None and drive is None else len(readings.runs), "sensors", quiet, jobs
     ) as how:
-        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, bool(save_plot), how, drive)
+        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, wants_details(output, save_plot), how, drive)
     drawn = [
         ("sensor", text("channel")),
         ("window min", number("window_min", 0)),

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError
-from .text import Row, plain, to_csv, to_json, to_jsonl, to_markdown
+from .text import Row, plain, to_csv, to_excel_csv, to_json, to_jsonl, to_markdown
 
-TABLE_SUFFIXES = (".csv", ".json", ".jsonl", ".parquet", ".md")
+TABLE_SUFFIXES = (".csv", ".json", ".jsonl", ".parquet", ".md", ".xlsx")
 
 
 def check_targets(targets: Sequence[str | None], sources: Sequence[str]) -> None:
@@ -77,14 +77,21 @@ def write_whole(path: str, write: Callable[[str], None]) -> None:
             os.unlink(temporary)
 
 
-def write_table(path: str, command: str, columns: Sequence[str], rows: Sequence[Row], input_: Sequence[Row] = ()) -> None:
-    """A table in the format of the suffix; input_ says in JSON how the runs were read."""
+def write_table(
+    path: str, command: str, columns: Sequence[str], rows: Sequence[Row], input_: Sequence[Row] = (), excel_csv: bool = False
+) -> None:
+    """A table in the format of the suffix; input_ says in JSON how the runs were read; excel_csv: as :func:`to_excel_csv`."""
     suffix = Path(path).suffix.lower()
     if suffix == ".parquet":
         write_whole(path, lambda p: _parquet(p, columns, rows))
         return
+    if suffix == ".xlsx":
+        from .report.excel import write_rows
+
+        write_whole(path, lambda p: write_rows(p, command, columns, rows))
+        return
     text = {
-        ".csv": lambda: to_csv(columns, rows),
+        ".csv": lambda: (to_excel_csv if excel_csv else to_csv)(columns, rows),
         ".json": lambda: to_json(command, rows, input_),
         ".jsonl": lambda: to_jsonl(rows),
         ".md": lambda: to_markdown(columns, rows),

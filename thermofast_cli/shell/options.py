@@ -10,6 +10,8 @@ import click
 from ..errors import UsageError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+#: Where a command's context keeps whether CSV is to be such as Excel opens by a double click.
+EXCEL_CSV = "thermofast.excel_csv"
 FILTERS = "afukf, fading_ukf, ukf, ekf, svd_ukf, ckf, cqkf, ast_cqkf, crpf, acrpf, rls, least_squares"
 
 
@@ -93,7 +95,14 @@ table_options = _together(
         "-o",
         "--output",
         metavar="FILE",
-        help="Write to FILE: .csv .json .jsonl .parquet .md; with --format the screen shows it too.",
+        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx; with --format the screen shows it too.",
+    ),
+    click.option(
+        "--excel-csv",
+        is_flag=True,
+        expose_value=False,
+        callback=lambda ctx, _, given: ctx.meta.__setitem__(EXCEL_CSV, given),
+        help="CSV with semicolons and decimal commas, as Excel opens it in many countries.",
     ),
     click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error but errors."),
 )

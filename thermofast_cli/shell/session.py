@@ -16,12 +16,17 @@ from click.core import ParameterSource
 from ..engine import Started, Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
 from ..output.files import TABLE_SUFFIXES, check_target, check_targets
-from ..output.screen import progress, say, show_records
+from ..output.screen import chosen_format, progress, say, show_records, show_text
+from ..output.text import to_excel_csv
 from ..pool import warm_pool
 from ..reading import read_runs
 from ..reading_options import options_from
 from ..records import FAILURES
 from ..results import Result
+from .options import EXCEL_CSV
+
+#: Outputs that show more than the records.
+DETAILED = (".xlsx",)
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
@@ -140,8 +145,13 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
 
     Raises
     ------
-    UsageError: an unknown suffix, no such folder, or no matplotlib for a picture.
+    UsageError: an unknown suffix, no such folder, no matplotlib for a picture, or --excel-csv without CSV.
     """
+    if wants_excel_csv():
+        form = click.get_current_context().params.get("form")
+        csv = [t for t in tables if t and t.lower().endswith(".csv")]
+        if not csv and (form or ("" if any(tables) else chosen_format(None))) != "csv":
+            raise UsageError("--excel-csv is for CSV", do="add -o FILE.csv or --format csv")
     for target in tables:
         if target:
             check_target(target, TABLE_SUFFIXES)
@@ -177,15 +187,29 @@ def deliver(
     """
     whole = replace(result, records=(*result.records, *unreadable))
     if output:
-        whole.save(output)
+        whole.save(output, wants_excel_csv())
         if not quiet:
             say(f"{len(whole)} records in {output}")
     if form or not output:
-        show_records(whole.command, whole.kind.columns(), whole.rows(), form, drawn, beneath, whole.input())
+        if wants_excel_csv() and chosen_format(form) == "csv":
+            show_text(to_excel_csv(whole.kind.columns(), whole.rows()))
+        else:
+            show_records(whole.command, whole.kind.columns(), whole.rows(), form, drawn, beneath, whole.input())
     if result.interrupted:
         say(f"interrupted: {len(result)} records were finished")
         return 130
     return 1 if any(record.status in FAILURES for record in whole.records) else 0
+
+
+def wants_excel_csv() -> bool:
+    """Whether --excel-csv was given."""
+    context = click.get_current_context(silent=True)
+    return bool(context and context.meta.get(EXCEL_CSV))
+
+
+def wants_details(output: str | None, picture: str | None) -> bool:
+    """Whether more than the records is to be shown: by a picture, or by a workbook with charts."""
+    return bool(picture) or bool(output and Path(output).suffix.lower() in DETAILED)
 
 
 def draw(result: Any, path: str | None, **more: Any) -> None:

@@ -1,0 +1,122 @@
+"""Results as an Excel workbook, and as CSV that Excel opens by a double click."""
+
+import csv
+import io
+import re
+import zipfile
+
+import pytest
+import python_calamine
+from conftest import ROOT
+
+import thermofast as tf
+from thermofast.output.report.excel import write_rows
+
+SPINDLE = ROOT / "sample_runs" / "spindle.csv"
+
+
+def sheets(path):
+    book = python_calamine.CalamineWorkbook.from_path(path)
+    return {n: book.get_sheet_by_name(n).to_python(skip_empty_area=False) for n in book.sheet_names}
+
+
+def inside(path, pattern):
+    """Texts of the members of a workbook whose names match."""
+    with zipfile.ZipFile(path) as archive:
+        return [archive.read(n).decode("utf-8") for n in archive.namelist() if re.search(pattern, n)]
+
+
+def test_identify_has_a_summary_the_records_the_curves_and_a_chart_of_each_sensor(tool, tmp_path):
+    path = tmp_path / "report.xlsx"
+    done = tool("identify", SPINDLE, "--channels", "T1,T8", "--until", "60", "-o", path, "-q")
+    assert done.code == 0, done.err
+    found = sheets(path)
+    assert list(found) == ["summary", "identify", "curves", "charts"]
+    result = tf.identify(tf.read(SPINDLE, channels=["T1", "T8"]), until=60.0)
+    head, *rows = found["identify"]
+    for row, record in zip(rows, result, strict=True):
+        told = dict(zip(head, row, strict=True))
+        assert told["channel"] == record.channel
+        assert told["steady_state_c"] == pytest.approx(record.steady_state_c, rel=1e-12)
+        assert isinstance(told["t95_min"], float)
+    assert ["read as", "comma-separated, decimal point, header in line 1, utf-8"] in found["summary"]
+    curves = dict(zip(found["curves"][0], zip(*found["curves"][1:], strict=True), strict=True))
+    run = tf.read(SPINDLE)
+    assert [v for v in curves["T1 measured degC"] if v != ""] == pytest.approx(run.channels["T1"].tolist())
+    drawn = inside(path, r"charts/chart\d")
+    assert len(drawn) == 2
+    # A chart names the cells that hold what it shows: the measured curve of the second sensor.
+    assert "curves!$H$2:$H$402" in drawn[1]
+    assert found["curves"][0][7] == "T8 measured degC"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names", "charts"),
+    [
+        (("compare", "sample_runs/hidden.csv"), ["summary", "compare", "curves", "charts"], 8),
+        (("diagnose", "sample_runs/hidden.csv"), ["summary", "diagnose", "ranking 1", "charts"], 1),
+        (("improve", "sample_runs/hidden.csv", "--auto"), ["summary", "improve", "steps 1", "charts"], 1),
+        (
+            ("sweep", SPINDLE, "--windows", "40,50", "--channels", "T5"),
+            ["summary", "sweep", "times 1", "charts"],
+            1,
+        ),
+        (("inspect", SPINDLE), ["summary", "inspect"], 0),
+    ],
+    ids=lambda a: a[0] if isinstance(a, tuple) else "",
+)
+def test_each_command_writes_its_own_sheets(tool, tmp_path, arguments, names, charts):
+    path = tmp_path / "report.xlsx"
+    done = tool(*arguments, "-o", path, "-q")
+    assert done.code == 0, done.err
+    assert list(sheets(path)) == names
+    drawn = inside(path, r"charts/chart\d")
+    assert len(drawn) == charts
+    of = sheets(path)
+    for chart in drawn:
+        for sheet, column, last in re.findall(r"<c:f>'?([^'!<]+)'?!\$([A-Z]+)\$2:\$[A-Z]+\$(\d+)</c:f>", chart):
+            at = 0
+            for letter in column:
+                at = 26 * at + ord(letter) - 64
+            cells = [row[at - 1] for row in of[sheet][1 : int(last)]]
+            assert len(cells) == int(last) - 1
+            assert any(c != "" for c in cells)
+
+
+def test_hostile_names_stay_text(tmp_path):
+    data = "time_min,=cmd|' /C calc'!A0,http://x.y\n" + "".join(f"{i},{20 + i / 10},{21 + i / 20}\n" for i in range(60))
+    run = tmp_path / "=1+1.csv"
+    run.write_text(data)
+    result = tf.identify(tf.read(run, channels=["=cmd|' /C calc'!A0", "http://x.y"]), until=40.0)
+    result.save(tmp_path / "report.xlsx")
+    assert {row[1] for row in sheets(tmp_path / "report.xlsx")["identify"][1:]} == {"=cmd|' /C calc'!A0", "http://x.y"}
+    for page in inside(tmp_path / "report.xlsx", r"worksheets/"):
+        assert "<f>" not in page
+        assert "hyperlink" not in page
+
+
+def test_cells_keep_what_they_are(tmp_path):
+    rows = [
+        {"a": 1.5, "b": None, "c": [1, 2], "d": float("nan"), "e": True, "f": "007", "g": {"x": float("inf")}, "h": "y" * 40_000}
+    ]
+    write_rows(str(tmp_path / "t.xlsx"), "bench", list(rows[0]), rows)
+    head, row = sheets(tmp_path / "t.xlsx")["bench"]
+    assert head == list(rows[0])
+    assert row[:7] == [1.5, "", "[1, 2]", "", True, "007", '{"x": null}']
+    assert len(row[7]) == 32_767
+
+
+def test_csv_for_excel_reads_back_as_numbers_with_decimal_commas(tool, tmp_path):
+    path = tmp_path / "table.csv"
+    done = tool("identify", SPINDLE, "--channels", "T1", "--until", "60", "-o", path, "--excel-csv", "-q")
+    assert done.code == 0, done.err
+    text = path.read_bytes()
+    assert text.startswith(b"\xef\xbb\xbfrun;channel;")
+    head, row = csv.reader(io.StringIO(text.decode("utf-8-sig")), delimiter=";")
+    told = dict(zip(head, row, strict=True))
+    whole = tf.identify(tf.read(SPINDLE, channels=["T1"]), until=60.0)[0].steady_state_c
+    assert float(told["steady_state_c"].replace(",", ".")) == pytest.approx(whole, rel=1e-9)
+    assert "." not in told["steady_state_c"]
+    refused = tool("identify", SPINDLE, "-o", tmp_path / "t.json", "--excel-csv")
+    assert refused.code == 2
+    assert "--excel-csv is for CSV" in refused.err

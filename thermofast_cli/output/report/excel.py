@@ -1,0 +1,141 @@
+"""A result as an Excel workbook: a summary, the records, what pictures show as numbers, and charts that Excel draws of them."""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from datetime import date, datetime
+from typing import TYPE_CHECKING, Any
+
+from ..text import plain
+from .sheets import Chart, Sheet, extra_sheets
+
+if TYPE_CHECKING:
+    from ...results import Result
+
+#: Excel's limits: characters in a cell, rows in a sheet.
+LONGEST, MOST_ROWS = 32_767, 1_048_575
+#: Widths of a column [characters].
+NARROW, WIDE = 9, 60
+#: Charts side by side, and their size [rows, columns of cells].
+ACROSS, DOWN, OVER = 2, 18, 9
+#: Colours of rows by their status.
+COLOURS = {"not_determined": "#FFF2CC", "model_doubtful": "#FFF2CC", "partly_explained": "#FFF2CC", "ok": "#FFFFFF"}
+
+
+def write_result(path: str, result: "Result") -> None:
+    """The workbook of a result. What comes from files is written as text or numbers: nothing in it is a formula or a link."""
+    rows, columns = result.rows(), list(result.kind.columns())
+    records = Sheet(result.command, columns, [[row[c] for c in columns] for row in rows])
+    write_sheets(path, [_summary(result, rows), records, *extra_sheets(result)])
+
+
+def write_rows(path: str, command: str, columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
+    """One table as a workbook."""
+    write_sheets(path, [Sheet(command, list(columns), [[row[c] for c in columns] for row in rows])])
+
+
+def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
+    """Sheets in their order, their charts on a sheet of their own behind them."""
+    import xlsxwriter
+
+    settings = {"strings_to_formulas": False, "strings_to_urls": False, "strings_to_numbers": False, "nan_inf_to_errors": False}
+    with xlsxwriter.Workbook(path, settings) as book:
+        head = book.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"})
+        fills = {status: book.add_format({"bg_color": colour}) for status, colour in COLOURS.items()}
+        fills[""] = book.add_format({"bg_color": "#F8CECC"})
+        charts: list[Chart] = []
+        for sheet in sheets:
+            _write(book.add_worksheet(sheet.title[:31]), sheet, head, fills)
+            charts += sheet.charts
+        if charts:
+            drawn = book.add_worksheet("charts")
+            for k, chart in enumerate(charts):
+                drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, chart))
+
+
+def _summary(result: "Result", rows: Sequence[dict[str, Any]]) -> Sheet:
+    from ... import __version__
+
+    lines: list[list[Any]] = [["made by", f"thermofast {result.command} {__version__}"], ["on", f"{date.today():%Y-%m-%d}"]]
+    count = Counter(row.get("status", "") for row in rows)
+    lines += [["records", len(rows)], *([f"status {status}", n] for status, n in count.items() if status)]
+    for verdict in dict.fromkeys(str(row["verdict"]) for row in rows if row.get("verdict")):
+        lines.append(["verdict", verdict])
+    for told in result.input():
+        lines.append(["run", told["run"]])
+        lines += [["read as", note] for note in told["notes"]]
+        lines += [["guessed", f"{g['text']} ({g['option']})"] for g in told["guesses"]]
+    for message in dict.fromkeys(str(row["message"]) for row in rows if row.get("message")):
+        lines.append(["message", message])
+    return Sheet("summary", ["what", "said"], lines)
+
+
+def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any]) -> None:
+    for column, title in enumerate(sheet.columns):
+        page.write_string(0, column, title, head)
+    status = sheet.columns.index("status") if "status" in sheet.columns else None
+    for number, row in enumerate(sheet.rows[:MOST_ROWS], 1):
+        for column, value in enumerate(row):
+            _cell(page, number, column, value)
+        if status is not None:
+            told = str(row[status])
+            page.set_row(number, None, fills.get(told, fills[""]) if told != "ok" else None)
+    for column, title in enumerate(sheet.columns):
+        longest = max([len(title) // 2, *(len(_shown(row[column])) for row in sheet.rows[:200])], default=NARROW)
+        page.set_column(column, column, min(max(longest + 1, NARROW), WIDE))
+    page.freeze_panes(1, min(2, len(sheet.columns)) if status is not None else 0)
+    if sheet.rows and status is not None:
+        page.autofilter(0, 0, len(sheet.rows), len(sheet.columns) - 1)
+
+
+def _cell(page: Any, row: int, column: int, value: Any) -> None:
+    """A number as a number, an absent one as nothing, a truth as one, the rest as text."""
+    if isinstance(value, bool):
+        page.write_boolean(row, column, value)
+    elif isinstance(value, int | float):
+        if math.isfinite(value):
+            page.write_number(row, column, float(value))
+    elif isinstance(value, datetime):
+        page.write_string(row, column, value.isoformat(sep=" "))
+    elif value not in (None, "", [], {}):
+        page.write_string(row, column, _shown(value)[:LONGEST])
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
+        return ", ".join(value)
+    if isinstance(value, list | tuple | dict):
+        return json.dumps(plain(value), ensure_ascii=False)
+    return "" if value is None else str(value)
+
+
+def _label(text: str) -> str:
+    """A name in a chart; one as ``x!A1`` would be taken for a reference to a cell, so a sign without width parts it."""
+    return text.replace("!", "!\u2060")
+
+
+def _chart(book: Any, chart: Chart) -> Any:
+    drawn = book.add_chart({"type": chart.kind, **({"subtype": "straight"} if chart.kind == "scatter" else {})})
+    for series in chart.series:
+        line = {"none": True} if series.points else {"width": 1.5, "color": series.colour, "dash_type": series.dash}
+        marker = {"type": "circle", "size": 3, "fill": {"color": series.colour}, "border": {"none": True}}
+        style: dict[str, Any] = {"line": line, "marker": marker if series.points else {"type": "none"}}
+        if chart.kind == "bar":
+            style = {"fill": {"color": series.colour}}
+        drawn.add_series(
+            {
+                "name": _label(series.name),
+                "categories": [chart.sheet[:31], 1, series.x, series.rows, series.x],
+                "values": [chart.sheet[:31], 1, series.y, series.rows, series.y],
+                **style,
+            }
+        )
+    drawn.set_title({"name": _label(chart.title), "name_font": {"size": 11}, "overlay": False})
+    drawn.set_x_axis({"name": chart.x, "major_gridlines": {"visible": False}})
+    drawn.set_y_axis({"name": chart.y, **({"reverse": True} if chart.kind == "bar" else {})})
+    drawn.set_legend({"position": "bottom"} if len(chart.series) > 1 else {"none": True})
+    drawn.set_size({"width": 560, "height": 330})
+    return drawn
