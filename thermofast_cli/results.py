@@ -99,18 +99,23 @@ class Result:
         return to_json(self.command, self.rows(), self.input())
 
     def save(self, path: str | Path, excel_csv: bool = False) -> None:
-        """Write the records, whole or not at all: .csv .json .jsonl .parquet .md .xlsx.
+        """Write the records, whole or not at all: .csv .json .jsonl .parquet .md .xlsx, or a page: .html.
 
-        A workbook holds a summary beside the records and, where details were asked for, curves with charts. excel_csv: a .csv with
-        semicolons and decimal commas.
+        A workbook or a page holds a summary beside the records and, where details were asked for, curves with charts. excel_csv: a
+        .csv with semicolons and decimal commas.
 
         Raises
         ------
         UsageError: an unknown suffix, or a place that cannot be written.
         """
-        from .output.files import TABLE_SUFFIXES, check_target, write_table, write_whole
+        from .output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, write_table, write_text_whole, write_whole
 
-        check_target(str(path), TABLE_SUFFIXES)
+        check_target(str(path), (*TABLE_SUFFIXES, *REPORT_SUFFIXES))
+        if Path(path).suffix.lower() in REPORT_SUFFIXES:
+            from .output.report.page import page_of
+
+            write_text_whole(str(path), page_of(self))
+            return
         if Path(path).suffix.lower() == ".xlsx":
             from .output.report.excel import write_result
 

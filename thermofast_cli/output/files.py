@@ -14,6 +14,8 @@ from ..errors import UsageError
 from .text import Row, plain, to_csv, to_excel_csv, to_json, to_jsonl, to_markdown
 
 TABLE_SUFFIXES = (".csv", ".json", ".jsonl", ".parquet", ".md", ".xlsx")
+#: Outputs of a whole result, not of any table.
+REPORT_SUFFIXES = (".html",)
 
 
 def check_targets(targets: Sequence[str | None], sources: Sequence[str]) -> None:

@@ -95,7 +95,7 @@ table_options = _together(
         "-o",
         "--output",
         metavar="FILE",
-        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx; with --format the screen shows it too.",
+        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; with --format the screen shows it too.",
     ),
     click.option(
         "--excel-csv",

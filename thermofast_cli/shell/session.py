@@ -15,7 +15,7 @@ from click.core import ParameterSource
 
 from ..engine import Started, Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
-from ..output.files import TABLE_SUFFIXES, check_target, check_targets
+from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, check_targets
 from ..output.screen import chosen_format, progress, say, show_records, show_text
 from ..output.text import to_excel_csv
 from ..pool import warm_pool
@@ -26,7 +26,7 @@ from ..results import Result
 from .options import EXCEL_CSV
 
 #: Outputs that show more than the records.
-DETAILED = (".xlsx",)
+DETAILED = (".xlsx", ".html")
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
@@ -152,9 +152,9 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
         csv = [t for t in tables if t and t.lower().endswith(".csv")]
         if not csv and (form or ("" if any(tables) else chosen_format(None))) != "csv":
             raise UsageError("--excel-csv is for CSV", do="add -o FILE.csv or --format csv")
-    for target in tables:
-        if target:
-            check_target(target, TABLE_SUFFIXES)
+    for number, target in enumerate(tables):
+        if target:  # the first is the result itself, which may be a page
+            check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if number == 0 else ())))
     if picture:
         from ..output.plots import check_picture
 

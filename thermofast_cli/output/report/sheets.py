@@ -62,7 +62,7 @@ def _curves(result: Any) -> list[Sheet]:
     columns: list[tuple[str, Any]] = []
     charts = []
     for c in shown:
-        at, name = len(columns), _name(c.run, c.channel, result)
+        at, name = len(columns), sensor_name(c.run, c.channel, result)
         some, thin = _thinned(len(c.time)), _thinned(len(c.model_time))
         columns += [(f"{name} time min", c.time[some]), (f"{name} measured degC", c.reading[some])]
         columns += [(f"{name} model time min", c.model_time[thin]), (f"{name} model degC", c.model[thin])]
@@ -82,7 +82,7 @@ def _panels(result: Any) -> list[Sheet]:
     columns: list[tuple[str, Any]] = []
     charts = []
     for p in shown:
-        at, name, some = len(columns), _name(p.run, p.channel, result), _thinned(len(p.time))
+        at, name, some = len(columns), sensor_name(p.run, p.channel, result), _thinned(len(p.time))
         columns += [(f"{name} time min", p.time[some]), (f"{name} measured degC", p.reading[some])]
         columns += [(f"{name} model degC", p.model[some]), (f"{name} residual K", (p.reading - p.model)[some])]
         n = len(p.time[some])
@@ -124,7 +124,7 @@ def _times(result: Any) -> list[Sheet]:
         columns: list[tuple[str, Any]] = [("time min", swept.times)]
         columns += [(f"window {r.window_min:g} min: error K", e) for r, e in zip(swept.records, swept.rmse, strict=False)]
         lines = tuple(Series(n, 0, k + 1, len(swept.times), COLOURS[k % len(COLOURS)]) for k, (n, _) in enumerate(columns[1:]))
-        chart = Chart("scatter", f"{_name(record.run, record.channel, result)}", "identified on, min", "error K", title, lines)
+        chart = Chart("scatter", sensor_name(record.run, record.channel, result), "identified on, min", "error K", title, lines)
         sheets.append(_of_columns(title, columns, [chart]))
     return sheets
 
@@ -145,5 +145,6 @@ def _thinned(count: int) -> Any:
     return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int)) if count else np.arange(0)
 
 
-def _name(run: str, channel: str, result: Any) -> str:
+def sensor_name(run: str, channel: str, result: Any) -> str:
+    """A sensor, with its run where there are several."""
     return channel if len({r.run for r in result.records}) < 2 else f"{run} {channel}"

@@ -1,0 +1,160 @@
+"""The page of a result: self-contained, inert for hostile names, and alive in a real browser."""
+
+import html
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import thermofast as tf
+from thermofast.output.report.figures import extremes
+from thermofast.output.report.page import page_of
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = (
+    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-component-update "
+    "--disable-sync --enable-logging=stderr --v=0 --virtual-time-budget=4000 --dump-dom"
+)
+SPINDLE = ROOT / "sample_runs" / "spindle.csv"
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+
+#: What a user does on the page, and what is to be seen of it, as JSON in an element at its end.
+ACTS = """
+<script>
+addEventListener("load", () => {
+  const seen = {}, table = document.getElementById("records"), svg = document.querySelector("figure > svg");
+  const column = [...table.tHead.rows[0].cells].findIndex((c) => c.textContent === "steady_state_c");
+  const values = () => [...table.tBodies[0].rows].map((r) => Number(r.cells[column].dataset.value));
+  seen.figures = document.querySelectorAll("figure > svg").length;
+  seen.points = document.querySelector("path.measured").getAttribute("d").split("z").length - 1;
+  table.tHead.rows[0].cells[column].firstChild.click();
+  seen.up = values();
+  seen.sort = table.tHead.rows[0].cells[column].getAttribute("aria-sort");
+  table.tHead.rows[0].cells[column].firstChild.click();
+  seen.down = values();
+  const press = (key) => svg.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
+  press("End");
+  seen.readout = document.querySelector("figure .readout").textContent;
+  const labels = () => [...svg.querySelectorAll("text")].map((t) => t.textContent).join(" ");
+  const whole = labels();
+  press("+");
+  seen.zoomed = labels() !== whole;
+  press("0");
+  seen.back = labels() === whole;
+  const box = svg.getBoundingClientRect();
+  const at = (type, share) => svg.dispatchEvent(new PointerEvent(type, { clientX: box.left + share * box.width, clientY: box.top + 40, pointerType: "mouse" }));
+  at("pointerdown", 0.3); at("pointermove", 0.5); at("pointerup", 0.5);
+  seen.dragged = labels() !== whole;
+  seen.width = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  const told = document.createElement("pre");
+  told.id = "seen";
+  told.textContent = JSON.stringify(seen);
+  document.body.append(told);
+});
+</script>
+"""
+
+
+def dumped(path, tmp_path, size="1200,900"):
+    """(DOM after the scripts ran, lines of the browser's console)."""
+    command = [CHROMIUM, *FLAGS.split(), f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={size}", path.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+@needs_browser
+@pytest.mark.parametrize("size", ["1200,900", "390,844"], ids=["desk", "phone"])
+def test_the_page_is_alive_in_a_browser(tool, tmp_path, size):
+    path = tmp_path / "report.html"
+    done = tool("identify", SPINDLE, "--channels", "T1,T8,T10", "--until", "60", "-o", path, "-q")
+    assert done.code == 0, done.err
+    path.write_text(path.read_text(encoding="utf-8").replace("</body>", ACTS + "</body>"), encoding="utf-8")
+    dom, console = dumped(path, tmp_path, size)
+    assert console == []
+    seen = json.loads(html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', dom, re.DOTALL)[1]))
+    assert seen["figures"] == 3
+    assert seen["points"] == 401
+    assert seen["up"] == sorted(seen["up"])
+    assert seen["down"] == seen["up"][::-1]
+    assert seen["sort"] == "ascending"
+    measured = tf.read(SPINDLE).channels["T1"][-1]
+    assert seen["readout"].startswith("400.0 min; 95 % band ")
+    assert f"measured {measured:.2f} °C" in seen["readout"]
+    assert seen["zoomed"]
+    assert seen["back"]
+    assert seen["dragged"]
+    assert seen["width"] <= 0
+
+
+@needs_browser
+@pytest.mark.parametrize(
+    ("arguments", "figures"),
+    [
+        (("compare", "sample_runs/hidden.csv", "--until", "120"), 4),
+        (("improve", "sample_runs/hidden.csv", "--auto"), 1),
+        (("sweep", SPINDLE, "--windows", "40,50", "--channels", "T5"), 1),
+        (("diagnose", "sample_runs/hidden.csv"), 0),
+    ],
+    ids=lambda a: a[0] if isinstance(a, tuple) else "",
+)
+def test_each_command_has_a_page_without_an_error(tool, tmp_path, arguments, figures):
+    path = tmp_path / "report.html"
+    done = tool(*arguments, "-o", path, "-q")
+    assert done.code == 0, done.err
+    dom, console = dumped(path, tmp_path)
+    assert console == []
+    assert len(re.findall(r"<svg[^>]*role=\"img\"", dom)) == figures
+    assert dom.count('aria-label="Zoom in: ') == figures
+    assert ("Ranking of the effects" in dom) == (arguments[0] == "diagnose")
+
+
+def test_the_page_says_what_the_records_say_and_how_it_was_made(tool, tmp_path):
+    path = tmp_path / "report.html"
+    tool("identify", SPINDLE, "--channels", "T1,T8", "--until", "60", "-o", path, "-q")
+    page = path.read_text(encoding="utf-8")
+    records = tf.identify(tf.read(SPINDLE, channels=["T1", "T8"]), until=60.0)
+    hot = records["T8"]
+    low, high = hot.steady_state_lo_c, hot.steady_state_hi_c
+    assert f"T8 settles highest, at {hot.steady_state_c:.2f} degC (95 %: {low:.2f} to {high:.2f})." in page
+    assert "comma-separated, decimal point, header in line 1, utf-8" in page
+    assert tf.__version__ in page
+    assert re.search(r"SHA-256 [0-9a-f]{64}", page)
+    assert not re.search(r"(src|href)=\"?(https?:)?//", page)
+
+
+def test_hostile_names_stay_text(tmp_path):
+    name = "</script><script>alert(1)</script><img src=x onerror=alert(1)>"
+    time = np.arange(0.0, 121.0)
+    reading = 20.0 - 8.0 * np.expm1(-time / 30.0) + 0.02 * np.random.default_rng(0).standard_normal(121)
+    run = tf.read({"time_min": time, name: reading}, channels=[name], name="<b>run</b>\u2028.csv")
+    for result in (tf.identify(run, until=60.0, details=True), tf.diagnose(run)):
+        page = page_of(result)
+        assert page.count("<script") == 2
+        assert "<img" not in page
+        assert "<b>" not in page
+        assert "\u2028" not in page.split('id="data">')[1]
+
+
+def test_ten_sensors_of_twenty_thousand_readings_make_a_small_page():
+    rng, time = np.random.default_rng(1), np.arange(20_000) / 60.0
+    data = {f"T{i}": 20.0 - (8.0 + i) * np.expm1(-time / 40.0) + 0.03 * rng.standard_normal(20_000) for i in range(10)}
+    result = tf.identify(tf.read({"time_min": time, **data}), until=60.0, details=True)
+    assert len(page_of(result).encode("utf-8")) <= 300_000
+
+
+def test_a_thinned_curve_keeps_its_outliers():
+    values = np.zeros(10_000)
+    values[[1234, 8765]] = 5.0, -7.0
+    kept = extremes(values)
+    assert len(kept) <= 600
+    assert {1234, 8765} <= set(kept.tolist())
+
+
+def test_a_trace_cannot_be_a_page(tool, tmp_path):
+    done = tool("identify", SPINDLE, "--trace", tmp_path / "t.html")
+    assert done.code == 2
+    assert ".csv" in done.err

@@ -1,0 +1,168 @@
+"""A result as one page that needs nothing else: verdict, charts, table, and how it was made."""
+
+import json
+import math
+import shlex
+import sys
+from collections.abc import Sequence
+from datetime import date
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..text import plain
+from .figures import charts_of
+from .verdicts import verdict_of
+
+if TYPE_CHECKING:
+    from ...results import Result
+
+#: Statuses that need a second look; the others but ``ok`` are failures.
+DOUBT = ("not_determined", "model_doubtful", "partly_explained")
+#: Characters from which a cell is broken into lines.
+LONG = 40
+#: Characters from which a cell is folded.
+FOLDED = 240
+#: Nothing is fetched, sent or run but what stands in the page.
+POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+)
+
+
+def page_of(result: "Result") -> str:
+    """The HTML of a result's page. What comes from files stays text: it is escaped, or set by the script as text."""
+    rows, charts = [plain(r) for r in result.rows()], charts_of(result)
+    data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":"))
+    names = " and ".join(dict.fromkeys(Path(r["run"]).name for r in rows)) or "no run"
+    title = f"thermofast {result.command}: {names if len(names) < 120 else f'{len(result.runs)} runs'}"
+    verdict = "".join(f"<p>{escape(s)}</p>" for s in verdict_of(result, rows))
+    style, script = (files(__package__).joinpath(f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    parts = [
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">',
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        f'<title>{escape(title)}</title><link rel="icon" href="data:,"><style>{style}</style></head><body><main>',
+        f'<h1>{escape(title)}</h1><div class="verdict">{verdict}</div>',
+        _figures(charts),
+        _ranking(rows) if result.command == "diagnose" else "",
+        _table(list(result.kind.columns()), rows),
+        _made(result),
+        f'</main><script type="application/json" id="data">{_inert(data)}</script><script>{script}</script></body></html>\n',
+    ]
+    return "".join(parts)
+
+
+def _inert(text: str) -> str:
+    """JSON inside a script element: nothing in it ends the element."""
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _figures(charts: Sequence[dict[str, Any]]) -> str:
+    if not charts:
+        return ""
+    drawn = "".join(
+        f'<figure data-chart="{k}"><figcaption><h3>{escape(c["title"])}</h3>{_key(c)}</figcaption></figure>'
+        for k, c in enumerate(charts)
+    )
+    hint = "Drag over a chart to zoom, double-click for all of it. By keyboard: arrows move the cursor, + and - zoom, 0 shows all."
+    return f'<h2>Charts</h2><p class="dim">{hint}</p><div class="charts">{drawn}</div>'
+
+
+def _key(chart: dict[str, Any]) -> str:
+    """What each sign of a chart means."""
+    drawn = []
+    for strip in chart["strips"][:1]:
+        for s in strip["series"]:
+            style = f' style="stroke:{s["stroke"]}" stroke-dasharray="{s["dash"]}"' if s.get("stroke") else ""
+            sign = {
+                "points": '<circle cx="8" cy="4" r="2" class="measured"/>',
+                "band": '<rect width="16" height="7" class="band"/>',
+                "line": f'<path d="M0 4h16" class="line {escape(s["css"])}"{style}/>',
+            }[s["kind"]]
+            drawn.append((sign, s["label"]))
+    drawn += [(f'<path d="M0 4h16" class="{m["css"]}"/>', m["label"]) for m in chart.get("marks", [])]
+    drawn += [('<rect width="16" height="7" class="fails"/>', "the model fails")] if chart.get("areas") else []
+    items = "".join(f'<li><svg viewBox="0 0 16 7" aria-hidden="true">{sign}</svg>{escape(label)}</li>' for sign, label in drawn)
+    return f'<ul class="key">{items}</ul>'
+
+
+def _ranking(rows: Sequence[dict[str, Any]]) -> str:
+    """What each effect gains, per run, as bars."""
+    parts = []
+    for run in dict.fromkeys(r["run"] for r in rows):
+        ranking: list[dict[str, Any]] = next((r["ranking"] for r in rows if r["run"] == run and r["ranking"]), [])
+        if not ranking:
+            continue
+        most = max(max(float(e["gain"]), 0.0) for e in ranking) or 1.0
+        lines = "".join(
+            f'<tr><td>{escape(e["effect"])}</td><td><svg viewBox="0 0 100 8" width="160" height="13" aria-hidden="true">'
+            f'<rect width="{100.0 * max(float(e["gain"]), 0.0) / most:.1f}" height="8" class="bar"/></svg></td>'
+            f'<td class="number">{max(e["gain"], 0.0) + 0.0:g}</td><td class="number">{e["p"]:.2g}</td>'
+            f'<td class="long">{escape(e["why_not"])}</td></tr>'
+            for e in ranking
+        )
+        head = "<tr><th>effect</th><th>what it gains</th><th>gain</th><th>chance</th><th>what speaks against it</th></tr>"
+        parts.append(
+            f'<h3>{escape(run)}</h3><div class="wide" tabindex="0" role="region" aria-label="Ranking of {escape(run, quote=True)}">'
+            f"<table><thead>{head}</thead><tbody>{lines}</tbody></table></div>"
+        )
+    return f"<h2>Ranking of the effects</h2>{''.join(parts)}" if parts else ""
+
+
+def _table(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
+    """The records without columns that are empty throughout, to be sorted, copied and saved."""
+    kept = [c for c in columns if any(r[c] not in (None, "", [], {}) for r in rows)]
+    head = "".join(f'<th scope="col"><button type="button">{escape(c)}</button></th>' for c in kept)
+    body = "".join(f"<tr>{''.join(_cell(c, r[c]) for c in kept)}</tr>" for r in rows)
+    tools = (
+        '<div class="tools"><button type="button" id="copy">Copy the table</button>'
+        '<button type="button" id="save">Save as CSV</button><span id="said" role="status"></span></div>'
+    )
+    region = '<div class="wide" tabindex="0" role="region" aria-label="Table of the records">'
+    hint = '<p class="dim">A press on a heading sorts.</p>'
+    table = f'<table id="records"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+    return f"<h2>Records</h2>{tools}{hint}{region}{table}</div>"
+
+
+def _cell(column: str, value: Any) -> str:
+    if isinstance(value, bool):
+        return f"<td>{'yes' if value else 'no'}</td>"
+    if isinstance(value, int | float):
+        shown = f"{value:.5g}" if math.isfinite(value) else ""
+        return f'<td class="number" data-value="{value!r}">{shown}</td>'
+    if value is None:
+        return "<td></td>"
+    if isinstance(value, list) and all(isinstance(v, str) for v in value):
+        value = ", ".join(value)
+    if not isinstance(value, str):
+        return _folded(f"{len(value)} entries", json.dumps(value, ensure_ascii=False)) if value else "<td></td>"
+    if column == "status":
+        return f'<td class="{"ok" if value == "ok" else "doubt" if value in DOUBT else "failed"}">{escape(value)}</td>'
+    if len(value) > FOLDED:
+        return _folded(f"{value[:LONG]} ...", value)
+    return f"<td{' class=long' if len(value) > LONG else ''}>{escape(value)}</td>"
+
+
+def _folded(summary: str, whole: str) -> str:
+    """A cell that opens on request; sorted and copied by all of it."""
+    told = f"<details><summary>{escape(summary)}</summary><code>{escape(whole)}</code></details>"
+    return f'<td data-value="{escape(whole, quote=True)}">{told}</td>'
+
+
+def _made(result: "Result") -> str:
+    """Command, version, date; of each run its file's hash, how it was read, and what was guessed."""
+    from ... import __version__
+    from ...reading.source import sha256_of
+
+    command = shlex.join(["thermofast", *sys.argv[1:]]) if Path(sys.argv[0]).name.startswith("thermofast") else "from Python"
+    lines = [f"<dt>Command</dt><dd><code>{escape(command)}</code></dd>"]
+    lines.append(f"<dt>Made by</dt><dd>thermofast {escape(__version__)}, on {date.today():%Y-%m-%d}</dd>")
+    told = {t["run"]: t for t in result.input()}
+    for run in result.runs:
+        digest = sha256_of(run.name)
+        notes = [f"{len(run.time_s)} rows, {run.time_s[-1] / 60.0:.4g} min", *told[run.name]["notes"]]
+        notes += [f"guessed: {g['text']} ({g['option']})" for g in told[run.name]["guesses"]]
+        notes += [f"SHA-256 {digest}"] if digest else []
+        lines.append(f"<dt>{escape(run.name)}</dt>" + "".join(f"<dd>{escape(n)}</dd>" for n in notes))
+    return f"<h2>How this was made</h2><dl>{''.join(lines)}</dl>"

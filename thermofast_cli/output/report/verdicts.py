@@ -1,0 +1,83 @@
+"""The verdict of a result in a few sentences."""
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+
+def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
+    """Sentences that stand on top of a page."""
+    tellers = {"identify": _settles, "compare": _holds, "diagnose": _missing, "improve": _improved, "sweep": _shortest}
+    told = tellers[result.command](rows) if result.command in tellers and rows else []
+    count = Counter(row.get("status", "") for row in rows)
+    states = ", ".join(f"{n} {status}" for status, n in count.items() if status)
+    return [*told, f"{len(rows)} rows: {states}." if states else f"{len(rows)} rows."]
+
+
+def _settles(rows: list[dict[str, Any]]) -> list[str]:
+    known = [r for r in rows if r["steady_state_c"] is not None]
+    told = []
+    if known:
+        hot = max(known, key=lambda r: r["steady_state_c"])
+        told.append(f"{_who(hot, rows)} settles highest, at {_with(hot, 'steady_state', 'c', 'degC', 2)}.")
+    timed = [r for r in known if r["t95_min"] is not None]
+    if timed:
+        last = max(timed, key=lambda r: r["t95_min"])
+        told.append(f"{_who(last, rows)} is the last to have done 95 % of its rise, after {_with(last, 't95', 'min', 'min', 0)}.")
+    return told
+
+
+def _holds(rows: list[dict[str, Any]]) -> list[str]:
+    failing = [r for r in rows if r["worst_error_c"] is not None]
+    if not failing:
+        return ["The model holds in every sensor: what it leaves is noise."]
+    worst = max(failing, key=lambda r: abs(r["worst_error_c"]))
+    return [
+        f"The model fails in {len(failing)} of {len(rows)} sensors, most in {_who(worst, rows)}: by {worst['worst_error_c']:.2f} K "
+        f"from {worst['worst_from_min']:.0f} to {worst['worst_to_min']:.0f} min."
+    ]
+
+
+def _missing(rows: list[dict[str, Any]]) -> list[str]:
+    told = []
+    for run in dict.fromkeys(r["run"] for r in rows):
+        mine = [r for r in rows if r["run"] == run]
+        named = list(dict.fromkeys(r["verdict"] for r in mine if r["verdict"]))
+        told.append(f"{Path(run).name}: {', '.join(named) or 'nothing could be searched'}. Advice: {mine[0]['advice']}".strip())
+    return told
+
+
+def _improved(rows: list[dict[str, Any]]) -> list[str]:
+    told = []
+    for run in dict.fromkeys(r["run"] for r in rows):
+        mine = [r for r in rows if r["run"] == run and r["rmse_ahead_c"] is not None]
+        if not mine:
+            continue
+        last = max(r["step"] for r in mine)
+        errors = [[r["rmse_ahead_c"] for r in mine if r["step"] == step] for step in (0, last)]
+        means = [sum(e) / len(e) for e in errors if e]
+        added: list[str] = next((r["effects"] for r in mine if r["step"] == last), [])
+        told.append(
+            f"{Path(run).name}: with {' + '.join(added) or 'nothing added'} the error on readings that were not fitted goes from "
+            f"{means[0]:.3f} to {means[-1]:.3f} K. {mine[-1]['stopped_because']}".strip()
+        )
+    return told
+
+
+def _shortest(rows: list[dict[str, Any]]) -> list[str]:
+    times = [r["shortest_time_min"] for r in rows if r["shortest_time_min"] is not None]
+    if not times:
+        return ["No identification time that was tried serves."]
+    first, last = min(times), max(times)
+    return [f"The shortest identification time that serves is {first:g} min for the first sensor and {last:g} min for the last."]
+
+
+def _who(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+    return row["channel"] if len({r["run"] for r in rows}) < 2 else f"{row['channel']} of {Path(row['run']).name}"
+
+
+def _with(row: dict[str, Any], name: str, unit: str, said: str, digits: int) -> str:
+    """'26.80 degC (95 %: 26.10 to 27.50)'; an open side is told as such."""
+    low, high = row[f"{name}_lo_{unit}"], row[f"{name}_hi_{unit}"]
+    sides = ["open" if v is None else f"{v:.{digits}f}" for v in (low, high)]
+    return f"{row[f'{name}_{unit}']:.{digits}f} {said} (95 %: {sides[0]} to {sides[1]})"
