@@ -372,7 +372,7 @@ def test_encodings_that_are_mixed_or_damaged(tmp_path, tool):
 
 def test_files_that_are_no_text_are_called_by_their_kind(tmp_path):
     for start, kind in (
-        (b"PK\x03\x04", "Excel workbook"),
+        (b"PK\x03\x04", "zip archive"),
         (b"TDSm", "TDMS"),
         (b"\x1f\x8b\x08", "gzip"),
         (b"MATLAB 5.0 MAT", "MATLAB"),
