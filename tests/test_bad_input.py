@@ -105,9 +105,12 @@ def test_bad_usage_is_explained(name, tool, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("speed = 3\n", ["unknown field `speed`", "[sweep] windows times tolerance"]),
-        ("[sweep]\nwindow = [40]\n", ["unknown field `window`", "$.sweep"]),
-        ('[sweep]\nwindows = "40"\n', ["$.sweep.windows"]),
+        ("speed = 3\n", ["unknown field `speed`", "[input] time time_unit", "[compare], ...: options of that command"]),
+        ("[sweep]\nwindow = [40]\n", ["[sweep] has no key 'window'", "tolerance units windows", "did you mean 'windows'?"]),
+        ('[sweep]\ntolerance = "half"\n', ["[sweep] tolerance: 'half' is not a valid float"]),
+        ("[compare]\nuntil = [1, 2]\n", ["[compare] until: '1,2' is not a valid float"]),
+        ('[input]\ndecimal = ";"\n', ["$.input.decimal"]),
+        ("sweep = 3\n", ["[sweep] is no table"]),
         ("runs = [\n", ["not valid TOML"]),
     ],
 )

@@ -197,6 +197,26 @@ def test_the_settings_file_speaks_where_the_command_line_is_silent(tool, tmp_pat
     assert tool("--config", other, "sweep", SPINDLE, "-q", "--channels", "T1").code == 0
 
 
+def test_every_command_has_a_table_of_its_own_options(tool, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hidden = ROOT / "sample_runs" / "hidden.csv"
+    (tmp_path / "thermofast.toml").write_text(
+        f'runs = ["{hidden}"]\n[input]\nchannels = ["T1", "T2"]\n[compare]\nuntil = 120\nunknown_heat = true\n'
+        '[diagnose]\neffects = ["load_step", "second_mode"]\n[changed]\nnew = ["later.csv"]\n[inspect]\nformat = "json"\n'
+    )
+    compared = json.loads(tool("compare", "--format", "json", "-q").out)["records"]
+    assert [(r["channel"], r["until_min"], bool(r["unknown_heat"])) for r in compared] == [("T1", 120.0, True), ("T2", 120.0, True)]
+    diagnosed = json.loads(tool("diagnose", "--format", "json", "-q").out)["records"]
+    assert {e["effect"] for e in diagnosed[0]["ranking"]} == {"load_step", "second_mode"}
+    assert [r["role"] for r in json.loads(tool("inspect", "-q").out)["records"]][:3] == ["time", "sensor", "sensor"]
+    # What stands on the command line wins, and [input] holds for commands that compare runs too.
+    assert json.loads(tool("compare", "--until", "200", "--format", "json", "-q").out)["records"][0]["until_min"] == 200.0
+    second = ROOT / "sample_runs" / "hidden_second_run.csv"
+    changed = tool("changed", hidden, "--new", second, "--format", "json", "-q")
+    assert "T3" not in changed.out
+    assert "later.csv" in tool("changed", hidden, "-q").err
+
+
 def test_results_do_not_depend_on_jobs(tool):
     one = tool("identify", SPINDLE, "--jobs", 1, "--format", "csv", "-q").out
     assert tool("identify", SPINDLE, "--jobs", 2, "--format", "csv", "-q").out == one

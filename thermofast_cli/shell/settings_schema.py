@@ -30,20 +30,6 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     strict: bool | None = None
 
 
-class Identify(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
-    """Defaults of ``identify``."""
-
-    until: float | None = None
-
-
-class Sweep(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
-    """Defaults of ``sweep``."""
-
-    windows: tuple[float, ...] = ()
-    times: str | None = None
-    tolerance: float | None = None
-
-
 class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """The whole file."""
 
@@ -53,8 +39,6 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
     set: tuple[str, ...] = ()
     jobs: int | None = None
     input: Reading = Reading()
-    identify: Identify = Identify()
-    sweep: Sweep = Sweep()
     rates: Literal["auto", "own", "shared"] | None = None
     imperfection: dict[str, Any] | None = None
 
@@ -62,16 +46,12 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
         """As Click's default map: what a command takes where its option is not given; source is the settings file itself."""
         reads = {k: joined(v) if isinstance(v, tuple) else v for k, v in msgspec.structs.asdict(self.input).items()}
         shared = {**reads, "filter_name": self.filter, "preset": self.preset, "settings": self.set, "jobs": self.jobs}
-        sweep = msgspec.structs.asdict(self.sweep)
-        sweep["windows"] = ",".join(f"{w:g}" for w in self.sweep.windows)
-        given = {"runs": self.runs}
-        reading = {**reads, "jobs": self.jobs}
-        loop = {name: _given(reading) | given for name in ("compare", "diagnose", "improve")}
-        loop["inspect"] = _given(reads) | given
         machine = {"rates": self.rates, "imperfection": source if self.imperfection is not None else None}
-        return loop | {
-            "identify": _given(shared | machine | msgspec.structs.asdict(self.identify)) | given,
-            "sweep": _given(shared | machine | sweep) | given,
+        given, reading = {"runs": self.runs}, {**reads, "jobs": self.jobs}
+        return {
+            **dict.fromkeys(("identify", "sweep"), _given(shared | machine) | given),
+            **dict.fromkeys(("compare", "diagnose", "improve", "inspect"), _given(reading) | given),
+            **dict.fromkeys(("calibrate", "changed", "displacement", "sensitivity", "watch"), _given(reads)),
         }
 
 
@@ -81,7 +61,6 @@ def _given(values: dict[str, Any]) -> dict[str, Any]:
 
 def known_keys() -> str:
     """All keys, tables with theirs in brackets."""
-    tables = {"input": Reading, "identify": Identify, "sweep": Sweep}
-    top = [f for f in Settings.__struct_fields__ if f not in (*tables, "imperfection")]
-    inner = [f"[{name}] {' '.join(table.__struct_fields__)}" for name, table in tables.items()]
-    return " ".join(top) + "; " + "; ".join(inner) + "; [imperfection], see thermofast identify --imperfection"
+    top = [f for f in Settings.__struct_fields__ if f not in ("input", "imperfection")]
+    reading = f"[input] {' '.join(Reading.__struct_fields__)}"
+    return f"{' '.join(top)}; {reading}; [identify], [compare], ...: options of that command, with underlines; [imperfection]"
