@@ -120,3 +120,20 @@ def test_csv_for_excel_reads_back_as_numbers_with_decimal_commas(tool, tmp_path)
     refused = tool("identify", SPINDLE, "-o", tmp_path / "t.json", "--excel-csv")
     assert refused.code == 2
     assert "--excel-csv is for CSV" in refused.err
+
+
+def test_one_call_writes_a_page_a_workbook_and_a_table(tool, tmp_path):
+    paths = [tmp_path / f"report.{kind}" for kind in ("html", "xlsx", "json")]
+    outputs = [word for p in paths for word in ("-o", p)]
+    done = tool("improve", "sample_runs/hidden.csv", "--auto", *outputs, "-o", tmp_path / "machine.toml", "-q")
+    assert done.code == 0, done.err
+    assert done.out == ""
+    assert all(p.stat().st_size > 1000 for p in paths)
+    assert tf.Model.load(tmp_path / "machine.toml").effects == ("second_mode",)
+    assert list(sheets(paths[1])) == ["summary", "improve", "steps 1", "charts"]
+    refused = tool("identify", SPINDLE, "-o", paths[0], "-o", paths[0])
+    assert refused.code == 2
+    assert "another output of this command" in refused.err
+    wrong = tool("identify", SPINDLE, "-o", paths[0], "-o", tmp_path / "x.doc")
+    assert wrong.code == 2
+    assert "x.doc" in wrong.err

@@ -12,6 +12,8 @@ from ..errors import UsageError
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 #: Where a command's context keeps whether CSV is to be such as Excel opens by a double click.
 EXCEL_CSV = "thermofast.excel_csv"
+#: The same for outputs beside the first.
+MORE_OUTPUTS = "thermofast.more_outputs"
 FILTERS = "afukf, fading_ukf, ukf, ekf, svd_ukf, ckf, cqkf, ast_cqkf, crpf, acrpf, rls, least_squares"
 
 
@@ -84,6 +86,14 @@ jobs_option = click.option(
     "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."
 )
 
+
+def _outputs(ctx: click.Context, _: click.Parameter, given: tuple[str, ...]) -> str | None:
+    """The first output, one of a model or a prior before tables; the others wait in the context until the result is written."""
+    ordered = sorted(given, key=lambda path: not path.lower().endswith(".toml"))
+    ctx.meta[MORE_OUTPUTS] = tuple(ordered[1:])
+    return ordered[0] if ordered else None
+
+
 table_options = _together(
     click.option(
         "--format",
@@ -95,7 +105,9 @@ table_options = _together(
         "-o",
         "--output",
         metavar="FILE",
-        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; with --format the screen shows it too.",
+        multiple=True,
+        callback=_outputs,
+        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; may be repeated; with --format the screen shows it too.",
     ),
     click.option(
         "--excel-csv",

@@ -23,7 +23,7 @@ from ..reading import read_runs
 from ..reading_options import options_from
 from ..records import FAILURES
 from ..results import Result
-from .options import EXCEL_CSV
+from .options import EXCEL_CSV, MORE_OUTPUTS
 
 #: Outputs that show more than the records.
 DETAILED = (".xlsx", ".html")
@@ -65,7 +65,7 @@ def read_all(
     ThermofastError: there is one run and it cannot be read, or none of several can.
     """
     sources = choose_sources(runs)
-    check_targets(targets, sources)
+    check_targets([*targets, *more_outputs()], sources)
     if not sources:
         raise UsageError(
             "no RUN given",
@@ -149,12 +149,14 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
     """
     if wants_excel_csv():
         form = click.get_current_context().params.get("form")
-        csv = [t for t in tables if t and t.lower().endswith(".csv")]
+        csv = [t for t in (*tables, *more_outputs()) if t and t.lower().endswith(".csv")]
         if not csv and (form or ("" if any(tables) else chosen_format(None))) != "csv":
             raise UsageError("--excel-csv is for CSV", do="add -o FILE.csv or --format csv")
-    for number, target in enumerate(tables):
-        if target:  # the first is the result itself, which may be a page
-            check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if number == 0 else ())))
+    # The result itself may be a page; it comes first.
+    results = [*tables[:1], *more_outputs()]
+    for target in [*results, *tables[1:]]:
+        if target:
+            check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if target in results else ())))
     if picture:
         from ..output.plots import check_picture
 
@@ -186,11 +188,12 @@ def deliver(
     `beneath` are the texts under a drawn table. Exit code: 0 done, 1 some sensor failed, 130 interrupted.
     """
     whole = replace(result, records=(*result.records, *unreadable))
-    if output:
-        whole.save(output, wants_excel_csv())
+    targets = [*([output] if output else []), *more_outputs()]
+    for target in targets:
+        whole.save(target, wants_excel_csv())
         if not quiet:
-            say(f"{len(whole)} records in {output}")
-    if form or not output:
+            say(f"{len(whole)} records in {target}")
+    if form or not targets:
         if wants_excel_csv() and chosen_format(form) == "csv":
             show_text(to_excel_csv(whole.kind.columns(), whole.rows()))
         else:
@@ -201,6 +204,12 @@ def deliver(
     return 1 if any(record.status in FAILURES for record in whole.records) else 0
 
 
+def more_outputs() -> tuple[str, ...]:
+    """The files that -o named beside the first."""
+    context = click.get_current_context(silent=True)
+    return tuple(context.meta.get(MORE_OUTPUTS, ())) if context else ()
+
+
 def wants_excel_csv() -> bool:
     """Whether --excel-csv was given."""
     context = click.get_current_context(silent=True)
@@ -209,7 +218,7 @@ def wants_excel_csv() -> bool:
 
 def wants_details(output: str | None, picture: str | None) -> bool:
     """Whether more than the records is to be shown: by a picture, or by a workbook with charts."""
-    return bool(picture) or bool(output and Path(output).suffix.lower() in DETAILED)
+    return bool(picture) or any(o and Path(o).suffix.lower() in DETAILED for o in (output, *more_outputs()))
 
 
 def draw(result: Any, path: str | None, **more: Any) -> None:

@@ -101,6 +101,8 @@ def _of_command(name: str, table: Any, target: str) -> dict[str, Any]:
             raise UsageError(f"{target}: [{name}] has no key {key!r}", allowed=" ".join(known), do=hint)
         if isinstance(value, list) and not option.multiple:
             value = joined(f"{v:g}" if isinstance(v, float | int) else str(v) for v in value)
+        if isinstance(value, str) and option.multiple:
+            value = [value]
         try:
             option.type_cast_value(context, value)
         except (click.ClickException, ThermofastError, TypeError) as error:
