@@ -206,3 +206,29 @@ def test_of_several_sheets_one_must_be_named_and_stamps_stay_stamps(tmp_path):
     assert run.time_s.tolist() == [10.0 * i for i in range(30)]
     assert run.channels["T1"].tolist() == [20 + 0.5 * i for i in range(30)]
     assert list(run.ambient) == ["room"]
+
+
+def test_columns_get_other_names_in_all_that_is_told(tool, tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,K1,K2,rpm\n" + "".join(f"{10 * i},{20 + i},{21 + i},500\n" for i in range(40)))
+    run = tf.read(path, rename="K1=front bearing,rpm=speed", channels="K1,K2")
+    assert list(run.channels) == ["front bearing", "K2"]
+    assert list(run.inputs) == ["speed"]
+    records = told(tool, path, "--channels", "K1,K2", "--rename", "K1=front bearing")["records"]
+    assert [(r["column"], r["readings"], r["note"]) for r in records[1:3]] == [
+        ("front bearing", 40, "'K1' in the file"),
+        ("K2", 40, ""),
+    ]
+    for wrong, why in (("K9=x", "no column that was read"), ("K1=K2", "two columns one name"), ("K1", "not a name and a new one")):
+        with pytest.raises(tf.UsageError, match=why):
+            tf.read(path, rename=[wrong])
+
+
+def test_lines_at_the_end_are_left_out_as_told(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,T1\n" + "".join(f"{10 * i},{20 + i}\n" for i in range(40)) + "390,99\n400,98\n\n")
+    run = tf.read(path, skip_footer=2)
+    assert run.channels["T1"].tolist() == [20.0 + i for i in range(40)]
+    assert "the last 2 lines left out, as told" in run.notes
+    with pytest.raises(tf.InputError):
+        tf.read(path, skip_footer=500)

@@ -11,7 +11,7 @@ from .errors import UsageError
 #: Words for delimiters that a shell or a settings file cannot well hold.
 DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
 #: Options that are lists.
-SEVERAL = ("inputs", "channels", "exclude", "missing", "units")
+SEVERAL = ("inputs", "channels", "exclude", "missing", "units", "rename")
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,8 @@ class Options:
     sheet: str | None = None
     long: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    rename: tuple[str, ...] = ()
+    skip_footer: int = 0
     strict: bool = False
     from_min: float | None = None
     to_min: float | None = None
@@ -61,7 +63,11 @@ def options_from(given: dict[str, Any]) -> Options:
     delimiter = DELIMITERS.get(delimiter, delimiter) if delimiter else None
     if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
         raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
-    return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict"))})
+    for text in given["rename"]:
+        if not all(part.strip() for part in text.rpartition("=")):
+            raise UsageError("--rename: not a name and a new one", found=repr(text), allowed="OLD=NEW, as T1=spindle_front")
+    skipped = given.get("skip_footer") or 0
+    return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
 
 
 def names(several: str | Iterable[str] | None) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def _record(run: Run, column: SeenColumn) -> InspectRecord:
         return InspectRecord(run.name, column.name, column.role, column.unit, guessed=guessed, note=column.note)
     good = values[np.isfinite(values)]
     missing = len(values) - len(good)
-    notes = [f"{missing} missing" if missing else "", run.channel_notes.get(column.name, "")]
+    notes = [column.note, f"{missing} missing" if missing else "", run.channel_notes.get(column.name, "")]
     ends = (finite(good[0]), finite(good[-1])) if len(good) else (None, None)
     told = "; ".join(n for n in notes if n)
     return InspectRecord(run.name, column.name, column.role, column.unit, len(good), *ends, guessed, told)

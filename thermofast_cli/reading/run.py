@@ -85,6 +85,36 @@ class Run:
     seen: Seen | None = None
 
 
+def renamed(run: Run, pairs: Iterable[str]) -> Run:
+    """The run with other names for columns: ``T1=spindle_front``.
+
+    Raises
+    ------
+    UsageError: a name that the run does not have, or one that two columns would share.
+    """
+    groups = ("channels", "ambient", "inputs", "displacements")
+    held = [n for g in groups for n in getattr(run, g)]
+    new = {n: n for n in held}
+    for text in pairs:
+        old, _, name = (part.strip() for part in text.rpartition("="))
+        if old not in new:
+            raise UsageError(f"{run.name}: --rename {old!r} is no column that was read", allowed=", ".join(held))
+        new[old] = name
+    if doubled := [n for n in new.values() if list(new.values()).count(n) > 1]:
+        raise UsageError(
+            f"{run.name}: --rename gives two columns one name", found=repr(doubled[0]), allowed="a name of its own for each"
+        )
+    columns: dict[str, Any] = {g: {new[n]: v for n, v in getattr(run, g).items()} for g in groups}
+    seen = run.seen
+    if seen is not None:
+        told = (
+            replace(c, name=new[c.name], note=f"{c.name!r} in the file") if new.get(c.name, c.name) != c.name else c
+            for c in seen.columns
+        )
+        seen = replace(seen, columns=tuple(told))
+    return replace(run, **columns, channel_notes={new.get(n, n): t for n, t in run.channel_notes.items()}, seen=seen)
+
+
 def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:
     """The readings of a run from one minute to another, its clock begun anew; the run itself where neither is given.
 

@@ -16,7 +16,7 @@ from .columns import Roles, check_names, classify, resolved, sign_of, to_microme
 from .degrees import Temperatures
 from .long import Layout, find_long, to_wide
 from .order import in_order
-from .run import Run, Seen, SeenColumn, stretch
+from .run import Run, Seen, SeenColumn, renamed, stretch
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.packed import is_workbook, unpacked
@@ -40,7 +40,7 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
     runs = runs_from_table(read_text(data, name, options), options)
     if options.strict:
         refuse_guesses(runs[-1])
-    return stretch(runs[-1], options.from_min, options.to_min)
+    return renamed(stretch(runs[-1], options.from_min, options.to_min), options.rename)
 
 
 def read_runs(source: Any, options: Options | None = None, name: str | None = None) -> list[Run]:
@@ -57,6 +57,7 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     path, number = _numbered(str(source)) if isinstance(source, str | Path) else ("", None)
     table = read_table(source, options, name)
     runs = [stretch(run, options.from_min, options.to_min) for run in runs_from_table(table, options)]
+    runs = [renamed(run, options.rename) for run in runs] if options.rename else runs
     if options.strict:
         for run in runs:
             refuse_guesses(run)

@@ -153,6 +153,10 @@ reading_options = _together(
         metavar="SENSOR,VALUE",
         help="One row per sensor and time: the columns that name the sensor (A+B for two) and read it.",
     ),
+    _hidden(
+        "--rename", metavar="OLD=NEW,...", help="Other names for columns, in all that is told; other options use the old ones."
+    ),
+    _hidden("--skip-footer", type=click.IntRange(0), metavar="N", help="Leave the last N lines of a text file out."),
     _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
     _hidden(
         "--from", "from_min", type=Finite(0), metavar="MIN", help="Use what was read from MIN minutes on; its clock begins anew."

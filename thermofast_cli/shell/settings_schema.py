@@ -27,6 +27,8 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     sheet: str | None = None
     long: str | None = None
     units: tuple[str, ...] = ()
+    rename: tuple[str, ...] = ()
+    skip_footer: int | None = None
     strict: bool | None = None
 
 

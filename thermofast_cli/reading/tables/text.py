@@ -35,11 +35,14 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     data, encoding, notes = to_utf8(data, name, options.encoding)
     data = re.sub(rb"\r\r\n", b"\r\n", data)  # written twice through a text layer
+    if options.skip_footer:
+        data = _without_last(data, options.skip_footer)
+        notes.append(f"the last {options.skip_footer} lines left out, as told")
     data, separator = _without_separator_line(data)
     data, joined_segments = _joined_segments(data, name)
     notes += joined_segments
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
-    told = options if options.delimiter or not separator else _with_delimiter(options, separator)
+    told = options if options.delimiter or not separator else replace(options, delimiter=separator)
     dialect = detect_dialect(head, encoding, name, told)
     start = _offset(data, dialect.data_line)
     body = data[start:]
@@ -68,8 +71,12 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), dialect.header_line is not None, dialect)
 
 
-def _with_delimiter(options: Options, delimiter: str) -> Options:
-    return replace(options, delimiter=delimiter)
+def _without_last(data: bytes, count: int) -> bytes:
+    """Without so many lines at the end, empty ones not counted."""
+    for _ in range(count):
+        data = data.rstrip(b"\r\n")
+        data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
+    return data
 
 
 #: Lines above the readings of each segment of a LabVIEW measurement file.
