@@ -6,6 +6,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
+from benchmarks.mutated import outcome
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
 GOOD = "time_min,T1\n" + "".join(f"{i},{18 + 8 * (1 - np.exp(-0.02 * i)):.3f}\n" for i in range(60))
@@ -192,3 +193,8 @@ def test_columns_and_sensors_that_tell_nothing_are_said_to(tmp_path):
     assert "the drive flow never moves" in first.message
     assert "no rise to learn from" in second.message
     assert "no rise to learn from" not in first.message
+
+
+@pytest.mark.parametrize("first", range(0, 1000, 500))
+def test_damaged_files_are_read_or_refused_in_words_and_at_once(first):
+    assert [(n, said) for n, said in outcome(range(first, first + 500)) if said not in ("read", "refused")] == []

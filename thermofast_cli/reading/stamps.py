@@ -1,6 +1,7 @@
 """Columns of wall-clock stamps and of elapsed clocks, to seconds."""
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -70,8 +71,10 @@ def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: s
         return _told_format(cells, place, lines, time_format)
     if _ISO.match(cells[0]):
         try:
-            whole = np.array(cells, dtype="datetime64[us]")
-        except ValueError:
+            with warnings.catch_warnings():  # a zone among stamps that have none is for the longer way
+                warnings.simplefilter("error")
+                whole = np.array(cells, dtype="datetime64[us]")
+        except (ValueError, Warning):
             whole = np.array([], dtype="datetime64[us]")
         if len(whole) and not np.isnat(whole).any():
             seconds = (whole - whole[0]).astype(np.float64) / 1e6

@@ -80,7 +80,8 @@ def split(line: str, delimiter: str) -> list[str]:
     """Cells of one line; quotes are understood, a run of blanks is one delimiter."""
     if delimiter == " ":
         return line.split()
-    return next(csv.reader([line], delimiter=delimiter), [])
+    # A carriage return within a line is no more than a gap; the csv module would raise.
+    return next(csv.reader([line.replace("\r", " ")], delimiter=delimiter), [])
 
 
 def to_number(cell: str, decimal: str) -> float:
