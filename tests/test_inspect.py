@@ -111,6 +111,39 @@ def test_names_joined_are_taken_apart_again(several):
     assert names(joined(several)) == tuple(several)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        ("--units", "K", "--missing", "aus", "--skip-footer", "2", "--interval", "10"),
+        ("--units", "front=K,rear (2)=K", "--missing", "aus,n.a.", "--skip-footer", "2", "--interval", "10", "--start", "1.5"),
+        ("--units", "K", "--missing", "aus", "--skip-footer", "2", "--interval", "10", "--rename", "front=nose,rear (2)=tail"),
+        (
+            "--units",
+            "K",
+            "--missing",
+            "aus",
+            "--skip-footer",
+            "2",
+            "--interval",
+            "10",
+            "--exclude",
+            "r*",
+            "--rename",
+            "rear (2)=tail",
+        ),
+    ],
+)
+def test_settings_hold_the_options_that_were_given(tool, tmp_path, given):
+    path, target = tmp_path / "run.csv", tmp_path / "lab.toml"
+    rows = "".join(f"{300 + i};{301 + i if i % 5 else 'aus'}\n" for i in range(40))
+    path.write_text("front;rear (2)\n" + rows + "end of record; 7\nsignature;8\n")
+    read = told(tool, path, *given, "--write", target)["records"]
+    done = tool("--config", target, "inspect", path, "--format", "json", "-q")
+    assert done.code == 0, done.err
+    assert json.loads(done.out)["records"] == read
+    assert read[0]["first"] == pytest.approx(26.85)
+
+
 def test_columns_may_be_named_without_their_unit_and_by_patterns(tmp_path):
     path = tmp_path / "run.csv"
     text = 'time_s,"front [°C]",rear (degC),rear_2,pump W\n' + "".join(
@@ -122,8 +155,18 @@ def test_columns_may_be_named_without_their_unit_and_by_patterns(tmp_path):
     assert list(tf.read(path, channels="Front, rear_?").channels) == ["front [°C]", "rear_2"]
     assert list(tf.read(path, exclude="*2").channels) == ["front [°C]", "rear (degC)"]
     assert tf.read(path, channels="rear", units="rear=F").channels["rear (degC)"][0] == pytest.approx((21.0 - 32.0) / 1.8)
+    assert list(tf.read(path, channels="rear", rename="rear=R").channels) == ["R"]
     with pytest.raises(tf.UsageError, match="--channels 'x\\*' is no column"):
         tf.read(path, channels="x*")
+
+
+@pytest.mark.parametrize("pattern", ["T*", "*"])
+def test_a_pattern_means_readings_alone_not_the_time_beside_them(tmp_path, pattern):
+    path = tmp_path / "run.csv"
+    path.write_text("Time [s],T1,T2,Tool\n" + "".join(f"{10 * i},{20 + i},{21 + i},x\n" for i in range(20)))
+    assert list(tf.read(path, channels=pattern).channels) == ["T1", "T2"]
+    assert list(tf.read(path, exclude="*2").channels) == ["T1"]
+    assert list(tf.read(path, time="Time", rename="T1=x,T2=y", channels="T1").channels) == ["x"]
 
 
 def packs(data):

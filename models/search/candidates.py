@@ -238,14 +238,17 @@ def _both_ways(
     Each sensor alone picks the neighbour whose noise does least harm, by a hair. Heat is conducted both ways.
     """
     n = len(costs)
-    likely: list[list[tuple[Choice, Fit, int]]] = [[r] if r is not None else [] for r in rows]
+    close: list[list[tuple[float, tuple[Choice, Fit, int]]]] = [[] for _ in rows]
     for choice, fit in looked:
         if not choice.by_sensor:
             return list(rows)
         behind = log_ratio(fit.rss, costs[np.arange(len(fit.rss)) % n], dof[np.arange(len(fit.rss)) % n])
-        for row in np.argsort(behind):
-            if behind[row] < RULES.one_way and rows[row % n] is not None:
-                likely[row % n].append((choice, fit, int(row)))
+        for row in np.flatnonzero(behind < RULES.one_way):
+            close[row % n].append((float(behind[row]), (choice, fit, int(row))))
+    likely = [
+        [] if best is None else [best, *(found for _, found in sorted(near, key=lambda item: item[0]))]
+        for best, near in zip(rows, close, strict=True)
+    ]
     ends = [[choice.ends(i) for choice, _, _ in likely[i]] for i in range(n)]
     could, must = [set.union(set(), *e) for e in ends], [set.intersection(*e) if e else set() for e in ends]
     picks = [0] * n

@@ -63,7 +63,7 @@ def command(
             show_plot(run)
     draw_picture(result, save_plot)
     if settings:
-        write_settings(settings, result.runs[0])
+        write_settings(settings, result.runs[0], reading)
         if not quiet:
             say(f"how it was read is in {settings}")
     return 1 if readings.unreadable else code

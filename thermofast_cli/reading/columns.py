@@ -1,7 +1,7 @@
 """Which column is what: sensors, surroundings, logged inputs, counters; by unit first, by the words of the name then."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -78,34 +78,40 @@ def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: s
             )
 
 
-def resolved(options: Options, known: list[str]) -> Options:
-    """Options whose names of columns are those of the record: ``T*`` all that begin so, ``front`` the one ``front [degC]``.
+def resolved(options: Options, known: list[str], readings: Collection[str]) -> Options:
+    """Options whose names of columns are those of the record: ``T*`` all readings that begin so, ``front`` one ``front [degC]``.
 
-    What is no column stays as it is, to be refused by name where it is used.
+    readings are the columns that a pattern may mean, numbers that are no time; only ``exclude`` may mean words as well. What is
+    no column stays as it is, to be refused by name where it is used.
     """
 
-    def every(wanted: Iterable[str]) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(name for text in wanted for name in _columns_named(text, known)))
+    def every(wanted: Iterable[str], among: Collection[str] = readings) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(name for text in wanted for name in columns_named(text, known, among)))
 
-    def one(wanted: str | None) -> str | None:
-        found = _columns_named(wanted, known) if wanted is not None else ()
-        return found[0] if len(found) == 1 else wanted
+    def before_sign(texts: Iterable[str]) -> tuple[str, ...]:
+        told = []
+        for name, sign, what in (text.rpartition("=") for text in texts):
+            told += [f"{n}={what}" for n in columns_named(name.strip(), known, readings)] if sign else [what]
+        return tuple(told)
 
-    units = []
-    for text in options.units:
-        name, sign, letter = text.rpartition("=")
-        units += [f"{n}={letter}" for n in _columns_named(name, known)] if sign else [text]
-    several: dict[str, Any] = {n: every(getattr(options, n)) for n in ("inputs", "channels", "exclude")}
-    return replace(options, time=one(options.time), ambient=one(options.ambient), units=tuple(units), **several)
+    several: dict[str, Any] = {n: every(getattr(options, n)) for n in ("inputs", "channels")}
+    several["exclude"] = every(options.exclude, known)
+    several |= {n: before_sign(getattr(options, n)) for n in ("units", "rename")}
+    return replace(options, ambient=column_named(options.ambient, known), **several)
 
 
-def _columns_named(wanted: str, known: list[str]) -> tuple[str, ...]:
-    """Columns that a text names: by the whole name, by a pattern with * or ?, or by the name before its unit."""
+def column_named(wanted: str | None, known: list[str]) -> str | None:
+    """The one column that a text names, or the text itself."""
+    return wanted if wanted is None else columns_named(wanted, known, ())[0]
+
+
+def columns_named(wanted: str, known: list[str], readings: Collection[str]) -> tuple[str, ...]:
+    """Columns that a text names: by the whole name, by a pattern with * or ?, or by the name before its unit; never none."""
     if wanted in known:
         return (wanted,)
     if "*" in wanted or "?" in wanted:
         pattern = wanted.replace("[", "[[]")
-        return tuple(n for n in known if fnmatchcase(n, pattern)) or (wanted,)
+        return tuple(n for n in known if n in readings and fnmatchcase(n, pattern)) or (wanted,)
     bare = [n for n in known if re.sub(r"\s*[\[(].*$", "", n).strip(" ,").casefold() == wanted.casefold()]
     return tuple(bare) if len(bare) == 1 else (wanted,)
 

@@ -38,12 +38,21 @@ def told(guesses: Iterable[Guess]) -> str:
 
 @dataclass(frozen=True)
 class SeenColumn:
-    """A column of a file: role is time, sensor, ambient, input, displacement or ignored, and note says why it is that."""
+    """A column of a file: role is time, sensor, ambient, input, displacement or ignored, and note says why it is that.
+
+    old is its name in the file, where the user has given it another.
+    """
 
     name: str
     role: str
     unit: str = ""
     note: str = ""
+    old: str = ""
+
+    @property
+    def in_file(self) -> str:
+        """Its name in the file."""
+        return self.old or self.name
 
 
 @dataclass(frozen=True)
@@ -86,17 +95,20 @@ class Run:
 
 
 def renamed(run: Run, pairs: Iterable[str]) -> Run:
-    """The run with other names for columns: ``T1=spindle_front``.
+    """The run with other names for columns: ``T1=spindle_front``; a column of the file that was not read may be among them.
 
     Raises
     ------
-    UsageError: a name that the run does not have, or one that two columns would share.
+    UsageError: a name that the file does not have, or one that two columns would share.
     """
     groups = ("channels", "ambient", "inputs", "displacements")
     held = [n for g in groups for n in getattr(run, g)]
+    spare = {c.name for c in run.seen.columns} - set(held) if run.seen is not None else set()
     new = {n: n for n in held}
     for text in pairs:
         old, _, name = (part.strip() for part in text.rpartition("="))
+        if old in spare:
+            continue
         if old not in new:
             raise UsageError(f"{run.name}: --rename {old!r} is no column that was read", allowed=", ".join(held))
         new[old] = name
@@ -108,7 +120,7 @@ def renamed(run: Run, pairs: Iterable[str]) -> Run:
     seen = run.seen
     if seen is not None:
         told = (
-            replace(c, name=new[c.name], note=f"{c.name!r} in the file") if new.get(c.name, c.name) != c.name else c
+            replace(c, name=new[c.name], note=f"{c.name!r} in the file", old=c.name) if new.get(c.name, c.name) != c.name else c
             for c in seen.columns
         )
         seen = replace(seen, columns=tuple(told))

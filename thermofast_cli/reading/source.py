@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
-from .columns import Roles, check_names, classify, resolved, sign_of, to_micrometres, without_impossible
+from .columns import Roles, check_names, classify, column_named, resolved, sign_of, to_micrometres, without_impossible
 from .degrees import Temperatures
 from .long import Layout, find_long, to_wide
 from .order import in_order
@@ -40,7 +40,7 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
     runs = runs_from_table(read_text(data, name, options), options)
     if options.strict:
         refuse_guesses(runs[-1])
-    return renamed(stretch(runs[-1], options.from_min, options.to_min), options.rename)
+    return stretch(runs[-1], options.from_min, options.to_min)
 
 
 def read_runs(source: Any, options: Options | None = None, name: str | None = None) -> list[Run]:
@@ -57,7 +57,6 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     path, number = _numbered(str(source)) if isinstance(source, str | Path) else ("", None)
     table = read_table(source, options, name)
     runs = [stretch(run, options.from_min, options.to_min) for run in runs_from_table(table, options)]
-    runs = [renamed(run, options.rename) for run in runs] if options.rename else runs
     if options.strict:
         for run in runs:
             refuse_guesses(run)
@@ -151,15 +150,14 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
     UsageError: an option names no column.
     """
-    options = resolved(options, table.names)
-    check_names(options.exclude, table.names, "--exclude", table.name)
-    time = find_time(table, options)
+    time = find_time(table, replace(options, time=column_named(options.time, table.names)))
     layout = find_long(table, time, options)
     if layout is not None:
         table = to_wide(table, layout, time)
-        options = resolved(options, table.names)
     notes, guesses = [*table.notes, time.note], [*table.guesses, *time.guesses]
     numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
+    options = resolved(options, table.names, [n for n in numbers if not is_time_name(n)])
+    check_names(options.exclude, table.names, "--exclude", table.name)
     spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
     other = _other_clock(table, time, spare, options)
     if other:
@@ -212,7 +210,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         notes += [unit_note] if unit_note else []
     seen = _seen(table, time, layout, roles, units, spare, options)
     stretches = in_order(time.seconds, columns, table.name, table.lines, time.wall, time.dated, layout is not None)
-    return [
+    runs = [
         Run(
             table.name if len(stretches) == 1 else f"{table.name}#{k + 1}",
             part.time,
@@ -227,6 +225,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         )
         for k, part in enumerate(stretches)
     ]
+    return [renamed(run, options.rename) for run in runs] if options.rename else runs
 
 
 def _seen(

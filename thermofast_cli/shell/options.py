@@ -154,7 +154,9 @@ reading_options = _together(
         help="One row per sensor and time: the columns that name the sensor (A+B for two) and read it.",
     ),
     _hidden(
-        "--rename", metavar="OLD=NEW,...", help="Other names for columns, in all that is told; other options use the old ones."
+        "--rename",
+        metavar="OLD=NEW,...",
+        help="Other names for columns, in all that is told. Options of reading use the old names, --drive the new.",
     ),
     _hidden("--skip-footer", type=click.IntRange(0), metavar="N", help="Leave the last N lines of a text file out."),
     _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),

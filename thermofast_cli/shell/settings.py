@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ThermofastError, UsageError, nearest
-from ..reading_options import joined
+from ..reading_options import SEVERAL, joined, names
 
 if TYPE_CHECKING:
     from ..reading import Run
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 FILE = "thermofast.toml"
 
 
-def write_settings(path: str, run: "Run") -> None:
-    """How a run was read, as the [input] table of a settings file that reads it so again.
+def write_settings(path: str, run: "Run", reading: dict[str, Any]) -> None:
+    """How a run was read, as the [input] table of a settings file that reads it so again; reading holds the options given.
 
     Raises
     ------
@@ -30,21 +30,40 @@ def write_settings(path: str, run: "Run") -> None:
     check_target(path, (".toml",))
     if Path(path).exists():
         raise UsageError(f"{path}: is there already", do="name another file, or move it away")
-    seen, given = run.seen, dict[str, Any]()
-    if seen is not None:
-        text = {n: getattr(seen, n) for n in ("encoding", "delimiter", "decimal") if getattr(seen, n)}
-        header = {"header_line": seen.header_line} if seen.header_line is not None else {}
-        stamped = seen.time_unit in ("stamp", "interval", "")
-        time = {} if " and " in seen.time_column or not seen.time_column else {"time": seen.time_column}
-        given = text | header | time | ({} if stamped else {"time_unit": seen.time_unit})
-        given |= {"long": f"{'+'.join(seen.long[:-1])},{seen.long[-1]}"} if seen.long else {}
-    room = next(iter(run.ambient), None)
-    given |= {"ambient": room} if room is not None else {}
-    given |= {"channels": list(run.channels)} | ({"inputs": list(run.inputs)} if run.inputs else {})
     lines = [f"# How {run.name} was read. Correct what is wrong; every command reads it so from then on.", ""]
     lines += [f"# {note}" for note in (*run.notes, *map(str, run.guesses))]
-    whole = "\n".join(lines) + "\n\n" + tomli_w.dumps({"input": given})
+    whole = "\n".join(lines) + "\n\n" + tomli_w.dumps({"input": _said(reading) | _found(run)})
     write_text_whole(path, whole)
+
+
+def _said(reading: dict[str, Any]) -> dict[str, Any]:
+    """The options of reading that the user gave, as a settings file has them."""
+    from .settings_schema import Reading
+
+    told = {k: reading[k] for k in Reading.__struct_fields__ if reading.get(k) and reading[k] != "auto"}
+    if "start" in told:
+        told["start"] = float(told["start"])
+    return {k: list(names(v)) if k in SEVERAL else v for k, v in told.items()}
+
+
+def _found(run: "Run") -> dict[str, Any]:
+    """What was found in the file: its layout and which columns are what, by their names in the file."""
+    seen = run.seen
+    if seen is None:
+        return {}
+    found: dict[str, Any] = {n: getattr(seen, n) for n in ("encoding", "delimiter", "decimal") if getattr(seen, n)}
+    if seen.header_line is not None:
+        found["header_line"] = seen.header_line
+    if seen.time_column and " and " not in seen.time_column:
+        found["time"] = seen.time_column
+    if seen.time_unit not in ("stamp", "interval", ""):
+        found["time_unit"] = seen.time_unit
+    if seen.long:
+        found["long"] = f"{'+'.join(seen.long[:-1])},{seen.long[-1]}"
+    of = {role: [c.in_file for c in seen.columns if c.role == role] for role in ("sensor", "ambient", "input")}
+    if of["ambient"]:
+        found["ambient"] = of["ambient"][0]
+    return found | {"channels": of["sensor"]} | ({"inputs": of["input"]} if of["input"] else {})
 
 
 def load_settings(path: str | None) -> dict[str, Any]:
@@ -88,7 +107,6 @@ def _of_command(name: str, table: Any, target: str) -> dict[str, Any]:
     """
     command = import_module(f"..commands.{name}", __package__).command
     options = {o.opts[-1].lstrip("-").replace("-", "_"): o for o in command.params if isinstance(o, click.Option)}
-    options |= {o.opts[0].lstrip("-").replace("-", "_"): o for o in options.values() if o.opts[0].startswith("--")}
     known = sorted(set(options) - {"help"})
     if not isinstance(table, dict):
         raise UsageError(f"{target}: [{name}] is no table", found=repr(table)[:60], do=f"write [{name}] above its keys")
