@@ -85,7 +85,10 @@ def _compare(task: LoopTask) -> Comparison:
     fit, notes = first_model(task, prepared)
     ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
     floor = sensor_p_values(fit)
-    residual = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
+    plain = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
+    # What a reading of whole steps leaves is what its cell leaves, for all sensors before any is set beside another.
+    rounded = [rounded_residual(fit, i) if np.array_equal(whole.used[i], fit.run.used[i]) else None for i in range(len(plain))]
+    residual = np.stack([plain[i] if r is None else np.where(whole.used[i], r, np.nan) for i, r in enumerate(rounded)])
     effects = ids_of(fit.model.parts)
     low, high = curve_bounds(fit, dict(task.input_ranges))
     if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
@@ -93,10 +96,7 @@ def _compare(task: LoopTask) -> Comparison:
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
-        rounded = rounded_residual(fit, i) if np.array_equal(whole.used[i], fit.run.used[i]) else None
-        if rounded is not None:
-            residual[i] = np.where(whole.used[i], rounded, np.nan)
-        colour = colour_of(fit, i, float(floor[i]), rounded)
+        colour = colour_of(fit, i, float(floor[i]), rounded[i])
         # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
         wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
         noise = wider * float(fit.noise[i]) if colour.short else float(seen.noise[i])
@@ -104,8 +104,7 @@ def _compare(task: LoopTask) -> Comparison:
         stretches = failing_stretches(whole.time, residual[i], whole.weight[i], noise, unsure)
         worst = max(stretches, key=lambda s: abs(s[2]), default=None)
         unused = whole.used[i] & ~fit.run.used[i]
-        inside = residual[i][fit.run.used[i]]
-        bias = float(np.mean(residual[i][unused])) if unused.any() else float(np.mean(inside))
+        bias = float(np.mean(plain[i][unused if unused.any() else fit.run.used[i]]))
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
