@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from thermofast.output.report.figures import extremes
+from thermofast.output.report.charts import extremes
 from thermofast.output.report.page import page_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -149,7 +149,7 @@ def test_ten_sensors_of_twenty_thousand_readings_make_a_small_page():
 def test_a_thinned_curve_keeps_its_outliers():
     values = np.zeros(10_000)
     values[[1234, 8765]] = 5.0, -7.0
-    kept = extremes(values)
+    kept = extremes(values, 300)
     assert len(kept) <= 600
     assert {1234, 8765} <= set(kept.tolist())
 

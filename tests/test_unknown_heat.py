@@ -166,7 +166,7 @@ def test_the_search_finds_a_load_that_grows_all_the_while_from_another_rate(tmp_
     assert told[0].rmse_ahead_c < 0.2 * told[0].rmse_base_ahead_c
 
 
-@pytest.mark.parametrize("kind", ["nothing", "switched", "walk"])
+@pytest.mark.parametrize("kind", ["nothing", "switched", "walk", "body"])
 def test_heat_beside_a_logged_power_is_told_in_watts(kind):
     told = np.array([power_trial(kind, seed) for seed in range(960_000, 960_005)])
     told = told[np.isfinite(told[:, 0])]
@@ -181,12 +181,13 @@ def test_heat_beside_a_logged_power_is_told_in_watts(kind):
 
 
 def test_compare_tells_watts_and_the_capacity_that_any_other_heat_leaves():
-    lump, power, heat, capacity, _ = powered("switched", 960_004)
-    run = tf.read({"time_min": lump.time, "T1": lump.reading, "room": lump.sink, "power_kW": power / 1000.0}, ambient="room")
+    table, heat, capacity, _ = powered("switched", 960_004)
+    table["power_kW"] = table.pop("power_w") / 1000.0
+    run = tf.read(table)
     plain = tf.compare(run, drive="power_kW")[0]
     told = tf.compare(run, drive="power_kW", unknown_heat=True)[0]
     rows = pd.DataFrame(told.unknown_heat)
-    true = np.interp(rows.time_min, lump.time, heat)
+    true = np.interp(rows.time_min, table["time_min"], heat)
     assert np.mean((rows.lo_w <= true) & (true <= rows.hi_w)) > 0.9
     assert told.heat_capacity_lo_j_per_k < capacity < told.heat_capacity_hi_j_per_k
     # The fit alone takes the hidden heat for the power's.

@@ -44,10 +44,10 @@ def test_identify_has_a_summary_the_records_the_curves_and_a_chart_of_each_senso
     run = tf.read(SPINDLE)
     assert [v for v in curves["T1 measured degC"] if v != ""] == pytest.approx(run.channels["T1"].tolist())
     drawn = inside(path, r"charts/chart\d")
-    assert len(drawn) == 2
+    assert len(drawn) == 4
     # A chart names the cells that hold what it shows: the measured curve of the second sensor.
-    assert "curves!$H$2:$H$402" in drawn[1]
-    assert found["curves"][0][7] == "T8 measured degC"
+    assert "curves!$I$2:$I$402" in drawn[2]
+    assert found["curves"][0][7:11] == ["T8 time min", "T8 measured degC", "T8 residual K", "T8 model time min"]
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 
 from ..text import plain
-from .sheets import Chart, Sheet, extra_sheets
+from .sheets import Drawing, Sheet, extra_sheets
 
 if TYPE_CHECKING:
     from ...results import Result
@@ -44,14 +44,14 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
         head = book.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"})
         fills = {status: book.add_format({"bg_color": colour}) for status, colour in COLOURS.items()}
         fills[""] = book.add_format({"bg_color": "#F8CECC"})
-        charts: list[Chart] = []
+        drawings: list[Drawing] = []
         for sheet in sheets:
             _write(book.add_worksheet(sheet.title[:31]), sheet, head, fills)
-            charts += sheet.charts
-        if charts:
+            drawings += sheet.drawings
+        if drawings:
             drawn = book.add_worksheet("charts")
-            for k, chart in enumerate(charts):
-                drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, chart))
+            for k, drawing in enumerate(drawings):
+                drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, drawing))
 
 
 def _summary(result: "Result", rows: Sequence[dict[str, Any]]) -> Sheet:
@@ -117,25 +117,25 @@ def _label(text: str) -> str:
     return text.replace("!", "!\u2060")
 
 
-def _chart(book: Any, chart: Chart) -> Any:
-    drawn = book.add_chart({"type": chart.kind, **({"subtype": "straight"} if chart.kind == "scatter" else {})})
-    for series in chart.series:
-        line = {"none": True} if series.points else {"width": 1.5, "color": series.colour, "dash_type": series.dash}
-        marker = {"type": "circle", "size": 3, "fill": {"color": series.colour}, "border": {"none": True}}
-        style: dict[str, Any] = {"line": line, "marker": marker if series.points else {"type": "none"}}
-        if chart.kind == "bar":
-            style = {"fill": {"color": series.colour}}
+def _chart(book: Any, drawing: Drawing) -> Any:
+    drawn = book.add_chart({"type": drawing.kind, **({"subtype": "straight"} if drawing.kind == "scatter" else {})})
+    for line in drawing.lines:
+        pen = {"none": True} if line.points else {"width": 1.5, "color": line.colour, "dash_type": line.dash}
+        marker = {"type": "circle", "size": 3, "fill": {"color": line.colour}, "border": {"none": True}}
+        style: dict[str, Any] = {"line": pen, "marker": marker if line.points else {"type": "none"}}
+        if drawing.kind == "bar":
+            style = {"fill": {"color": line.colour}}
         drawn.add_series(
             {
-                "name": _label(series.name),
-                "categories": [chart.sheet[:31], 1, series.x, series.rows, series.x],
-                "values": [chart.sheet[:31], 1, series.y, series.rows, series.y],
+                "name": _label(line.name),
+                "categories": [drawing.sheet[:31], 1, line.x, line.rows, line.x],
+                "values": [drawing.sheet[:31], 1, line.y, line.rows, line.y],
                 **style,
             }
         )
-    drawn.set_title({"name": _label(chart.title), "name_font": {"size": 11}, "overlay": False})
-    drawn.set_x_axis({"name": chart.x, "major_gridlines": {"visible": False}})
-    drawn.set_y_axis({"name": chart.y, **({"reverse": True} if chart.kind == "bar" else {})})
-    drawn.set_legend({"position": "bottom"} if len(chart.series) > 1 else {"none": True})
+    drawn.set_title({"name": _label(drawing.title), "name_font": {"size": 11}, "overlay": False})
+    drawn.set_x_axis({"name": drawing.x, "major_gridlines": {"visible": False}})
+    drawn.set_y_axis({"name": drawing.y, **({"reverse": True} if drawing.kind == "bar" else {})})
+    drawn.set_legend({"position": "bottom"} if len(drawing.lines) > 1 else {"none": True})
     drawn.set_size({"width": 560, "height": 330})
     return drawn

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..text import plain
-from .figures import charts_of
+from .figures import figures_of
 from .verdicts import verdict_of
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ POLICY = (
 
 def page_of(result: "Result") -> str:
     """The HTML of a result's page. What comes from files stays text: it is escaped, or set by the script as text."""
-    rows, charts = [plain(r) for r in result.rows()], charts_of(result)
+    rows, charts = [plain(r) for r in result.rows()], figures_of(result)
     data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":"))
     names = " and ".join(dict.fromkeys(Path(r["run"]).name for r in rows)) or "no run"
     title = f"thermofast {result.command}: {names if len(names) < 120 else f'{len(result.runs)} runs'}"

@@ -1,22 +1,26 @@
-"""What the pictures of a result show, as tables with charts."""
+"""The charts of a result, and the ranking of ``diagnose``, as tables of a workbook with Excel's own charts."""
 
-from collections.abc import Sequence
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .charts import STROKES, Chart, Series, charts_of, thinned
+
 if TYPE_CHECKING:
     from ...results import Result
 
-MEASURED, MODEL, BAND = "#5B6770", "#C1440E", "#E8A688"
-COLOURS = ("#1F6F8B", "#C1440E", "#5B8C2A", "#7A4E9C", "#B8860B", "#2F4B7C")
-#: Sensors whose curves are told, and points of each: more than a picture shows.
-MOST_SENSORS, MOST_POINTS = 60, 2000
+COLOURS = {"measured": "#5B6770", "model": "#C1440E", "band": "#E8A688"}
+UNITS = {"°C": "degC"}
+#: Points of each curve: more than a picture shows.
+MOST_POINTS = 2000
+#: Characters of a drawing's title.
+LONGEST_TITLE = 120
 
 
 @dataclass(frozen=True)
-class Series:
+class Line:
     """A line of a chart: columns x and y of its sheet, down to row `rows`."""
 
     name: str
@@ -29,7 +33,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Chart:
+class Drawing:
     """kind is scatter, line or bar, as Excel has it; sheet holds its numbers."""
 
     kind: str
@@ -37,73 +41,73 @@ class Chart:
     x: str
     y: str
     sheet: str
-    series: tuple[Series, ...]
+    lines: tuple[Line, ...]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Sheet:
-    """A table: title, names of columns, rows of cells; and charts of it."""
+    """A table: title, names of columns, rows of cells; and drawings of it."""
 
     title: str
     columns: list[str]
     rows: list[list[Any]]
-    charts: list[Chart] = field(default_factory=list)
+    drawings: list[Drawing] = field(default_factory=list)
 
 
 def extra_sheets(result: "Result") -> list[Sheet]:
     """The sheets of a result beside its records; none for a command without a picture, or where details were not asked for."""
-    makers: dict[str, Any] = {"identify": _curves, "compare": _panels, "improve": _steps, "diagnose": _ranking, "sweep": _times}
-    maker = makers.get(result.command)
-    return maker(result) if maker is not None else []
+    if result.command == "diagnose":
+        return _ranking(result)
+    charts = charts_of(result)
+    return [_sheet(title, [c for c in charts if c.sheet == title]) for title in dict.fromkeys(c.sheet for c in charts)]
 
 
-def _curves(result: Any) -> list[Sheet]:
-    shown = [c for c in result.curves if c is not None][:MOST_SENSORS]
-    columns: list[tuple[str, Any]] = []
-    charts = []
-    for c in shown:
-        at, name = len(columns), sensor_name(c.run, c.channel, result)
-        some, thin = _thinned(len(c.time)), _thinned(len(c.model_time))
-        columns += [(f"{name} time min", c.time[some]), (f"{name} measured degC", c.reading[some])]
-        columns += [(f"{name} model time min", c.model_time[thin]), (f"{name} model degC", c.model[thin])]
-        columns += [(f"{name} low degC", c.band_low[thin]), (f"{name} high degC", c.band_high[thin])]
-        lines = (
-            Series("measured", at, at + 1, len(c.time[some]), MEASURED, points=True),
-            Series("model", at + 2, at + 3, len(c.model_time[thin]), MODEL),
-            Series("95 % low", at + 2, at + 4, len(c.model_time[thin]), BAND, dash="dash"),
-            Series("95 % high", at + 2, at + 5, len(c.model_time[thin]), BAND, dash="dash"),
-        )
-        charts.append(Chart("scatter", f"{name}: identified on {c.until:g} min", "min", "degC", "curves", lines))
-    return [_of_columns("curves", columns, charts)] if shown else []
+def _sheet(title: str, charts: list[Chart]) -> Sheet:
+    """Columns of different lengths: each axis once, that of the measurements first, and beside it what stands over it."""
+    columns: list[tuple[str, list[Any]]] = []
+    drawings = []
+    for chart in charts:
+        kept = thinned(chart, MOST_POINTS, MOST_POINTS)
+        before = f"{chart.title} " if chart.sheet == "curves" else ""
+        held = sorted(((s, e) for s in chart.strips for e in s.series), key=lambda pair: pair[1].kind != "points")
+        lines: dict[int, list[Line]] = {id(strip): [] for strip in chart.strips}
+        for axis in dict.fromkeys(id(e.x) for _, e in held):
+            over, some, at = [pair for pair in held if id(pair[1].x) == axis], kept[axis], len(columns)
+            told = list(chart.names) or _cells(over[0][1].x[some])
+            columns.append((f"{before}{_axis(chart, over[0][1])}", told))
+            for strip, s in over:
+                for label, values in _columns(s):
+                    columns.append((f"{before}{label} {UNITS.get(strip.unit, strip.unit)}", _cells(values[some])))
+                    lines[id(strip)].append(_line(s, label, at, len(columns) - 1, len(some)))
+        for strip in chart.strips:
+            name = f"{chart.title}: residual" if strip.residual else re.split(r"[;.] ", chart.label)[0][:LONGEST_TITLE]
+            kind, across = ("line", "") if chart.names else ("scatter", chart.axis)
+            drawings.append(Drawing(kind, name, across, UNITS.get(strip.unit, strip.unit), title, tuple(lines[id(strip)])))
+    longest = max((len(cells) for _, cells in columns), default=0)
+    filled = [[*cells, *[None] * (longest - len(cells))] for _, cells in columns]
+    return Sheet(title, [n for n, _ in columns], [list(row) for row in zip(*filled, strict=True)], drawings)
 
 
-def _panels(result: Any) -> list[Sheet]:
-    shown = result.panels[:MOST_SENSORS]
-    columns: list[tuple[str, Any]] = []
-    charts = []
-    for p in shown:
-        at, name, some = len(columns), sensor_name(p.run, p.channel, result), _thinned(len(p.time))
-        columns += [(f"{name} time min", p.time[some]), (f"{name} measured degC", p.reading[some])]
-        columns += [(f"{name} model degC", p.model[some]), (f"{name} residual K", (p.reading - p.model)[some])]
-        n = len(p.time[some])
-        both = (Series("measured", at, at + 1, n, MEASURED, points=True), Series("model", at, at + 2, n, MODEL))
-        charts.append(Chart("scatter", f"{name}: {p.effects}", "min", "degC", "curves", both))
-        left = (Series("residual", at, at + 3, n, MEASURED, points=True),)
-        charts.append(Chart("scatter", f"{name}: residual", "min", "K", "curves", left))
-    return [_of_columns("curves", columns, charts)] if shown else []
+def _axis(chart: Chart, series: Series) -> str:
+    """'time min', and 'model time min' for a curve that has times of its own."""
+    if chart.names:
+        return chart.axis
+    return f"model time {chart.axis}" if series.look in ("model", "band") else f"time {chart.axis}"
 
 
-def _steps(result: Any) -> list[Sheet]:
-    sheets = []
-    for number, one in enumerate((s for s in result.steps if s.labels), 1):
-        title = f"steps {number}"
-        columns: list[tuple[str, Any]] = [("step", list(one.labels))]
-        columns += [(f"{c} ahead K", [float(e[i]) for e in one.ahead_errors]) for i, c in enumerate(one.channels)]
-        rows = len(one.labels)
-        lines = tuple(Series(c, 0, i + 1, rows, COLOURS[i % len(COLOURS)]) for i, c in enumerate(one.channels))
-        chart = Chart("line", f"{one.run}: error on readings not fitted", "", "rms error, K", title, lines)
-        sheets.append(_of_columns(title, columns, [chart]))
-    return sheets
+def _columns(series: Series) -> list[tuple[str, Any]]:
+    if series.kind != "band":
+        return [(series.label, series.y)]
+    return [(f"{series.label} low", series.y), (f"{series.label} high", series.high)]
+
+
+def _line(series: Series, label: str, x: int, y: int, rows: int) -> Line:
+    colour = COLOURS.get(series.look, series.stroke[0])
+    return Line(label, x, y, rows, colour, series.kind == "points", "dash" if series.kind == "band" else "solid")
+
+
+def _cells(values: Any) -> list[Any]:
+    return np.asarray(values, dtype=float).tolist()  # type: ignore[no-any-return]
 
 
 def _ranking(result: Any) -> list[Sheet]:
@@ -111,40 +115,7 @@ def _ranking(result: Any) -> list[Sheet]:
     firsts = {r.run: r for r in reversed(result.records) if r.ranking}
     for number, (run, record) in enumerate(reversed(firsts.items()), 1):
         title, names = f"ranking {number}", list(dict.fromkeys(k for row in record.ranking for k in row))
-        columns = [(n, [row.get(n) for row in record.ranking]) for n in names]
-        gain = [Series("gain", names.index("effect"), names.index("gain"), len(record.ranking), COLOURS[0])]
-        sheets.append(_of_columns(title, columns, [Chart("bar", f"{run}: what each effect gains", "", "", title, tuple(gain))]))
+        rows = [[row.get(n) for n in names] for row in record.ranking]
+        gain = (Line("gain", names.index("effect"), names.index("gain"), len(rows), STROKES[0][0]),)
+        sheets.append(Sheet(title, names, rows, [Drawing("bar", f"{run}: what each effect gains", "", "", title, gain)]))
     return sheets
-
-
-def _times(result: Any) -> list[Sheet]:
-    sheets = []
-    for number, swept in enumerate(s for s in result.curves if len(s.times)):
-        record, title = swept.records[0], f"times {number + 1}"
-        columns: list[tuple[str, Any]] = [("time min", swept.times)]
-        columns += [(f"window {r.window_min:g} min: error K", e) for r, e in zip(swept.records, swept.rmse, strict=False)]
-        lines = tuple(Series(n, 0, k + 1, len(swept.times), COLOURS[k % len(COLOURS)]) for k, (n, _) in enumerate(columns[1:]))
-        chart = Chart("scatter", sensor_name(record.run, record.channel, result), "identified on, min", "error K", title, lines)
-        sheets.append(_of_columns(title, columns, [chart]))
-    return sheets
-
-
-def _of_columns(title: str, columns: Sequence[tuple[str, Any]], charts: list[Chart]) -> Sheet:
-    """A sheet of columns of different lengths."""
-    longest = max((len(values) for _, values in columns), default=0)
-    cells = [[*map(_value, values), *[None] * (longest - len(values))] for _, values in columns]
-    return Sheet(title, [n for n, _ in columns], [list(row) for row in zip(*cells, strict=True)], charts)
-
-
-def _value(value: Any) -> Any:
-    return float(value) if isinstance(value, np.floating) else value
-
-
-def _thinned(count: int) -> Any:
-    """Which of so many points are told: all of them, or evenly so many."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_POINTS)).round().astype(int)) if count else np.arange(0)
-
-
-def sensor_name(run: str, channel: str, result: Any) -> str:
-    """A sensor, with its run where there are several."""
-    return channel if len({r.run for r in result.records}) < 2 else f"{run} {channel}"

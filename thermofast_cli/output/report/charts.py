@@ -1,0 +1,164 @@
+"""What there is to draw of a result: strips of series over one axis, described once for the page and the workbook."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+#: Sensors that are drawn, in their order.
+MOST = 60
+#: Okabe and Ito's colours, which the colour-blind tell apart, each with a dash of its own.
+STROKES = (
+    ("#0072B2", ""),
+    ("#D55E00", "7 3"),
+    ("#009E73", "2 3"),
+    ("#CC79A7", "9 3 2 3"),
+    ("#8A6D00", "4 2"),
+    ("#56B4E9", "12 4"),
+)
+
+
+@dataclass(frozen=True)
+class Series:
+    """kind is points, line or band (from y to high); look is measured, model or band, or empty, with a stroke by its number."""
+
+    kind: str
+    label: str
+    x: Any
+    y: Any
+    look: str = ""
+    high: Any = None
+    number: int = 0
+
+    @property
+    def stroke(self) -> tuple[str, str]:
+        """Its colour and dash, where it has no look."""
+        return STROKES[self.number % len(STROKES)]
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Series over the chart's axis in one unit; a strip of residuals is lower and has a line at zero."""
+
+    unit: str
+    series: tuple[Series, ...]
+    residual: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """label says in words what is seen; marks are (x, look, label), areas (from, to); names stand for the places 0, 1, ...
+
+    Charts of one sheet stand in one sheet of a workbook, where sheet is told; each has its own else.
+    """
+
+    title: str
+    label: str
+    axis: str
+    strips: tuple[Strip, ...]
+    marks: tuple[tuple[float, str, str], ...] = ()
+    areas: tuple[tuple[float, float], ...] = ()
+    names: tuple[str, ...] = ()
+    sheet: str = "curves"
+
+
+def charts_of(result: Any) -> list[Chart]:
+    """The charts of a result; none where it has no picture, or where details were not asked for."""
+    makers = {"identify": _prediction, "compare": _comparison, "improve": _staircase, "sweep": _sweep}
+    maker = makers.get(result.command)
+    return maker(result)[:MOST] if maker is not None else []
+
+
+def _prediction(result: Any) -> list[Chart]:
+    found = []
+    for c in result.curves:
+        if c is None:
+            continue
+        marks = [(c.until, "mark", "identification time")]
+        marks += [(c.t95, "done", "95 % of the rise")] if c.t95 is not None else []
+        top = (
+            Series("band", "95 % band", c.model_time, c.band_low, "band", c.band_high),
+            Series("points", "measured", c.time, c.reading, "measured"),
+            Series("line", "model", c.model_time, c.model, "model"),
+        )
+        left = c.reading - np.interp(c.time, c.model_time, c.model, left=np.nan, right=np.nan)
+        name = sensor_name(c.run, c.channel, result)
+        label = f"{name}: measurement and prediction from the first {c.until:g} min. {c.note}".strip()
+        found.append(Chart(name, label, "min", (Strip("°C", top), _residual(c.time, left)), tuple(marks)))
+    return found
+
+
+def _comparison(result: Any) -> list[Chart]:
+    found = []
+    for p in result.panels:
+        top = Series("points", "measured", p.time, p.reading, "measured"), Series("line", "model", p.time, p.model, "model")
+        marks = ((p.until, "mark", "identification time"),) if p.until is not None else ()
+        name, areas = sensor_name(p.run, p.channel, result), tuple((a, b) for a, b, _ in p.failing)
+        told = f"; the model fails in {len(areas)} stretches, shaded" if areas else "; the model fails nowhere"
+        strips = Strip("°C", top), _residual(p.time, p.reading - p.model)
+        found.append(Chart(name, f"{name}: measurement and {p.effects}{told}", "min", strips, marks, areas))
+    return found
+
+
+def _staircase(result: Any) -> list[Chart]:
+    found = []
+    for one in result.steps:
+        if not one.labels:
+            continue
+        x, errors = np.arange(len(one.labels), dtype=float), np.array(one.ahead_errors, dtype=float)
+        lines = tuple(Series("line", c, x, errors[:, i], number=i) for i, c in enumerate(one.channels))
+        label = f"{one.run}: error on readings that were not fitted, step by step: {', then '.join(one.labels)}"
+        names = tuple(one.labels)
+        found.append(Chart(Path(one.run).name, label, "step", (Strip("K", lines),), names=names, sheet=f"steps {len(found) + 1}"))
+    return found
+
+
+def _sweep(result: Any) -> list[Chart]:
+    found = []
+    for swept in result.curves:
+        if not len(swept.times):
+            continue
+        lines = tuple(
+            Series("line", f"window {r.window_min:g} min", swept.times, e, number=k)
+            for k, (r, e) in enumerate(zip(swept.records, swept.rmse, strict=False))
+        )
+        name = sensor_name(swept.records[0].run, swept.records[0].channel, result)
+        label = f"{name}: error of the steady state against the identification time, a line for each window"
+        found.append(Chart(name, label, "min", (Strip("K", lines),), sheet=f"times {len(found) + 1}"))
+    return found
+
+
+def _residual(time: Any, left: Any) -> Strip:
+    return Strip("K", (Series("points", "residual", time, left, "measured"),), residual=True)
+
+
+def sensor_name(run: str, channel: str, result: Any) -> str:
+    """A sensor, with its run where there are several."""
+    return channel if len({r.run for r in result.records}) < 2 else f"{run} {channel}"
+
+
+def thinned(chart: Chart, points: int, model_points: int) -> dict[int, Any]:
+    """Which places (m,) of each axis of a chart are drawn, by the identity of its x.
+
+    Of measurements the least and the largest reading of each of `points` / 2 buckets are kept, of curves places evenly apart.
+    """
+    series = [s for strip in chart.strips for s in strip.series]
+    found = {id(s.x): even(len(s.x), model_points) for s in series}
+    return found | {id(s.x): extremes(s.y, points // 2) for s in reversed(series) if s.kind == "points"}
+
+
+def extremes(values: Any, buckets: int) -> Any:
+    """Places (m,) of the least and the largest of each bucket of values (n,); all of few."""
+    if len(values) <= 2 * buckets:
+        return np.arange(len(values))
+    kept = []
+    for part in np.array_split(np.arange(len(values)), buckets):
+        good = part[np.isfinite(values[part])]
+        kept += [good[np.argmin(values[good])], good[np.argmax(values[good])]] if len(good) else []
+    return np.unique(np.array(kept, dtype=int))
+
+
+def even(count: int, most: int) -> Any:
+    """Places (m,) of so many, evenly apart, with the first and the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) if count else np.arange(0)
