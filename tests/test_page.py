@@ -158,3 +158,15 @@ def test_a_trace_cannot_be_a_page(tool, tmp_path):
     done = tool("identify", SPINDLE, "--trace", tmp_path / "t.html")
     assert done.code == 2
     assert ".csv" in done.err
+
+
+def test_a_page_says_the_command_and_the_settings_that_made_it(tool, tmp_path):
+    lab = tmp_path / "lab.toml"
+    lab.write_text('[input]\nchannels = ["T1", "T2"]\n')
+    done = tool("--config", lab, "identify", SPINDLE, "--until", "60", "-o", tmp_path / "p.html", "-o", tmp_path / "p.xlsx", "-q")
+    assert done.code == 0, done.err
+    page = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert f"thermofast --config {lab} identify {SPINDLE} --until 60 -o" in page
+    assert "<dt>Settings from thermofast.toml</dt><dd><code>--channels T1,T2</code></dd>" in page
+    tf.identify(tf.read(SPINDLE, channels="T1"), until=60.0).save(tmp_path / "q.html")
+    assert "identify, from Python" in (tmp_path / "q.html").read_text(encoding="utf-8")

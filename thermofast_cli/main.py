@@ -9,6 +9,7 @@ import click
 
 from . import __version__
 from .errors import ThermofastError, nearest
+from .shell.made import ARGUMENTS
 
 # The matrices are small and the cores go to whole tasks: threads within one product would only wait for each other.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -61,6 +62,8 @@ class LazyGroup(click.Group):
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             hint = nearest(args[0], COMMANDS) or "'thermofast --help' lists them."
             raise click.UsageError(f"No such command {args[0]!r}: {hint}", ctx)
+        config = ["--config", ctx.params["config"]] if ctx.params.get("config") else []
+        ctx.meta[ARGUMENTS] = [*config, *args]
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -1,6 +1,6 @@
 """What a command found: its records with ways to look at them, save them and draw them. Frozen; nothing is computed here."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -98,11 +98,11 @@ class Result:
 
         return to_json(self.command, self.rows(), self.input())
 
-    def save(self, path: str | Path, excel_csv: bool = False) -> None:
+    def save(self, path: str | Path, excel_csv: bool = False, made: Mapping[str, str] | None = None) -> None:
         """Write the records, whole or not at all: .csv .json .jsonl .parquet .md .xlsx, or a page: .html.
 
         A workbook or a page holds a summary beside the records and, where details were asked for, curves with charts. excel_csv: a
-        .csv with semicolons and decimal commas.
+        .csv with semicolons and decimal commas. made: headings and texts that a page or a workbook has of how it was made.
 
         Raises
         ------
@@ -114,12 +114,12 @@ class Result:
         if Path(path).suffix.lower() in REPORT_SUFFIXES:
             from .output.report.page import page_of
 
-            write_text_whole(str(path), page_of(self))
+            write_text_whole(str(path), page_of(self, made or {}))
             return
         if Path(path).suffix.lower() == ".xlsx":
             from .output.report.excel import write_result
 
-            write_whole(str(path), lambda p: write_result(p, self))
+            write_whole(str(path), lambda p: write_result(p, self, made or {}))
             return
         write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv)
 
@@ -223,14 +223,14 @@ class Calibration(Result):
     prior: "Imperfection | None" = None
     learnt_from: tuple[str, ...] = ()
 
-    def save(self, path: str | Path, excel_csv: bool = False) -> None:
+    def save(self, path: str | Path, excel_csv: bool = False, made: Mapping[str, str] | None = None) -> None:
         """Write the prior: .toml for ``--imperfection``; any other suffix the rows."""
         if str(path).endswith(".toml") and self.prior is not None:
             from .machine.lab import write_imperfection
 
             write_imperfection(str(path), self.prior, self.learnt_from)
         else:
-            super().save(path, excel_csv)
+            super().save(path, excel_csv, made)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError
-from .text import Row, plain, to_csv, to_excel_csv, to_json, to_jsonl, to_markdown
+from .text import Row, plain, to_csv, to_json, to_jsonl, to_markdown
 
 TABLE_SUFFIXES = (".csv", ".json", ".jsonl", ".parquet", ".md", ".xlsx")
 #: Outputs of a whole result, not of any table.
@@ -82,7 +82,7 @@ def write_whole(path: str, write: Callable[[str], None]) -> None:
 def write_table(
     path: str, command: str, columns: Sequence[str], rows: Sequence[Row], input_: Sequence[Row] = (), excel_csv: bool = False
 ) -> None:
-    """A table in the format of the suffix; input_ says in JSON how the runs were read; excel_csv: as :func:`to_excel_csv`."""
+    """A table in the format of the suffix; input_ says in JSON how the runs were read; excel_csv: as :func:`to_csv` has it."""
     suffix = Path(path).suffix.lower()
     if suffix == ".parquet":
         write_whole(path, lambda p: _parquet(p, columns, rows))
@@ -93,7 +93,7 @@ def write_table(
         write_whole(path, lambda p: write_rows(p, command, columns, rows))
         return
     text = {
-        ".csv": lambda: (to_excel_csv if excel_csv else to_csv)(columns, rows),
+        ".csv": lambda: to_csv(columns, rows, excel=excel_csv),
         ".json": lambda: to_json(command, rows, input_),
         ".jsonl": lambda: to_jsonl(rows),
         ".md": lambda: to_markdown(columns, rows),

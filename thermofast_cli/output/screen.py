@@ -57,13 +57,14 @@ def show_records(
     drawn: Sequence[Any],
     beneath: tuple[str, ...] = ("message",),
     input_: Sequence[Row] = (),
+    excel_csv: bool = False,
 ) -> None:
     """Records to standard output; `drawn` are (heading, function of a row) of the terminal's table."""
     kind = chosen_format(wanted)
     if kind == "table":
         draw(command, rows, drawn, beneath)
     elif kind == "csv":
-        show_text(to_csv(columns, rows))
+        show_text(to_csv(columns, rows, excel=excel_csv))
     elif kind == "json":
         show_text(to_json(command, rows, input_))
     elif kind == "jsonl":

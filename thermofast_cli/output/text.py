@@ -47,23 +47,19 @@ def cell(value: Any) -> str:
     return repr(value)
 
 
-def to_csv(columns: Sequence[str], rows: Sequence[Row], header: bool = True) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+def to_csv(columns: Sequence[str], rows: Sequence[Row], header: bool = True, excel: bool = False) -> str:
+    """excel: as Excel opens it by a double click where the decimal mark is a comma: a mark of UTF-8, semicolons, decimal commas."""
+    out = io.StringIO("\ufeff" if excel else "", newline="")
+    out.seek(0, io.SEEK_END)
+    writer = csv.writer(out, delimiter=";", lineterminator="\r\n") if excel else csv.writer(out, lineterminator="\n")
     if header:
         writer.writerow(columns)
-    writer.writerows([[cell(row[c]) for c in columns] for row in rows])
+    writer.writerows([[_comma(row[c]) if excel else cell(row[c]) for c in columns] for row in rows])
     return out.getvalue()
 
 
-def to_excel_csv(columns: Sequence[str], rows: Sequence[Row]) -> str:
-    """As Excel opens it by a double click where the decimal mark is a comma: a mark of UTF-8, semicolons, decimal commas."""
-    out = io.StringIO()
-    writer = csv.writer(out, delimiter=";", lineterminator="\r\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow([cell(v).replace(".", ",") if isinstance(v := row[c], float) else cell(v) for c in columns])
-    return "\ufeff" + out.getvalue()
+def _comma(value: Any) -> str:
+    return cell(value).replace(".", ",") if isinstance(value, float) else cell(value)
 
 
 def to_json(command: str, rows: Sequence[Row], input_: Sequence[Row] = ()) -> str:

@@ -16,13 +16,13 @@ from click.core import ParameterSource
 from ..engine import Started, Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
 from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, check_targets
-from ..output.screen import chosen_format, progress, say, show_records, show_text
-from ..output.text import to_excel_csv
+from ..output.screen import chosen_format, progress, say, show_records
 from ..pool import warm_pool
 from ..reading import read_runs
 from ..reading_options import options_from
 from ..records import FAILURES
 from ..results import Result
+from .made import how_made
 from .options import EXCEL_CSV, MORE_OUTPUTS
 
 #: Outputs that show more than the records.
@@ -188,16 +188,14 @@ def deliver(
     `beneath` are the texts under a drawn table. Exit code: 0 done, 1 some sensor failed, 130 interrupted.
     """
     whole = replace(result, records=(*result.records, *unreadable))
-    targets = [*([output] if output else []), *more_outputs()]
+    targets, made = [*([output] if output else []), *more_outputs()], how_made()
     for target in targets:
-        whole.save(target, wants_excel_csv())
+        whole.save(target, wants_excel_csv(), made)
         if not quiet:
             say(f"{len(whole)} records in {target}")
     if form or not targets:
-        if wants_excel_csv() and chosen_format(form) == "csv":
-            show_text(to_excel_csv(whole.kind.columns(), whole.rows()))
-        else:
-            show_records(whole.command, whole.kind.columns(), whole.rows(), form, drawn, beneath, whole.input())
+        columns, excel = whole.kind.columns(), wants_excel_csv()
+        show_records(whole.command, columns, whole.rows(), form, drawn, beneath, whole.input(), excel)
     if result.interrupted:
         say(f"interrupted: {len(result)} records were finished")
         return 130

@@ -102,7 +102,7 @@ def _comparison(result: Any) -> list[Chart]:
 
 
 def _staircase(result: Any) -> list[Chart]:
-    found = []
+    found: list[Chart] = []
     for one in result.steps:
         if not one.labels:
             continue
@@ -115,7 +115,7 @@ def _staircase(result: Any) -> list[Chart]:
 
 
 def _sweep(result: Any) -> list[Chart]:
-    found = []
+    found: list[Chart] = []
     for swept in result.curves:
         if not len(swept.times):
             continue

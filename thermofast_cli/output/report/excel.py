@@ -3,7 +3,7 @@
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +23,14 @@ ACROSS, DOWN, OVER = 2, 18, 9
 COLOURS = {"not_determined": "#FFF2CC", "model_doubtful": "#FFF2CC", "partly_explained": "#FFF2CC", "ok": "#FFFFFF"}
 
 
-def write_result(path: str, result: "Result") -> None:
-    """The workbook of a result. What comes from files is written as text or numbers: nothing in it is a formula or a link."""
+def write_result(path: str, result: "Result", made: Mapping[str, str]) -> None:
+    """The workbook of a result. What comes from files is written as text or numbers: nothing in it is a formula or a link.
+
+    made: headings and texts of how it was made.
+    """
     rows, columns = result.rows(), list(result.kind.columns())
     records = Sheet(result.command, columns, [[row[c] for c in columns] for row in rows])
-    write_sheets(path, [_summary(result, rows), records, *extra_sheets(result)])
+    write_sheets(path, [_summary(result, rows, made), records, *extra_sheets(result)])
 
 
 def write_rows(path: str, command: str, columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
@@ -54,10 +57,11 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
                 drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, drawing))
 
 
-def _summary(result: "Result", rows: Sequence[dict[str, Any]]) -> Sheet:
+def _summary(result: "Result", rows: Sequence[dict[str, Any]], made: Mapping[str, str]) -> Sheet:
     from ... import __version__
 
     lines: list[list[Any]] = [["made by", f"thermofast {result.command} {__version__}"], ["on", f"{date.today():%Y-%m-%d}"]]
+    lines += [[heading.lower(), text] for heading, text in made.items()]
     count = Counter(row.get("status", "") for row in rows)
     lines += [["records", len(rows)], *([f"status {status}", n] for status, n in count.items() if status)]
     for verdict in dict.fromkeys(str(row["verdict"]) for row in rows if row.get("verdict")):

@@ -32,7 +32,7 @@ def _figure(chart: Chart) -> dict[str, Any]:
 
 
 def _series(series: Series, kept: Any) -> dict[str, Any]:
-    told = {"kind": series.kind, "label": series.label, "css": series.look}
+    told: dict[str, Any] = {"kind": series.kind, "label": series.label, "css": series.look}
     told |= {"x": _rounded(series.x[kept]), "y": _rounded(series.y[kept])}
     if series.high is not None:
         told["y2"] = _rounded(series.high[kept])

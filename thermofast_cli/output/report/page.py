@@ -2,13 +2,12 @@
 
 import json
 import math
-import shlex
-import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from ..text import plain
@@ -30,8 +29,11 @@ POLICY = (
 )
 
 
-def page_of(result: "Result") -> str:
-    """The HTML of a result's page. What comes from files stays text: it is escaped, or set by the script as text."""
+def page_of(result: "Result", made: Mapping[str, str] = MappingProxyType({})) -> str:
+    """The HTML of a result's page; made: headings and texts of how it was made.
+
+    What comes from files stays text: it is escaped, or set by the script as text.
+    """
     rows, charts = [plain(r) for r in result.rows()], figures_of(result)
     data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":"))
     names = " and ".join(dict.fromkeys(Path(r["run"]).name for r in rows)) or "no run"
@@ -47,7 +49,7 @@ def page_of(result: "Result") -> str:
         _figures(charts),
         _ranking(rows) if result.command == "diagnose" else "",
         _table(list(result.kind.columns()), rows),
-        _made(result),
+        _made(result, made),
         f'</main><script type="application/json" id="data">{_inert(data)}</script><script>{script}</script></body></html>\n',
     ]
     return "".join(parts)
@@ -150,19 +152,19 @@ def _folded(summary: str, whole: str) -> str:
     return f'<td data-value="{escape(whole, quote=True)}">{told}</td>'
 
 
-def _made(result: "Result") -> str:
+def _made(result: "Result", made: Mapping[str, str]) -> str:
     """Command, version, date; of each run its file's hash, how it was read, and what was guessed."""
     from ... import __version__
     from ...reading.source import sha256_of
 
-    command = shlex.join(["thermofast", *sys.argv[1:]]) if Path(sys.argv[0]).name.startswith("thermofast") else "from Python"
-    lines = [f"<dt>Command</dt><dd><code>{escape(command)}</code></dd>"]
+    told = {"Command": f"{result.command}, from Python", **made}
+    lines = [f"<dt>{escape(heading)}</dt><dd><code>{escape(text)}</code></dd>" for heading, text in told.items()]
     lines.append(f"<dt>Made by</dt><dd>thermofast {escape(__version__)}, on {date.today():%Y-%m-%d}</dd>")
-    told = {t["run"]: t for t in result.input()}
+    read = {t["run"]: t for t in result.input()}
     for run in result.runs:
         digest = sha256_of(run.name)
-        notes = [f"{len(run.time_s)} rows, {run.time_s[-1] / 60.0:.4g} min", *told[run.name]["notes"]]
-        notes += [f"guessed: {g['text']} ({g['option']})" for g in told[run.name]["guesses"]]
+        notes = [f"{len(run.time_s)} rows, {run.time_s[-1] / 60.0:.4g} min", *read[run.name]["notes"]]
+        notes += [f"guessed: {g['text']} ({g['option']})" for g in read[run.name]["guesses"]]
         notes += [f"SHA-256 {digest}"] if digest else []
         lines.append(f"<dt>{escape(run.name)}</dt>" + "".join(f"<dd>{escape(n)}</dd>" for n in notes))
     return f"<h2>How this was made</h2><dl>{''.join(lines)}</dl>"
