@@ -275,3 +275,32 @@ def test_lines_at_the_end_are_left_out_as_told(tmp_path):
     assert "the last 2 lines left out, as told" in run.notes
     with pytest.raises(tf.InputError):
         tf.read(path, skip_footer=500)
+
+
+def test_a_libreoffice_workbook_is_read(tmp_path):
+    rows = [["time_min", "T1"], *([i, 20 + i / 10] for i in range(30))]
+    cells = "".join(
+        "<table:table-row>"
+        + "".join(
+            f'<table:table-cell office:value-type="string"><text:p>{v}</text:p></table:table-cell>'
+            if isinstance(v, str)
+            else f'<table:table-cell office:value-type="float" office:value="{v}"/>'
+            for v in row
+        )
+        + "</table:table-row>"
+        for row in rows
+    )
+    space = " ".join(f'xmlns:{n}="urn:oasis:names:tc:opendocument:xmlns:{n}:1.0"' for n in ("office", "table", "text"))
+    body = (
+        f'<office:body><office:spreadsheet><table:table table:name="log">{cells}</table:table></office:spreadsheet></office:body>'
+    )
+    kind = "application/vnd.oasis.opendocument.spreadsheet"
+    space_of_list = 'xmlns:manifest="urn:oasis:names:tc:opendocument:xmlns:manifest:1.0"'
+    entry = f'<manifest:file-entry manifest:full-path="/" manifest:media-type="{kind}"/>'
+    with zipfile.ZipFile(tmp_path / "run.ods", "w") as archive:
+        archive.writestr("mimetype", kind)
+        archive.writestr("content.xml", f"<office:document-content {space}>{body}</office:document-content>")
+        archive.writestr("META-INF/manifest.xml", f"<manifest:manifest {space_of_list}>{entry}</manifest:manifest>")
+    run = tf.read(tmp_path / "run.ods")
+    assert run.channels["T1"] == pytest.approx([20 + i / 10 for i in range(30)])
+    assert "sheet 'log'" in run.notes[0]
