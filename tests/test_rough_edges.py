@@ -14,10 +14,9 @@ import pytest
 from conftest import ROOT
 
 from thermofast.estimation.closing import track_of
-from thermofast.estimation.contradiction import contradiction
 from thermofast.estimation.estimate import FilterError
 from thermofast.estimation.identify import Method, identify_sensor
-from thermofast.estimation.measured import measured_equilibrium
+from thermofast.estimation.measured import contradiction, measured_equilibrium
 from thermofast.filters import Filter
 from thermofast.models import Lump
 from thermofast.models.imperfection import NONE

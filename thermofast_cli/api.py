@@ -28,6 +28,7 @@ from .results import (
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection, Rates
+    from thermofast.models.standards import Criterion
 
     from .analysis.effect_file import EffectFile
     from .analysis.watching import Look
@@ -76,6 +77,8 @@ def identify(
     pace: str | None = None,
     at: float | None = None,
     room: float | None = None,
+    criterion: "Criterion | str | None" = None,
+    limit: float | None = None,
     imperfection: "Imperfection | str" = "typical",
     rates: "Rates" = "auto",
     start: Start = "auto",
@@ -87,27 +90,26 @@ def identify(
 ) -> Identification:
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
-    imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share;
-    `at` [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room; `drive` names a logged
-    column (power, duty) that the heat follows; `auto` looks for what is missing in the readings used and adds it first.
-
-    settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes,
-    or anybody's executor, share the sensors; progress is told how many are done; reading as for :func:`read`.
+    imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share; `at`
+    [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room; `drive` names a logged column
+    (power, duty) that the heat follows; `auto` looks for what is missing in the readings used and adds it first; criterion is a
+    stopping rule, ``"2K/h, 2x30min"`` or a preset of docs/criteria.md; limit [degC] one that the steady state must keep below.
+    settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes
+    or anybody's executor share the sensors; progress is told how many are done; reading as for :func:`read`.
 
     Raises
     ------
     ThermofastError: as the command would refuse.
     """
     from .machine.lab import read_imperfection
-    from .pipeline.methods import choose, paces
+    from .pipeline.methods import choose, paces, stopping_rule
     from .pipeline.sensors import from_rise, identify_runs
 
-    learnt = model_of(model)
-    prior = read_imperfection(imperfection)
+    learnt, prior = model_of(model), read_imperfection(imperfection)
     method = replace(choose(filter, preset, setting_texts(filter, settings), prior, rates), paces=paces(pace))
     started = started_of(runs, start, from_rise(learnt, drive), reading)
-    work = work_of(jobs, executor, progress)
-    return identify_runs(started, method, until, learnt, joint, keeps_details(details, started), work, at, room, drive, auto)
+    work, rule, details = work_of(jobs, executor, progress), stopping_rule(criterion), keeps_details(details, started)
+    return identify_runs(started, method, until, learnt, joint, details, work, at, room, drive, auto, rule, limit)
 
 
 def calibrate(
@@ -218,6 +220,7 @@ def sweep(
     times: Sequence[float] | None = None,
     *,
     tolerance: float = 0.1,
+    criterion: "Criterion | str | None" = None,
     filter: str = "afukf",  # noqa: A002 - the name of the option
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
@@ -234,24 +237,22 @@ def sweep(
 ) -> Sweeping:
     """The shortest identification time that serves, over sampling windows and identification times [min].
 
-    tolerance [K] is the half-width of the steady state's interval to reach; imperfection and rates as for :func:`identify`.
+    tolerance [K] is the half-width of the steady state's interval to reach; imperfection, rates, criterion as for :func:`identify`.
 
     Raises
     ------
     ThermofastError: as the command would refuse.
     """
     from .machine.lab import read_imperfection
-    from .pipeline.methods import choose, minutes_of
+    from .pipeline.methods import choose, minutes_of, stopping_rule
     from .pipeline.sensors import default_times, from_rise, sweep_runs
 
-    learnt = model_of(model)
+    learnt, spans = model_of(model), minutes_of(windows, "windows")
     method = choose(filter, preset, setting_texts(filter, settings), read_imperfection(imperfection), rates)
-    spans = minutes_of(windows, "windows")
     grid = minutes_of(times, "times") if times is not None else default_times(spans)
     started = started_of(runs, start, from_rise(learnt, drive), reading)
-    return sweep_runs(
-        started, method, spans, grid, tolerance, learnt, keeps_details(details, started), work_of(jobs, executor, progress), drive
-    )
+    work, rule, details = work_of(jobs, executor, progress), stopping_rule(criterion), keeps_details(details, started)
+    return sweep_runs(started, method, spans, grid, tolerance, learnt, details, work, drive, rule)
 
 
 def compare(

@@ -41,6 +41,11 @@ class IdentifyRecord(Record):
     temperature at a time asked for; room_steady_* the steady state in a room asked for; unseen what the record cannot exclude;
     rate_shared_with the sensors whose rates helped. *_measured_* stand where the record itself is complete. time_to_go_* count
     from the last reading used to the time at which 95 % of the rise is done for good.
+
+    trip_* is when the stopping rule asked for holds, after the start of the rise, trip_from whether `readings` show it or it is a
+    `prediction`; missing_* what the temperature is then still away from where it settles, negative where it falls; trip_last
+    marks the sensor that keeps the test going; three_point_c is the extrapolation of the first, middle and last reading used.
+    margin_* is how far the steady state stays below the limit asked for, over_limit_p the chance that it does not.
     """
 
     filter: str
@@ -73,6 +78,21 @@ class IdentifyRecord(Record):
     room_steady_c: float | None = None
     room_steady_lo_c: float | None = None
     room_steady_hi_c: float | None = None
+    criterion: str = ""
+    trip_min: float | None = None
+    trip_lo_min: float | None = None
+    trip_hi_min: float | None = None
+    trip_from: str = ""
+    trip_last: bool | None = None
+    missing_k: float | None = None
+    missing_lo_k: float | None = None
+    missing_hi_k: float | None = None
+    three_point_c: float | None = None
+    limit_c: float | None = None
+    margin_k: float | None = None
+    margin_lo_k: float | None = None
+    margin_hi_k: float | None = None
+    over_limit_p: float | None = None
     unseen: str = ""
     rate_shared_with: str = ""
     status: str = "ok"
@@ -81,7 +101,11 @@ class IdentifyRecord(Record):
 
 @dataclass(frozen=True)
 class SweepRecord(Record):
-    """One sensor and window of a sweep; docs/architecture.md has the rules."""
+    """One sensor and window of a sweep; docs/architecture.md has the rules.
+
+    trip_min is when the stopping rule asked for holds on the whole record, missing_k what the temperature is then still away
+    from the steady state that a complete record shows.
+    """
 
     filter: str
     window_min: float | None = None
@@ -91,6 +115,9 @@ class SweepRecord(Record):
     shortest_time_min: float | None = None
     tolerance_time_min: float | None = None
     agreed: bool | None = None
+    criterion: str = ""
+    trip_min: float | None = None
+    missing_k: float | None = None
     status: str = "ok"
     message: str = ""
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .analysis.watching import Look
     from .discovery.compare import Panel
     from .discovery.improve import Improved
-    from .estimation.identify import Curves
+    from .estimation.curves import Curves
     from .estimation.sweep import Swept
     from .experiments.planning import Curve
     from .machine.model import Model

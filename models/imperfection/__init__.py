@@ -1,6 +1,7 @@
 """How far machines leave the law, and what may be said of them all the same."""
 
 from .blocks import pilot
+from .draw import Drawn
 from .known import Known
 from .past import (
     FAST_MODES,
@@ -29,6 +30,7 @@ __all__ = [
     "SCATTER",
     "SLOW_MODES",
     "TYPICAL",
+    "Drawn",
     "Imperfection",
     "Known",
     "Part",

@@ -1,4 +1,6 @@
-"""Records that the prior of the discrepancy holds for likely: what a test of a design not yet made may look like."""
+"""Draws: records that the prior holds for likely, as of a test not yet made, and curves that the posterior of a run does."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,3 +43,50 @@ def draw_record(
     clean = rises[:, None] * np.concatenate([-np.expm1(-time / own_tau), np.ones((sensors, 1))], axis=1) + beside
     white = np.broadcast_to(noise, (sensors,))[:, None] * rng.standard_normal((sensors, len(time)))
     return clean[:, :-1] + white, clean[:, -1]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Of S sensors: curves (S, D, k) [degC] at the times asked for, where each leads (S, D) [degC], its rate (S, D) [1/min].
+
+    factor (S,) is what the half-widths of intervals are multiplied by, as those of the posterior itself are.
+    """
+
+    curve: Array
+    limit: Array
+    rate: Array
+    factor: Array
+
+    @staticmethod
+    def none(sensors: int, draws: int, times: int) -> "Drawn":
+        """Of nothing yet."""
+        curve, limit = np.full((sensors, draws, times), np.nan), np.full((sensors, draws), np.nan)
+        return Drawn(curve, limit, limit.copy(), np.ones(sensors))
+
+
+def conditional(
+    reading: Array, noise: Array, ones: Array, law: Array, covariance: Array, rows: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Mean (r,) and covariance (r, r) of the rows asked for, given readings (m,): the sums of ``_mixture`` for one hypothesis.
+
+    noise (m,) [K^2]; ones and law (m + k,); covariance (m + k, m + k) of the discrepancy. Start and rise have flat priors.
+    """
+    m = len(reading)
+    factor = np.linalg.cholesky(covariance[:m, :m] + np.diag(noise))
+    known = np.column_stack([reading, ones[:m], law[:m], covariance[:m, rows]])
+    white = np.linalg.solve(factor, known)
+    y, x, cross = white[:, 0], white[:, 1:3], white[:, 3:]
+    inverse = np.linalg.inv(x.T @ x)
+    beta = inverse @ (x.T @ y)
+    target = np.column_stack([ones[rows], law[rows]])
+    rest = target - cross.T @ x
+    mean = target @ beta + cross.T @ (y - x @ beta)
+    return mean, covariance[np.ix_(rows, rows)] - cross.T @ cross + rest @ inverse @ rest.T
+
+
+def normal_draws(mean: Array, covariance: Array, count: int, rng: np.random.Generator) -> Array:
+    """Draws (count, r); a covariance that rounding has made indefinite is taken without what is negative."""
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    found: Array = mean + rng.standard_normal((count, len(mean))) @ root.T
+    return found

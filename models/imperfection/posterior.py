@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..core.tails import f_tail, normal_tail
 from ..decay import LOG_TWENTY
 from .blocks import Blocks, block_means
+from .draw import Drawn, conditional, normal_draws
 from .known import Known
 from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
 from .prior import COMPONENTS, Imperfection
@@ -91,23 +92,30 @@ class Settled:
     unseen_from: Array
     hides: Array
     agrees: NDArray[np.bool_]
+    drawn: Drawn | None = None
 
 
 def settle(
-    parts: Sequence[Part], tau: float, prior: Imperfection, at: Sequence[float] | Array = (), rates: Rates = "auto"
+    parts: Sequence[Part],
+    tau: float,
+    prior: Imperfection,
+    at: Sequence[float] | Array = (),
+    rates: Rates = "auto",
+    draws: int = 0,
 ) -> Settled:
     """The posterior of S sensors of one run, their parts one after the other.
 
     tau [min] is the pilot's time constant, a guess that sets the scale of the prior; at [min] are times on the parts' own clock.
+    draws: so many curves over `at` are drawn beside.
     """
-    return _Run(parts, tau, prior, np.asarray(at, dtype=float), rates).settled()
+    return _Run(parts, tau, prior, np.asarray(at, dtype=float), rates, draws).settled()
 
 
 class _Run:
     """Everything about a run that the passes share."""
 
-    def __init__(self, parts: Sequence[Part], tau: float, prior: Imperfection, at: Array, rates: Rates) -> None:
-        self.prior, self.rates = prior, rates
+    def __init__(self, parts: Sequence[Part], tau: float, prior: Imperfection, at: Array, rates: Rates, draws: int) -> None:
+        self.prior, self.rates, self.draws = prior, rates, draws
         self.asked = [Asked(np.maximum(at - p.time[0], 0.0)) for p in parts]
         self.times = len(at)
         length = max(float(p.time[-1] - p.time[0]) for p in parts)
@@ -167,18 +175,10 @@ class _Run:
         for i, blocks in enumerate(self.blocks):
             rows = slice(self.rows[i], self.rows[i + 1])
             some = log_rate[rows]
-            rate = np.exp(some)
-            of_law = law(rate, blocks.time, blocks.spread, self.asked[i])
-            past = self.shape[i]
-            if past is not None:
-                of_law = of_law + past.beyond_law(rate, blocks.time, blocks.spread, self.asked[i])
-            of_law = np.ascontiguousarray(of_law)
             m = len(blocks.time)
-            place = np.clip((some - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
-            node = place.astype(np.intp)
-            known = self._of_room(i, node, place - node)
+            of_law, node, share, known = self._rows_of(i, some)
             reading = blocks.mean[:, None] - known[..., :m]
-            rise[rows] = law_slope(blocks, reading, of_law[..., :m]) / rate
+            rise[rows] = law_slope(blocks, reading, of_law[..., :m]) / np.exp(some)
             found = [np.ascontiguousarray(a[rows]) for a in (evidence, squares, mean, variance)]
             core.mixture(
                 np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))),
@@ -186,7 +186,7 @@ class _Run:
                 constant(blocks.time, self.asked[i]),
                 of_law,
                 node,
-                place - node,
+                share,
                 self.covariance[i],
                 self.relative,
                 self.absolute,
@@ -202,6 +202,16 @@ class _Run:
             for whole, part in zip((evidence, squares, mean, variance), found, strict=True):
                 whole[rows] = part
         return evidence, squares, mean, variance, rise
+
+    def _rows_of(self, part: int, log_rate: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
+        """Of a part's sensors at log rates (s, F): the law's rows (s, F, m + k), nodes and shares (s, F), what is known beside."""
+        blocks, asked, past, rate = self.blocks[part], self.asked[part], self.shape[part], np.exp(log_rate)
+        of_law = law(rate, blocks.time, blocks.spread, asked)
+        if past is not None:
+            of_law = of_law + past.beyond_law(rate, blocks.time, blocks.spread, asked)
+        place = np.clip((log_rate - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
+        node = place.astype(np.intp)
+        return np.ascontiguousarray(of_law), node, place - node, self._of_room(part, node, place - node)
 
     def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:
         """What logged room and known inputs do at rates between nodes (s, F, m + k) [K]; nothing where none are."""
@@ -339,6 +349,7 @@ class _Run:
         brief = np.array([COMPONENTS.index(name) for name in ("fast", "start")])
         others = np.delete(self.relative + self.absolute, brief, axis=1)
         lasting = np.concatenate([[False], others[1:].any(axis=1)])[self.kind]
+        drawn = Drawn.none(count, self.draws, self.times) if self.draws else None
         for i in range(count):
             places, hypotheses = np.nonzero(active[i])
             if not len(places):
@@ -369,7 +380,11 @@ class _Run:
             check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
             # Readings beyond what the prior holds: as elsewhere in statistics, the spread makes room for what is left.
             beyond = float(np.sqrt(max(w @ left / w.sum() / (m - 2), 1.0))) if check[i] < DOUBTED else 1.0
-            self._stretch(steady[i], t95[i], at[i], self.blocks_of(i).last * rate[i, 1], beyond)
+            factor = beyond * self._past_factor(self.blocks_of(i).last * rate[i, 1])
+            self._stretch(steady[i], t95[i], at[i], factor)
+            if drawn is not None:
+                drawn.factor[i] = factor
+                self._draw(drawn, i, log_rate, rise[i], (places, hypotheses, w))
             half = 0.5 * (steady[i, 2] - steady[i, 0])
             with np.errstate(all="ignore"):
                 near, far = ((side * half - mu[:, SLOW_AHEAD]) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
@@ -390,7 +405,38 @@ class _Run:
             unseen_from=1.0 / (max(SLOW) * rate[:, 1]),
             hides=hides,
             agrees=agrees,
+            drawn=drawn,
         )
+
+    def _draw(
+        self, into: Drawn, sensor: int, log_rate: Array, rise: Array, kept: tuple[NDArray[np.intp], NDArray[np.intp], Array]
+    ) -> None:
+        """Curves of one sensor: rates and hypotheses `kept` (places, hypotheses, weights) by weight, and what they leave open."""
+        rng = np.random.default_rng(0)
+        part = int(np.searchsorted(self.rows, sensor, "right")) - 1
+        row, blocks, asked = sensor - int(self.rows[part]), self.blocks[part], self.asked[part]
+        m = len(blocks.time)
+        of_law, node, share, known = self._rows_of(part, log_rate[self.rows[part] : self.rows[part + 1]])
+        known = np.broadcast_to(known, (*of_law.shape[:2], known.shape[-1]))[row]
+        wanted = np.concatenate([[m + LIMIT], m + FIRST_TIME + np.arange(self.times)])
+        places, hypotheses, weight = kept
+        counts = rng.multinomial(self.draws, weight / weight.sum())
+        ones, at = constant(blocks.time, asked), 0
+        for k in np.flatnonzero(counts):
+            f, h = places[k], hypotheses[k]
+            g, s = node[row, f], share[row, f]
+            parts = (1.0 - s) * self.covariance[part][g] + s * self.covariance[part][g + 1]
+            kinds = [0, int(self.kind[h])] if self.kind[h] else [0]
+            sizes = [1.0, self.scale[h]] if self.kind[h] else [self.scale[h]]
+            amounts = [z * (rise[f] ** 2 * self.relative[n] + self.absolute[n]) for z, n in zip(sizes, kinds, strict=True)]
+            whole = np.tensordot(np.sum(amounts, axis=0), parts, axes=1)
+            if len(self.doubt[part]):
+                whole = whole + rise[f] ** 2 * self.doubt[part][row]
+            given = blocks.mean[row] - known[f, :m], blocks.noise[row], ones, of_law[row, f], whole, wanted
+            some = normal_draws(*conditional(*given), int(counts[k]), rng) + known[f, wanted]
+            into.limit[sensor, at : at + len(some)], into.curve[sensor, at : at + len(some)] = some[:, 0], some[:, 1:]
+            into.rate[sensor, at : at + len(some)] = np.exp(log_rate[sensor, f])
+            at += len(some)
 
     def _settles(self, sensor: int, log_rate: Array) -> tuple[Array | float, Array | float]:
         """Time constants until 95 % are done and how fast the rest falls then, at log rates (F,)."""
@@ -402,12 +448,15 @@ class _Run:
         """The blocks of the part that a sensor is in."""
         return self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1]
 
-    def _stretch(self, steady: Array, t95: Array, at: Array, read: float, beyond: float) -> None:
-        """Multiplies the half-widths of one sensor by `beyond`, and as past runs ask for, `read` time constants into the record."""
-        factor = beyond
-        if self.prior.factors:
-            turns, factors = np.array(self.prior.factors).T
-            factor *= float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
+    def _past_factor(self, read: float) -> float:
+        """What past runs ask half-widths to be multiplied by, `read` time constants into the record."""
+        if not self.prior.factors:
+            return 1.0
+        turns, factors = np.array(self.prior.factors).T
+        return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
+
+    def _stretch(self, steady: Array, t95: Array, at: Array, factor: float) -> None:
+        """Multiplies the half-widths of one sensor by `factor`."""
         if factor != 1.0:
             for three in (steady, t95, *at):
                 three[...] = three[1] + factor * (three - three[1])

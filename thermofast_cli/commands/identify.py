@@ -7,6 +7,7 @@ import click
 from ..shell.options import (
     Finite,
     RunCommand,
+    criterion_option,
     drive_option,
     filter_options,
     imperfection_options,
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 )
 @click.option("--at", type=Finite(0, min_open=True), metavar="MIN", help="Say the temperature MIN minutes after the start too.")
 @click.option("--room", type=Finite(-100, 500), metavar="DEGC", help="Say the steady state in such a room too; needs its column.")
+@criterion_option
+@click.option("--limit", type=Finite(-100, 5000), metavar="DEGC", help="Say how far the steady state stays below a limit.")
 @imperfection_options
 @model_option
 @drive_option
@@ -53,6 +56,8 @@ def command(
     until: float | None,
     at: float | None,
     room: float | None,
+    criterion: str | None,
+    limit: float | None,
     imperfection: str,
     rates: "Rates",
     model: str | None,
@@ -82,25 +87,26 @@ def command(
 
     from ..errors import UsageError
     from ..output.files import write_table
-    from ..output.screen import interval, number, text
-    from ..pipeline.methods import choose, paces
+    from ..output.screen import interval, number, say, text
+    from ..pipeline.methods import choose, paces, stopping_rule
     from ..pipeline.sensors import from_rise, identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..results import failed
     from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
+    from ..standards.stopping import in_words
 
     method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
     if plot_trace and not save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
     check_outputs([output, trace], save_plot)
-    learnt = load_model(model)
+    learnt, rule = load_model(model), stopping_rule(criterion)
     identify_runs(
-        [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive, auto=auto
+        [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive, auto=auto, criterion=rule
     )  # wrong options are told before reading
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
         details = bool(trace) or wants_details(output, save_plot)
-        result = identify_runs(readings.runs, method, until, learnt, joint, details, how, at, room, drive, auto)
+        result = identify_runs(readings.runs, method, until, learnt, joint, details, how, at, room, drive, auto, rule, limit)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),
@@ -120,6 +126,23 @@ def command(
             (f"in {room:g} degC", number("room_steady_c")),
             ("95 % interval", interval("room_steady_lo_c", "room_steady_hi_c")),
         ]
+    if rule is not None:
+        drawn[-1:-1] = [
+            ("rule holds min", number("trip_min", 1)),
+            ("95 % interval", interval("trip_lo_min", "trip_hi_min", 1)),
+            ("on", text("trip_from")),
+            ("missing K then", number("missing_k")),
+            ("95 % interval", interval("missing_lo_k", "missing_hi_k")),
+            ("three-point degC", number("three_point_c")),
+        ]
+    if limit is not None:
+        drawn[-1:-1] = [
+            (f"below {limit:g} K", number("margin_k")),
+            ("95 % interval", interval("margin_lo_k", "margin_hi_k")),
+            ("chance above", number("over_limit_p", 3)),
+        ]
+    for sentence in in_words(result.records) if rule is not None and not quiet else ():
+        say(sentence)
     code = deliver(result, failed(IdentifyRecord, readings.unreadable, filter=filter_name), output, form, quiet, drawn)
     if trace:
         write_table(trace, "trace", TRACE_COLUMNS, result.trace_rows())

@@ -7,6 +7,7 @@ import click
 from ..shell.options import (
     Finite,
     RunCommand,
+    criterion_option,
     drive_option,
     filter_options,
     imperfection_options,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     metavar="K",
     help="Half-width of the steady state's interval to reach.",
 )
+@criterion_option
 @imperfection_options
 @model_option
 @drive_option
@@ -48,6 +50,7 @@ def command(
     windows: str,
     times: str | None,
     tolerance: float,
+    criterion: str | None,
     imperfection: str,
     rates: "Rates",
     model: str | None,
@@ -69,7 +72,7 @@ def command(
     tolerance_time_min the time from which the steady state is known to within +- the --tolerance, the machine counted.
     """
     from ..output.screen import number, text
-    from ..pipeline.methods import choose
+    from ..pipeline.methods import choose, stopping_rule
     from ..pipeline.sensors import default_times, from_rise, sweep_runs
     from ..records import SweepRecord
     from ..results import failed
@@ -80,12 +83,13 @@ def command(
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
     check_outputs([output], save_plot)
-    learnt = load_model(model)
+    learnt, rule = load_model(model), stopping_rule(criterion)
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(
         readings, readings.sensors if learnt is None and drive is None else len(readings.runs), "sensors", quiet, jobs
     ) as how:
-        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, wants_details(output, save_plot), how, drive)
+        details = wants_details(output, save_plot)
+        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, details, how, drive, rule)
     drawn = [
         ("sensor", text("channel")),
         ("window min", number("window_min", 0)),
@@ -97,6 +101,8 @@ def command(
         ("agreed", text("agreed")),
         ("status", text("status")),
     ]
+    if rule is not None:
+        drawn[-1:-1] = [("rule holds", number("trip_min", 1)), ("missing K then", number("missing_k"))]
     name = "joint_fit" if learnt or drive else filter_name
     code = deliver(result, failed(SweepRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
     draw(result, save_plot)

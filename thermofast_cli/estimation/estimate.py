@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermofast.models import Interval, Lump, PrintedLump, growth, growth_slope, interval
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
-from .contradiction import contradiction
+from .measured import contradiction
 
 Array = NDArray[np.float64]
 Model = Lump | PrintedLump

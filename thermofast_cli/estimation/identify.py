@@ -13,17 +13,19 @@ from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.filters.joint import track_together
 from thermofast.models import PrintedLump, spike_weights
 from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates
+from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.first_passage import Pace
 
 from ..records import IdentifyRecord
+from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, trace_columns, track_of, tracks_of
-from .contradiction import contradicts, outside_band
-from .estimate import Estimate, Estimates, FilterError, Model, remaining
+from .curves import Curves, curves_of
+from .estimate import Estimates, FilterError, Model, remaining
 from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, room_at, said_of_slow, times_asked
-from .measured import measured_equilibria
+from .measured import contradicts, measured_equilibria, outside_band
 from .rules import RULES
-from .sensor import Sensor, Sensors, prepare_all, refusal
-from .verdicts import claimed_verdicts, law_verdicts, marks, with_claims
+from .sensor import Sensors, prepare_all, refusal
+from .verdicts import claimed_verdicts, law_verdicts, with_claims
 
 Array = NDArray[np.float64]
 
@@ -58,25 +60,6 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Curves:
-    """What a picture of one sensor shows; arrays over time [min], temperatures degC."""
-
-    run: str
-    channel: str
-    time: Array
-    reading: Array
-    model_time: Array
-    model: Array
-    band_low: Array
-    band_high: Array
-    until: float
-    note: str
-    steady_state: float | None
-    t95: float | None
-    trace: dict[str, Array]
-
-
-@dataclass(frozen=True)
 class Identified:
     """What a worker hands back for one sensor; trace and curves only where they are asked for."""
 
@@ -99,12 +82,13 @@ def identify_sensors(
     at_min: float | None = None,
     room: Array | None = None,
     room_c: float | None = None,
+    criterion: Criterion | None = None,
 ) -> list[Identified]:
     """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
 
     Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
     at_min: when a temperature is asked for [min after the start]; room (N,) [degC]: the surroundings where they are logged.
-    room_c [degC]: a room for which the steady state is asked for too.
+    room_c [degC]: a room for which the steady state is asked for too; criterion: a stopping rule.
 
     Raises
     ------
@@ -129,7 +113,7 @@ def identify_sensors(
             blocks.append(block if keep.all() else block.some(keep))
     shared = _tracks_together(method, blocks, until_min) if together else {}
     jobs = [
-        _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c)
+        _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c, criterion)
         for b in blocks
     ]
     opened = [job.opened(shared) for job in jobs]
@@ -198,7 +182,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     last = end if first.until_min is None else min(first.until_min, end)
     times = times_asked(last, end, at_min, drawn, bool(method.past and method.past.rises))
     given = method.imperfection, method.rates
-    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past)
+    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past, first.criterion)
     for i, one in zip(live, found_all, strict=True):
         claimed[i] = one
     return claimed
@@ -221,6 +205,7 @@ class _Block:
     at_min: float | None
     room: Array | None
     room_c: float | None
+    criterion: Criterion | None
 
     @property
     def count(self) -> int:
@@ -334,6 +319,9 @@ class _Block:
             **self._at(claimed, found),
             **self._in_room(found),
         }
+        tripped = self._trips(found, claimed)
+        if tripped is not None and self.criterion is not None:
+            numbers |= columns_of(tripped)
         columns = [_or_none(column) for column in numbers.values()]
         until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
         records: list[IdentifyRecord] = []
@@ -343,6 +331,9 @@ class _Block:
                 continue
             message = _joined([*messages.get(i, ()), *sensors.notes[i], self.notes[row]])
             told: dict[str, Any] = dict(zip(numbers, values, strict=True))
+            if tripped is not None and self.criterion is not None:
+                told["criterion"] = self.criterion.text
+                told["trip_from"] = "" if told["trip_min"] is None else "readings" if tripped.seen[i] else "prediction"
             if claimed is not None:
                 told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
                 told["rate_shared_with"] = claimed.shared_with[i]
@@ -386,6 +377,14 @@ class _Block:
         middle = found.steady_state + moved
         return dict(zip(names, (np.full_like(none, self.room_c), middle, middle - low, middle + high), strict=True))
 
+    def _trips(self, found: Estimates, claimed: Claims | None) -> Trips | None:
+        """When the stopping rule asked for holds: on the readings used, else foretold."""
+        if self.criterion is None:
+            return None
+        n, steady = self.count, np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
+        foretold = (claimed.trips, claimed.missing) if claimed is not None else None
+        return trips_of(self.criterion, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold)
+
     def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
         """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""
         sensors, n = self.sensors, self.count
@@ -424,48 +423,12 @@ class _Block:
     ) -> Identified:
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
-        return Identified(record, trace, _curves(record, sensor, found.one(i), trace, n, self.until_min, claimed, i))
+        return Identified(record, trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i))
 
 
 def _or_none(column: Array) -> list[float | None]:
     """Numbers, None for what is none."""
     return [v if math.isfinite(v) else None for v in column.tolist()]
-
-
-def _curves(
-    record: IdentifyRecord,
-    sensor: Sensor,
-    estimate: Estimate,
-    trace: dict[str, Array] | None,
-    count: int,
-    until_min: float | None,
-    claimed: Claims | None = None,
-    row: int = 0,
-) -> Curves:
-    end = float(sensor.time[-1])
-    if count == len(sensor.time) and estimate.t95 is not None:
-        end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
-    grid = np.linspace(float(sensor.time[0]), end, 300)
-    curve = estimate.free_run(grid)
-    if claimed is not None and claimed.held[row]:
-        low, curve, high = (side[row] for side in claimed.curves(grid, drawn=True))
-    else:
-        low, high = estimate.band(grid)
-    until = float(sensor.time[count - 1]) if until_min is None else until_min
-    start = record.start_min or 0.0
-    return Curves(
-        record.run,
-        record.channel,
-        sensor.time,
-        sensor.reading,
-        grid,
-        curve,
-        low,
-        high,
-        until,
-        *marks(record, start),
-        trace or {},
-    )
 
 
 def _joined(messages: list[Any]) -> str:

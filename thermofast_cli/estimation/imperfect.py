@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from thermofast.models import spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
+from thermofast.models.standards import Criterion
 
+from ..standards.stopping import DRAWS, asked_ahead, foretold_trips
 from .estimate import Estimates
 from .rules import RULES
 from .sensor import Sensors
@@ -48,7 +50,8 @@ class Claims:
     """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names.
 
     known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
-    rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing.
+    rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
+    when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
     """
 
     steady: Array
@@ -67,6 +70,8 @@ class Claims:
     known: NDArray[np.bool_]
     let_go: NDArray[np.bool_]
     other_rise: NDArray[np.bool_]
+    trips: Array
+    missing: Array
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -100,10 +105,12 @@ def claims(
     rates: Rates,
     name: Callable[[int], str],
     past: Past | None = None,
+    criterion: Criterion | None = None,
 ) -> list[Claims]:
     """Of all blocks of a task, by groups of its run's columns; temperatures as :func:`times_asked`; `name` names a column.
 
-    past: what complete runs of this machine say of its sensors, by name; let go where the readings contradict it.
+    past: what complete runs of this machine say of its sensors, by name; let go where the readings contradict it. criterion: a
+    stopping rule, to be foretold too.
     """
     empty = [_empty(c, *asked, prior) for c in closed]
     together = GROUP if rates != "own" else 1  # its own word only: a sensor says the same alone
@@ -113,9 +120,19 @@ def claims(
         if past is not None:
             for c, mine, one in zip(closed, members, empty, strict=True):
                 one.known[:] |= mine & np.array([name(int(r)) in past.shapes for r in c.sensors.rows], dtype=bool)
-            _claim(closed, [m & e.known for m, e in zip(members, empty, strict=True)], empty, past.prior(prior), rates, name, past)
+            _claim(
+                closed,
+                [m & e.known for m, e in zip(members, empty, strict=True)],
+                empty,
+                past.prior(prior),
+                rates,
+                name,
+                past,
+                criterion,
+            )
             _let_go(closed, members, empty, prior, rates, name)
-        _claim(closed, [m & ~e.known for m, e in zip(members, empty, strict=True)], empty, prior, rates, name)
+        alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
+        _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
 
 
@@ -148,6 +165,7 @@ def _claim(
     rates: Rates,
     name: Callable[[int], str],
     past: Past | None = None,
+    criterion: Criterion | None = None,
 ) -> None:
     """What the members (S,) of each block, taken together, may claim."""
     some = [(i, np.flatnonzero(mine)) for i, mine in enumerate(members) if mine.any()]
@@ -164,11 +182,28 @@ def _claim(
         tau = float(np.exp(-np.median([past.shapes[n].log_rate for n in names])))
         parts = [replace(part, known=past.known(block)) for part, block in zip(parts, of_block, strict=True)]
     found = settle(parts, tau, prior, into[0].times, rates)
+    trips = _trips(criterion, parts, tau, prior, rates, found)
     at = 0
     for (i, rows), strange in zip(some, other, strict=True):
         _put(into[i], rows, found, slice(at, at + len(rows)), names)
+        into[i].trips[rows], into[i].missing[rows] = (three[at : at + len(rows)] for three in trips)
         into[i].other_rise[rows] = strange
         at += len(rows)
+
+
+def _trips(
+    criterion: Criterion | None, parts: Sequence[Part], tau: float, prior: Imperfection, rates: Rates, found: Settled
+) -> tuple[Array, Array]:
+    """When a rule holds that does not yet, and what is missing then, (S, 3) each; nan where none is asked for."""
+    if criterion is None:
+        return np.full((len(found.steady), 3), np.nan), np.full((len(found.steady), 3), np.nan)
+    time = max((part.time for part in parts), key=lambda t: float(t[-1]))
+    level = np.concatenate([np.median(part.reading[:, -5:], axis=1) for part in parts])
+    at = asked_ahead(criterion, time, level, found.steady, found.rate)
+    drawn = settle(parts, tau, prior, at, rates, DRAWS).drawn
+    assert drawn is not None
+    trips, missing = foretold_trips(criterion, drawn, at, float(time[-1]))
+    return trips, missing
 
 
 def times_asked(
@@ -253,7 +288,7 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
 def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
     count = len(closed.sensors)
     numbers = {n: np.full(count, np.nan) for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides")}
-    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate")}
+    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing")}
     return Claims(
         **numbers,
         **threes,

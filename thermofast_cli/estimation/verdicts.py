@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from thermofast.filters import Tracks
 
 from ..records import IdentifyRecord
-from .contradiction import words
 from .estimate import Estimate, Estimates
 from .imperfect import Claims
+from .measured import words
 from .rules import RULES
 from .sensor import Sensor, Sensors
 

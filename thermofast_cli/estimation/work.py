@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models.standards import Criterion
+
 from ..records import IdentifyRecord, SweepRecord
 from .identify import Identified, Method, identify_sensors
 from .sweep import Swept, sweep_sensors
@@ -42,6 +44,7 @@ class IdentifyTask(Task):
     together: bool = False
     at_min: float | None = None
     room_c: float | None = None
+    criterion: Criterion | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ def identify_task(task: IdentifyTask) -> list[Identified]:
         task.at_min,
         task.room,
         task.room_c,
+        task.criterion,
     )
 
 

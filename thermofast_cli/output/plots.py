@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UsageError
-from ..estimation.identify import Curves
+from ..estimation.curves import Curves
 from ..estimation.sweep import Swept
 from .files import check_target, write_whole
 

@@ -19,6 +19,8 @@ TRIPLES = (
     ("time_to_go_min", "time_to_go_lo_min", "time_to_go_hi_min"),
     ("at_c", "at_lo_c", "at_hi_c"),
     ("room_steady_c", "room_steady_lo_c", "room_steady_hi_c"),
+    ("trip_min", "trip_lo_min", "trip_hi_min"),
+    ("missing_k", "missing_lo_k", "missing_hi_k"),
 )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from thermofast.filters import PRINTED, Filter
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import TYPICAL, Imperfection, Rates
+from thermofast.models.standards import Criterion, criterion_from
 from thermofast.models.uncertainty.first_passage import Pace
 
 from ..errors import UsageError, listed, nearest
@@ -117,3 +118,18 @@ def minutes_of(values: Iterable[float], name: str) -> tuple[float, ...]:
     if not found or not all(0.0 < v < 1e7 for v in found):
         raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero")
     return found
+
+
+def stopping_rule(text: Criterion | str | None) -> Criterion | None:
+    """A stopping rule as ``--criterion`` takes it.
+
+    Raises
+    ------
+    UsageError: no rule, and no preset.
+    """
+    if not isinstance(text, str):
+        return text
+    try:
+        return criterion_from(text)
+    except ValueError as error:
+        raise UsageError("--criterion: no stopping rule", found=repr(text), allowed=str(error)) from None

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from thermofast.filters import Afukf
+from thermofast.models.standards import Criterion
 
 from ..engine import Started, Work, over_runs, over_sensors, share_out
 from ..errors import UsageError
@@ -15,6 +16,7 @@ from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_t
 from ..reading import Run
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
+from ..standards.stopping import with_last, with_limit, with_trip
 
 if TYPE_CHECKING:
     from ..machine.model import Model
@@ -49,10 +51,13 @@ def identify_runs(
     room_c: float | None = None,
     drive: str | None = None,
     auto: bool = False,
+    criterion: Criterion | None = None,
+    limit_c: float | None = None,
 ) -> Identification:
     """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time,
     room_c [degC] the steady state in that room. drive: a logged column that the heat follows. auto: what the
-    readings used show to be missing is looked for and added first.
+    readings used show to be missing is looked for and added first. criterion: a stopping rule, when it holds; limit_c [degC]: a
+    limit, how far the steady state is below it.
 
     Raises
     ------
@@ -73,6 +78,12 @@ def identify_runs(
             "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
             found=f"--filter {method.filter.name}" if method.filter.closing == "never" else "--imperfection none --rates own",
             do="use --filter afukf, or leave them out",
+        )
+    if criterion is not None and not method.widens:
+        raise UsageError(
+            "--criterion is foretold by the closing estimate that counts the machine, which is not made here",
+            found=f"--filter {method.filter.name}" if method.filter.closing == "never" else "--imperfection none --rates own",
+            do="use --filter afukf, or leave it out",
         )
     for run, _ in started:
         check_until(run, until_min)
@@ -106,7 +117,9 @@ def identify_runs(
                 _and(known.notes if c in mine else (_other(c, known),), note) for c, note in zip(part, notes, strict=True)
             )
             room = None if known.uses_room else room
-        return IdentifyTask(name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c)
+        return IdentifyTask(
+            name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c, criterion
+        )
 
     weight = 100.0 if joint else 10.0 if method.widens else 1.0
     sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
@@ -116,7 +129,9 @@ def identify_runs(
 
         added = [(run, start) for run, start in able if told[run.name].found]
         silent = replace(how, advance=lambda _steps: None)
-        plain = identify_runs(added, method, until_min, joint=joint, how=silent, at_min=at_min, room_c=room_c, drive=drive)
+        plain = identify_runs(
+            added, method, until_min, joint=joint, how=silent, at_min=at_min, room_c=room_c, drive=drive, criterion=criterion
+        )
         interrupted = plain.interrupted
         without = {(r.run, r.channel): r for r in plain}
         found_all = [
@@ -128,8 +143,9 @@ def identify_runs(
     for one in failed:
         record = IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed)
         found_all.append(Identified(record))
+    records = [one.record if limit_c is None else with_limit(one.record, limit_c) for one in found_all]
     return Identification(
-        tuple(one.record for one in found_all),
+        tuple(with_last(records) if criterion is not None else records),
         tuple(run for run, _ in started),
         interrupted,
         tuple(one.curves for one in found_all if one.curves is not None),
@@ -159,10 +175,11 @@ def sweep_runs(
     details: bool = False,
     how: Work | None = None,
     drive: str | None = None,
+    criterion: Criterion | None = None,
 ) -> Sweeping:
     """The shortest identification time that serves; windows and times [min] ascending.
 
-    drive: a logged column that the heat follows.
+    drive: a logged column that the heat follows; criterion: a stopping rule, when it holds on the whole record.
 
     Raises
     ------
@@ -204,8 +221,11 @@ def sweep_runs(
             started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1
         )
         swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how)
-    records = tuple(record for one in swept for record in one.records)
-    return Sweeping(records, tuple(run for run, _ in started), interrupted, tuple(swept) if details else ())
+    records = [record for one in swept for record in one.records]
+    if criterion is not None:
+        of = {run.name: (run, start) for run, start in started}
+        records = [with_trip(r, criterion, *of[r.run]) for r in records]
+    return Sweeping(tuple(records), tuple(run for run, _ in started), interrupted, tuple(swept) if details else ())
 
 
 def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:

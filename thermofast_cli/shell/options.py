@@ -167,6 +167,12 @@ reading_options = _together(
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
+criterion_option = click.option(
+    "--criterion",
+    metavar="RULE",
+    help="A test standard's stopping rule, as '2K/h, 2x30min', '1K/h + 3h' or iec60034-1: when it holds, what is missing then.",
+)
+
 drive_option = click.option(
     "--drive", metavar="COLUMN", help="A logged column (power, duty) that the heat follows; one in W tells compare J/K and K/W."
 )

@@ -15,6 +15,16 @@ def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _settles(rows: list[dict[str, Any]]) -> list[str]:
+    told = _highest_and_last(rows)
+    if any(r["criterion"] for r in rows):
+        from ...records import IdentifyRecord
+        from ...standards.stopping import in_words
+
+        told += [f"{sentence}." for sentence in in_words([IdentifyRecord(**row) for row in rows])]
+    return told
+
+
+def _highest_and_last(rows: list[dict[str, Any]]) -> list[str]:
     known = [r for r in rows if r["steady_state_c"] is not None]
     told = []
     if known:

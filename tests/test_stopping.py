@@ -1,0 +1,203 @@
+"""Stopping rules of test standards: what they say of a curve, of readings, and of readings that have not got there yet."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulator import lump
+
+import thermofast as tf
+from benchmarks.criterion import trial
+from thermofast.models import third_difference_noise
+from thermofast.models.imperfection import TYPICAL, Part, pilot, settle
+from thermofast.models.standards import PRESETS, criterion_from, three_point
+
+SPINDLE = ROOT / "sample_runs" / "spindle.csv"
+TAU, RISE = 65.0, 9.0
+
+
+def by_hand(rule, tau, rise):
+    """Trip and kelvin missing on one exponential from its closed form; the oldest window is the last to keep to the rule."""
+    grown = math.expm1(rule.window_min / tau)
+    tail = (rule.windows - 1) * rule.window_min + rule.hold_min
+    first = max(tau * math.log(rise * grown / rule.change_k), rule.window_min)
+    return first + tail, rise * math.exp(-(first + tail) / tau)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_each_preset_trips_where_the_closed_form_says(name):
+    rule = criterion_from(name)
+    time = rule.times(0.0, 1500.0)
+    curve = 20.0 - RISE * np.exp(-time / TAU)
+    trip = float(rule.trips(time, curve[None])[0])
+    assert trip == pytest.approx(by_hand(rule, TAU, RISE)[0], abs=rule.window_min / 500.0)
+
+
+def test_the_rules_of_the_issue_on_the_noiseless_law_of_the_spindle():
+    # Sensor 5: 26.68 degC from 17.9 at 0.01536 / min.
+    for name, tau, rise, at, missing in (("iec60034-1", 56.1, 10.5, 142.0, 0.83), ("iec62368-1", 56.1, 10.5, 50.9, 4.24)):
+        rule = criterion_from(name)
+        time = rule.times(0.0, 400.0)
+        curve = 28.4 - rise * np.exp(-time / tau)
+        trip = float(rule.trips(time, curve[None])[0])
+        assert trip == pytest.approx(at, abs=1.0)
+        assert rise * math.exp(-trip / tau) == pytest.approx(missing, abs=0.03)
+
+
+@given(st.floats(20.0, 200.0), st.floats(3.0, 40.0), st.sampled_from([-1.0, 1.0]), st.integers(0, 1000))
+@settings(max_examples=40, deadline=None)
+def test_readings_trip_when_their_curve_does(tau, rise, sign, seed):
+    rule = criterion_from("2K/h, 2x30min")
+    time = np.arange(0.0, 12.0 * tau, tau / 60.0)
+    clean = 20.0 + sign * rise * -np.expm1(-time / tau)
+    reading = clean + 0.005 * np.random.default_rng(seed).standard_normal(len(time))
+    there = by_hand(rule, tau, rise)[0]
+    assert rule.observed(time, reading, 0.0) == pytest.approx(there, abs=0.03 * there + 0.1)
+    # Half a window earlier it cannot be known.
+    cut = time < there - 0.5 * rule.window_min
+    assert rule.observed(time[cut], reading[cut], 0.0) == math.inf
+
+
+def test_a_rule_that_is_broken_again_counts_from_when_it_holds_for_as_long_as_it_says():
+    rule = criterion_from("1K/h + 3h")
+    time = rule.times(0.0, 1200.0)
+    curve = np.where(time < 300.0, 0.0, 5.0)  # a step at five hours: the rule held from the first hour on, for four
+    assert rule.trips(time, curve[None])[0] == pytest.approx(240.0)
+    early = np.where(time < 200.0, 0.0, 5.0)
+    assert rule.trips(time, early[None])[0] == pytest.approx(200.0 + 60.0 + 180.0, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("2K/h, 2x30min", (1.0, 30.0, 2, 0.0)),
+        ("2 K per h , 2 x 30 min", (1.0, 30.0, 2, 0.0)),
+        ("1K/h + 3h", (1.0, 60.0, 1, 180.0)),
+        ("1K/3h", (1.0, 180.0, 1, 0.0)),
+        ("0.5K/30min, 3x10min + 1h", (0.5 / 3.0, 10.0, 3, 60.0)),
+        ("IEC 62368-1", (3.0, 30.0, 1, 0.0)),
+    ],
+)
+def test_rules_are_read_as_they_are_written(text, rule):
+    found = criterion_from(text)
+    assert (found.change_k, found.window_min, found.windows, found.hold_min) == pytest.approx(rule)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "2K", "K/h", "2K/h 2x", "-2K/h", "0K/h", "2K/0h", "2K/h, 0x30min", "2K/h, 2x0min", "iec1", "2K/min + 100h"]
+)
+def test_what_is_no_rule_is_refused_with_what_is_understood(tool, text):
+    with pytest.raises(ValueError, match=r"."):
+        criterion_from(text)
+    done = tool("identify", SPINDLE, f"--criterion={text}", "-q")
+    assert done.code == 2
+    assert "--criterion: no stopping rule" in done.err
+
+
+def test_three_points_of_one_exponential_lead_to_its_end():
+    at = np.array([0.0, 30.0, 60.0])
+    assert three_point(*(26.7 - 8.8 * np.exp(-0.0154 * at))) == pytest.approx(26.7, abs=1e-9)
+    assert np.isnan(three_point(*np.array([1.0, 2.0, 3.0])))
+    assert np.isnan(three_point(*np.array([1.0, 2.0, 4.0])))
+    assert np.isnan(three_point(*np.array([2.0, 2.0, 2.0])))
+    rng = np.random.default_rng(0)
+    noisy = (26.7 - 8.8 * np.exp(-0.0154 * at))[:, None] + 0.02 * rng.standard_normal((3, 4000))
+    assert np.std(three_point(*noisy)) == pytest.approx(0.24, abs=0.03)
+
+
+def test_draws_have_the_quantiles_that_the_posterior_tells():
+    run = tf.read(SPINDLE, channels=["T1", "T5"])
+    used = run.time_s <= 3600.0
+    time, reading = run.time_s[used] / 60.0, np.array(list(run.channels.values()))[:, used]
+    part = Part(time, reading, np.array([third_difference_noise(y, time) for y in reading]), np.full(2, 0.01))
+    at = np.array([30.0, 60.0, 90.0, 200.0])
+    told = settle([part], float(np.median(pilot(time, reading))), TYPICAL, at, draws=4000)
+    plain = settle([part], float(np.median(pilot(time, reading))), TYPICAL, at)
+    assert np.array_equal(told.steady, plain.steady)
+    for i in range(2):
+        for told_at, draws in [(told.steady[i], told.drawn.limit[i]), *zip(told.at[i], told.drawn.curve[i].T, strict=True)]:
+            width = told_at[2] - told_at[0]
+            assert np.quantile(draws, [0.025, 0.5, 0.975]) == pytest.approx(told_at, abs=0.12 * width)
+
+
+def test_identify_foretells_the_trip_that_the_rest_of_the_record_shows(tool):
+    rule = "2K/h, 2x30min"
+    ahead = tf.identify(tf.read(SPINDLE), until=60.0, criterion=rule)
+    whole = tf.identify(tf.read(SPINDLE), criterion="iec60034-1")
+    for foretold, seen in zip(ahead, whole, strict=True):
+        assert (foretold.trip_from, seen.trip_from) == ("prediction", "readings")
+        assert foretold.criterion == seen.criterion == rule
+        assert seen.trip_lo_min is None
+        assert foretold.trip_lo_min <= seen.trip_min <= foretold.trip_hi_min
+        assert foretold.trip_min == pytest.approx(seen.trip_min, rel=0.04)
+        assert foretold.missing_lo_k <= seen.missing_k <= foretold.missing_hi_k
+    assert [r.channel for r in whole if r.trip_last] == ["T8"]
+    assert [r.channel for r in ahead if r.trip_last] == ["T8"]
+    done = tool("identify", SPINDLE, "--until", "60", "--criterion", rule, "--channels", "T5,T8", "--format", "table")
+    assert "2K/h, 2x30min will hold after 143 min" in done.err
+    assert "on T8 last; 0.8" in done.err
+    assert "rule holds min" in done.out
+
+
+def test_a_limit_has_a_margin_a_chance_and_a_room(tool):
+    def told(*more):
+        done = tool("identify", SPINDLE, "--until", "60", "--channels", "T8", "--limit", *more, "--format", "json", "-q")
+        assert done.code == 0, done.err
+        return json.loads(done.out)["records"][0]
+
+    near = told("28.4")
+    assert near["margin_k"] == pytest.approx(28.4 - near["steady_state_c"])
+    assert (near["margin_lo_k"], near["margin_hi_k"]) == pytest.approx(
+        (28.4 - near["steady_state_hi_c"], 28.4 - near["steady_state_lo_c"])
+    )
+    assert 0.2 < near["over_limit_p"] < 0.8
+    at_side = told(str(near["steady_state_hi_c"]))
+    assert at_side["over_limit_p"] == pytest.approx(0.025, abs=1e-5)
+    warm = told("50", "--room", "40")
+    assert warm["margin_k"] == pytest.approx(50.0 - warm["room_steady_c"])
+    assert told("60")["over_limit_p"] < 1e-6
+
+
+def test_a_slow_rule_that_nothing_keeps_to_yet_is_foretold_with_an_open_side_or_far_ahead():
+    time = np.arange(0.0, 61.0)
+    record = {"time_min": time, "T1": 20.0 + 0.2 * time + 0.01 * np.random.default_rng(3).standard_normal(61)}
+    told = tf.identify(record, criterion="1K/3h")[0]
+    assert told.trip_from in ("", "prediction")
+    assert told.trip_min is None or told.trip_min > 180.0
+    assert told.trip_hi_min is None or told.trip_hi_min > 400.0
+
+
+def test_sweep_shows_the_rule_beside_its_own_times():
+    told = tf.sweep(tf.read(SPINDLE, channels=["T5"]), criterion="iec60034-1")
+    seen = tf.identify(tf.read(SPINDLE, channels=["T5"]), criterion="iec60034-1")[0]
+    assert {r.trip_min for r in told} == {seen.trip_min}
+    assert told[0].missing_k == pytest.approx(seen.missing_k, abs=0.05)
+
+
+def test_the_page_says_when_the_rule_holds(tmp_path):
+    tf.identify(tf.read(SPINDLE, channels=["T5", "T8"]), until=60.0, criterion="iec60034-1").save(tmp_path / "p.html")
+    assert "2K/h, 2x30min will hold after 143 min" in (tmp_path / "p.html").read_text(encoding="utf-8")
+
+
+def test_foretold_trips_on_lumps_of_another_simulator():
+    rule = criterion_from("2K/h, 2x30min")
+    found = np.array([row for seed in range(61_000, 61_030) for row in trial("lump", rule, 1.0 / 3.0, seed)])
+    assert len(found) > 15
+    assert (np.abs(found[:, 0]) <= 0.1).mean() >= 0.95
+    assert (np.abs(found[:, 1]) <= 0.1).mean() >= 0.95
+    assert found[:, 2:4].mean() > 0.95
+
+
+def test_starts_late_and_gaps_do_not_move_the_trip():
+    time = np.arange(0.0, 500.0)
+    rng = np.random.default_rng(5)
+    reading = np.concatenate([np.full(50, 20.0), lump(time[50:] - 50.0, 1.0 / TAU, RISE, 20.0, 20.0)]) + 0.01 * rng.standard_normal(
+        500
+    )
+    kept = (time < 150.0) | (time > 158.0)
+    told = tf.identify({"time_min": time[kept], "T1": reading[kept]}, criterion="iec60034-1")[0]
+    assert told.start_min + told.trip_min == pytest.approx(50.0 + by_hand(criterion_from("iec60034-1"), TAU, RISE)[0], abs=1.0)

@@ -1,0 +1,73 @@
+"""What a picture of an identified sensor shows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import IdentifyRecord
+from .estimate import Estimate
+from .imperfect import Claims
+from .sensor import Sensor
+from .verdicts import marks
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curves:
+    """What a picture of one sensor shows; arrays over time [min], temperatures degC."""
+
+    run: str
+    channel: str
+    time: Array
+    reading: Array
+    model_time: Array
+    model: Array
+    band_low: Array
+    band_high: Array
+    until: float
+    note: str
+    steady_state: float | None
+    t95: float | None
+    trace: dict[str, Array]
+
+
+def curves_of(
+    record: IdentifyRecord,
+    sensor: Sensor,
+    estimate: Estimate,
+    trace: dict[str, Array] | None,
+    count: int,
+    until_min: float | None,
+    claimed: Claims | None = None,
+    row: int = 0,
+) -> Curves:
+    """The measured readings, and the model with its band over them, or on until it has settled where all of them were used.
+
+    count: readings used; claimed, row: what may be claimed of the sensor, where the machine is counted.
+    """
+    end = float(sensor.time[-1])
+    if count == len(sensor.time) and estimate.t95 is not None:
+        end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
+    grid = np.linspace(float(sensor.time[0]), end, 300)
+    curve = estimate.free_run(grid)
+    if claimed is not None and claimed.held[row]:
+        low, curve, high = (side[row] for side in claimed.curves(grid, drawn=True))
+    else:
+        low, high = estimate.band(grid)
+    until = float(sensor.time[count - 1]) if until_min is None else until_min
+    start = record.start_min or 0.0
+    return Curves(
+        record.run,
+        record.channel,
+        sensor.time,
+        sensor.reading,
+        grid,
+        curve,
+        low,
+        high,
+        until,
+        *marks(record, start),
+        trace or {},
+    )

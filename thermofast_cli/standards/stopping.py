@@ -1,0 +1,203 @@
+"""When a stopping rule of a test standard holds, on the readings or foretold; what is missing then, and how far a limit is."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models.imperfection import Drawn
+from thermofast.models.standards import Criterion, three_point
+
+from ..estimation.measured import measured_equilibrium
+from ..reading import Run
+from ..records import IdentifyRecord, SweepRecord
+
+Array = NDArray[np.float64]
+
+#: Curves drawn of each sensor, and points in time at which they are drawn: over what the rule looks back on, and ahead.
+DRAWS, BACK, AHEAD = 600, 12, 36
+#: Points in time at which the rule is looked at on drawn curves, at most, and per window, at least.
+MOST_POINTS, FEWEST_POINTS = 3000, 6
+#: How far ahead is looked at most, in lengths of the record used.
+FARTHEST = 30.0
+SIDES = (0.025, 0.5, 0.975)
+
+
+@dataclass(frozen=True)
+class Trips:
+    """Of S sensors: when a rule trips, time (S, 3) [min after the start of the rise], and what is missing then (S, 3) [K].
+
+    Three numbers are the 2.5, 50 and 97.5 % quantiles; of what was seen only the middle one is there.
+
+    seen (S,): it did so on the readings used. reckoned (S,) [degC]: the three-point extrapolation of them.
+    """
+
+    time: Array
+    missing: Array
+    seen: NDArray[np.bool_]
+    reckoned: Array
+
+
+def trips_of(
+    criterion: Criterion, time: Array, reading: Array, steady: Array, start: float, foretold: tuple[Array, Array] | None
+) -> Trips:
+    """What readings (S, n) [degC] at time (n,) [min] show of a rule, and where they do not yet, what is foretold, as in claims.
+
+    steady (S, 3) [degC] is where the sensors settle, start [min] when the rise begins.
+    """
+    seen, there = seen_trips(criterion, time, reading)
+    none = np.full((len(reading), 3), np.nan)
+    trips, missing = (none, none.copy()) if foretold is None else (foretold[0] - start, foretold[1].copy())
+    shown = np.isfinite(seen)
+    trips[shown] = np.nan
+    trips[shown, 1] = seen[shown] - start
+    missing[shown] = (steady - there[:, None])[shown]
+    return Trips(trips, missing, shown, reckoned_from_three(time, reading))
+
+
+def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array, Array]:
+    """When (S,) [min] readings (S, n) [degC] at time (n,) [min] have kept to the rule, inf where not yet; the temperature then."""
+    trips = np.array([criterion.observed(time, line, float(time[0])) for line in reading])
+    wide = 0.05 * criterion.window_min
+    there = np.full(len(reading), np.nan)
+    for i in np.flatnonzero(np.isfinite(trips)):
+        near = np.abs(time - trips[i]) <= wide
+        there[i] = reading[i, near].mean() if near.sum() >= 2 else np.interp(trips[i], time, reading[i])
+    return trips, there
+
+
+def reckoned_from_three(time: Array, reading: Array) -> Array:
+    """Three-point extrapolation (S,) [degC] of the first, the middle and the last reading (S, n) at time (n,) [min]."""
+    at = time[0] + (time[-1] - time[0]) * np.array([0.0, 0.5, 1.0])
+    points = np.array([np.interp(at, time, line) for line in reading])
+    return three_point(*points.T)
+
+
+def asked_ahead(criterion: Criterion, time: Array, level: Array, steady: Array, rate: Array) -> Array:
+    """Times (k,) [min] at which curves are drawn: what the rule looks back on, and until it must have tripped on all sensors.
+
+    time (n,) [min] of the readings used, level (S,) [degC] at their end; steady (S, 3), rate (S, 3) as foretold.
+    """
+    last, span = float(time[-1]), float(time[-1] - time[0])
+    back = max(float(time[0]), last - criterion.length_min)
+    with np.errstate(all="ignore"):
+        slow = np.where(rate[:, 0] > 0.0, rate[:, 0], np.nan)
+        grown = np.expm1(np.minimum(slow * criterion.window_min, 50.0))
+        to_go = np.maximum(np.abs(steady[:, 0] - level), np.abs(steady[:, 2] - level))
+        wait = np.log(np.maximum(to_go * grown / criterion.change_k, 1.0)) / slow
+    far = criterion.length_min + float(np.nanmax(np.nan_to_num(wait, nan=0.0, posinf=FARTHEST * span), initial=0.0))
+    end = last + min(1.2 * far, max(FARTHEST * span, 2.0 * criterion.length_min))
+    ahead = last + (end - last) * np.linspace(0.0, 1.0, AHEAD) ** 2
+    return np.unique(np.concatenate([np.linspace(back, last, BACK), ahead]))
+
+
+def foretold_trips(criterion: Criterion, drawn: Drawn, at: Array, last: float) -> tuple[Array, Array]:
+    """(times [min], kelvin missing), (S, 3) each, of a rule that has not tripped until the `last` reading; inf where it may never.
+
+    at (k,) [min] are the times of the curves drawn, from what the rule looks back on.
+    """
+    length = float(at[-1] - at[0])
+    points = int(np.clip(MOST_POINTS * criterion.window_min / max(length, 1e-9), FEWEST_POINTS, 60))
+    dense = criterion.times(float(at[0]), float(at[-1]), points)
+    time, missing = (np.full((len(drawn.limit), 3), np.nan) for _ in range(2))
+    for i, (curves, limits, rates) in enumerate(zip(drawn.curve, drawn.limit, drawn.rate, strict=True)):
+        if not np.isfinite(limits).all():
+            continue
+        # One exponential is straight over 1 - exp(-rate t).
+        there = -np.expm1(-np.outer(rates, dense - at[0]))
+        asked = -np.expm1(-np.outer(rates, at - at[0]))
+        lines = np.array([np.interp(*line) for line in zip(there, asked, curves, strict=True)])
+        trips = np.maximum(criterion.trips(dense, lines, points), last)
+        some = np.isfinite(trips)
+        place = np.clip((trips[some] - dense[0]) / (dense[1] - dense[0]), 0.0, len(dense) - 1.000001)
+        below = place.astype(np.intp)
+        rows = np.flatnonzero(some)
+        left, right = lines[rows, below], lines[rows, below + 1]
+        time[i] = np.quantile(trips, SIDES, method="inverted_cdf")
+        if some.mean() > SIDES[1]:
+            missing[i] = np.quantile(limits[some] - (left + (place - below) * (right - left)), SIDES)
+        for three in (time[i], missing[i]):
+            with np.errstate(invalid="ignore"):
+                three[:] = np.where(np.isfinite(three), three[1] + drawn.factor[i] * (three - three[1]), three)
+        time[i, 0] = max(time[i, 0], last)
+    return time, missing
+
+
+def columns_of(trips: Trips) -> dict[str, Array]:
+    """Columns (S,) of records; nan for none."""
+    names = ("trip_min", "trip_lo_min", "trip_hi_min"), ("missing_k", "missing_lo_k", "missing_hi_k")
+    found: dict[str, Array] = {}
+    for three, columns in zip((trips.time, trips.missing), names, strict=True):
+        found |= dict(zip(columns, (three[:, 1], three[:, 0], three[:, 2]), strict=True))
+    return found | {"three_point_c": trips.reckoned}
+
+
+def with_limit(record: IdentifyRecord, limit_c: float) -> IdentifyRecord:
+    """The record with the margin to a limit [degC], and the chance that it is exceeded.
+
+    In the room asked for, where one was. The chance is that of a normal distribution on each side of the middle.
+    """
+    three = record.room_steady_c, record.room_steady_lo_c, record.room_steady_hi_c
+    if record.room_c is None:
+        three = record.steady_state_c, record.steady_state_lo_c, record.steady_state_hi_c
+    middle, low, high = three
+    if middle is None:
+        return replace(record, limit_c=limit_c)
+    sides = [None if side is None else limit_c - side for side in (high, low)]
+    margin = limit_c - middle
+    side = high if margin > 0.0 else low
+    chance = None
+    if side is not None:
+        half = abs(side - middle) / 1.96
+        chance = 0.5 * math.erfc(margin / half / math.sqrt(2.0)) if half > 0.0 else float(margin < 0.0)
+    return replace(record, limit_c=limit_c, margin_k=margin, margin_lo_k=sides[0], margin_hi_k=sides[1], over_limit_p=chance)
+
+
+def with_trip(record: SweepRecord, criterion: Criterion, run: Run, start_min: float) -> SweepRecord:
+    """The record with when the rule holds on the sensor's whole record, and what is missing then where the record is complete."""
+    values = run.channels.get(record.channel)
+    if values is None:
+        return record
+    time, good = run.time_s / 60.0, np.isfinite(values) & (run.time_s / 60.0 >= start_min)
+    if good.sum() < 3:
+        return record
+    trips, there = seen_trips(criterion, time[good], values[good][None])
+    steady = measured_equilibrium(time[good], values[good])
+    trip = float(trips[0]) if math.isfinite(trips[0]) else None
+    missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
+    return replace(record, criterion=criterion.text, trip_min=None if trip is None else trip - start_min, missing_k=missing)
+
+
+def with_last(records: Sequence[IdentifyRecord]) -> list[IdentifyRecord]:
+    """The records, on which of each run's sensors the rule trips last; no word where one may never trip."""
+    found = list(records)
+    for run in dict.fromkeys(r.run for r in records):
+        mine = [i for i, r in enumerate(records) if r.run == run and r.criterion]
+        if not mine or any(records[i].trip_min is None for i in mine):
+            continue
+        last = max(mine, key=lambda i: records[i].trip_min or 0.0)
+        for i in mine:
+            found[i] = replace(records[i], trip_last=i == last)
+    return found
+
+
+def in_words(records: Sequence[IdentifyRecord]) -> list[str]:
+    """A sentence for each run: when the rule holds on all its sensors, which is last, what is missing there then."""
+    found = []
+    for run in dict.fromkeys(r.run for r in records if r.criterion):
+        mine = [r for r in records if r.run == run and r.criterion]
+        last = next((r for r in mine if r.trip_last), None)
+        if last is None or last.trip_min is None:
+            never = ", ".join(r.channel for r in mine if r.trip_min is None)
+            found.append(f"{run}: {mine[0].criterion} may never hold on {never}")
+            continue
+        band = f" ({last.trip_lo_min:.0f} to {last.trip_hi_min:.0f})" if None not in (last.trip_lo_min, last.trip_hi_min) else ""
+        holds = "holds" if last.trip_from == "readings" else "will hold"
+        there = "" if last.missing_k is None else f"; {last.missing_k:.2g} K are still missing there then"
+        if None not in (last.missing_k, last.missing_lo_k, last.missing_hi_k):
+            there += f" ({last.missing_lo_k:.2g} to {last.missing_hi_k:.2g})"
+        where = "" if len(mine) < 2 else f" on all sensors, on {last.channel} last"
+        found.append(f"{run}: {last.criterion} {holds} after {last.trip_min:.0f} min{band}{where}{there}")
+    return found
