@@ -163,7 +163,7 @@ def test_options_are_met_as_the_command_line_meets_them(frame):
 
 def test_results_can_be_looked_at_saved_and_drawn(told, tmp_path):
     table = told.to_frame()
-    assert table.shape == (10, 51)
+    assert table.shape == (10, 55)
     assert table["steady_state_c"].tolist() == [r.steady_state_c for r in told]
     assert told.to_arrow().column("channel").to_pylist() == table["channel"].tolist()
     for suffix in (".csv", ".json", ".jsonl", ".parquet", ".md"):

@@ -79,6 +79,7 @@ def identify(
     room: float | None = None,
     criterion: "Criterion | str | None" = None,
     limit: float | None = None,
+    switch_off_at: float | None = None,
     imperfection: "Imperfection | str" = "typical",
     rates: "Rates" = "auto",
     start: Start = "auto",
@@ -90,12 +91,11 @@ def identify(
 ) -> Identification:
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
-    imperfection is ``typical``, ``none``, a file or a prior: how far the machine may leave the law; rates what sensors share; `at`
-    [min after the start] asks for a temperature, `room` [degC] for the steady state in such a room; `drive` names a logged column
-    (power, duty) that the heat follows; `auto` looks for what is missing in the readings used and adds it first; criterion is a
-    stopping rule, ``"2K/h, 2x30min"`` or a preset of docs/criteria.md; limit [degC] one that the steady state must keep below.
-    settings are the filter's; details keep what :meth:`Identification.plot` draws (up to 100 sensors by default); jobs processes
-    or anybody's executor share the sensors; progress is told how many are done; reading as for :func:`read`.
+    imperfection (``typical``, ``none``, a file or a prior) is how far the machine may leave the law; rates what sensors share. `at`
+    [min] asks for a temperature, `room` [degC] for the steady state in such a room, criterion (``"2K/h, 2x30min"``, docs/criteria.md)
+    when a stopping rule holds, limit [degC] for the margin to it, switch_off_at [min, negative before the first reading] for the
+    temperature then. `drive` names a logged column that the heat follows; `auto` adds what the readings used show to be missing.
+    details keep what :meth:`Identification.plot` draws (of 100 sensors by default); reading as for :func:`read`.
 
     Raises
     ------
@@ -105,11 +105,11 @@ def identify(
     from .pipeline.methods import choose, paces, stopping_rule
     from .pipeline.sensors import from_rise, identify_runs
 
-    learnt, prior = model_of(model), read_imperfection(imperfection)
-    method = replace(choose(filter, preset, setting_texts(filter, settings), prior, rates), paces=paces(pace))
-    started = started_of(runs, start, from_rise(learnt, drive), reading)
-    work, rule, details = work_of(jobs, executor, progress), stopping_rule(criterion), keeps_details(details, started)
-    return identify_runs(started, method, until, learnt, joint, details, work, at, room, drive, auto, rule, limit)
+    learnt, prior, texts = model_of(model), read_imperfection(imperfection), setting_texts(filter, settings)
+    method = replace(choose(filter, preset, texts, prior, rates), paces=paces(pace))
+    started, rule = started_of(runs, start, from_rise(learnt, drive), reading), stopping_rule(criterion)
+    work, kept = work_of(jobs, executor, progress), keeps_details(details, started)
+    return identify_runs(started, method, until, learnt, joint, kept, work, at, room, drive, auto, rule, limit, switch_off_at)
 
 
 def calibrate(

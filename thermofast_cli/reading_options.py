@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
@@ -10,6 +11,8 @@ from .errors import UsageError
 
 #: Words for delimiters that a shell or a settings file cannot well hold.
 DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
+#: Where the resistance of copper would be nothing, minus that in degC.
+COPPER = 235.0
 #: Options that are lists.
 SEVERAL = ("inputs", "channels", "exclude", "missing", "units", "rename")
 
@@ -35,6 +38,7 @@ class Options:
     long: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     rename: tuple[str, ...] = ()
+    resistance: tuple[float, ...] = ()
     skip_footer: int = 0
     strict: bool = False
     from_min: float | None = None
@@ -56,6 +60,7 @@ def options_from(given: dict[str, Any]) -> Options:
     for key in SEVERAL:
         given[key] = names(given.get(key))
     given["long"] = _long(given.get("long"))
+    given["resistance"] = _resistance(given.get("resistance"))
     first, last = given.get("from_min"), given.get("to_min")
     if first is not None and last is not None and not first < last:
         raise UsageError("--to is not after --from", found=f"from {first:g} to {last:g} min", allowed="minutes that ascend")
@@ -83,6 +88,24 @@ def joined(several: Iterable[str]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="").writerow(several)
     return text.getvalue()
+
+
+def _resistance(given: str | Iterable[float] | None) -> tuple[float, ...]:
+    """``R0,T0`` or ``R0,T0,k`` as three numbers; k is copper's where it is not told."""
+    if not given:
+        return ()
+    try:
+        found = [float(part) for part in (given.split(",") if isinstance(given, str) else given)]
+    except ValueError:
+        found = []
+    found = [*found, COPPER] if len(found) == 2 else found
+    if len(found) != 3 or not all(math.isfinite(v) for v in found) or found[0] <= 0.0 or found[1] + found[2] <= 0.0:
+        raise UsageError(
+            "--resistance: not a resistance and its temperature",
+            found=repr(given),
+            allowed="R0,T0 or R0,T0,k as in 1.84,21.5: R0 above zero, in the column's unit, T0 degC, k 235 for copper",
+        )
+    return tuple(found)
 
 
 def _long(given: str | Iterable[str] | None) -> tuple[str, ...]:

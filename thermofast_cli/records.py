@@ -45,7 +45,8 @@ class IdentifyRecord(Record):
     trip_* is when the stopping rule asked for holds, after the start of the rise, trip_from whether `readings` show it or it is a
     `prediction`; missing_* what the temperature is then still away from where it settles, negative where it falls; trip_last
     marks the sensor that keeps the test going; three_point_c is the extrapolation of the first, middle and last reading used.
-    margin_* is how far the steady state stays below the limit asked for, over_limit_p the chance that it does not.
+    margin_* is how far the steady state stays below the limit asked for, over_limit_p the chance that it does not. switch_off_* is
+    the temperature at the moment asked for, from the readings after it.
     """
 
     filter: str
@@ -93,6 +94,10 @@ class IdentifyRecord(Record):
     margin_lo_k: float | None = None
     margin_hi_k: float | None = None
     over_limit_p: float | None = None
+    switch_off_min: float | None = None
+    switch_off_c: float | None = None
+    switch_off_lo_c: float | None = None
+    switch_off_hi_c: float | None = None
     unseen: str = ""
     rate_shared_with: str = ""
     status: str = "ok"

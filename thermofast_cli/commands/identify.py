@@ -35,6 +35,12 @@ if TYPE_CHECKING:
 @click.option("--room", type=Finite(-100, 500), metavar="DEGC", help="Say the steady state in such a room too; needs its column.")
 @criterion_option
 @click.option("--limit", type=Finite(-100, 5000), metavar="DEGC", help="Say how far the steady state stays below a limit.")
+@click.option(
+    "--switch-off-at",
+    type=Finite(-1e5, 1e7),
+    metavar="MIN",
+    help="The machine was switched off then (0 the first reading, -1.5 before it): say the temperature at that moment.",
+)
 @imperfection_options
 @model_option
 @drive_option
@@ -58,6 +64,7 @@ def command(
     room: float | None,
     criterion: str | None,
     limit: float | None,
+    switch_off_at: float | None,
     imperfection: str,
     rates: "Rates",
     model: str | None,
@@ -106,7 +113,9 @@ def command(
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
         details = bool(trace) or wants_details(output, save_plot)
-        result = identify_runs(readings.runs, method, until, learnt, joint, details, how, at, room, drive, auto, rule, limit)
+        result = identify_runs(
+            readings.runs, method, until, learnt, joint, details, how, at, room, drive, auto, rule, limit, switch_off_at
+        )
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),
@@ -140,6 +149,11 @@ def command(
             (f"below {limit:g} K", number("margin_k")),
             ("95 % interval", interval("margin_lo_k", "margin_hi_k")),
             ("chance above", number("over_limit_p", 3)),
+        ]
+    if switch_off_at is not None:
+        drawn[-1:-1] = [
+            ("at switch-off", number("switch_off_c")),
+            ("95 % interval", interval("switch_off_lo_c", "switch_off_hi_c")),
         ]
     for sentence in in_words(result.records) if rule is not None and not quiet else ():
         say(sentence)

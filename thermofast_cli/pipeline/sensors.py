@@ -17,6 +17,7 @@ from ..reading import Run
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
 from ..standards.stopping import with_last, with_limit, with_trip
+from ..standards.switching_off import with_switch_off
 
 if TYPE_CHECKING:
     from ..machine.model import Model
@@ -53,11 +54,13 @@ def identify_runs(
     auto: bool = False,
     criterion: Criterion | None = None,
     limit_c: float | None = None,
+    switch_off_min: float | None = None,
 ) -> Identification:
     """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time,
     room_c [degC] the steady state in that room. drive: a logged column that the heat follows. auto: what the
     readings used show to be missing is looked for and added first. criterion: a stopping rule, when it holds; limit_c [degC]: a
-    limit, how far the steady state is below it.
+    limit, how far the steady state is below it; switch_off_min [min after the first reading, negative before it]: when the machine
+    was switched off, for the temperature then.
 
     Raises
     ------
@@ -144,6 +147,9 @@ def identify_runs(
         record = IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed)
         found_all.append(Identified(record))
     records = [one.record if limit_c is None else with_limit(one.record, limit_c) for one in found_all]
+    if switch_off_min is not None:
+        of = {run.name: run for run, _ in started}
+        records = [with_switch_off(r, of[r.run], switch_off_min, until_min) for r in records]
     return Identification(
         tuple(with_last(records) if criterion is not None else records),
         tuple(run for run, _ in started),

@@ -1,7 +1,7 @@
 """Which column is what: sensors, surroundings, logged inputs, counters; by unit first, by the words of the name then."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -209,6 +209,25 @@ def _means_something(said: set[str], name: str) -> bool:
         return True
     meant = [w for w in said - NAMELESS if len(w) >= 3 and re.search("[aeiouy]", w)]
     return bool(meant)
+
+
+def resistive(names: Collection[str], units: Mapping[str, str], options: Options, run: str) -> list[str]:
+    """Columns that are resistances of windings: in ohms by unit or name, else those named by --channels.
+
+    Raises
+    ------
+    UsageError: there are none.
+    """
+    found = []
+    for n in names:
+        unit = sign_of(n, units.get(n, "")).unit
+        if (unit is not None and unit.kind == "resistance") or set(words(n)) & {"resistance", "widerstand"}:
+            found.append(n)
+    found = [n for n in found if n not in options.exclude and (not options.channels or n in options.channels)]
+    found = found or [n for n in options.channels if n in names]
+    if not found:
+        raise UsageError(f"{run}: --resistance: no column is in ohms", found=listed(list(names), 6), do="name it with --channels")
+    return found
 
 
 def classify(names: list[str], values: dict[str, Array], units: dict[str, str], options: Options, run: str, origin: str) -> Roles:

@@ -115,6 +115,12 @@ class Temperatures:
         return found
 
 
+def winding_temperature(resistance: Array, told: Sequence[float]) -> Array:
+    """Mean temperature (N,) [degC] of a winding: R / R0 (k + T0) - k (IEC 60034-1), told as (R0, T0 [degC], k [K])."""
+    cold, at, k = told
+    return resistance / cold * (k + at) - k
+
+
 def _common_letter(names: Sequence[str]) -> str | None:
     """F or K where all temperatures, the room among them, end in it (``front_F``, ``rear_F``, ``room_F``): then it is no place."""
     ends = {m[1] if (m := re.fullmatch(r".*[A-Za-z][ _]([FK])", n.rstrip("0123456789_ "))) else "" for n in names}

@@ -12,8 +12,18 @@ import numpy as np
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
-from .columns import Roles, check_names, classify, column_named, resolved, sign_of, to_micrometres, without_impossible
-from .degrees import Temperatures
+from .columns import (
+    Roles,
+    check_names,
+    classify,
+    column_named,
+    resistive,
+    resolved,
+    sign_of,
+    to_micrometres,
+    without_impossible,
+)
+from .degrees import Temperatures, winding_temperature
 from .long import Layout, find_long, to_wide
 from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
@@ -158,6 +168,11 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
     options = resolved(options, table.names, [n for n in numbers if not is_time_name(n)])
     check_names(options.exclude, table.names, "--exclude", table.name)
+    windings = resistive(numbers, table.units, options, table.name) if options.resistance else []
+    if windings:
+        numbers |= {n: winding_temperature(numbers[n], options.resistance) for n in windings}
+        options = replace(options, units=(*options.units, *(f"{n}=C" for n in windings)))
+        notes.append(f"temperatures of windings by their resistance: {listed(windings, 6)}")
     spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
     other = _other_clock(table, time, spare, options)
     if other:
@@ -185,6 +200,9 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     units = _with_unit_column(table, named)
     origin = "long" if layout is not None else "header" if table.header else "none"
     roles = classify(named, numbers, units, options, table.name, origin)
+    if windings:
+        sensors = tuple(n for n in named if n in (*roles.sensors, *windings))
+        roles = replace(roles, sensors=sensors, inputs=tuple(n for n in roles.inputs if n not in windings))
     notes += roles.notes
     guesses += roles.guesses
     if not roles.sensors:

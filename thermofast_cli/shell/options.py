@@ -158,6 +158,11 @@ reading_options = _together(
         metavar="OLD=NEW,...",
         help="Other names for columns, in all that is told. Options of reading use the old names, --drive the new.",
     ),
+    _hidden(
+        "--resistance",
+        metavar="R0,T0[,K]",
+        help="Columns in ohms are windings: their temperature, from the resistance R0 at T0 degC; K 235 for copper.",
+    ),
     _hidden("--skip-footer", type=click.IntRange(0), metavar="N", help="Leave the last N lines of a text file out."),
     _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
     _hidden(

@@ -28,6 +28,7 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     long: str | None = None
     units: tuple[str, ...] = ()
     rename: tuple[str, ...] = ()
+    resistance: str | None = None
     skip_footer: int | None = None
     strict: bool | None = None
 

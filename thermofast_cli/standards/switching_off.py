@@ -1,0 +1,41 @@
+"""The temperature of each sensor at switch-off, from readings that begin later."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from thermofast.models.standards import temperature_at_switch_off
+
+from ..reading import Run
+from ..records import IdentifyRecord
+
+#: Probability of a second mode from which it is told.
+TOLD = 0.5
+
+
+def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: float | None) -> IdentifyRecord:
+    """The record with the temperature at switch-off, at_min after the first reading of the run, negative before it.
+
+    Of readings after it, until `until_min` of the run where that is told. The record itself where they are too few to tell.
+    """
+    values = run.channels.get(record.channel)
+    if values is None:
+        return record
+    time = run.time_s / 60.0
+    good = np.isfinite(values) & (time > at_min)
+    if until_min is not None:
+        good &= time <= until_min + 1e-9
+    found = temperature_at_switch_off(time[good], values[good], at_min)
+    if found is None:
+        return replace(record, message="; ".join(filter(None, (record.message, "too few readings after the switch-off"))))
+    late = 60.0 * float(time[good][0] - at_min)
+    modes = f"two modes (probability {found.two_modes:.2g})" if found.two_modes > TOLD else "one mode"
+    said = f"at switch-off, {late:.3g} s before the first reading after it: {modes}"
+    return replace(
+        record,
+        switch_off_min=at_min,
+        switch_off_c=found.temperature,
+        switch_off_lo_c=found.low,
+        switch_off_hi_c=found.high,
+        message="; ".join(filter(None, (record.message, said))),
+    )
