@@ -92,10 +92,10 @@ def identify(
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
     imperfection (``typical``, ``none``, a file or a prior) is how far the machine may leave the law; rates what sensors share. `at`
-    [min] asks for a temperature, `room` [degC] for the steady state in such a room, criterion (``"2K/h, 2x30min"``, docs/criteria.md)
-    when a stopping rule holds, limit [degC] for the margin to it, switch_off_at [min, negative before the first reading] for the
-    temperature then. `drive` names a logged column that the heat follows; `auto` adds what the readings used show to be missing.
-    details keep what :meth:`Identification.plot` draws (of 100 sensors by default); reading as for :func:`read`.
+    [min] asks for a temperature, `room` [degC] for the steady state in such a room, `criterion` (docs/criteria.md) when a stopping
+    rule holds, `limit` [degC] for the margin to it, `switch_off_at` [min, negative before the first reading] for the temperature
+    then. `drive` names a logged column that the heat follows; `auto` adds what the readings used show to be missing. details keep
+    what :meth:`Identification.plot` draws (of 100 sensors by default); reading as for :func:`read`.
 
     Raises
     ------

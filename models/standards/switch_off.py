@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
+from ..core.tails import t_quantile
 from ..imperfection.numerics import quantiles
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def temperature_at_switch_off(time: Array, reading: Array, at: float) -> SwitchO
     kept = weight > 1e-7
     low, centre, high = quantiles(weight[kept], middle[kept], np.sqrt(variance[kept]))
     # The noise is known from the record alone: its own error widens the interval as Student's distribution has it.
-    wider = float(stdtrit(n - 5, 0.975)) / 1.959964
+    wider = float(t_quantile(n - 5)) / 1.959964
     return SwitchOff(
         mean + float(centre),
         mean + float(centre + wider * (low - centre)),
