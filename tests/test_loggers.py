@@ -8,6 +8,7 @@ from conftest import ROOT, SHARED
 
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.corpus import FORMS, judged
 from benchmarks.loggers import FOLDER, GIVEN, judge
 
 TRUTHS = json.loads((FOLDER / "truth.json").read_text()) if (FOLDER / "truth.json").is_file() else {}
@@ -22,3 +23,10 @@ def test_a_real_file_is_right_or_refused_with_the_option_to_give(name):
 
 def test_the_folder_is_where_the_measured_records_are():
     assert FOLDER.parent == SHARED.parent
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_files_made_by_rule_are_read_exactly(form):
+    first = 700_000 + list(FORMS).index(form) - 700_000 % len(FORMS)
+    for number in range(first, first + 8 * len(FORMS), len(FORMS)):
+        assert judged(number) == (form, "exact", "")

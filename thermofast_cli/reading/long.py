@@ -41,7 +41,7 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
     words_of: dict[str, list[str] | None] = {n: _cells_of(table, n) for n in table.names if n not in time.used}
     repeated = [n for n, c in words_of.items() if c is not None and _repeats(c)]
     if not repeated:
-        return None
+        return _of_one_sensor(table, time, words_of)
     named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
     unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
     values = [n for n in table.names if n not in time.used and n not in repeated and isinstance(table.columns[n], np.ndarray)]
@@ -79,6 +79,17 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
             "--long SENSOR,VALUE says otherwise",
         ),
     )
+
+
+def _of_one_sensor(table: Table, time: Time, words_of: dict[str, list[str] | None]) -> Layout | None:
+    """The layout of a long table that tells of one sensor only: its name in every row, and one column of readings."""
+    names = [n for n, c in words_of.items() if c is not None and set(words(n)) & SENSOR_NAMES and len({x.strip() for x in c}) == 1]
+    values = [n for n in table.names if n not in time.used and isinstance(table.columns[n], np.ndarray)]
+    plain = len(values) == 1 and not sign_of(values[0], table.units.get(values[0], "")).temperature
+    if len(names) != 1 or isinstance(table.columns[names[0]], np.ndarray) or not plain or not set(words(values[0])) & READINGS:
+        return None
+    guess = f"a long table of one sensor, named in {names[0]!r}; {values[0]!r} is the reading"
+    return Layout((names[0],), values[0], Guess("layout", guess, "--long SENSOR,VALUE says otherwise"))
 
 
 def _ask(table: Table, labels: list[str], values: list[str]) -> InputError:

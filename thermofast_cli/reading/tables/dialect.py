@@ -176,9 +176,10 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
     told_cells = [c for c in cells if not is_missing(c)]
     numbers = sum(is_number(c, decimal) or looks_like_stamp(c) or number_within(c, decimal) is not None for c in told_cells)
     share = numbers / max(len(told_cells), 1)
-    score = share * explained * min(width, 1000) ** 0.25 + (
-        0.1 if header is not None and len(split(lines[header], delimiter)) == width else 0.0
-    )
+    fits = header is not None and len(split(lines[header], delimiter)) == width
+    score = share * explained * min(width, 1000) ** 0.25 + (0.1 if fits else 0.0)
+    if delimiter == " " and ((header is not None and not fits) or all("\t" in lines[i] for i in data)):
+        score *= 0.8  # a blank stands within stamps and names too
     return score, Dialect(encoding, delimiter, decimal, header, units, first, width)
 
 

@@ -47,6 +47,8 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     start = _offset(data, dialect.data_line)
     body = data[start:]
     del data  # a large file is held once
+    if b"\n" not in body[:-1]:
+        body = body.replace(b"\r", b"\n")  # line ends of old Macintoshes
     if dialect.delimiter == " ":
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
         body = re.sub(rb"[ \t]+", b"\t", body)
@@ -149,7 +151,7 @@ def _without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
         return len(cell.strip().partition(dialect.decimal)[2])
 
     usual = {decimals(row[-1]) for row in rows[1:-1] if row}
-    if len(usual) == 1 and decimals(rows[-1][-1]) < usual.pop():
+    if len(usual) == 1 and decimals(rows[-1][-1]) < usual.pop() and is_number(rows[-1][-1], dialect.decimal):
         at = max(body.rfind(b"\n"), body.rfind(b"\r"))
         return body[: at + 1], [f"the last line stops in mid-number ({rows[-1][-1]!r}) and was left out"]
     return body, []
