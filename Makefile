@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test coverage check bench proof docs clean
+.PHONY: demo test coverage check site bench proof docs clean
 
 demo: $(STAMP)  ## install, run the main job on a sample run, say where the pictures are
 	@mkdir -p out
@@ -29,6 +29,9 @@ check: $(STAMP)  ## linters and types
 	@rm -rf build/typing && mkdir -p build/typing/thermofast  # the three folders as the one package that they are installed as
 	@ln -s $(CURDIR)/thermofast_cli/* $(CURDIR)/models $(CURDIR)/filters build/typing/thermofast/
 	$(BIN)/mypy
+
+site: $(STAMP)  ## docs/ as pages, with the reference that the program writes; every warning is an error
+	$(BIN)/python -m sphinx -q -W --keep-going -E -b html docs out/site
 
 bench: $(STAMP)  ## every figure of docs/figures.md, beside its peer
 	$(BIN)/python -m benchmarks

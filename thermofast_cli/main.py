@@ -39,6 +39,8 @@ TASKS = {
         "effects": "The catalogue of effects: equations, parameters, tell-tales.",
         "filters": "The catalogue of filters and their settings; bench tries all on a record.",
         "simulate": "A record with known truth.",
+        "completion": "Completion of commands, options and sensor names, for bash, zsh or fish.",
+        "man": "The manual page.",
         "help": "Help on a command, or on how files are read: thermofast help reading.",
     },
 }

@@ -6,6 +6,7 @@ import click
 
 from ..shell.options import (
     Finite,
+    Real,
     RunCommand,
     criterion_option,
     drive_option,
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 @click.option("--limit", type=Finite(-100, 5000), metavar="DEGC", help="Say how far the steady state stays below a limit.")
 @click.option(
     "--switch-off-at",
-    type=Finite(-1e5, 1e7),
+    type=Real(),
     metavar="MIN",
     help="The machine was switched off then (0 the first reading, -1.5 before it): say the temperature at that moment.",
 )

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ..errors import UsageError
+from .complete import columns
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 #: Where a command's context keeps whether CSV is to be such as Excel opens by a double click.
@@ -45,6 +46,16 @@ class RunCommand(click.Command):
 
 class Finite(click.FloatRange):
     """A number in a range; unlike Click's own it refuses nan and infinity."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
+
+
+class Real(click.types.FloatParamType):
+    """Any number but nan and infinity."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
@@ -122,7 +133,7 @@ table_options = _together(
 output_options = _together(table_options, jobs_option)
 
 reading_options = _together(
-    _hidden("--time", metavar="COLUMN", help="The time column."),
+    _hidden("--time", shell_complete=columns, metavar="COLUMN", help="The time column."),
     _hidden("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
     _hidden("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
     _hidden(
@@ -138,10 +149,10 @@ reading_options = _together(
         metavar="MIN|auto",
         help="When the rise begins, minutes from the first reading.",
     ),
-    _hidden("--ambient", metavar="COLUMN", help="The column of the surroundings."),
-    _hidden("--inputs", metavar="A,B", help="Columns that are inputs, not sensors."),
-    _hidden("--channels", metavar="A,B", help="Use these sensors only."),
-    _hidden("--exclude", metavar="A,B", help="Leave these columns out."),
+    _hidden("--ambient", shell_complete=columns, metavar="COLUMN", help="The column of the surroundings."),
+    _hidden("--inputs", shell_complete=columns, metavar="A,B", help="Columns that are inputs, not sensors."),
+    _hidden("--channels", shell_complete=columns, metavar="A,B", help="Use these sensors only."),
+    _hidden("--exclude", shell_complete=columns, metavar="A,B", help="Leave these columns out."),
     _hidden("--missing", metavar="A,B", help="More words that mean 'no reading'."),
     _hidden("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
     _hidden("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
@@ -179,7 +190,10 @@ criterion_option = click.option(
 )
 
 drive_option = click.option(
-    "--drive", metavar="COLUMN", help="A logged column (power, duty) that the heat follows; one in W tells compare J/K and K/W."
+    "--drive",
+    shell_complete=columns,
+    metavar="COLUMN",
+    help="A logged column (power, duty) that the heat follows; one in W tells compare J/K and K/W.",
 )
 
 loop_options = _together(
