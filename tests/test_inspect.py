@@ -235,7 +235,7 @@ def test_a_workbook_is_read_sheet_by_sheet(shared):
     assert "Excel, sheet 'Calibration_Data'" in run.notes
     with pytest.raises(tf.UsageError, match="no sheet of this workbook"):
         tf.read(path, sheet="Sheet9")
-    with pytest.raises(tf.UsageError, match="--sheet is for Excel"):
+    with pytest.raises(tf.UsageError, match="--sheet is for workbooks"):
         tf.read(SPINDLE, sheet="x")
 
 

@@ -29,6 +29,7 @@ from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
+from .tables.measured import is_measured, measured_table
 from .tables.packed import is_workbook, unpacked
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
@@ -93,8 +94,10 @@ def read_table(source: Any, options: Options, name: str | None = None) -> Table:
         text, sheet = sheet_text(held.pop(), name, options.sheet)
         table = read_text(text, name, replace(options, delimiter=options.delimiter or ",", decimal=options.decimal or "."))
         return replace(table, notes=(f"Excel, sheet {sheet!r}", *table.notes[1:]), dialect=None)
+    if is_measured(held[0]):
+        return measured_table(held.pop(), name, options.sheet)
     if options.sheet is not None:
-        raise UsageError(f"{name}: --sheet is for Excel workbooks", do="leave it out")
+        raise UsageError(f"{name}: --sheet is for workbooks, TDMS and MATLAB files", do="leave it out")
     parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
     # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
     return read_parquet(held.pop(), name) if parquet else read_text(held.pop(), name, options)

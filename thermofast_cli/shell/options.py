@@ -158,7 +158,7 @@ reading_options = _together(
     _hidden("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
     _hidden("--encoding", metavar="NAME", help="Text encoding."),
     _hidden("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
-    _hidden("--sheet", metavar="NAME", help="The sheet of an Excel workbook that holds several tables."),
+    _hidden("--sheet", metavar="NAME", help="The sheet of a workbook, or the group of a TDMS or MATLAB file, that holds several."),
     _hidden(
         "--long",
         metavar="SENSOR,VALUE",

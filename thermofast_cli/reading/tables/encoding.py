@@ -8,9 +8,7 @@ from ...errors import InputError
 KINDS: tuple[tuple[bytes, str, str], ...] = (
     (b"PK\x03\x04", "an Excel workbook (.xlsx) or another zip archive", "save the sheet as CSV, or unpack the archive"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook (.xls)", "save the sheet as CSV"),
-    (b"TDSm", "a National Instruments TDMS file", "export it as text, from LabVIEW, DIAdem or the TDMS importer of Excel"),
     (b"\x89HDF", "an HDF5 or new MATLAB file", "export the record as CSV"),
-    (b"MATLAB 5.0", "a MATLAB file", "export the record as CSV, as with writetable"),
     (b"\x1f\x8b", "a gzip archive", "unpack it first"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive", "unpack it first"),
     (b"BZh", "a bzip2 archive", "unpack it first"),
