@@ -7,6 +7,7 @@ import io
 import json
 import lzma
 import zipfile
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
@@ -304,3 +305,21 @@ def test_a_libreoffice_workbook_is_read(tmp_path):
     run = tf.read(tmp_path / "run.ods")
     assert run.channels["T1"] == pytest.approx([20 + i / 10 for i in range(30)])
     assert "sheet 'log'" in run.notes[0]
+
+
+def test_a_zone_takes_summer_time_out_exactly(tmp_path):
+    # The clock in Berlin goes back from 3:00 to 2:00 on 25 October 2026, and forward from 2:00 to 3:00 on 29 March.
+    start = dt.datetime(2026, 10, 24, 23, 30, tzinfo=dt.UTC)
+    zone = ZoneInfo("Europe/Berlin")
+    for begin in (start, dt.datetime(2026, 3, 28, 23, 30, tzinfo=dt.UTC)):
+        moments = [begin + dt.timedelta(minutes=7 * k) for k in range(40)]
+        rows = "".join(f"{m.astimezone(zone):%d.%m.%Y %H:%M:%S};{20 + 0.1 * k:.1f}\n" for k, m in enumerate(moments))
+        path = tmp_path / "run.csv"
+        path.write_text("Zeit;T1\n" + rows)
+        run = tf.read(path, tz="Europe/Berlin")
+        assert run.time_s == pytest.approx([420.0 * k for k in range(40)])
+        assert "in Europe/Berlin" in " ".join(run.notes)
+    with pytest.raises(tf.UsageError, match="--tz: no such zone 'Europe/Bern'"):
+        tf.read(path, tz="Europe/Bern")
+    with pytest.raises(tf.UsageError, match="--tz is for dates and times that have no zone"):
+        tf.read(SPINDLE, tz="Europe/Berlin")

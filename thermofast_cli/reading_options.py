@@ -24,6 +24,7 @@ class Options:
     time: str | None = None
     time_unit: str | None = None
     time_format: str | None = None
+    tz: str | None = None
     interval_s: float | None = None
     ambient: str | None = None
     inputs: tuple[str, ...] = ()

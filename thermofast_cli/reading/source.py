@@ -34,7 +34,7 @@ from .tables.packed import is_workbook, unpacked
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
-from .times import Time, find_time, is_time_name
+from .times import Time, find_time, in_zone, is_time_name
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 
@@ -164,6 +164,8 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     UsageError: an option names no column.
     """
     time = find_time(table, replace(options, time=column_named(options.time, table.names)))
+    if options.tz is not None:
+        time = in_zone(time, options.tz, table.name)
     layout = find_long(table, time, options)
     if layout is not None:
         table = to_wide(table, layout, time)

@@ -1,12 +1,14 @@
 """Which column is time, and numbers of it as seconds: elapsed with a unit, epochs, serial days of a spreadsheet."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from functools import lru_cache
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
-from ..errors import InputError, listed
+from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import check_names
 from .run import Array, Guess
@@ -28,6 +30,10 @@ _UNIT_WORDS = {
 EPOCH_S = (9.466848e8, 4.102448e9)
 SERIAL_DAYS = (36526.0, 73051.0)
 FEWEST_ROWS = 2
+
+
+#: Zones change their clocks at multiples of this [s].
+CELL_S = 900.0
 
 
 @dataclass(frozen=True)
@@ -304,3 +310,37 @@ def _length(seconds: float) -> str:
         if seconds >= 2.0 * size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds:.3g} s"
+
+
+def in_zone(time: Time, zone: str, name: str) -> Time:
+    """Stamps of a wall clock in a zone (``Europe/Berlin``) with its summer time taken out.
+
+    An hour that the clock shows twice is told apart by the order of the rows.
+
+    Raises
+    ------
+    UsageError: no such zone, or no stamps of a wall clock without zone.
+    """
+    try:
+        clock = ZoneInfo(zone)
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        do = "name it as Europe/Berlin or America/New_York"
+        raise UsageError(f"--tz: no such zone {zone!r}", allowed="a zone of the IANA data base", do=do) from None
+    if not time.wall:
+        raise UsageError(f"{name}: --tz is for dates and times that have no zone", found=time.note, do="leave it out")
+    local = time.wall[0] + time.seconds
+    cells, of = np.unique(np.floor(local / CELL_S), return_inverse=True)
+    offsets = np.array([[_offset(clock, CELL_S * cell, fold) for cell in cells.tolist()] for fold in (0, 1)])
+    first, second = local - offsets[0][of], local - offsets[1][of]
+    moments = first.copy()
+    for i in np.flatnonzero(second > first).tolist():  # the hour that comes twice
+        if i and first[i] < moments[i - 1] - 1.0:
+            moments[i] = second[i]
+    return replace(time, seconds=moments - moments[0], wall=(), note=f"{time.note}, in {zone}")
+
+
+def _offset(clock: ZoneInfo, local: float, fold: int) -> float:
+    """Seconds by which a zone's clock that shows `local` [s since 1970] is ahead of UTC."""
+    shown = (datetime(1970, 1, 1) + timedelta(seconds=local)).replace(tzinfo=clock, fold=fold)
+    ahead = shown.utcoffset()
+    return ahead.total_seconds() if ahead is not None else 0.0

@@ -136,6 +136,7 @@ reading_options = _together(
     _hidden("--time", shell_complete=columns, metavar="COLUMN", help="The time column."),
     _hidden("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
     _hidden("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
+    _hidden("--tz", metavar="ZONE", help="The zone of stamps that have none, as Europe/Berlin: summer time is taken out exactly."),
     _hidden(
         "--interval",
         type=Finite(0, min_open=True),

@@ -13,6 +13,7 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     time: str | None = None
     time_unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] | None = None
     time_format: str | None = None
+    tz: str | None = None
     interval: float | None = None
     start: float | Literal["auto"] | None = None
     ambient: str | None = None
