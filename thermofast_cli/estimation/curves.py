@@ -42,10 +42,12 @@ def curves_of(
     until_min: float | None,
     claimed: Claims | None = None,
     row: int = 0,
+    room_c: float | None = None,
 ) -> Curves:
     """The measured readings, and the model with its band over them, or on until it has settled where all of them were used.
 
-    count: readings used; claimed, row: what may be claimed of the sensor, where the machine is counted.
+    count: readings used; claimed, row: what may be claimed of the sensor, where the machine is counted; room_c [degC]: the room at
+    the last of them, where it is logged.
     """
     end = float(sensor.time[-1])
     if count == len(sensor.time) and estimate.t95 is not None:
@@ -68,6 +70,6 @@ def curves_of(
         low,
         high,
         until,
-        *marks(record, start),
+        *marks(record, start, room_c),
         trace or {},
     )

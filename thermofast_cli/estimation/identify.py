@@ -423,7 +423,8 @@ class _Block:
     ) -> Identified:
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
-        return Identified(record, trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i))
+        room = float(self.surroundings[n - 1]) if self.surroundings is not None else None
+        return Identified(record, trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i, room))
 
 
 def _or_none(column: Array) -> list[float | None]:

@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from ..analysis.displacement import Panel
-from .plots import MARK, MEASURED, MODEL, new_figure
+from .plots import MARK, MEASURED, MODEL, new_figure, styled
 
 MOST = 6
 COLOURS = {"least squares": MODEL, "network": MARK}
 
 
+@styled
 def draw_displacement(panels: Sequence[Panel]) -> Any:
     """A panel for each displacement: what was measured, and what each model says of blocks that it had not seen."""
     shown = panels[:MOST]
@@ -25,9 +26,8 @@ def draw_displacement(panels: Sequence[Panel]) -> Any:
             if method == panel.trusted:
                 low, high = predicted.mean - 1.96 * predicted.deviation, predicted.mean + 1.96 * predicted.deviation
                 axis.fill_between(panel.time, low, high, color=COLOURS[method], alpha=0.15, lw=0)
-        axis.set_title(f"{Path(panel.run).name}: {panel.channel}, trust {panel.trusted}", fontsize=9)
-        axis.set_ylabel("displacement, um", fontsize=8)
-        axis.tick_params(labelsize=8)
-    axes[0].legend(fontsize=7, frameon=False)
-    axes[-1].set_xlabel("time, min", fontsize=8)
+        axis.set_title(f"{Path(panel.run).name}: {panel.channel}, trust {panel.trusted}")
+        axis.set_ylabel("displacement, um")
+    axes[0].legend()
+    axes[-1].set_xlabel("time, min")
     return figure

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..reading import Run
-from .plots import new_figure
+from .plots import MEASURED, new_figure, styled
 from .screen import show_text
 
 #: Runs in one picture.
@@ -18,6 +18,7 @@ MOST = 4
 SENSORS, POINTS, LINES = 6, 400, 16
 
 
+@styled
 def draw_columns(runs: Sequence[Run]) -> Any:
     """Sensors above, surroundings, inputs and displacements below, each with its own scale; None without a run."""
     shown = list(runs)[:MOST]
@@ -31,18 +32,16 @@ def draw_columns(runs: Sequence[Run]) -> Any:
         minutes = run.time_s / 60.0
         for name, values in run.channels.items():
             axes[0][k].plot(minutes, values, lw=1.1, label=name)
-        axes[0][k].set_title(Path(run.name).name, fontsize=10)
-        axes[0][k].set_ylabel("°C", fontsize=8)
-        axes[0][k].legend(fontsize=7, frameon=False, ncols=2)
+        axes[0][k].set_title(Path(run.name).name)
+        axes[0][k].set_ylabel("°C")
+        axes[0][k].legend(ncols=2)
         strips = _strips(run)
         for axis, (name, values) in zip(axes[1:, k], strips, strict=False):
-            axis.plot(minutes, values, lw=1.0, color="#555555")
-            axis.set_ylabel(name, fontsize=7, rotation=0, ha="right", va="center")
+            axis.plot(minutes, values, lw=1.0, color=MEASURED)
+            axis.set_ylabel(name, rotation=0, ha="right", va="center")
         for axis in axes[1 + len(strips) :, k]:
             axis.set_visible(False)
-        for axis in axes[:, k]:
-            axis.tick_params(labelsize=7)
-        axes[len(strips)][k].set_xlabel("time, min", fontsize=8)
+        axes[len(strips)][k].set_xlabel("time, min")
         axes[len(strips)][k].tick_params(labelbottom=True)
     return figure
 

@@ -9,12 +9,10 @@ import numpy as np
 
 from ..discovery.compare import Panel
 from ..discovery.improve import Improved
-from .plots import MARK, MEASURED, MODEL, new_figure
+from .plots import LINES, MARK, MEASURED, MODEL, new_figure, styled
 
 MOST = 6
 FAILING = "#fbbf24"
-HEATS = ("#c0392b", "#1f4e79", "#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
-INPUTS = ("#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
 
 
 @dataclass(frozen=True)
@@ -30,6 +28,7 @@ class Band:
     logged: Any = None
 
 
+@styled
 def draw_comparison(panels: Sequence[Panel]) -> Any:
     """Per sensor: measurement and model above, residual below with failing stretches shaded, inputs in a strip under it."""
     if not panels:
@@ -56,7 +55,7 @@ def draw_comparison(panels: Sequence[Panel]) -> Any:
     if lower is not None:
         _inputs(lower, shown[0].time, inputs, heats)
     more = f"  ({len(shown)} of {len(panels)} sensors, the worst)" if len(panels) > len(shown) else ""
-    figure.suptitle(f"{Path(shown[0].run).name}: {shown[0].effects}{more}", fontsize=11)
+    figure.suptitle(f"{Path(shown[0].run).name}: {shown[0].effects}{more}")
     return figure
 
 
@@ -66,15 +65,15 @@ def _legend(figure: Any, axes: Any) -> None:
     for axis in axes.ravel():
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             named.setdefault(label, handle)
-    figure.legend(list(named.values()), list(named), loc="outside upper right", ncols=len(named), fontsize=7, frameon=False)
+    figure.legend(list(named.values()), list(named), loc="outside upper right", ncols=len(named))
 
 
 def _panel(column: list[Any], p: Panel) -> None:
     top, low = column
     top.plot(p.time, p.reading, ".", ms=2.2, color=MEASURED, label="measured")
     top.plot(p.time, p.model, color=MODEL, lw=1.3, label="model")
-    top.set_title(p.channel, fontsize=9)
-    top.set_ylabel("°C", fontsize=8)
+    top.set_title(p.channel)
+    top.set_ylabel("°C")
     residual = p.reading - p.model
     low.plot(p.time, residual, ".", ms=2.0, color=MEASURED)
     low.axhline(0.0, color=MODEL, lw=1.0)
@@ -83,9 +82,8 @@ def _panel(column: list[Any], p: Panel) -> None:
             axis.axvspan(a, b, color=FAILING, alpha=0.25, lw=0, label="the model fails")
         if p.until is not None:
             axis.axvline(p.until, color=MARK, lw=1.0, ls="--", label="identification time")
-        axis.tick_params(labelsize=7)
-    low.set_ylabel("residual, K", fontsize=8)
-    low.set_xlabel("time, min", fontsize=8)
+    low.set_ylabel("residual, K")
+    low.set_xlabel("time, min")
     low.tick_params(labelbottom=True)
 
 
@@ -104,22 +102,22 @@ def _inputs(figure: Any, time: Any, inputs: dict[str, Any], heats: Sequence[Band
     axes = figure.subplots(len(ratios), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": ratios})[:, 0]
     if heats:
         for k, band in enumerate(heats):
-            axes[0].plot(band.time, band.heat, lw=1.2, color=HEATS[k % len(HEATS)], label=band.channel)
-            axes[0].fill_between(band.time, band.low, band.high, color=HEATS[k % len(HEATS)], alpha=0.2, lw=0)
+            axes[0].plot(band.time, band.heat, lw=1.2, color=LINES[k % len(LINES)], label=band.channel)
+            axes[0].fill_between(band.time, band.low, band.high, color=LINES[k % len(LINES)], alpha=0.2, lw=0)
         if heats[0].logged is not None:
             axes[0].plot(heats[0].time, heats[0].logged, color=MARK, lw=1.0, ls="--", label="logged")
-        axes[0].set_ylabel(f"heat needed,\n{heats[0].unit}", fontsize=8)
-        axes[0].legend(fontsize=7, frameon=False, ncols=3)
+        axes[0].set_ylabel(f"heat needed,\n{heats[0].unit}")
+        axes[0].legend(ncols=3)
         axes[0].tick_params(labelsize=7)
         axes = axes[1:] if inputs else axes
     for k, (axis, (name, values)) in enumerate(zip(axes if inputs else [], inputs.items(), strict=True)):
-        axis.plot(time, values, lw=1.0, color=INPUTS[k % len(INPUTS)])
-        axis.set_ylabel(name, fontsize=7, rotation=0, ha="right", va="center")
-        axis.tick_params(labelsize=7)
+        axis.plot(time, values, lw=1.0, color=LINES[k % len(LINES)])
+        axis.set_ylabel(name, rotation=0, ha="right", va="center")
         axis.margins(y=0.15)
-    axes[-1].set_xlabel("time, min", fontsize=8)
+    axes[-1].set_xlabel("time, min")
 
 
+@styled
 def draw_staircase(runs: Sequence[Improved]) -> Any:
     """Error of each step, fitted and ahead, one line per sensor, the noise beneath."""
     shown = [r for r in runs if r.labels][:MOST]
@@ -136,9 +134,8 @@ def draw_staircase(runs: Sequence[Improved]) -> Any:
         assert run.noise is not None
         axis.axhline(float(np.median(run.noise)), color=MARK, lw=1.0, ls="--", label="noise")
         axis.set_yscale("log")
-        axis.set_xticks(steps, run.labels, fontsize=8)
-        axis.set_ylabel("rms error, K", fontsize=8)
-        axis.set_title(Path(run.run).name, fontsize=9)
-        axis.tick_params(labelsize=8, which="both")
-        axis.legend(fontsize=7, frameon=False)
+        axis.set_xticks(steps, run.labels)
+        axis.set_ylabel("rms error, K")
+        axis.set_title(Path(run.run).name)
+        axis.legend()
     return figure

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from .plots import new_figure
+from .plots import MEASURED, new_figure, styled
 
 if TYPE_CHECKING:
     from ..experiments.planning import Curve
 
 
+@styled
 def draw_plan(curves: Sequence["Curve"], tolerances_c: Sequence[float]) -> Any:
     """Both axes logarithmic; the tolerances as lines."""
     if not curves:
@@ -18,9 +19,8 @@ def draw_plan(curves: Sequence["Curve"], tolerances_c: Sequence[float]) -> Any:
     for i, curve in enumerate(curves):
         axis.loglog(curve.time, curve.half_width, label=curve.name, linewidth=2.4 if i == 0 else 1.3)
     for tolerance in tolerances_c:
-        axis.axhline(tolerance, color="grey", linestyle=":", linewidth=1.0)
+        axis.axhline(tolerance, color=MEASURED, linestyle=":", linewidth=1.0)
     axis.set_xlabel("measured, min")
     axis.set_ylabel("half-width of the steady state's 95 % interval, K")
-    axis.grid(alpha=0.3, which="both")
-    axis.legend(fontsize=8, frameon=False)
+    axis.legend()
     return figure

@@ -1,8 +1,10 @@
 """Pictures, with matplotlib loaded only here and only when one is asked for."""
 
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 
@@ -10,13 +12,39 @@ from ..errors import UsageError
 from ..estimation.curves import Curves
 from ..estimation.sweep import Swept
 from .files import check_target, write_whole
+from .report.charts import STROKES
+
+P = ParamSpec("P")
 
 SUFFIXES = (".png", ".pdf", ".svg")
 MOST_PANELS = 24
-MEASURED, MODEL, MARK = "#7a8793", "#c2410c", "#1d4ed8"
-#: Window curves, dark to light, told apart in print and by colour-blind readers.
-WINDOWS = ("#08306b", "#c2410c", "#2a8c55", "#7b3294", "#b8860b", "#4d4d4d")
+MEASURED, MODEL, MARK = "#7a8793", "#b5410c", "#0072b2"
+#: Lines beside each other: Okabe and Ito's colours, which the colour-blind tell apart.
+LINES = tuple(colour for colour, _ in STROKES)
 MOST_POINTS = 2000
+#: Characters of a line of a panel's title.
+TITLE_WIDTH = 46
+#: One style for the pictures of all commands; text in .svg and .pdf stays text.
+STYLE: Any = {
+    "font.size": 8.5,
+    "axes.titlesize": 9,
+    "axes.titleweight": "bold",
+    "axes.labelsize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#d3d9dd",
+    "grid.linewidth": 0.5,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "figure.titlesize": 11,
+    "savefig.dpi": 150,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+}
 
 
 def require_matplotlib() -> None:
@@ -33,6 +61,26 @@ def check_picture(path: str) -> None:
     check_target(path, SUFFIXES)
 
 
+def styled(draw: Callable[P, Any]) -> Callable[P, Any]:
+    """A function that draws, in the style of all pictures.
+
+    Raises
+    ------
+    UsageError: matplotlib is not installed.
+    """
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Any:
+        require_matplotlib()
+        from cycler import cycler
+        from matplotlib import rc_context
+
+        with rc_context(STYLE | {"axes.prop_cycle": cycler(color=LINES)}):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
 def new_figure(width: float, height: float) -> Any:
     """An empty figure [inches]."""
     from matplotlib.figure import Figure
@@ -47,8 +95,11 @@ def save_figure(path: str, figure: Any) -> None:
     ------
     UsageError: an unknown suffix, or a place that cannot be written.
     """
+    from matplotlib import rc_context
+
     check_target(path, SUFFIXES)
-    write_whole(path, lambda p: figure.savefig(p, dpi=110))
+    with rc_context(STYLE):
+        write_whole(path, figure.savefig)
 
 
 def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any, Any]:
@@ -57,6 +108,7 @@ def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
+@styled
 def draw_prediction(curves: Sequence[Curves], with_trace: bool = False) -> Any:
     """One panel per sensor: measurement, model, 95 % band, identification time; beside it, on request, rate and T_inf."""
     shown = curves[:MOST_PANELS]
@@ -75,10 +127,10 @@ def draw_prediction(curves: Sequence[Curves], with_trace: bool = False) -> Any:
             _converging(row[2], c, "steady_state_c", "steady_state_sd_c", "steady state, °C")
     for axis in flat[panels:]:
         axis.set_visible(False)
-    flat[0].legend(fontsize=8, frameon=False, loc="best")
+    flat[0].legend(loc="best")
     left_out = len(curves) - len(shown)
     more = f"  (first {len(shown)} of {len(curves)} sensors)" if left_out else ""
-    figure.suptitle(f"{Path(shown[0].run).name if not several else 'thermofast identify'}{more}", fontsize=11)
+    figure.suptitle(f"{Path(shown[0].run).name if not several else 'thermofast identify'}{more}")
     return figure
 
 
@@ -101,10 +153,9 @@ def _prediction(axis: Any, c: Curves, title: str) -> None:
     real_low, real_high = float(np.nanmin(c.reading)), float(np.nanmax(c.reading))
     room = 1.5 * max(real_high - real_low, 1e-3)
     axis.set_ylim(max(low - 0.08 * span, real_low - room), min(high + 0.15 * span, real_high + room))
-    axis.set_title(f"{title}: {c.note}", fontsize=9)
-    axis.set_xlabel("time, min", fontsize=8)
-    axis.set_ylabel("temperature, °C", fontsize=8)
-    axis.tick_params(labelsize=8)
+    axis.set_title(textwrap.fill(f"{title}: {c.note}", TITLE_WIDTH))
+    axis.set_xlabel("time, min")
+    axis.set_ylabel("temperature, °C")
 
 
 def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) -> None:
@@ -116,11 +167,11 @@ def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) ->
         last = mean[good][len(mean[good]) // 4 :]
         middle, half = float(np.median(last)), max(4.0 * float(np.ptp(last)), 2.0 * float(spread[good][-1]), 1e-6)
         axis.set_ylim(middle - half, middle + half)
-    axis.set_xlabel("time, min", fontsize=8)
-    axis.set_ylabel(label, fontsize=8)
-    axis.tick_params(labelsize=8)
+    axis.set_xlabel("time, min")
+    axis.set_ylabel(label)
 
 
+@styled
 def draw_sweep(results: Sequence[Swept]) -> Any:
     """RMSE against identification time, one curve per window, one panel per sensor; the paper's figure 6."""
     shown = [r for r in results if np.isfinite(r.rmse).any()][:MOST_PANELS]
@@ -132,19 +183,18 @@ def draw_sweep(results: Sequence[Swept]) -> Any:
     for axis, result in zip(flat, shown, strict=False):
         for j, record in enumerate(result.records):
             good = np.isfinite(result.rmse[j])
-            colour = WINDOWS[j % len(WINDOWS)]
+            colour = LINES[j % len(LINES)]
             axis.semilogy(result.times[good], result.rmse[j][good], color=colour, lw=1.2, label=f"{record.window_min:g} min")
             if record.best_time_min is not None:
                 axis.plot(record.best_time_min, record.rmse_c, "o", ms=4, color=colour)
         first = result.records[0]
         if first.shortest_time_min is not None:
             axis.axvline(first.shortest_time_min, color=MARK, lw=1, ls="--", label="shortest time")
-        axis.set_title(f"{Path(first.run).name}: {first.channel}" if several else first.channel, fontsize=9)
-        axis.set_xlabel("identification time, min", fontsize=8)
-        axis.set_ylabel("RMSE over the window, K", fontsize=8)
-        axis.tick_params(labelsize=8, which="both")
+        axis.set_title(f"{Path(first.run).name}: {first.channel}" if several else first.channel)
+        axis.set_xlabel("identification time, min")
+        axis.set_ylabel("RMSE over the window, K")
     for axis in flat[len(shown) :]:
         axis.set_visible(False)
-    flat[0].legend(fontsize=8, frameon=False, title="window", title_fontsize=8)
-    figure.suptitle("thermofast sweep" if several else Path(shown[0].records[0].run).name, fontsize=11)
+    flat[0].legend(title="window")
+    figure.suptitle("thermofast sweep" if several else Path(shown[0].records[0].run).name)
     return figure

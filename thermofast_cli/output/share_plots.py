@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from ..records import SensitivityRecord
-from .plots import MEASURED, MODEL, new_figure
+from .plots import MEASURED, MODEL, new_figure, styled
 
 MOST = 6
 TITLES = {"steady_state_c": "steady state", "t95_min": "settling time"}
 
 
+@styled
 def draw_shares(records: Sequence[SensitivityRecord]) -> Any:
     """A row for each sensor, a panel for each quantity: the share of the variance alone, and with what goes together."""
     sensors = list(dict.fromkeys((r.run, r.channel) for r in records if r.total is not None))
@@ -30,15 +31,14 @@ def draw_shares(records: Sequence[SensitivityRecord]) -> Any:
             place = np.arange(len(mine))[::-1]
             axis.barh(place, [r.total or 0.0 for r in mine], color=MEASURED, alpha=0.45, height=0.7, label="in all")
             axis.barh(place, [r.first_order or 0.0 for r in mine], color=MODEL, height=0.35, label="alone")
-            axis.set_yticks(place, [r.factor for r in mine], fontsize=8)
+            axis.set_yticks(place, [r.factor for r in mine])
             axis.set_xlim(0.0, 1.05)
             unit = "°C" if quantity.endswith("_c") else "min"
-            axis.set_title(f"{sensor[1]}: {TITLES[quantity]}, {mine[0].mean:.4g} ± {mine[0].deviation:.2g} {unit}", fontsize=9)
-            axis.tick_params(labelsize=8)
+            axis.set_title(f"{sensor[1]}: {TITLES[quantity]}, {mine[0].mean:.4g} ± {mine[0].deviation:.2g} {unit}")
     for axis in axes[-1]:
-        axis.set_xlabel("share of the variance", fontsize=8)
+        axis.set_xlabel("share of the variance")
     handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=8, frameon=False, loc="outside lower center", ncols=2)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     more = f"  (first {len(shown)} of {len(sensors)} sensors)" if len(sensors) > len(shown) else ""
-    figure.suptitle(f"{Path(shown[0][0]).name}{more}", fontsize=11)
+    figure.suptitle(f"{Path(shown[0][0]).name}{more}")
     return figure
