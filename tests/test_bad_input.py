@@ -107,7 +107,7 @@ def test_bad_usage_is_explained(name, tool, tmp_path, monkeypatch):
     ("text", "told"),
     [
         ("speed = 3\n", ["unknown field `speed`", "[input] time time_unit", "[compare], ...: options of that command"]),
-        ("[sweep]\nwindow = [40]\n", ["[sweep] has no key 'window'", "tolerance units windows", "did you mean 'windows'?"]),
+        ("[sweep]\nwindow = [40]\n", ["[sweep] has no key 'window'", "tolerance tz units windows", "did you mean 'windows'?"]),
         ('[sweep]\ntolerance = "half"\n', ["[sweep] tolerance: 'half' is not a valid float"]),
         ("[compare]\nuntil = [1, 2]\n", ["[compare] until: '1,2' is not a valid float"]),
         ('[input]\ndecimal = ";"\n', ["$.input.decimal"]),

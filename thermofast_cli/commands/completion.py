@@ -3,7 +3,7 @@
 import click
 
 
-@click.command("completion", epilog="Example: thermofast completion bash > ~/.local/share/bash-completion/completions/thermofast")
+@click.command("completion", epilog="Example: thermofast completion bash")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> int:
     """Print what SHELL needs to complete commands, options and, behind --channels and the like, the columns of the RUN named.

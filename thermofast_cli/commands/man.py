@@ -3,7 +3,7 @@
 import click
 
 
-@click.command("man", epilog="Example: thermofast man > ~/.local/share/man/man1/thermofast.1")
+@click.command("man", epilog="Example: thermofast man")
 def command() -> int:
     """Print the manual page: every command with its options.
 
