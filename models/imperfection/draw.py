@@ -1,6 +1,7 @@
 """Draws: records that the prior holds for likely, as of a test not yet made, and curves that the posterior of a run does."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,22 @@ def draw_record(
 
     time (n,) [min] from nought on; tau [min], of all but for the prior's spread; rises (S,) [K]; noise (S,) or a number [K].
     """
-    found = covariances(np.full(2, 1.0 / tau), time, float(time[-1]), tau / 60.0, Asked(np.zeros(0)))[0]
     rows = len(time) + 1  # the readings and the limit
+    of_room, of_load, of_own = _roots(prior, tuple(time.tolist()), tau)
+    sensors = len(rises)
+    swing, air = of_load @ rng.standard_normal(rows), of_room @ rng.standard_normal(rows)
+    beside = rises[:, None] * (swing + (of_own @ rng.standard_normal((rows, sensors))).T) + air
+    own_tau = tau * np.exp(prior.rate_spread * rng.standard_normal((sensors, 1)))
+    clean = rises[:, None] * np.concatenate([-np.expm1(-time / own_tau), np.ones((sensors, 1))], axis=1) + beside
+    white = np.broadcast_to(noise, (sensors,))[:, None] * rng.standard_normal((sensors, len(time)))
+    return clean[:, :-1] + white, clean[:, -1]
+
+
+@lru_cache(maxsize=32)  # a plan draws many records of one design
+def _roots(prior: Imperfection, time: tuple[float, ...], tau: float) -> tuple[Array, Array, Array]:
+    """Roots (n + 1, n + 1) of the covariances of readings and limit: by the room [K], by the load and by the sensors' own."""
+    found = covariances(np.full(2, 1.0 / tau), np.array(time), time[-1], tau / 60.0, Asked(np.zeros(0)))[0]
+    rows = len(time) + 1
     relative, absolute = prior.background.scaled(prior.multiplier).variances()
     common, own = np.zeros((rows, rows)), np.zeros((rows, rows))
     room = np.zeros((rows, rows))
@@ -35,14 +50,8 @@ def draw_record(
         else:
             own += relative[i] * part
     tiny = 1e-12 * np.eye(rows)
-    of_room, of_load, of_own = (np.linalg.cholesky(k + tiny) for k in (room, common, own))
-    sensors = len(rises)
-    swing, air = of_load @ rng.standard_normal(rows), of_room @ rng.standard_normal(rows)
-    beside = rises[:, None] * (swing + (of_own @ rng.standard_normal((rows, sensors))).T) + air
-    own_tau = tau * np.exp(prior.rate_spread * rng.standard_normal((sensors, 1)))
-    clean = rises[:, None] * np.concatenate([-np.expm1(-time / own_tau), np.ones((sensors, 1))], axis=1) + beside
-    white = np.broadcast_to(noise, (sensors,))[:, None] * rng.standard_normal((sensors, len(time)))
-    return clean[:, :-1] + white, clean[:, -1]
+    roots: list[Array] = [np.linalg.cholesky(k + tiny).astype(float) for k in (room, common, own)]
+    return roots[0], roots[1], roots[2]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from .draw import Drawn, conditional, normal_draws
 from .known import Known
 from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
 from .prior import COMPONENTS, Imperfection
-from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, covariances, law, of_room
+from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room
 
 Array = NDArray[np.float64]
 Rates = Literal["auto", "own", "shared"]
@@ -140,7 +140,7 @@ class _Run:
         ]
         turns = [LOG_TWENTY if p.known is None else float(np.median(p.known.turns)) for p in parts]
         self.covariance = [
-            np.ascontiguousarray(covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged, late))
+            kept_covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged, late)
             for b, asked, logged, late in zip(self.blocks, self.asked, self.logged, turns, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()

@@ -5,6 +5,7 @@ leaves 1 - exp(-b (t - s)). A quantity asked for is a row beside the blocks: it 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,3 +215,20 @@ def covariances(
         else:
             found[:, i] = mixing @ by_name[name] @ mixing.T
     return found
+
+
+#: Designs whose covariances are kept, and rows up to which they are: a plan, or a trial, looks at many records of one.
+KEPT, KEPT_ROWS = 16, 20
+
+
+def kept_covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None, turns: float) -> Array:
+    """As :func:`covariances`; of a few rows, and where no room is logged, from what was worked out before."""
+    if logged is not None or len(time) + asked.count > KEPT_ROWS:
+        return np.ascontiguousarray(covariances(rate, time, last, unit, asked, logged, turns))
+    return _kept(rate.tobytes(), time.tobytes(), last, unit, asked.times.tobytes(), turns)
+
+
+@lru_cache(maxsize=KEPT)
+def _kept(rate: bytes, time: bytes, last: float, unit: float, asked: bytes, turns: float) -> Array:
+    of_rate, of_time, of_asked = (np.frombuffer(b) if b else np.zeros(0) for b in (rate, time, asked))
+    return np.ascontiguousarray(covariances(of_rate, of_time, last, unit, Asked(of_asked), None, turns))
