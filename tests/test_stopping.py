@@ -201,3 +201,12 @@ def test_starts_late_and_gaps_do_not_move_the_trip():
     kept = (time < 150.0) | (time > 158.0)
     told = tf.identify({"time_min": time[kept], "T1": reading[kept]}, criterion="iec60034-1")[0]
     assert told.start_min + told.trip_min == pytest.approx(50.0 + by_hand(criterion_from("iec60034-1"), TAU, RISE)[0], abs=1.0)
+
+
+def test_a_wild_reading_keeps_no_test_going():
+    time = np.arange(0.0, 400.0)
+    reading = lump(time, 1.0 / TAU, RISE, 20.0, 20.0) + 0.01 * np.random.default_rng(6).standard_normal(400)
+    plain = tf.identify({"time_min": time, "T1": reading}, criterion="iec60034-1", start=0.0)[0]
+    reading[[80, 110, 125]] += 15.0
+    wild = tf.identify({"time_min": time, "T1": reading}, criterion="iec60034-1", start=0.0)[0]
+    assert wild.trip_min == pytest.approx(plain.trip_min, abs=1.0)

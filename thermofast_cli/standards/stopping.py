@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models import spike_weights
 from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import Criterion, three_point
 
@@ -59,6 +60,7 @@ def trips_of(
 
 def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array, Array]:
     """When (S,) [min] readings (S, n) [degC] at time (n,) [min] have kept to the rule, inf where not yet; the temperature then."""
+    reading = _without_spikes(time, reading)
     trips = np.array([criterion.observed(time, line, float(time[0])) for line in reading])
     wide = 0.05 * criterion.window_min
     there = np.full(len(reading), np.nan)
@@ -66,6 +68,17 @@ def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array
         near = np.abs(time - trips[i]) <= wide
         there[i] = reading[i, near].mean() if near.sum() >= 2 else np.interp(trips[i], time, reading[i])
     return trips, there
+
+
+def _without_spikes(time: Array, reading: Array) -> Array:
+    """Readings (S, n) with what their neighbours say in place of an outlier: one wild reading keeps no test going."""
+    steps = np.array([np.min(np.diff(np.unique(line)), initial=np.inf) for line in reading])  # the logger's, where it is coarse
+    wild = spike_weights(np.ascontiguousarray(reading), np.where(np.isfinite(steps), steps, 0.0)) == 0.0
+    found = reading.copy()
+    for line, out in zip(found, wild, strict=True):
+        if out.any() and not out.all():
+            line[out] = np.interp(time[out], time[~out], line[~out])
+    return found
 
 
 def reckoned_from_three(time: Array, reading: Array) -> Array:
