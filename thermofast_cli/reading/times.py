@@ -125,6 +125,8 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
         return dates[0], clocks[0]
     dated = [n for n in stamps if n not in clocks and n not in dates]
     ordered = [n for n in dated if n in named] + [n for n in dated if n not in named and ":" in stamps[n]]
+    if len(ordered) == 1:
+        return ordered[0], None
     if ordered:
         # Of several stamps the one with most different values: the others tell when a step or the query began.
         return max(ordered[:8], key=lambda n: (len(set(table.columns[n])), n in named)), None
@@ -182,7 +184,7 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
 def _halves_of_day(table: Table) -> str | None:
     """A column whose cells all are AM or PM."""
     for n, column in table.columns.items():
-        if not isinstance(column, np.ndarray) and {c.strip().upper() for c in column} <= {"AM", "PM"}:
+        if not isinstance(column, np.ndarray) and all(c.strip().upper() in ("AM", "PM") for c in column):
             return n
     return None
 

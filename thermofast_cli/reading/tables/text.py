@@ -449,8 +449,10 @@ def _cells(
 
 def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int]) -> InputError | None:
     """What is wrong with a column of words that holds numbers too: a probe that was open for most of the record."""
+    if looks_like_stamp(cells[0]):
+        return None
     numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
-    if not 0.05 * len(cells) <= sum(numbers) < len(cells) or looks_like_stamp(cells[0]):
+    if not 0.05 * len(cells) <= sum(numbers) < len(cells):
         return None
     first = numbers.index(False)
     other = listed(dict.fromkeys(repr(c) for c, n in zip(cells, numbers, strict=True) if not n), 3)
@@ -464,9 +466,10 @@ def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Se
 
 def _with_unit(cells: list[str], decimal: str, more: frozenset[str]) -> tuple[list[str], str]:
     """The numbers of cells that all carry one unit (``21.3 °C``, ``temp=47.2'C``), and that unit; else the cells as they are."""
-    told = [c for c in cells if not is_missing(c, more) and not is_number(c, decimal)]
-    if not told or looks_like_stamp(told[0]):
+    first = next((c for c in cells if not is_missing(c, more) and not is_number(c, decimal)), None)
+    if first is None or looks_like_stamp(first):
         return cells, ""
+    told = [c for c in cells if not is_missing(c, more) and not is_number(c, decimal)]
     found = {c: number_within(c, decimal) for c in dict.fromkeys(told)}
     forms = Counter((f[0], f[2]) for f in found.values() if f)
     if len(forms) != 1 or sum(f is None for f in found.values()) > 0:
