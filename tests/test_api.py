@@ -280,3 +280,14 @@ def test_identify_loads_no_scipy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_catalogues_are_tables():
+    effects = tf.effects().set_index("id")
+    assert len(effects) >= 12
+    assert effects.loc["second_mode", "equation"]
+    own = tf.effects(str(ROOT / "sample_runs" / "my_effect.py"))
+    assert len(own) == len(effects) + 1
+    filters = tf.filter_catalogue().set_index("name")
+    assert {"afukf", "ukf", "crpf"} <= set(filters.index)
+    assert filters.loc["afukf", "settings"]

@@ -28,8 +28,10 @@ if TYPE_CHECKING:
         watch,
         write_effect,
     )
+    from .catalogue import effects, filter_catalogue
     from .errors import InputError, ThermofastError, UsageError
     from .machine.model import Model
+    from .pipeline.inspecting import inspect
     from .reading import Guess, Run
 
 #: Name -> module that has it; the analyses are all in ``api``.
@@ -40,6 +42,8 @@ _ELSEWHERE = {
     "Run": "reading",
     "ThermofastError": "errors",
     "UsageError": "errors",
+    "effects": "catalogue",
+    "filter_catalogue": "catalogue",
     "inspect": "pipeline.inspecting",
 }
 
@@ -56,6 +60,8 @@ __all__ = [
     "compare",
     "diagnose",
     "displacement",
+    "effects",
+    "filter_catalogue",
     "identify",
     "improve",
     "inspect",

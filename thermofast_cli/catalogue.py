@@ -1,0 +1,41 @@
+"""What the program knows by itself, as tables: the effects and the filters, a user's own plug-ins among them."""
+
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def effects(*own: str) -> "pd.DataFrame":
+    """The catalogue of effects, a row for each: equation, tell-tale, parameters; `own` are effects of files, ``my.py[:CLASS]``.
+
+    Raises
+    ------
+    UsageError: a file that holds no effect.
+    """
+    import pandas as pd
+
+    from .plugins.effects import known_effects
+
+    told = ("id", "summary", "equation", "tell_tale", "scope", "needs", "mistaken_for", "separate", "reference")
+    rows = []
+    for effect in known_effects(own).values():
+        row = {name: getattr(effect, name) for name in told}
+        row["parameters"] = {p.name: f"{p.meaning} [{p.unit}], {p.low:g} to {p.high:g}" for p in effect.parameters}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def filter_catalogue() -> "pd.DataFrame":
+    """The filters, a row for each: summary, reference, and the settings with their default values."""
+    import pandas as pd
+
+    from .plugins.filters import known_filters
+
+    rows = []
+    for name, kind in known_filters().items():
+        chosen = kind()
+        settings = {f.name: getattr(chosen, f.name) for f in fields(chosen) if f.metadata}
+        rows.append({"name": name, "summary": chosen.summary, "reference": chosen.reference, "settings": settings})
+    return pd.DataFrame(rows)
