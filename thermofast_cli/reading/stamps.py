@@ -66,9 +66,8 @@ def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: s
     ------
     InputError: a stamp that no known form reads, an order of day and month or of minutes and hours that nothing decides.
     """
-    cells = [c.strip() for c in cells]
     if time_format:
-        return _told_format(cells, place, lines, time_format)
+        return _told_format([c.strip() for c in cells], place, lines, time_format)
     if _ISO.match(cells[0]):
         try:
             with warnings.catch_warnings():  # a zone among stamps that have none is for the longer way
@@ -79,6 +78,7 @@ def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: s
         if len(whole) and not np.isnat(whole).any():
             seconds = (whole - whole[0]).astype(np.float64) / 1e6
             return Stamps(seconds, (float(whole[0].astype(np.int64)) / 1e6,), None, True)
+    cells = [c.strip() for c in cells]
     found = [_CELL.match(c) if c else None for c in cells]
     bad = next((i for i, m in enumerate(found) if m is None or not _holds(m)), None)
     if bad is not None:
