@@ -16,6 +16,7 @@ from ..stamps import looks_like_stamp
 from ..units import parse_unit
 from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
 from .encoding import to_utf8
+from .labview import joined_segments
 from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
@@ -39,8 +40,8 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         data = _without_last(data, options.skip_footer)
         notes.append(f"the last {options.skip_footer} lines left out, as told")
     data, separator = _without_separator_line(data)
-    data, joined_segments = _joined_segments(data, name)
-    notes += joined_segments
+    data, segments = joined_segments(data, name)
+    notes += segments
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
     dialect = detect_dialect(head, encoding, name, told)
@@ -79,41 +80,6 @@ def _without_last(data: bytes, count: int) -> bytes:
         data = data.rstrip(b"\r\n")
         data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
     return data
-
-
-#: Lines above the readings of each segment of a LabVIEW measurement file.
-_SEGMENT_HEAD = re.compile(
-    rb"(Channels|Samples|Date|Time|X_Dimension|X0|Delta_X|Y_Dimension|Y_Unit_Label|Notes|Test_\w+|UUT_\w+|Units_\w+)\t"
-)
-_SEGMENT_END = b"***End_of_Header***"
-
-
-def _joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
-    """A LabVIEW measurement file of several segments with the readings of all of them under the first header.
-
-    Raises
-    ------
-    InputError: the segments have different channels.
-    """
-    if not data.startswith(b"LabVIEW Measurement") or data.count(_SEGMENT_END) <= 2:
-        return data, []
-    ending = b"\r\n" if b"\r\n" in data else b"\n"
-    lines = data.split(ending)
-    ends = [i for i, line in enumerate(lines) if line.startswith(_SEGMENT_END)]
-    head, names = lines[: ends[1] + 2], lines[ends[1] + 1]
-    rows = list(head)
-    for number, end in enumerate(ends[1:]):
-        if lines[end + 1] != names:
-            raise InputError(
-                f"{name}, line {end + 2}: segment {number + 1} has other channels than the first",
-                found=lines[end + 1].decode("latin-1")[:80],
-                allowed="the same channels in all segments",
-                do="export each segment to a file of its own",
-            )
-        until = ends[number + 2] if number + 2 < len(ends) else len(lines)
-        rows += [b""] * (end + 2 - len(rows))  # lines that are left out stay as empty ones: line numbers hold
-        rows += [b"" if _SEGMENT_HEAD.match(r) else r for r in lines[end + 2 : until]]
-    return ending.join(rows) + ending, [f"{len(ends) - 1} segments joined"]
 
 
 def _without_separator_line(data: bytes) -> tuple[bytes, str]:
