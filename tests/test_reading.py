@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from thermofast.errors import InputError, UsageError
@@ -182,6 +182,7 @@ def test_what_was_written_is_read(values, delimiter, comma, newline, encoding, p
     assert np.column_stack([table.columns["Lager"], table.columns["Gehäuse"]]) == pytest.approx(np.array(values), abs=1e-9)
 
 
+@example(b"!\x0c0")
 @settings(max_examples=150, deadline=None)
 @given(st.binary(max_size=300))
 def test_any_bytes_give_a_record_or_an_input_error(data):

@@ -415,7 +415,7 @@ def _cells(
 
 def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int]) -> InputError | None:
     """What is wrong with a column of words that holds numbers too: a probe that was open for most of the record."""
-    if looks_like_stamp(cells[0]):
+    if not cells or looks_like_stamp(cells[0]):
         return None
     numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
     if not 0.05 * len(cells) <= sum(numbers) < len(cells):
