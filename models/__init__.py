@@ -15,7 +15,7 @@ from .decay import (
     widened_intervals,
 )
 from .lump import Lump, PrintedLump
-from .noise.spikes import difference_noise, spike_weights, third_difference_noise
+from .noise.spikes import bridged, difference_noise, spike_weights, third_difference_noise
 from .noise.whiteness import pattern_p_value, variance_inflation
 from .observations import Observations
 
@@ -28,6 +28,7 @@ __all__ = [
     "Lump",
     "Observations",
     "PrintedLump",
+    "bridged",
     "difference_noise",
     "fit_decay",
     "growth",

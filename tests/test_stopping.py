@@ -210,3 +210,29 @@ def test_a_wild_reading_keeps_no_test_going():
     reading[[80, 110, 125]] += 15.0
     wild = tf.identify({"time_min": time, "T1": reading}, criterion="iec60034-1", start=0.0)[0]
     assert wild.trip_min == pytest.approx(plain.trip_min, abs=1.0)
+
+
+def test_runs_that_cool_and_sensors_that_fail_are_told_of(tool):
+    files = [str(ROOT / "sample_runs" / name) for name in ("cool_down.csv", "gaps_and_bad_cells.csv")]
+    ran = tool("identify", *files, "--until", "60", "--criterion", "2K/h", "--format", "json")
+    cooling, failing = ran.err.splitlines()[-2:]
+    assert "cool_down.csv: 2K/h will hold after 136 min" in cooling
+    assert "on all sensors, on T8 last; -1.3 K are still missing" in cooling
+    assert "on all sensors but T5, which could not be read, on T4 last; 1.3 K are still missing" in failing
+    told = json.loads(ran.out)
+    records = told["records"] if isinstance(told, dict) else told
+    assert records[-1]["status"] == "no_data"
+    assert records[-1]["trip_min"] is None
+    # On the complete run the rule is seen: within what was foretold.
+    seen = tf.identify(ROOT / "sample_runs" / "cool_down.csv", criterion="2K/h")[7]
+    assert seen.trip_from == "readings"
+    assert records[7]["trip_lo_min"] <= seen.trip_min <= records[7]["trip_hi_min"]
+
+
+def test_a_rule_is_looked_at_with_effects_too(tool):
+    record = json.loads(
+        tool("identify", ROOT / "sample_runs/hidden.csv", "--auto", "--until", "120", "--criterion", "2K/h", "--format", "json").out
+    )
+    first = (record["records"] if isinstance(record, dict) else record)[0]
+    assert first["trip_from"] == "readings"
+    assert first["trip_min"] == pytest.approx(104.7, abs=0.5)

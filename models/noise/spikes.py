@@ -63,3 +63,12 @@ def spike_weights(reading: Array, resolution: Array | float = 0.0) -> Array:
     weights = np.empty(rows.shape)
     kernel.spike_weights(rows, np.ascontiguousarray(np.broadcast_to(np.asarray(resolution, dtype=float), len(rows))), weights)
     return weights.reshape(reading.shape)
+
+
+def bridged(time: Array, reading: Array, out: Any) -> Array:
+    """Readings (S, n) at time (n,), those that are `out` (S, n) replaced by the line between their neighbours."""
+    found = reading.copy()
+    for line, gone in zip(found, out, strict=True):
+        if gone.any() and not gone.all():
+            line[gone] = np.interp(time[gone], time[~gone], line[~gone])
+    return found

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import spike_weights, third_difference_noise
+from thermofast.models import bridged, spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
 from thermofast.models.standards import Criterion
 
@@ -271,11 +271,8 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
     if other_rise.any():  # what the law cannot follow is no outlier
         spikes = spike_weights(np.ascontiguousarray(reading), sensors.resolution[rows]) == 0.0
         left_out = np.where(other_rise[:, None], spikes, left_out)
-    if left_out.any():  # an outlier is replaced by what its neighbours say, so that all keep the same times
-        reading = reading.copy()
-        for line, out in zip(reading, left_out, strict=True):
-            if out.any() and not out.all():
-                line[out] = np.interp(time[out], time[~out], line[~out])
+    if left_out.any():
+        reading = bridged(time, reading, left_out)
     room = None if closed.room is None else closed.room[:n]
     found = closed.found
     noise = np.array([third_difference_noise(line, time) for line in reading])

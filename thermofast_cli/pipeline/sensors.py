@@ -16,7 +16,7 @@ from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_t
 from ..reading import Run
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
-from ..standards.stopping import with_last, with_limit, with_trip
+from ..standards.stopping import with_last, with_limit, with_trips
 from ..standards.switching_off import with_switch_off
 
 if TYPE_CHECKING:
@@ -229,8 +229,7 @@ def sweep_runs(
         swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how)
     records = [record for one in swept for record in one.records]
     if criterion is not None:
-        of = {run.name: (run, start) for run, start in started}
-        records = [with_trip(r, criterion, *of[r.run]) for r in records]
+        records = with_trips(records, criterion, started)
     return Sweeping(tuple(records), tuple(run for run, _ in started), interrupted, tuple(swept) if details else ())
 
 

@@ -44,24 +44,18 @@ class RunCommand(click.Command):
                 formatter.write(" " * formatter.current_indent + line + "\n")
 
 
-class Finite(click.FloatRange):
-    """A number in a range; unlike Click's own it refuses nan and infinity."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number", param, ctx)
-        return number
-
-
 class Real(click.types.FloatParamType):
-    """Any number but nan and infinity."""
+    """Any number; unlike Click's own it refuses nan and infinity."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number", param, ctx)
         return number
+
+
+class Finite(Real, click.FloatRange):
+    """Such a number in a range."""
 
 
 runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import spike_weights
+from thermofast.models import bridged, spike_weights
 from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import Criterion, three_point
 
@@ -24,6 +25,8 @@ MOST_POINTS, FEWEST_POINTS = 3000, 6
 #: How far ahead is looked at most, in lengths of the record used.
 FARTHEST = 30.0
 SIDES = (0.025, 0.5, 0.975)
+#: Readings without which a rule is not looked at.
+FEWEST = 3
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,7 @@ def _without_spikes(time: Array, reading: Array) -> Array:
     """Readings (S, n) with what their neighbours say in place of an outlier: one wild reading keeps no test going."""
     steps = np.array([np.min(np.diff(np.unique(line)), initial=np.inf) for line in reading])  # the logger's, where it is coarse
     wild = spike_weights(np.ascontiguousarray(reading), np.where(np.isfinite(steps), steps, 0.0)) == 0.0
-    found = reading.copy()
-    for line, out in zip(found, wild, strict=True):
-        if out.any() and not out.all():
-            line[out] = np.interp(time[out], time[~out], line[~out])
-    return found
+    return bridged(time, reading, wild)
 
 
 def reckoned_from_three(time: Array, reading: Array) -> Array:
@@ -168,19 +167,24 @@ def with_limit(record: IdentifyRecord, limit_c: float) -> IdentifyRecord:
     return replace(record, limit_c=limit_c, margin_k=margin, margin_lo_k=sides[0], margin_hi_k=sides[1], over_limit_p=chance)
 
 
-def with_trip(record: SweepRecord, criterion: Criterion, run: Run, start_min: float) -> SweepRecord:
-    """The record with when the rule holds on the sensor's whole record, and what is missing then where the record is complete."""
-    values = run.channels.get(record.channel)
-    if values is None:
-        return record
-    time, good = run.time_s / 60.0, np.isfinite(values) & (run.time_s / 60.0 >= start_min)
-    if good.sum() < 3:
-        return record
-    trips, there = seen_trips(criterion, time[good], values[good][None])
-    steady = measured_equilibrium(time[good], values[good])
-    trip = float(trips[0]) if math.isfinite(trips[0]) else None
-    missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
-    return replace(record, criterion=criterion.text, trip_min=None if trip is None else trip - start_min, missing_k=missing)
+def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Sequence[tuple[Run, float]]) -> list[SweepRecord]:
+    """The records, with when the rule holds on each sensor's whole record, and what a complete one shows to be missing then."""
+    of = {run.name: (run, start) for run, start in started}
+    told: dict[tuple[str, str], dict[str, Any]] = {}
+    for key in dict.fromkeys((r.run, r.channel) for r in records):
+        run, start = of[key[0]]
+        values = run.channels.get(key[1], np.empty(0))
+        minutes = run.time_s[: len(values)] / 60.0
+        good = np.isfinite(values) & (minutes >= start)
+        if good.sum() < FEWEST:
+            continue
+        time, reading = minutes[good], values[good]
+        trips, there = seen_trips(criterion, time, reading[None])
+        steady = measured_equilibrium(time, reading)
+        trip = float(trips[0]) if math.isfinite(trips[0]) else None
+        missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
+        told[key] = {"criterion": criterion.text, "trip_min": None if trip is None else trip - start, "missing_k": missing}
+    return [replace(r, **told.get((r.run, r.channel), {})) for r in records]
 
 
 def with_last(records: Sequence[IdentifyRecord]) -> list[IdentifyRecord]:
@@ -211,6 +215,8 @@ def in_words(records: Sequence[IdentifyRecord]) -> list[str]:
         there = "" if last.missing_k is None else f"; {last.missing_k:.2g} K are still missing there then"
         if None not in (last.missing_k, last.missing_lo_k, last.missing_hi_k):
             there += f" ({last.missing_lo_k:.2g} to {last.missing_hi_k:.2g})"
-        where = "" if len(mine) < 2 else f" on all sensors, on {last.channel} last"
+        left = [r.channel for r in records if r.run == run and not r.criterion]
+        every = f"on all sensors but {', '.join(left)}, which could not be read" if left else "on all sensors"
+        where = "" if len(mine) < 2 and not left else f" {every}, on {last.channel} last"
         found.append(f"{run}: {last.criterion} {holds} after {last.trip_min:.0f} min{band}{where}{there}")
     return found

@@ -4,27 +4,21 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from ...standards.stopping import in_words
+
 
 def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
     """Sentences that stand on top of a page."""
     tellers = {"identify": _settles, "compare": _holds, "diagnose": _missing, "improve": _improved, "sweep": _shortest}
     told = tellers[result.command](rows) if result.command in tellers and rows else []
+    if result.command == "identify":
+        told += [f"{sentence}." for sentence in in_words(result.records)]
     count = Counter(row.get("status", "") for row in rows)
     states = ", ".join(f"{n} {status}" for status, n in count.items() if status)
     return [*told, f"{len(rows)} rows: {states}." if states else f"{len(rows)} rows."]
 
 
 def _settles(rows: list[dict[str, Any]]) -> list[str]:
-    told = _highest_and_last(rows)
-    if any(r["criterion"] for r in rows):
-        from ...records import IdentifyRecord
-        from ...standards.stopping import in_words
-
-        told += [f"{sentence}." for sentence in in_words([IdentifyRecord(**row) for row in rows])]
-    return told
-
-
-def _highest_and_last(rows: list[dict[str, Any]]) -> list[str]:
     known = [r for r in rows if r["steady_state_c"] is not None]
     told = []
     if known:
