@@ -367,7 +367,7 @@ def test_one_run_gives_the_same_records_on_one_process_and_on_two(tool):
 
 
 def test_work_of_a_dying_process_is_done_in_this_one():
-    from thermofast.pool import Shared
+    from thermofast.workers.pool import Shared
 
     shared = Shared(2)
     assert list(shared(_ends_in_a_worker, [1, 2, 3])) == [1, 4, 9]

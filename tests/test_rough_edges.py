@@ -324,8 +324,8 @@ def test_help_lists_commands_by_task_and_reading_options_once(tool):
 
 
 def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
-    from thermofast.engine import _counted
     from thermofast.output import screen
+    from thermofast.workers.engine import _counted
 
     done = []
     assert list(_counted(map, done.append)(abs, [-1, -2])) == [1, 2]

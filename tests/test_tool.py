@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
-from thermofast import pool
 from thermofast.output.screen import FORMATS
 from thermofast.records import IdentifyRecord, SweepRecord
+from thermofast.workers import flow, pool
 
 SPINDLE = ROOT / "sample_runs" / "spindle.csv"
 TOOL = [sys.executable, "-m", "thermofast"]
@@ -245,25 +245,97 @@ def test_a_dying_worker_costs_one_sensor():
     def split(task):
         return [[n] for n in task]
 
-    def lost(task):
+    def lost(task, why):
+        assert "died" in why
         return [-n for n in task]
 
-    results = [r for part in pool.map_tasks(die_on_three, tasks, 2, split, lost) for r in part]
+    results = [r for part in flow.in_order(flow.Flow(die_on_three, split, lost), tasks, flow.Local(2)) for r in part]
     assert results == [10, 20, -3, 40, 50, 60]
 
 
 def test_when_every_worker_dies_the_retries_end(tmp_path):
     log = tmp_path / "attempts"
     tasks = [(n, str(log)) for n in range(30)]
-    results = [r for part in pool.map_tasks(always_die, tasks, 2, lambda t: [t], lambda t: [-1]) for r in part]
+    dying = flow.Flow(always_die, lambda t: [t], lambda t, why: [-1])
+    results = [r for part in flow.in_order(dying, tasks, flow.Local(2)) for r in part]
     assert results == [-1] * 30
-    assert len(log.read_text().splitlines()) <= 2 + pool.MOST_DEATHS < 10
+    assert len(log.read_text().splitlines()) <= 2 * flow.AHEAD + flow.MOST_FAILURES < 10
 
 
 def test_any_executor_may_be_passed_in():
     with ThreadPoolExecutor(2) as threads:
-        results = [r for part in pool.map_tasks(sorted, [[2, 1], [4, 3]], 2, lambda t: [t], list, threads) for r in part]
+        sorting = flow.Flow(sorted, lambda t: [t], lambda t, why: [])
+        results = [r for part in flow.in_order(sorting, [[2, 1], [4, 3]], flow.Given(threads, 2)) for r in part]
     assert results == [1, 2, 3, 4]
+
+
+def troubled(numbers):
+    for n in numbers:
+        if n == 3:
+            raise MemoryError("no room for 3")
+        if n == 4:
+            time.sleep(60.0)
+        if n == 5:
+            os.kill(os.getpid(), signal.SIGSEGV)
+        if n == 6:
+            return [lambda: 6]  # cannot be sent back
+    return [n * 10 for n in numbers]
+
+
+def test_each_kind_of_failure_costs_one_sensor_and_is_named():
+    told = {}
+
+    def lost(task, why):
+        told[task[0]] = why
+        return [-n for n in task]
+
+    tasks = [[1, 2], [3, 30], [7, 4], [5, 8], [6, 9], [10, 11]]
+    trying = flow.Flow(troubled, lambda t: [[n] for n in t], lost, lambda parts: [p[0] for p in parts], limit_s=1.5)
+    results = [r for part in flow.in_order(trying, tasks, flow.Local(2)) for r in part]
+    assert results == [10, 20, -3, 300, 70, -4, -5, 80, -6, 90, 100, 110]
+    assert "out of memory: no room for 3" in told[3]
+    assert "did not end within 1.5 s" in told[4]
+    assert "the worker process died" in told[5]
+    assert "its work failed" in told[6]
+
+
+def test_somebodys_executor_that_breaks_is_replaced():
+    theirs = pool.new_pool(1)
+    tasks = [[1, 2], [3, 4], [5, 6]]
+    dying = flow.Flow(die_on_three, lambda t: [[n] for n in t], lambda t, why: [-n for n in t])
+    results = [r for part in flow.in_order(dying, tasks, flow.Given(theirs, 1)) for r in part]
+    theirs.shutdown()
+    assert results == [10, 20, -3, 40, 50, 60]
+
+
+PARENT = """
+import os, sys, time
+from thermofast.workers.pool import new_pool
+if __name__ == "__main__":
+    pool = new_pool(2)
+    print(*{f.result() for f in [pool.submit(os.getpid) for _ in range(20)]}, flush=True)
+    pool.submit(time.sleep, 600)
+    time.sleep(600)
+"""
+
+
+def test_no_worker_outlives_a_parent_that_is_killed(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    parent = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    assert parent.stdout is not None
+    workers = [int(word) for word in parent.stdout.readline().split()]
+    parent.kill()
+    parent.communicate()
+    for _ in range(100):
+        left = [
+            pid for pid in workers if Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]
+        ]
+        if not left:
+            break
+        time.sleep(0.1)
+    assert workers
+    assert left == []
 
 
 def test_the_work_decides_on_processes(monkeypatch):

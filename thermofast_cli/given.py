@@ -5,10 +5,10 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .engine import Started, Work, with_start
 from .errors import UsageError
 from .reading import Run, read_runs
 from .reading_options import options_from
+from .workers.engine import Started, Work, with_start
 
 if TYPE_CHECKING:
     from .machine.model import Model

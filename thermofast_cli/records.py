@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 #: Statuses that are failures of a sensor: exit code 1.
-FAILURES = frozenset({"constant", "no_data", "too_short", "diverged", "unreadable"})
+FAILURES = frozenset({"constant", "no_data", "too_short", "diverged", "unreadable", "failed"})
 
 
 def finite(value: float | None) -> float | None:

@@ -137,7 +137,7 @@ def _with_guesses(row: dict[str, Any], guessed: dict[str, str]) -> dict[str, Any
 def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
     """The figure, saved where a path is given."""
     if path is not None and figure is not None:
-        from .output.plots import save_figure
+        from .output.pictures.plots import save_figure
 
         save_figure(str(path), figure)
     return figure
@@ -160,7 +160,7 @@ class Inspection(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """All columns that were read, over time."""
-        from .output.inspect_plots import draw_columns
+        from .output.pictures.inspect import draw_columns
 
         return _drawn(draw_columns(self.runs), path)
 
@@ -194,7 +194,7 @@ class Identification(Result):
 
     def plot(self, path: str | Path | None = None, trace: bool = False) -> "Figure | None":
         """Measurement, model and band of each sensor, with the filter's convergence beside it; None where there is nothing."""
-        from .output.plots import draw_prediction
+        from .output.pictures.plots import draw_prediction
 
         return _drawn(draw_prediction(self.curves, trace), path)
 
@@ -209,7 +209,7 @@ class Sweeping(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """RMSE against identification time, one curve per window."""
-        from .output.plots import draw_sweep
+        from .output.pictures.plots import draw_sweep
 
         return _drawn(draw_sweep(self.curves), path)
 
@@ -248,7 +248,7 @@ class Changes(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """Rate and rise of every sensor, new over old."""
-        from .output.change_plots import draw_change
+        from .output.pictures.change import draw_change
 
         return _drawn(draw_change(self.difference), path)
 
@@ -263,7 +263,7 @@ class Plan(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """Half-width against the time measured, a curve for each alternative."""
-        from .output.plan_plots import draw_plan
+        from .output.pictures.plan import draw_plan
 
         return _drawn(draw_plan(self.curves, sorted({r.tolerance_c for r in self.records})), path)
 
@@ -278,7 +278,7 @@ class Comparison(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """Measurement and model, residual with failing stretches, logged inputs."""
-        from .output.loop_plots import draw_comparison
+        from .output.pictures.loop import draw_comparison
 
         return _drawn(draw_comparison(self.panels), path)
 
@@ -327,7 +327,7 @@ class Improvement(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """The error of each step, fitted and on readings not fitted."""
-        from .output.loop_plots import draw_staircase
+        from .output.pictures.loop import draw_staircase
 
         return _drawn(draw_staircase(self.steps), path)
 
@@ -349,7 +349,7 @@ class Sensitivity(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """The shares as bars."""
-        from .output.share_plots import draw_shares
+        from .output.pictures.share import draw_shares
 
         return _drawn(draw_shares(self.records), path)
 
@@ -364,7 +364,7 @@ class Displacement(Result):
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """Measured and predicted displacement of readings left out."""
-        from .output.displacement_plots import draw_displacement
+        from .output.pictures.displacement import draw_displacement
 
         return _drawn(draw_displacement(self.panels), path)
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from thermofast.models import t_quantile
 from thermofast.models.imperfection import NONE, TYPICAL, Imperfection
 
-from ..engine import Started
 from ..estimation.identify import Method, identify_sensors
 from ..records import CalibrateRecord
+from ..workers.engine import Started
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from thermofast.models.search.judge import widening
 from thermofast.models.uncertainty.changes import Change, RunNumbers, changes
 
 from ..discovery.observe import FEWEST_READINGS, observe
-from ..engine import Started
 from ..errors import UsageError
 from ..machine.learnt import as_learnt
 from ..machine.model import Model
 from ..records import ChangedRecord
+from ..workers.engine import Started
 
 Array = NDArray[np.float64]
 

@@ -92,9 +92,9 @@ def sensitivity_task(task: SensitivityTask) -> list[list[SensitivityRecord]]:
         return [failure_records(SensitivityRecord, task.loop, error)]
 
 
-def sensitivity_lost(task: SensitivityTask) -> list[list[SensitivityRecord]]:
+def sensitivity_lost(task: SensitivityTask, why: str) -> list[list[SensitivityRecord]]:
     """The record of a run whose worker died."""
-    return [[SensitivityRecord(task.loop.run.name, "", status="diverged", message="the worker process died")]]
+    return [[SensitivityRecord(task.loop.run.name, "", status="failed", message=why)]]
 
 
 def _plain(task: SensitivityTask) -> list[SensitivityRecord]:

@@ -31,7 +31,7 @@ def command(
     read that way from then on.
     """
     from ..errors import ThermofastError, UsageError
-    from ..output.inspect_plots import show_plot
+    from ..output.pictures.inspect import show_plot
     from ..output.screen import chosen_format, draw, say, show_text, text
     from ..pipeline.inspecting import columns_of, inspect_runs
     from ..reading_options import options_from

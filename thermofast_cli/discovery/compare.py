@@ -68,13 +68,9 @@ def compare_task(task: LoopTask) -> list[Comparison]:
         return [Comparison(failure_records(CompareRecord, task, error))]
 
 
-def compare_lost(task: LoopTask) -> list[Comparison]:
+def compare_lost(task: LoopTask, why: str) -> list[Comparison]:
     """The record of a run whose worker died."""
-    return [
-        Comparison(
-            [CompareRecord(task.run.name, "", status="diverged", message="the worker process died; run it alone with --jobs 1")]
-        )
-    ]
+    return [Comparison([CompareRecord(task.run.name, "", status="failed", message=why)])]
 
 
 def _compare(task: LoopTask) -> Comparison:

@@ -120,10 +120,9 @@ def diagnose_task(task: LoopTask, spread: Spread = map) -> list[list[DiagnoseRec
         return [failure_records(DiagnoseRecord, task, error)]
 
 
-def diagnose_lost(task: LoopTask) -> list[list[DiagnoseRecord]]:
+def diagnose_lost(task: LoopTask, why: str) -> list[list[DiagnoseRecord]]:
     """The record of a run whose worker died."""
-    why = "the worker process died; run it alone with --jobs 1"
-    return [[DiagnoseRecord(task.run.name, "", status="diverged", message=why)]]
+    return [[DiagnoseRecord(task.run.name, "", status="failed", message=why)]]
 
 
 def _diagnose(task: LoopTask, spread: Spread) -> list[DiagnoseRecord]:

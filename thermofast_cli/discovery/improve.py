@@ -72,10 +72,9 @@ def improve_task(task: LoopTask, spread: Spread = map) -> list[Improved]:
         return [Improved(failure_records(ImproveRecord, task, error))]
 
 
-def improve_lost(task: LoopTask) -> list[Improved]:
+def improve_lost(task: LoopTask, why: str) -> list[Improved]:
     """The record of a run whose worker died."""
-    why = "the worker process died; run it alone with --jobs 1"
-    return [Improved([ImproveRecord(task.run.name, "", status="diverged", message=why)])]
+    return [Improved([ImproveRecord(task.run.name, "", status="failed", message=why)])]
 
 
 def _step(fit: Fit, prepared: Ready, until: float | None) -> Step:

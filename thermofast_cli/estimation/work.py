@@ -1,5 +1,6 @@
 """What a worker process does: a task is some sensors of one run and what to do with them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -57,7 +58,14 @@ class SweepTask(Task):
     want_curves: bool = False
 
 
-LOST = "the worker process died twice on this sensor; run it alone with --jobs 1 to see why"
+def together(tasks: Sequence[Task]) -> Task:
+    """One task of the sensors of several, all of one run."""
+    return replace(
+        tasks[0],
+        channels=tuple(c for task in tasks for c in task.channels),
+        values=np.concatenate([task.values for task in tasks]),
+        notes=tuple(n for task in tasks for n in task.notes),
+    )
 
 
 def identify_task(task: IdentifyTask) -> list[Identified]:
@@ -80,11 +88,9 @@ def identify_task(task: IdentifyTask) -> list[Identified]:
     )
 
 
-def identify_lost(task: IdentifyTask) -> list[Identified]:
+def identify_lost(task: IdentifyTask, why: str) -> list[Identified]:
     """Records of sensors whose worker died."""
-    return [
-        Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="diverged", message=LOST)) for c in task.channels
-    ]
+    return [Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="failed", message=why)) for c in task.channels]
 
 
 def sweep_task(task: SweepTask) -> list[Swept]:
@@ -109,13 +115,12 @@ def sweep_task(task: SweepTask) -> list[Swept]:
 _NONE = np.empty(0)
 
 
-def sweep_lost(task: SweepTask) -> list[Swept]:
+def sweep_lost(task: SweepTask, why: str) -> list[Swept]:
     """Records of sensors whose worker died."""
     return [
         Swept(
             tuple(
-                SweepRecord(task.run, c, task.method.filter.name, window_min=w, status="diverged", message=LOST)
-                for w in task.windows
+                SweepRecord(task.run, c, task.method.filter.name, window_min=w, status="failed", message=why) for w in task.windows
             ),
             _NONE,
             _NONE,

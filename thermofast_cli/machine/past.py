@@ -104,9 +104,9 @@ def knowledge(task: LoopTask) -> list[Knowledge]:
         return [Knowledge(task.run.name, failed=str(error).replace("\n ", ";"))]
 
 
-def knowledge_lost(task: LoopTask) -> list[Knowledge]:
+def knowledge_lost(task: LoopTask, why: str) -> list[Knowledge]:
     """A run whose worker died."""
-    return [Knowledge(task.run.name, failed="the worker process died; run it alone with --jobs 1")]
+    return [Knowledge(task.run.name, failed=why)]
 
 
 def _until(task: LoopTask) -> LoopTask:

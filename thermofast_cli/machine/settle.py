@@ -70,9 +70,9 @@ def sweep_with_model(
         return [[_no_sweep(SweepRecord(task.run.name, "", NAME, windows[0], status="unreadable", message=str(error)))]]
 
 
-def sweep_model_lost(task: LoopTask) -> list[list[Swept]]:
+def sweep_model_lost(task: LoopTask, why: str) -> list[list[Swept]]:
     """The record of a run whose worker died."""
-    return [[_no_sweep(SweepRecord(task.run.name, "", NAME, status="diverged", message="the worker process died"))]]
+    return [[_no_sweep(SweepRecord(task.run.name, "", NAME, status="failed", message=why))]]
 
 
 def _no_sweep(record: SweepRecord) -> Swept:

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..engine import Started, Work, over_runs
 from ..errors import UsageError, listed
 from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Simulated
+from ..workers.engine import Started, Work, over_runs
 
 if TYPE_CHECKING:
     from numpy import float64

@@ -9,13 +9,13 @@ from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
 from ..discovery.loop import LoopTask, check_drive
 from ..discovery.together import improve_together
-from ..engine import Started, Work, over_runs, sharing
 from ..errors import UsageError
 from ..machine.learnt import check_effects
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
-from ..pool import cores
 from ..results import Comparison, Diagnosis, Improvement
+from ..workers.engine import Started, Work, over_runs, sharing
+from ..workers.pool import cores
 from .sensors import check_until
 
 

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
-from ..engine import Started, Work, over_runs, over_sensors, share_out
 from ..errors import UsageError
 from ..estimation.identify import LET_GO, Identified, Method
 from ..estimation.imperfect import GROUP
-from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task
+from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..reading import Run
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
 from ..standards.stopping import with_last, with_limit, with_trips
 from ..standards.switching_off import with_switch_off
+from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
 
 if TYPE_CHECKING:
     from ..machine.model import Model
@@ -126,7 +126,7 @@ def identify_runs(
 
     weight = 100.0 if joint else 10.0 if method.widens else 1.0
     sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
-    found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how)
+    found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how, together)
     if auto and not interrupted:
         from .averaged import averaged  # it needs scipy, which takes longer to load than ten sensors to identify
 
@@ -226,7 +226,7 @@ def sweep_runs(
         sensor_tasks, processes = share_out(
             started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1
         )
-        swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how)
+        swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how, together)
     records = [record for one in swept for record in one.records]
     if criterion is not None:
         records = with_trips(records, criterion, started)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis.watching import FEWEST, Look, Watch, first_readings
-from ..engine import Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
 from ..estimation.identify import Method
 from ..reading import Run, read_runs
@@ -18,6 +17,7 @@ from ..reading.follow import Follower, Piped
 from ..reading.source import read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
+from ..workers.engine import Work, with_start
 from .sensors import from_rise, identify_runs
 
 if TYPE_CHECKING:

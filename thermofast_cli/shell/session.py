@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from ..engine import Started, Work, with_start
 from ..errors import InputError, ThermofastError, UsageError
 from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, check_targets
 from ..output.screen import chosen_format, progress, say, show_records
-from ..pool import warm_pool
 from ..reading import read_runs
 from ..reading_options import options_from
 from ..records import FAILURES
 from ..results import Result
+from ..workers.engine import Started, Work, with_start
+from ..workers.pool import warm_pool
 from .made import how_made
 from .options import EXCEL_CSV, MORE_OUTPUTS
 
@@ -58,7 +58,7 @@ def read_all(
 ) -> Readings:
     """Read every run; what was taken for what goes to standard error.
 
-    from_rise: as in :func:`~..engine.with_start`. targets are the files to be written, which may be no run.
+    from_rise: as in :func:`~..workers.engine.with_start`. targets are the files to be written, which may be no run.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
         if target:
             check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if target in results else ())))
     if picture:
-        from ..output.plots import check_picture
+        from ..output.pictures.plots import check_picture
 
         check_picture(picture)
 

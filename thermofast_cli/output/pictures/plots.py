@@ -8,11 +8,11 @@ from typing import Any, ParamSpec
 
 import numpy as np
 
-from ..errors import UsageError
-from ..estimation.curves import Curves
-from ..estimation.sweep import Swept
-from .files import check_target, write_whole
-from .report.charts import STROKES
+from ...errors import UsageError
+from ...estimation.curves import Curves
+from ...estimation.sweep import Swept
+from ..files import check_target, write_whole
+from ..report.charts import STROKES
 
 P = ParamSpec("P")
 

@@ -7,7 +7,7 @@ import numpy as np
 from .plots import MEASURED, MODEL, new_figure, styled
 
 if TYPE_CHECKING:
-    from ..analysis.changed import Difference
+    from ...analysis.changed import Difference
 
 
 @styled

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..discovery.compare import Panel
-from ..discovery.improve import Improved
+from ...discovery.compare import Panel
+from ...discovery.improve import Improved
 from .plots import LINES, MARK, MEASURED, MODEL, new_figure, styled
 
 MOST = 6

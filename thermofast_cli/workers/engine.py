@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import UsageError
-from .estimation.sensor import run_start
-from .pool import Shared, cores, map_tasks, worth
-from .reading import Run
+from ..errors import UsageError
+from ..estimation.sensor import run_start
+from ..reading import Run
+from .flow import Flow, Given, Local, in_order
+from .pool import Shared, cores, worth
 
 if TYPE_CHECKING:
     from thermofast.models.search.discover import Spread
@@ -25,6 +26,8 @@ MOST_PER_TASK = 250
 POOL_FROM = 3
 #: Readings of all sensors together from which on a single run is worth sharing.
 SHARED_FROM = 1500
+#: Workers that somebody's executor is taken to have at least.
+MOST_ASKED = 64
 
 
 def with_start(run: Run, start_min: float | None, from_rise: bool) -> Started:
@@ -53,12 +56,28 @@ class Work:
     """How work is done: processes (None: as many as it pays for), somebody's executor, who is told of progress.
 
     keep: what is finished when the user interrupts is given back, marked as interrupted; else the interrupt goes on its way.
+    limit_s [s]: a task that takes longer hangs.
     """
 
     jobs: int | None = None
     executor: Executor | None = None
     advance: Callable[[int], None] = lambda _steps: None
     keep: bool = False
+    limit_s: float | None = None
+
+    def over(
+        self,
+        work: Callable[[Any], list[Any]],
+        tasks: Sequence[Any],
+        processes: int,
+        lost: Callable[[Any, str], list[Any]],
+        together: Callable[[Sequence[Any]], Any] | None = None,
+    ) -> Iterator[list[Any]]:
+        """Results of ``work`` for each task, in order; the arguments are those of :class:`~.flow.Flow`."""
+        if self.executor is None and processes <= 1:
+            return map(work, tasks)
+        crew = Local(min(processes, len(tasks))) if self.executor is None else Given(self.executor, max(processes, MOST_ASKED))
+        return in_order(Flow(work, lambda task: task.singles(), lost, together, self.limit_s), tasks, crew)
 
 
 def share_out(
@@ -86,12 +105,17 @@ def share_out(
 
 
 def over_sensors(
-    work: Callable[[Any], list[Any]], tasks: Sequence[Any], processes: int, lost: Callable[[Any], list[Any]], how: Work
+    work: Callable[[Any], list[Any]],
+    tasks: Sequence[Any],
+    processes: int,
+    lost: Callable[[Any, str], list[Any]],
+    how: Work,
+    together: Callable[[Sequence[Any]], Any] | None = None,
 ) -> tuple[list[Any], bool]:
     """Results in the order of the sensors, and whether the user interrupted the work."""
     found: list[Any] = []
     try:
-        for results in map_tasks(work, tasks, processes, lambda task: task.singles(), lost, how.executor):
+        for results in how.over(work, tasks, processes, lost, together):
             how.advance(len(results))
             found += results
     except KeyboardInterrupt:
@@ -104,7 +128,7 @@ def over_sensors(
 def over_runs(
     work: Callable[..., list[Any]],
     tasks: Sequence[Any],
-    lost: Callable[[Any], list[Any]],
+    lost: Callable[[Any, str], list[Any]],
     how: Work,
     shares: bool = False,
     long: bool = False,
@@ -122,7 +146,7 @@ def over_runs(
         doing = partial(work, spread=_counted(spread, how.advance) if single and not several else spread) if shares else work
         try:
             processes = min(wanted, len(tasks)) if several else 1
-            for results in map_tasks(doing, tasks, processes, lambda task: task.singles(), lost, how.executor):
+            for results in how.over(doing, tasks, processes, lost):
                 how.advance(0 if single and shares else 1)
                 found += results
         except KeyboardInterrupt:

@@ -1,23 +1,20 @@
-"""A process pool over sensors that survives a dying worker. Results do not depend on the number of processes."""
+"""Processes of this machine: how many the work pays for, how they start and end."""
 
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
+from multiprocessing import connection
+from threading import Thread
+from typing import Any
 
 #: Starting a pool costs about this long; below it one process is faster.
 POOL_COST_S = 0.8
 #: Rough cost of a sensor and of a reading, for that decision alone.
 SENSOR_COST_S = 3e-5
 READING_COST_S = 3.5e-7
-#: Sensors in a row whose process died, after which no more are retried.
-MOST_DEATHS = 5
 #: Records larger than this surely pay for a pool.
 WARM_BYTES = 8_000_000
 
@@ -36,8 +33,17 @@ def worth(sensors: int, readings: int, weight: float = 1.0) -> int:
 
 
 def _quiet_worker() -> None:
-    """The parent alone answers an interrupt."""
+    """The parent alone answers an interrupt, and no worker outlives it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    """Ends this process with the one of the sentinel: a parent that is killed cannot say goodbye."""
+    connection.wait([sentinel])
+    os._exit(1)
 
 
 def _context() -> multiprocessing.context.BaseContext:
@@ -51,6 +57,14 @@ def _context() -> multiprocessing.context.BaseContext:
 def new_pool(jobs: int) -> ProcessPoolExecutor:
     """Worker processes that are spawned, never forked from this one."""
     return ProcessPoolExecutor(jobs, mp_context=_context(), initializer=_quiet_worker)
+
+
+def ended(pool: Executor) -> None:
+    """Ends a pool and its processes now, at work or not."""
+    # Before Python 3.14 an executor has no word for it.
+    for process in list((getattr(pool, "_processes", None) or {}).values()):
+        process.kill()
+    pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _nothing() -> None:
@@ -94,56 +108,10 @@ class Shared:
             self._pool.shutdown(wait=all(f.done() for f in self._last), cancel_futures=True)
 
 
-def map_tasks(
-    work: Callable[[Task], list[Result]],
-    tasks: Sequence[Task],
-    jobs: int,
-    split: Callable[[Task], list[Task]],
-    lost: Callable[[Task], list[Result]],
-    executor: Executor | None = None,
-) -> Iterator[list[Result]]:
-    """Results of ``work`` for each task, in order.
-
-    A task whose worker died is split into single sensors, each tried once more in a process of its own; ``lost`` gives the
-    results of one that dies again. Any ``concurrent.futures.Executor`` may be passed in.
-    """
-    if executor is None and jobs <= 1:
-        for task in tasks:
-            yield work(task)
-        return
-    pool = executor or new_pool(min(jobs, len(tasks)))
-    try:
-        futures = [_submit(pool, work, task) for task in tasks]
-        deaths = 0
-        for task, future in zip(tasks, futures, strict=True):
-            try:
-                yield future.result()
-            except BrokenProcessPool:
-                results: list[Result] = []
-                for single in split(task):
-                    # When one sensor after another dies, it is not the sensors: do not start a process for each.
-                    again = [] if deaths >= MOST_DEATHS else _alone(work, single)
-                    deaths = 0 if again else deaths + 1
-                    results += again or lost(single)
-                yield results
-    finally:
-        if executor is None:
-            pool.shutdown(cancel_futures=True)
-
-
-def _submit(pool: Executor, work: Callable[[Task], Any], task: Task) -> Future[Any]:
+def _submit(pool: Executor, work: Callable[[Any], Any], task: Any) -> Future[Any]:
     try:
         return pool.submit(work, task)
     except BrokenProcessPool as error:  # broken while tasks were still being handed out
         failed: Future[Any] = Future()
         failed.set_exception(error)
         return failed
-
-
-def _alone(work: Callable[[Task], list[Result]], task: Task) -> list[Result]:
-    """One task in a process of its own; nothing where that process dies too."""
-    with new_pool(1) as pool:
-        try:
-            return pool.submit(work, task).result()
-        except BrokenProcessPool:
-            return []

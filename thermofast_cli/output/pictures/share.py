@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..records import SensitivityRecord
+from ...records import SensitivityRecord
 from .plots import MEASURED, MODEL, new_figure, styled
 
 MOST = 6

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..reading import Run
+from ...reading import Run
+from ..screen import show_text
 from .plots import MEASURED, new_figure, styled
-from .screen import show_text
 
 #: Runs in one picture.
 MOST = 4

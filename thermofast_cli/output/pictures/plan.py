@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from .plots import MEASURED, new_figure, styled
 
 if TYPE_CHECKING:
-    from ..experiments.planning import Curve
+    from ...experiments.planning import Curve
 
 
 @styled

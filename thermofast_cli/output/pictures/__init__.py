@@ -1,0 +1,1 @@
+"""Pictures, a file for each kind of result."""
