@@ -1,7 +1,7 @@
 """Steady state and settling time of a machine from the first part of its temperature record; see docs/api.md.
 
 ``import thermofast as tf`` gives ``tf.read``, ``tf.identify``, ``tf.sweep``, ``tf.compare``, ``tf.diagnose``, ``tf.improve``,
-``tf.simulate``, ``tf.Model`` and more. Names are imported when they are first used: the import itself is quick.
+``tf.simulate``, ``tf.archive``, ``tf.Model`` and more. Names are imported when they are first used: the import itself is quick.
 """
 
 from importlib import import_module
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         watch,
         write_effect,
     )
+    from .archives.library import archive
     from .catalogue import effects, filter_catalogue
     from .errors import InputError, ThermofastError, UsageError
     from .machine.model import Model
@@ -42,6 +43,7 @@ _ELSEWHERE = {
     "Run": "reading",
     "ThermofastError": "errors",
     "UsageError": "errors",
+    "archive": "archives.library",
     "effects": "catalogue",
     "filter_catalogue": "catalogue",
     "inspect": "pipeline.inspecting",
@@ -54,6 +56,7 @@ __all__ = [
     "Run",
     "ThermofastError",
     "UsageError",
+    "archive",
     "bench",
     "calibrate",
     "changed",

@@ -88,9 +88,9 @@ class Result:
 
     def to_arrow(self) -> "pa.Table":
         """As the Parquet file of ``save``."""
-        from .output.files import to_arrow
+        from .output.arrow import to_arrow, types_of
 
-        return to_arrow(self.kind.columns(), self.rows())
+        return to_arrow(self.kind.columns(), self.rows(), types_of(self.kind))
 
     def to_json(self) -> str:
         """The document that ``--format json`` prints."""
@@ -108,7 +108,8 @@ class Result:
         ------
         UsageError: an unknown suffix, or a place that cannot be written.
         """
-        from .output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, write_table, write_text_whole, write_whole
+        from .output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, write_table, write_text_whole
+        from .output.whole import write_whole
 
         check_target(str(path), (*TABLE_SUFFIXES, *REPORT_SUFFIXES))
         if Path(path).suffix.lower() in REPORT_SUFFIXES:
@@ -121,7 +122,7 @@ class Result:
 
             write_whole(str(path), lambda p: write_result(p, self, made or {}))
             return
-        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv)
+        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv, self.kind)
 
     def _repr_html_(self) -> str:
         """For a notebook: the table without columns that are empty throughout; names stay text."""

@@ -1,5 +1,7 @@
 """``thermofast compare``."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import click
@@ -13,6 +15,7 @@ from ..shell.options import (
     ranges,
     reading_options,
     runs_argument,
+    scale_options,
 )
 
 
@@ -37,6 +40,7 @@ from ..shell.options import (
 )
 @reading_options
 @output_options
+@scale_options
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and residual with failing stretches: .png .pdf .svg.")
 def command(
     runs: tuple[str, ...],
@@ -67,19 +71,26 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
+    from ..archives.blocks import Analysis
     from ..output.screen import interval, number, text
     from ..pipeline.loop import compare_runs
     from ..records import CompareRecord
-    from ..results import failed
+    from ..results import Comparison, failed
+    from ..shell.archive import names_folder, run_archive
     from ..shell.session import check_outputs, deliver, draw, load_model, read_all, wants_details, working
 
-    check_outputs([output], save_plot)
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model)}
     chosen, allowed = names(effects), ranges(input_ranges)
     compare_runs([], chosen, (), **options)  # what is wrong with the options is said before any file is read
+    work: Callable[..., Comparison] = partial(
+        compare_runs, effects=chosen, input_ranges=allowed, unknown_heat=unknown_heat, **options
+    )
+    if names_folder(output):
+        return run_archive(Analysis("compare", CompareRecord, work), runs, output, reading, jobs, quiet)
+    check_outputs([output], save_plot)
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
     with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
-        result = compare_runs(readings.runs, chosen, allowed, wants_details(output, save_plot), how, unknown_heat, **options)
+        result = work(readings.runs, details=wants_details(output, save_plot), how=how)
     drawn = [
         ("sensor", text("channel")),
         ("effects", text("effects")),

@@ -1,5 +1,7 @@
 """``thermofast diagnose``."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import click
@@ -13,6 +15,7 @@ from ..shell.options import (
     output_options,
     reading_options,
     runs_argument,
+    scale_options,
 )
 
 
@@ -33,6 +36,7 @@ from ..shell.options import (
 @model_option
 @reading_options
 @output_options
+@scale_options
 def command(
     runs: tuple[str, ...],
     until: float | None,
@@ -65,13 +69,14 @@ def command(
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
+    from ..archives.blocks import Analysis
     from ..output.screen import number, percent, text
     from ..pipeline.loop import diagnose_runs
     from ..records import DiagnoseRecord
-    from ..results import failed
+    from ..results import Diagnosis, failed
+    from ..shell.archive import names_folder, run_archive
     from ..shell.session import check_outputs, deliver, load_model, read_all, working
 
-    check_outputs([output])
     if write_effect:
         from ..analysis.effect_file import check_effect_runs, check_effect_target
 
@@ -79,12 +84,16 @@ def command(
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
     options["model"] = load_model(model)
     options["together"], options["next_experiment"] = together, next_experiment
-    diagnose_runs([], names(effects), **options)  # what is wrong with the options is said before any file is read
+    work: Callable[..., Diagnosis] = partial(diagnose_runs, effects=names(effects), **options)
+    work([])  # what is wrong with the options is said before any file is read
+    if names_folder(output):
+        return run_archive(Analysis("diagnose", DiagnoseRecord, work), runs, output, reading, jobs, quiet)
+    check_outputs([output])
     readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
     if write_effect:
         check_effect_runs([run for run, _ in readings.runs], drive)
     with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:
-        result = diagnose_runs(readings.runs, names(effects), how, **options)
+        result = work(readings.runs, how=how)
     drawn = [
         ("sensor", text("channel")),
         ("verdict", text("verdict")),

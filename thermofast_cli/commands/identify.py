@@ -1,5 +1,6 @@
 """``thermofast identify``."""
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,6 +17,7 @@ from ..shell.options import (
     output_options,
     reading_options,
     runs_argument,
+    scale_options,
 )
 
 if TYPE_CHECKING:
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
 @filter_options
 @reading_options
 @output_options
+@scale_options
 @click.option("--trace", metavar="FILE", help="Write what the filter did, reading by reading: .csv .json .jsonl .parquet .md.")
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and band per sensor: .png .pdf .svg.")
 @click.option("--plot-trace", is_flag=True, help="Add rate and steady state converging to the picture of --save-plot.")
@@ -93,30 +96,47 @@ def command(
     """
     from dataclasses import replace
 
+    from ..archives.blocks import Analysis
     from ..errors import UsageError
+    from ..estimation.imperfect import GROUP
     from ..output.files import write_table
     from ..output.screen import interval, number, say, text
     from ..pipeline.methods import choose, paces, stopping_rule
     from ..pipeline.sensors import from_rise, identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..results import failed
+    from ..shell.archive import names_folder, run_archive
     from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
     from ..standards.stopping import in_words
 
     method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
     if plot_trace and not save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
-    check_outputs([output, trace], save_plot)
     learnt, rule = load_model(model), stopping_rule(criterion)
-    identify_runs(
-        [], method, model=learnt, joint=joint, at_min=at, room_c=room, drive=drive, auto=auto, criterion=rule
-    )  # wrong options are told before reading
+    work = partial(
+        identify_runs,
+        method=method,
+        until_min=until,
+        model=learnt,
+        joint=joint,
+        at_min=at,
+        room_c=room,
+        drive=drive,
+        auto=auto,
+        criterion=rule,
+        limit_c=limit,
+        switch_off_min=switch_off_at,
+    )
+    work([])  # wrong options are told before reading
+    if names_folder(output):
+        parted = 0 if learnt or drive or auto or joint or rule else GROUP
+        analysis = Analysis("identify", IdentifyRecord, work, parted, {"filter": filter_name}, from_rise=from_rise(learnt, drive))
+        return run_archive(analysis, runs, output, reading, jobs, quiet)
+    check_outputs([output, trace], save_plot)
     readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
         details = bool(trace) or wants_details(output, save_plot)
-        result = identify_runs(
-            readings.runs, method, until, learnt, joint, details, how, at, room, drive, auto, rule, limit, switch_off_at
-        )
+        result = work(readings.runs, details=details, how=how)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),

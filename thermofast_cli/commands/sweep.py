@@ -1,5 +1,6 @@
 """``thermofast sweep``."""
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +16,7 @@ from ..shell.options import (
     output_options,
     reading_options,
     runs_argument,
+    scale_options,
 )
 
 if TYPE_CHECKING:
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 @filter_options
 @reading_options
 @output_options
+@scale_options
 @click.option("--save-plot", metavar="FILE", help="Draw RMSE against identification time, one curve per window: .png .pdf .svg.")
 def command(
     runs: tuple[str, ...],
@@ -71,25 +74,42 @@ def command(
     its RMSE is least, shortest_time_min the time from which it stays within the noise of that in every window, and
     tolerance_time_min the time from which the steady state is known to within +- the --tolerance, the machine counted.
     """
+    from ..archives.blocks import Analysis
+    from ..estimation.imperfect import GROUP
     from ..output.screen import number, text
     from ..pipeline.methods import choose, stopping_rule
     from ..pipeline.sensors import default_times, from_rise, sweep_runs
     from ..records import SweepRecord
     from ..results import failed
+    from ..shell.archive import names_folder, run_archive
     from ..shell.options import numbers
     from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
 
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
-    check_outputs([output], save_plot)
     learnt, rule = load_model(model), stopping_rule(criterion)
+    work = partial(
+        sweep_runs,
+        method=method,
+        windows_min=spans,
+        times_min=grid,
+        tolerance_c=tolerance,
+        model=learnt,
+        drive=drive,
+        criterion=rule,
+    )
+    name = "joint_fit" if learnt or drive else filter_name
+    if names_folder(output):
+        parted = 0 if learnt or drive else GROUP
+        analysis = Analysis("sweep", SweepRecord, work, parted, {"filter": name}, from_rise=from_rise(learnt, drive))
+        return run_archive(analysis, runs, output, reading, jobs, quiet)
+    check_outputs([output], save_plot)
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=from_rise(learnt, drive))
     with working(
         readings, readings.sensors if learnt is None and drive is None else len(readings.runs), "sensors", quiet, jobs
     ) as how:
-        details = wants_details(output, save_plot)
-        result = sweep_runs(readings.runs, method, spans, grid, tolerance, learnt, details, how, drive, rule)
+        result = work(readings.runs, details=wants_details(output, save_plot), how=how)
     drawn = [
         ("sensor", text("channel")),
         ("window min", number("window_min", 0)),
@@ -103,7 +123,6 @@ def command(
     ]
     if rule is not None:
         drawn[-1:-1] = [("rule holds", number("trip_min", 1)), ("missing K then", number("missing_k"))]
-    name = "joint_fit" if learnt or drive else filter_name
     code = deliver(result, failed(SweepRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
     draw(result, save_plot)
     return code

@@ -178,6 +178,30 @@ def progress(total: int, what: str, quiet: bool) -> Iterator[Any]:
 
 
 @contextmanager
+def counting(quiet: bool) -> Iterator[Any]:
+    """How far many files have got: a bar on a terminal, lines elsewhere; yields a function of a text and files done, of how many.
+
+    It is called ``bar`` where it draws one.
+    """
+    if quiet:
+        yield lambda _text, _done, _all: None
+        return
+    if not sys.stderr.isatty():
+        yield lambda text, _done, _all: say(text)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    with Progress(BarColumn(), TextColumn("{task.description}"), console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=None)
+
+        def bar(text: str, done: int, whole: int) -> None:
+            shown.update(task, description=text, completed=done, total=whole)
+
+        yield bar
+
+
+@contextmanager
 def live_table(on: bool) -> Iterator[Any]:
     """A table on standard error that is drawn again in place; yields a function of a line, records and whether each is within."""
     if not on:

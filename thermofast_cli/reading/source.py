@@ -54,10 +54,11 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
     return stretch(runs[-1], options.from_min, options.to_min)
 
 
-def read_runs(source: Any, options: Options | None = None, name: str | None = None) -> list[Run]:
+def read_runs(source: Any, options: Options | None = None, name: str | None = None, data: bytes | None = None) -> list[Run]:
     """Read the runs of a file, mostly one, from a path (``file.csv#2`` for its second), or from standard input for ``-``.
 
-    A pandas DataFrame, an Arrow table or a mapping of names to arrays is read by the same rules.
+    A pandas DataFrame, an Arrow table or a mapping of names to arrays is read by the same rules. data: the bytes of the file,
+    where they have been read already.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     """
     options = options or Options()
     path, number = _numbered(str(source)) if isinstance(source, str | Path) else ("", None)
-    table = read_table(source, options, name)
+    table = read_table(source, options, name, data)
     runs = [stretch(run, options.from_min, options.to_min) for run in runs_from_table(table, options)]
     if options.strict:
         for run in runs:
@@ -78,7 +79,7 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     return runs[number - 1 : number]
 
 
-def read_table(source: Any, options: Options, name: str | None = None) -> Table:
+def read_table(source: Any, options: Options, name: str | None = None, data: bytes | None = None) -> Table:
     """The table of a file or of something in memory, before anyone says what its columns are.
 
     Raises
@@ -89,7 +90,7 @@ def read_table(source: Any, options: Options, name: str | None = None) -> Table:
         return table_of(source, name or IN_MEMORY)
     path, _ = _numbered(str(source))
     name = name or ("stdin" if path == "-" else path)
-    held = [unpacked(_bytes(path), name)]
+    held = [unpacked(_bytes(path) if data is None else data, name)]
     if is_workbook(held[0]):
         text, sheet = sheet_text(held.pop(), name, options.sheet)
         table = read_text(text, name, replace(options, delimiter=options.delimiter or ",", decimal=options.decimal or "."))
@@ -335,3 +336,27 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
                 do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns",
             )
     return None
+
+
+def last_bytes(path: str, count: int) -> bytes:
+    """The end of a file.
+
+    Raises
+    ------
+    OSError: it cannot be read.
+    """
+    with Path(path).open("rb") as file:
+        file.seek(0, 2)
+        file.seek(-min(count, file.tell()), 2)
+        return file.read()
+
+
+def content_of(source: str) -> tuple[str, bytes]:
+    """(hash, bytes) of a file.
+
+    Raises
+    ------
+    InputError: it cannot be read.
+    """
+    data = _bytes(_numbered(source)[0])
+    return hashlib.sha256(data).hexdigest(), data

@@ -3,6 +3,7 @@
 import math
 import textwrap
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import click
@@ -92,6 +93,32 @@ jobs_option = click.option(
 )
 
 
+#: Where a command's context keeps who works, and whether it goes on with what is there.
+SCALE = "thermofast.scale"
+
+
+@dataclass
+class Scale:
+    """Who works, how long a task may take [s], and whether results that are there are gone on with."""
+
+    resume: bool = False
+    cluster: str | None = None
+    mpi: bool = False
+    task_timeout: float | None = None
+
+
+def scale_of() -> Scale:
+    """That of the command that runs."""
+    context = click.get_current_context(silent=True)
+    found = context.meta.setdefault(SCALE, Scale()) if context else Scale()
+    assert isinstance(found, Scale)
+    return found
+
+
+def _keep(ctx: click.Context, option: click.Parameter, given: Any) -> None:
+    setattr(ctx.meta.setdefault(SCALE, Scale()), str(option.name), given)
+
+
 def _outputs(ctx: click.Context, _: click.Parameter, given: tuple[str, ...]) -> str | None:
     """The first output, one of a model or a prior before tables; the others wait in the context until the result is written."""
     ordered = sorted(given, key=lambda path: not path.lower().endswith(".toml"))
@@ -112,7 +139,8 @@ table_options = _together(
         metavar="FILE",
         multiple=True,
         callback=_outputs,
-        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; may be repeated; with --format the screen shows it too.",
+        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; may be repeated; with --format the screen shows it too. "
+        "A folder, as results/: a part for each file of an archive (identify, sweep, compare, diagnose).",
     ),
     click.option(
         "--excel-csv",
@@ -125,6 +153,28 @@ table_options = _together(
 )
 
 output_options = _together(table_options, jobs_option)
+
+scale_options = _together(
+    click.option(
+        "--resume",
+        is_flag=True,
+        expose_value=False,
+        callback=_keep,
+        help="Go on with the folder of results that -o names: docs/scale.md.",
+    ),
+    click.option(
+        "--cluster", metavar="ADDRESS", expose_value=False, callback=_keep, help="Work on a Dask cluster, as tcp://scheduler:8786."
+    ),
+    click.option("--mpi", is_flag=True, expose_value=False, callback=_keep, help="Work on the processes that mpiexec started."),
+    click.option(
+        "--task-timeout",
+        type=Finite(0, min_open=True),
+        metavar="SECONDS",
+        expose_value=False,
+        callback=_keep,
+        help="What takes longer hangs: it is tried again alone, and named. 600 where -o names a folder, else none.",
+    ),
+)
 
 reading_options = _together(
     _hidden("--time", shell_complete=columns, metavar="COLUMN", help="The time column."),

@@ -23,7 +23,7 @@ from ..results import Result
 from ..workers.engine import Started, Work, with_start
 from ..workers.pool import warm_pool
 from .made import how_made
-from .options import EXCEL_CSV, MORE_OUTPUTS
+from .options import EXCEL_CSV, MORE_OUTPUTS, scale_of
 
 #: Outputs that show more than the records.
 DETAILED = (".xlsx", ".html")
@@ -74,7 +74,7 @@ def read_all(
         )
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
-    options, start = options_from({name: value for name, value in given.items() if name != "start"}), _start(given["start"])
+    options, start = options_from({name: value for name, value in given.items() if name != "start"}), start_of(given["start"])
     warm = warm_pool(jobs, sum(Path(s).stat().st_size for s in sources if Path(s).is_file()))
     found, unreadable = [], []
     last: ThermofastError | None = None
@@ -102,7 +102,13 @@ def read_all(
     return Readings(found, unreadable, warm)
 
 
-def _start(text: str) -> float | None:
+def start_of(text: str) -> float | None:
+    """``--start`` [min]; None for auto.
+
+    Raises
+    ------
+    UsageError: no time.
+    """
     if text == "auto":
         return None
     try:
@@ -166,10 +172,18 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
 @contextmanager
 def working(readings: Readings, total: int, what: str, quiet: bool, jobs: int | None) -> Iterator[Work]:
     """How the library is to work for a command: progress on a terminal, what is finished kept where the user interrupts."""
+    scale = scale_of()
+    crew = None
+    if scale.cluster is not None or scale.mpi:
+        from ..workers.cluster import crew_of
+
+        crew = crew_of(jobs, scale.cluster, scale.mpi)
     with progress(total, what, quiet) as advance:
         try:
-            yield Work(jobs, readings.warm, advance, keep=True)
+            yield Work(jobs, readings.warm, advance, keep=True, limit_s=scale.task_timeout, crew=crew)
         finally:
+            if crew is not None:
+                crew.close()
             if readings.warm is not None:
                 readings.warm.shutdown(cancel_futures=True)
 

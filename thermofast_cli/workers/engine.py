@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import UsageError
 from ..estimation.sensor import run_start
 from ..reading import Run
-from .flow import Flow, Given, Local, in_order
+from .flow import Crew, Flow, Given, Local, in_order
 from .pool import Shared, cores, worth
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def with_start(run: Run, start_min: float | None, from_rise: bool) -> Started:
 
 @dataclass(frozen=True)
 class Work:
-    """How work is done: processes (None: as many as it pays for), somebody's executor, who is told of progress.
+    """How work is done: processes (None: as many as it pays for), somebody's executor or a crew, who is told of progress.
 
     keep: what is finished when the user interrupts is given back, marked as interrupted; else the interrupt goes on its way.
     limit_s [s]: a task that takes longer hangs.
@@ -64,6 +64,7 @@ class Work:
     advance: Callable[[int], None] = lambda _steps: None
     keep: bool = False
     limit_s: float | None = None
+    crew: Crew | None = None
 
     def over(
         self,
@@ -74,10 +75,15 @@ class Work:
         together: Callable[[Sequence[Any]], Any] | None = None,
     ) -> Iterator[list[Any]]:
         """Results of ``work`` for each task, in order; the arguments are those of :class:`~.flow.Flow`."""
-        if self.executor is None and processes <= 1:
-            return map(work, tasks)
-        crew = Local(min(processes, len(tasks))) if self.executor is None else Given(self.executor, max(processes, MOST_ASKED))
-        return in_order(Flow(work, lambda task: task.singles(), lost, together, self.limit_s), tasks, crew)
+        flow = Flow(work, lambda task: task.singles(), lost, together, self.limit_s)
+        if self.crew is not None:
+            yield from in_order(flow, tasks, self.crew)
+        elif self.executor is None and processes <= 1:
+            yield from map(work, tasks)
+        else:
+            own = Local(min(processes, len(tasks))) if self.executor is None else Given(self.executor, max(processes, MOST_ASKED))
+            with closing(own):
+                yield from in_order(flow, tasks, own)
 
 
 def share_out(
@@ -139,7 +145,9 @@ def over_runs(
     run by it, and a small one where the work is `long`.
     """
     wanted = how.jobs if how.jobs is not None else cores()
-    several = len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or how.executor is not None
+    several = (
+        len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or how.executor is not None or how.crew is not None
+    )
     single = len(tasks) == 1
     found: list[Any] = []
     with sharing(tasks, 1 if several or not shares else wanted, long) as spread:

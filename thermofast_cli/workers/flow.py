@@ -35,6 +35,28 @@ class Crew(Protocol):
         """No more tasks will come."""
 
 
+class Here:
+    """The process that asks, itself."""
+
+    slots = 1
+
+    def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
+        """The task is done when this returns."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(task))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def renew(self, overdue: Collection["Future[Any]"]) -> bool:
+        """Nothing to renew."""
+        return False
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
 class Local:
     """Processes of this machine."""
 
@@ -245,11 +267,8 @@ def in_order(flow: "Flow[Any, Any]", tasks: Sequence[Any], crew: Crew) -> Iterat
     """Results of each task in the order of the tasks."""
     waiting: dict[int, list[Any]] = {}
     following = 0
-    try:
-        for place, results in flow.results(tasks, crew):
-            waiting[place] = results
-            while following in waiting:
-                yield waiting.pop(following)
-                following += 1
-    finally:
-        crew.close()
+    for place, results in flow.results(tasks, crew):
+        waiting[place] = results
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1

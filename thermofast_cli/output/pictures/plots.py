@@ -11,8 +11,9 @@ import numpy as np
 from ...errors import UsageError
 from ...estimation.curves import Curves
 from ...estimation.sweep import Swept
-from ..files import check_target, write_whole
+from ..files import check_target
 from ..report.charts import STROKES
+from ..whole import write_whole
 
 P = ParamSpec("P")
 

@@ -1,0 +1,138 @@
+"""An archive from Python: the same stream that a command starts whose ``-o`` names a folder."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from ..errors import UsageError
+from ..given import Start
+from ..reading_options import Options, options_from
+from ..records import CompareRecord, DiagnoseRecord, IdentifyRecord, SweepRecord
+from ..results import Result
+from ..workers.cluster import crew_of, kernels
+from ..workers.flow import Crew
+from .blocks import Analysis
+from .parts import Manifest, opened
+from .sources import sources_of
+from .stream import Progress, check_sources, stream
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: A task may take so long [s]; then it hangs.
+TASK_TIMEOUT_S = 600.0
+KINDS = {"identify": IdentifyRecord, "sweep": SweepRecord, "compare": CompareRecord, "diagnose": DiagnoseRecord}
+
+
+@dataclass(frozen=True)
+class Archived:
+    """A folder of results: files done now and there before, records made now by status, parts of files that were not named now."""
+
+    folder: str
+    done: int
+    skipped: int
+    statuses: dict[str, int] = field(default_factory=dict)
+    others: int = 0
+
+    def to_frame(self, columns: Sequence[str] | None = None) -> "pd.DataFrame":
+        """The records of all parts, those of earlier calls too; `columns` of them."""
+        import pandas as pd
+
+        return pd.read_parquet(self.folder, columns=list(columns) if columns is not None else None)
+
+
+def archive(
+    command: str,
+    sources: str | Sequence[str],
+    into: str,
+    *,
+    resume: bool = False,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    cluster: str | None = None,
+    task_timeout: float = TASK_TIMEOUT_S,
+    start: Start = "auto",
+    progress: Callable[[Progress], None] | None = None,
+    **options: Any,
+) -> Archived:
+    """``identify``, ``sweep``, ``compare`` or ``diagnose`` over files, folders and patterns into a folder of Parquet parts.
+
+    options are those of the function of that name and of reading; resume goes on with what an earlier call left. executor is any
+    of ``concurrent.futures``, cluster the address of a Dask scheduler, task_timeout [s] what a task may take.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .. import api
+
+    if command not in KINDS:
+        raise UsageError(f"no archive of {command!r}", allowed=" ".join(KINDS))
+    reading = {name: options.pop(name) for name in [f.name for f in fields(Options)] if name in options}
+    work = partial(getattr(api, command), details=False) if command != "diagnose" else api.diagnose
+    whole = command in ("compare", "diagnose") or any(options.get(n) for n in ("criterion", "joint", "model", "drive", "auto"))
+    analysis = Analysis(
+        command,
+        KINDS[command],
+        partial(_called, work, options),
+        0 if whole else GROUPED,
+        {"filter": options.get("filter", "afukf")} if command in ("identify", "sweep") else {},
+        {name: str(value) for name, value in sorted((options | reading | {"start": start}).items())},
+        command in ("identify", "sweep") and not options.get("drive") and not options.get("model"),
+    )
+    named = [sources] if isinstance(sources, str) else list(sources)
+    crew = crew_of(jobs, cluster, False, executor)
+    return into_folder(
+        analysis,
+        named,
+        into,
+        resume,
+        crew,
+        options_from(reading),
+        None if start == "auto" else float(start),
+        task_timeout,
+        progress,
+    )
+
+
+#: Sensors that are worked on as one at least: no sensor is to borrow from others than without an archive.
+GROUPED = 50
+
+
+def _called(work: Callable[..., Result], options: dict[str, Any], started: Any, how: Any) -> Result:
+    """A function of the library on one run; how: it takes somebody's executor only."""
+    ((run, start),) = started
+    return work(run, start=start, executor=how.executor, **options)
+
+
+def into_folder(
+    analysis: Analysis,
+    named: Sequence[str],
+    into: str,
+    resume: bool,
+    crew: Crew,
+    options: Options,
+    start_min: float | None,
+    limit_s: float | None,
+    told: Callable[[Progress], None] | None = None,
+) -> Archived:
+    """Everything from the names given to the last part.
+
+    Raises
+    ------
+    ThermofastError: no file, a folder that holds something else, or results that cannot be written.
+    """
+    from .. import __version__
+
+    try:
+        sources = sources_of(named, into)
+        check_sources(sources)
+        manifest = Manifest(analysis.command, __version__, kernels(), dict(analysis.settings))
+        with opened(into, manifest, resume) as parts:
+            found = stream(analysis, sources, parts, crew, options, start_min, limit_s, told or (lambda _progress: None))
+            others = parts.others({s.name for s in sources})
+    finally:
+        crew.close()
+    return Archived(into, found.done, found.skipped, dict(found.statuses), others)

@@ -1,0 +1,192 @@
+"""The folder of results: one Parquet part for each file, whole or not there; docs/scale.md has the schema."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from ..errors import UsageError
+from ..output.files import write_json
+from ..output.whole import TEMPORARY, write_whole
+from .sources import SourceFile
+
+#: Version of the layout: of names, of the columns beside a record's own, of the manifest.
+LAYOUT = 1
+MANIFEST, LOCK = "_thermofast.json", ".thermofast.lock"
+#: Characters of names in the folder, of a hash in them.
+LONGEST, SHORT = 80, 16
+MAGIC = b"PAR1"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What the results of a folder were made with."""
+
+    command: str
+    version: str
+    kernels: str
+    settings: dict[str, str]
+    layout: int = LAYOUT
+
+    def key(self, source: SourceFile, content: str) -> str:
+        """What a part depends on: the file's place and content (its hash), settings, version."""
+        told = json.dumps([asdict(self), source.name, content], sort_keys=True)
+        return hashlib.sha256(told.encode()).hexdigest()[:SHORT]
+
+
+class Parts:
+    """The parts below a folder."""
+
+    def __init__(self, folder: str, manifest: Manifest) -> None:
+        self.folder = Path(folder)
+        self.manifest = manifest
+
+    def path(self, source: SourceFile, content: str) -> Path:
+        """Where the part of a file goes."""
+        return self._place(source) / f"{self._stem(source)}-{self.manifest.key(source, content)}.parquet"
+
+    def is_there(self, source: SourceFile, content: str) -> bool:
+        """Whether it is there, and whole."""
+        path = self.path(source, content)
+        try:
+            return path.stat().st_size > 2 * len(MAGIC) and ends_with(path, MAGIC)
+        except OSError:
+            return False
+
+    def write(self, source: SourceFile, content: str, table: Any) -> None:
+        """A part, on the disk when this returns; parts of the same file as it was before go.
+
+        Raises
+        ------
+        UsageError: it cannot be written.
+        """
+        import pyarrow.parquet as papq
+
+        path = self.path(source, content)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"{path.parent}: cannot be made", found=str(error.strerror), do="choose another place") from None
+        write_whole(str(path), lambda p: papq.write_table(table, p, compression="zstd"), at_once=True)
+        for old in path.parent.glob(f"{_escaped(self._stem(source))}-*.parquet"):
+            if old != path:
+                old.unlink(missing_ok=True)
+
+    def others(self, sources: "set[str]") -> int:
+        """Parts of files that are not among those (their names) any more."""
+        mine = {str(self._place(s) / self._stem(s)) for s in (SourceFile(n, n) for n in sources)}
+        return sum(str(p).rpartition("-")[0] not in mine for p in self.folder.glob("folder=*/*.parquet"))
+
+    def _place(self, source: SourceFile) -> Path:
+        return self.folder / f"folder={_named(source.folder)}"
+
+    @staticmethod
+    def _stem(source: SourceFile) -> str:
+        base = source.name.rpartition("/")[2]
+        return f"{_named(base)}-{hashlib.sha256(source.name.encode(errors='surrogateescape')).hexdigest()[:8]}"
+
+
+def _named(text: str) -> str:
+    """A name for a file system: signs that some of them cannot have as %XX, cut short where it is long."""
+    told = quote(text, safe=" ()+,=@_-.", errors="backslashreplace")
+    told = told if len(told) <= LONGEST else f"{told[: LONGEST - 9]}~{hashlib.sha256(told.encode()).hexdigest()[:8]}"
+    return told.replace("..", "%2E%2E") if told != "." else told
+
+
+def _escaped(name: str) -> str:
+    return "".join(f"[{c}]" if c in "*?[" else c for c in name)
+
+
+def ends_with(path: Path, mark: bytes) -> bool:
+    """Whether a file ends with these bytes."""
+    from ..reading.source import last_bytes
+
+    return last_bytes(str(path), len(mark)) == mark
+
+
+@contextmanager
+def opened(folder: str, manifest: Manifest, resume: bool) -> Iterator[Parts]:
+    """The folder for these results, ours alone while they are made.
+
+    Raises
+    ------
+    UsageError: something else stands there, results made with other settings, or somebody is writing into it.
+    """
+    where = Path(folder)
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder}: no folder for results", found=str(error.strerror), do="choose another place") from None
+    with _locked(where / LOCK, folder):
+        there = _manifest_of(where)
+        if there is None:
+            foreign = sorted(p.name for p in where.iterdir() if p.name != LOCK and not p.name.startswith(TEMPORARY))
+            if foreign:
+                raise UsageError(
+                    f"{folder}: not a folder of results", found=", ".join(foreign[:5]), do="name an empty or a new one"
+                )
+        elif there is not None and not resume:
+            raise UsageError(
+                f"{folder}: holds results already",
+                found=f"{there.get('command')} of version {there.get('version')}",
+                do="--resume goes on with them; or name another folder",
+            )
+        elif there is not None:
+            _check_same(folder, there, manifest)
+        for left in (*where.glob(f"{TEMPORARY}*"), *where.glob(f"folder=*/{TEMPORARY}*")):
+            left.unlink(missing_ok=True)
+        write_json(str(where / MANIFEST), asdict(manifest), at_once=True)
+        yield Parts(folder, manifest)
+
+
+def _manifest_of(where: Path) -> dict[str, Any] | None:
+    try:
+        told = json.loads((where / MANIFEST).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{where / MANIFEST}: cannot be read", found=str(error)[:100], do="name another folder") from None
+    if not isinstance(told, dict) or told.get("layout") != LAYOUT:
+        found = str(told.get("layout") if isinstance(told, dict) else told)[:40]
+        raise UsageError(f"{where}: results of another layout", found=found, allowed=str(LAYOUT), do="name another folder")
+    return told
+
+
+def _check_same(folder: str, there: dict[str, Any], manifest: Manifest) -> None:
+    if there.get("command") != manifest.command:
+        raise UsageError(f"{folder}: holds results of {there.get('command')}", do="name another folder")
+    old, new = there.get("settings") or {}, manifest.settings
+    if old == new:
+        return
+    names = sorted(set(old) | set(new))
+    differ = [f"{n} {old.get(n, 'not given')}, now {new.get(n, 'not given')}" for n in names if old.get(n) != new.get(n)]
+    raise UsageError(
+        f"{folder}: its results were made with other settings",
+        found="; ".join(differ)[:400],
+        do="give the same options, or name another folder",
+    )
+
+
+@contextmanager
+def _locked(path: Path, folder: str) -> Iterator[None]:
+    """Keeps a second call out of the folder; the lock ends with the process, however that ends."""
+    try:
+        import fcntl
+    except ImportError:  # not there on Windows
+        yield
+        return
+    handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise UsageError(f"{folder}: another call is writing there", do="wait for it, or name another folder") from None
+        yield
+        path.unlink(missing_ok=True)
+    finally:
+        os.close(handle)

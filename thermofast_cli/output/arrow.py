@@ -1,0 +1,89 @@
+"""Records as Arrow tables, as Parquet files hold them: a column has its record's type, whatever stands in it."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from .text import Row, plain
+
+#: Types of the columns, as their annotations tell them, an absent value aside; what is nested deeper is JSON text.
+TYPES = {"str": "string", "float": "double", "int": "int64", "bool": "bool_", "list[str]": "list"}
+
+
+def types_of(kind: Any) -> dict[str, Any]:
+    """Arrow types by column of a kind of record."""
+    import pyarrow as pa
+
+    told = {f.name: str(getattr(f.type, "__name__", f.type) if isinstance(f.type, type) else f.type) for f in fields(kind)}
+    named = {n: TYPES.get(t.removesuffix(" | None").strip("\"'"), "string") for n, t in told.items()}
+    return {n: pa.list_(pa.string()) if t == "list" else getattr(pa, {"double": "float64"}.get(t, t))() for n, t in named.items()}
+
+
+def to_arrow(columns: Sequence[str], rows: Sequence[Row], types: Mapping[str, Any] | None = None) -> Any:
+    """Rows as an Arrow table; types: of its columns, else by what stands in them."""
+    import pyarrow as pa
+
+    if types is None:
+        return pa.table({c: _arrow([row[c] for row in rows]) for c in columns})
+    found = {c: _arrow([_as_text(row[c]) if types[c] == pa.string() else row[c] for row in rows]) for c in columns}
+    return pa.table({c: v if v.type == types[c] else v.cast(types[c]) for c, v in found.items()})
+
+
+def _as_text(value: Any) -> Any:
+    """What is nested as JSON."""
+    return json.dumps(plain(value), ensure_ascii=False) if isinstance(value, dict | list | tuple) else value
+
+
+def write_parquet(path: str, columns: Sequence[str], rows: Sequence[Row], types: Mapping[str, Any] | None = None) -> None:
+    """Rows as a Parquet file."""
+    import pyarrow.parquet as papq
+
+    papq.write_table(to_arrow(columns, rows, types), path)
+
+
+def _arrow(values: list[Any]) -> Any:
+    """A column; lists of words stay lists, what is nested deeper becomes JSON text."""
+    import pyarrow as pa
+
+    kinds = set(map(type, values)) - {type(None)}
+    if kinds <= {float}:  # a column without a single number is still a column of numbers
+        return _from_buffers(pa.float64(), [v if v is not None and math.isfinite(v) else None for v in values], np.float64)
+    if kinds == {int}:
+        return _from_buffers(pa.int64(), values, np.int64)
+    if kinds == {str}:
+        return _from_text(values)
+    values = [plain(v) for v in values]
+    if any(isinstance(v, dict) or (isinstance(v, list) and any(isinstance(x, dict) for x in v)) for v in values):
+        values = [None if v is None else json.dumps(v, ensure_ascii=False) for v in values]
+    if any(isinstance(v, list) for v in values):
+        return pa.array(values, type=pa.list_(pa.string()))
+    return pa.array(values, type=pa.float64() if all(v is None for v in values) else None)
+
+
+def _from_buffers(kind: Any, values: list[Any], dtype: type) -> Any:
+    """Numbers as an Arrow array: ``pyarrow.array`` would load pandas, which takes longer than writing ten thousand records."""
+    import pyarrow as pa
+
+    numbers: Any = np.array([0 if v is None else v for v in values], dtype)
+    return pa.Array.from_buffers(kind, len(values), [_present(values), pa.py_buffer(numbers)])
+
+
+def _from_text(values: list[Any]) -> Any:
+    import pyarrow as pa
+
+    encoded = [b"" if v is None else v.encode("utf-8", errors="backslashreplace") for v in values]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    buffers = [_present(values), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))]
+    return pa.Array.from_buffers(pa.string(), len(values), buffers)
+
+
+def _present(values: list[Any]) -> Any:
+    """Arrow's bit map of the values that are there, or None where all are."""
+    import pyarrow as pa
+
+    absent = [v is None for v in values]
+    return pa.py_buffer(np.packbits(~np.array(absent), bitorder="little")) if any(absent) else None

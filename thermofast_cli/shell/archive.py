@@ -1,0 +1,133 @@
+"""A command whose ``-o`` names a folder: an archive instead of some runs."""
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+import click
+from click.core import ParameterSource
+
+from ..errors import UsageError
+from ..output.screen import counting, say
+from ..records import FAILURES
+from .options import MORE_OUTPUTS, scale_of
+
+if TYPE_CHECKING:
+    from ..archives.blocks import Analysis
+    from ..archives.stream import Progress
+
+#: Options that say nothing of what is worked out.
+ELSEWHERE = {"runs", "output", "form", "jobs", "quiet", "save_plot", "trace", "plot_trace"}
+#: Options that show a single run.
+NOT_HERE = {
+    "save_plot": "--save-plot",
+    "trace": "--trace",
+    "form": "--format",
+    "plot_trace": "--plot-trace",
+    "together": "--together",
+    "write_effect": "--write-effect",
+}
+#: Seconds between two lines of progress where there is no terminal.
+EVERY_S = 30.0
+
+
+def names_folder(output: str | None) -> TypeGuard[str]:
+    """Whether an output is a folder: one that is there, or a name with a slash at its end."""
+    if output is None:
+        if scale_of().resume:
+            raise UsageError("--resume goes on with a folder of results", do="name it: -o results/")
+        return False
+    folder = output.endswith(("/", os.sep)) or Path(output).is_dir()
+    if scale_of().resume and not folder:
+        raise UsageError("--resume goes on with a folder of results", found=output, do="name it: -o results/")
+    return folder
+
+
+def run_archive(
+    analysis: "Analysis", named: tuple[str, ...], into: str, reading: dict[str, Any], jobs: int | None, quiet: bool
+) -> int:
+    """The archive's results into the folder; the exit code, as of :func:`~.session.deliver`.
+
+    Raises
+    ------
+    ThermofastError: as :func:`~..archives.library.into_folder`, and options that show a single run.
+    """
+    from ..archives.library import TASK_TIMEOUT_S, into_folder
+    from ..reading_options import options_from
+    from ..workers.cluster import crew_of
+    from .session import choose_sources, start_of
+
+    context = click.get_current_context()
+    shown = [word for name, word in NOT_HERE.items() if context.params.get(name)]
+    if shown or context.meta.get(MORE_OUTPUTS):
+        raise UsageError(
+            f"{' '.join(shown) or 'a second -o'} is not for an archive", do=f"read the results: {into}, or name single files"
+        )
+    named = choose_sources(named)
+    if not named or "-" in named:
+        raise UsageError("no files given", allowed="files, folders and patterns", do="as in: 'archive/**/*.parquet' -o results/")
+    scale = scale_of()
+    analysis = replace(analysis, settings=_settings(context))
+    options, start = options_from({n: v for n, v in reading.items() if n != "start"}), start_of(reading["start"])
+    crew = crew_of(jobs, scale.cluster, scale.mpi)
+    with counting(quiet) as show:
+        limit = scale.task_timeout if scale.task_timeout is not None else TASK_TIMEOUT_S
+        found = into_folder(analysis, named, into, scale.resume, crew, options, start, limit, _paced(show))
+    if not quiet:
+        sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
+        there = f"; {found.skipped} were there already" if found.skipped else ""
+        say(f"{into}: {found.done} files done{f' ({sensors})' if sensors else ''}{there}")
+        if found.others:
+            say(f"{into}: {found.others} parts are of files that were not named now; they were left")
+    return 1 if FAILURES & set(found.statuses) else 0
+
+
+def _paced(show: Callable[[str, int, int], None]) -> "Callable[[Progress], None]":
+    last = [time.monotonic()]
+
+    def tell(progress: "Progress") -> None:
+        terminal_or_due = show.__name__ == "bar" or time.monotonic() - last[0] >= EVERY_S
+        if terminal_or_due:
+            last[0] = time.monotonic()
+            show(_line(progress), progress.done + progress.skipped, progress.files)
+
+    return tell
+
+
+def _line(progress: "Progress") -> str:
+    left = progress.remaining_s()
+    wait = "" if left is None else f", about {_span(left[0])} left ({_span(left[1])} to {_span(left[2])})"
+    return f"{progress.done + progress.skipped} of {progress.files} files, {sum(progress.statuses.values())} records{wait}"
+
+
+def _span(seconds: float) -> str:
+    return (
+        f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+    )
+
+
+def _settings(context: click.Context) -> dict[str, str]:
+    """What was told that a result depends on; files that are named with the hash of what is in them."""
+    told = {}
+    for option in context.command.params:
+        name = str(option.name)
+        if name in ELSEWHERE or name not in context.params:
+            continue
+        if context.get_parameter_source(name) in (ParameterSource.DEFAULT, None):
+            continue
+        value = context.params[name]
+        words = value if isinstance(value, tuple) else (value,)
+        told[option.opts[-1]] = " ".join(_with_content(str(word)) for word in words)
+    return told
+
+
+def _with_content(word: str) -> str:
+    path = word.rpartition(":")[0] if ".py:" in word else word
+    if not Path(path).is_file():
+        return word
+    from ..reading.source import content_of
+
+    return f"{word} (sha256 {content_of(path)[0][:16]})"

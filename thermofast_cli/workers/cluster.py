@@ -1,0 +1,144 @@
+"""Crews on other machines: Dask and MPI, each an optional extra. A worker must be of the client's version and kernels."""
+
+import hashlib
+import socket
+import sys
+from collections.abc import Callable, Collection
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from thermofast import filters, models
+
+from ..errors import UsageError
+from .flow import Crew, Given, Here, Local
+from .pool import cores
+
+#: How long a scheduler may take to answer [s].
+PATIENCE_S = 20.0
+
+
+@cache
+def build() -> str:
+    """What must be alike everywhere: version, kernels, and the code itself."""
+    from .. import __version__
+
+    digest = hashlib.sha256()
+    for package in (Path(__file__).parents[1], *(Path(p) for m in (models, filters) for p in m.__path__)):
+        for path in sorted(package.rglob("*.py")):
+            digest.update(Path(path).name.encode())
+            digest.update(_text(path))
+    return f"{__version__} {kernels()} {digest.hexdigest()[:12]}"
+
+
+def kernels() -> str:
+    """``compiled`` or ``numpy``."""
+    return "compiled" if models.COMPILED else "numpy"
+
+
+def _text(path: Path) -> bytes:
+    return path.read_text(encoding="utf-8").encode()
+
+
+def checked(told: str, work: Callable[[Any], Any], task: Any) -> Any:
+    """``work(task)`` on a worker that is built as the client is.
+
+    Raises
+    ------
+    UsageError: it is not.
+    """
+    if told != build():
+        raise UsageError(
+            f"the worker on {socket.gethostname()} runs another thermofast",
+            found=build(),
+            allowed=told,
+            do="install the same version there, with the same compiler or none",
+        )
+    return work(task)
+
+
+class Dask:
+    """Workers of a Dask scheduler."""
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise UsageError("--cluster runs on Dask, which is not installed", do="pip install 'thermofast[dask]'") from None
+        try:
+            self._client = Client(address, timeout=PATIENCE_S, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise UsageError(
+                f"--cluster {address}: no Dask scheduler answers", found=str(error)[:120], do="start one: dask scheduler"
+            ) from None
+        workers = self._client.scheduler_info(n_workers=-1)["workers"]
+        if not workers:
+            self._client.close()
+            raise UsageError(f"--cluster {address}: a scheduler without workers", do=f"start some: dask worker {address}")
+        self.slots = sum(w["nthreads"] for w in workers.values())
+        self._executor = self._client.get_executor(pure=False)
+        self._keys: dict[Future[Any], str] = {}
+
+    def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
+        """Hand a task over."""
+        future: Future[Any] = self._executor.submit(checked, build(), work, task)
+        return future
+
+    def renew(self, overdue: Collection["Future[Any]"]) -> bool:
+        """Restarts the workers that are at work on what is overdue; Dask gives the other tasks to others by itself."""
+        for future in overdue:
+            future.cancel()
+        if overdue:
+            with suppress(Exception):
+                busy = [worker for worker, keys in self._client.processing().items() if keys]
+                self._client.restart_workers(busy, raise_for_error=False)
+        return False
+
+    def close(self) -> None:
+        """Leaves the cluster as it is."""
+        self._executor.shutdown(wait=False)
+        self._client.close()
+
+
+class Mpi(Given):
+    """Workers that ``mpiexec`` started."""
+
+    def __init__(self) -> None:
+        try:
+            from mpi4py.futures import MPIPoolExecutor
+        except (ImportError, RuntimeError) as error:
+            raise UsageError("--mpi runs on mpi4py", found=str(error)[:120], do="pip install 'thermofast[mpi]'") from None
+        self._pool: Any = MPIPoolExecutor()
+        self._pool.bootup(wait=True)
+        super().__init__(self._pool, max(1, int(getattr(self._pool, "num_workers", 1))))
+
+    def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
+        """Hand a task over."""
+        future: Future[Any] = self._pool.submit(checked, build(), work, task)
+        return future
+
+    def close(self) -> None:
+        """Ends the workers."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def crew_of(jobs: int | None, cluster: str | None = None, mpi: bool = False, executor: Executor | None = None) -> Crew:
+    """Who works: a cluster, MPI (also where ``python -m mpi4py.futures`` started us), an executor, or processes here.
+
+    Raises
+    ------
+    UsageError: two of them, one that is not installed, or one that does not answer.
+    """
+    asked = [n for n, given in (("--cluster", cluster), ("--mpi", mpi), ("--jobs", jobs), ("executor", executor)) if given]
+    if len(asked) > 1:
+        raise UsageError(f"{' and '.join(asked)}: each says who works", do="leave all but one out")
+    if cluster is not None:
+        return Dask(cluster)
+    if mpi or ("mpi4py.futures" in sys.modules and jobs is None and executor is None):
+        return Mpi()
+    if executor is not None:
+        return Given(executor, int(getattr(executor, "_max_workers", 0)) or cores())
+    wanted = jobs if jobs is not None else cores()
+    return Local(wanted) if wanted > 1 else Here()
