@@ -49,7 +49,7 @@ def make_archive(folder: Path, files: int, seed: int = 1, sensors: int = 12) -> 
 def same(left: Path, right: Path) -> bool:
     """Whether two folders hold the same files, byte for byte."""
     names = [sorted(str(p.relative_to(x)) for p in x.rglob("*") if p.is_file()) for x in (left, right)]
-    return names[0] == names[1] and not filecmp.cmpfiles(left, right, names[0], shallow=False)[1:] != ([], [])
+    return names[0] == names[1] and filecmp.cmpfiles(left, right, names[0], shallow=False)[1:] == ([], [])
 
 
 def half_files(results: Path) -> list[Path]:
@@ -95,7 +95,7 @@ def killing(kills: int, files: int, seed: int) -> dict[str, int]:
         script = place / "victim.py"
         script.write_text(VICTIM)
         call = [sys.executable, str(script), "archive"]
-        environment = {**os.environ, "PYTHONPATH": os.getcwd(), "OMP_NUM_THREADS": "1"}
+        environment = {**os.environ, "PYTHONPATH": str(Path.cwd()), "OMP_NUM_THREADS": "1"}
         began = time.monotonic()
         subprocess.run([*call, "whole", "new"], cwd=place, env=environment, check=True, capture_output=True)
         takes = time.monotonic() - began
@@ -120,7 +120,7 @@ def killing(kills: int, files: int, seed: int) -> dict[str, int]:
                     subprocess.run([*call, "results", "resume"], cwd=place, env=environment, check=True, capture_output=True)
                 counts["finished"] += 1
                 counts["unequal"] += not same(place / "whole", results)
-                counts["half"] += len([p for p in results.rglob(f"{TEMPORARY}*")])
+                counts["half"] += len(list(results.rglob(f"{TEMPORARY}*")))
                 shutil.rmtree(results)
     return counts
 
