@@ -1,7 +1,9 @@
 """The command group. Commands are imported when they are called, so that ``--help`` is quick."""
 
 import os
+import signal
 import sys
+from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
@@ -9,6 +11,7 @@ import click
 
 from . import __version__
 from .errors import ThermofastError, nearest
+from .output.whole import written_together
 from .shell.made import ARGUMENTS
 
 # The matrices are small and the cores go to whole tasks: threads within one product would only wait for each other.
@@ -91,12 +94,21 @@ def cli(ctx: click.Context, config: str | None) -> None:
 
 
 def run(arguments: list[str] | None = None) -> None:
-    """Entry point of the script. Exit code 0 done; 1 some sensor failed; 2 bad usage or input; 130 interrupted."""
+    """Entry point of the script. Exit code 0 done; 1 some sensor failed; 2 bad usage or input; 130 interrupted, 143 terminated."""
     code: Any = 0
+    ended: list[int] = []
+
+    def end(number: int, _frame: Any) -> None:
+        ended.append(number)
+        raise KeyboardInterrupt
+
+    with suppress(ValueError):  # not in a thread of somebody else's program
+        signal.signal(signal.SIGTERM, end)
     if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")  # a degree sign must not end the work on a plain terminal
     try:
-        code = cli.main(args=arguments, prog_name="thermofast", standalone_mode=False)
+        with written_together():
+            code = cli.main(args=arguments, prog_name="thermofast", standalone_mode=False)
     except ThermofastError as error:
         click.echo(f"Error: {error}", err=True)
         code = 2
@@ -118,4 +130,6 @@ def run(arguments: list[str] | None = None) -> None:
     except OSError as error:
         click.echo(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else ""), err=True)
         code = 2
+    if ended:
+        code = 128 + ended[0]
     sys.exit(code if isinstance(code, int) else 0)

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from click.core import ParameterSource
 from ..errors import InputError, ThermofastError, UsageError
 from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, check_targets
 from ..output.screen import chosen_format, progress, say, show_records
+from ..output.whole import once_written
 from ..reading import read_runs
 from ..reading_options import options_from
 from ..records import FAILURES
@@ -206,7 +208,7 @@ def deliver(
     for target in targets:
         whole.save(target, wants_excel_csv(), made)
         if not quiet:
-            say(f"{len(whole)} records in {target}")
+            once_written(partial(say, f"{len(whole)} records in {target}"))
     if form or not targets:
         columns, excel = whole.kind.columns(), wants_excel_csv()
         show_records(whole.command, columns, whole.rows(), form, drawn, beneath, whole.input(), excel)

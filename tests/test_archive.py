@@ -1,0 +1,238 @@
+"""Archives: what is read, what is written, and what is left after an interruption."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+import pyarrow.dataset as pads
+import pyarrow.parquet as papq
+import pytest
+from conftest import ROOT
+
+import thermofast as tf
+from benchmarks.killed import children_of, half_files, left_of, make_archive, same
+from thermofast.archives.blocks import Analysis
+from thermofast.archives.sources import SourceFile, sources_of
+from thermofast.archives.stream import Progress
+from thermofast.output.arrow import types_of
+from thermofast.records import IdentifyRecord
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("archive")
+    make_archive(folder / "in", 8, sensors=4)
+    (folder / "in" / "machine 0" / "broken.csv").write_text("a,b\nx,y\n")
+    return folder
+
+
+def listed(folder: Path) -> list[str]:
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+
+
+def test_an_archive_holds_what_identify_says_of_each_file(archive, tool, tmp_path):
+    into = tmp_path / "results"
+    done = tool("identify", archive / "in", "--until", 60, "-o", f"{into}/", "--jobs", 1)
+    assert done.code == 1  # one file is no record
+    assert done.err == f"{into}/: 9 files done (3 model_doubtful, 29 ok, 1 unreadable)\n"
+    table = pd.read_parquet(into)
+    assert set(table["folder"]) == {"machine 0", "machine 1", "machine 2"}
+    assert (table["status"] == "ok").sum() == 29
+    told = table[table["status"] == "unreadable"].iloc[0]
+    assert told["run"].endswith("broken.csv")
+    assert "time" in told["message"]
+    alone = tf.identify(archive / "in" / "machine 1" / "run 1.csv", until=60, details=False)
+    mine = table[table["source"] == "machine 1/run 1.csv"].set_index("channel")
+    for record in alone:
+        assert mine.loc[record.channel, "steady_state_c"] == pytest.approx(record.steady_state_c, rel=1e-9)
+        assert mine.loc[record.channel, "t95_hi_min"] == pytest.approx(record.t95_hi_min, rel=1e-9)
+    # Every part has the same columns of the same types: what reads one reads all.
+    schemas = {papq.read_schema(p).remove_metadata().to_string() for p in into.rglob("*.parquet")}
+    assert len(schemas) == 1
+    kinds = types_of(IdentifyRecord)
+    schema = papq.read_schema(next(into.rglob("*.parquet")))
+    assert {n: schema.field(n).type for n in kinds} == kinds
+    assert pads.dataset(into, partitioning="hive").count_rows() == 33
+
+
+def test_two_processes_write_the_same_bytes_as_one_and_as_any_executor(archive, tmp_path):
+    found = []
+    for name, how in {"one": {"jobs": 1}, "two": {"jobs": 2}}.items():
+        found.append(tf.archive("identify", str(archive / "in"), str(tmp_path / name), until=60, **how))
+    with ThreadPoolExecutor(2) as threads:
+        tf.archive("identify", str(archive / "in"), str(tmp_path / "threads"), until=60, executor=threads)
+    assert same(tmp_path / "one", tmp_path / "two")
+    assert same(tmp_path / "one", tmp_path / "threads")
+    assert (found[0].done, found[0].statuses) == (9, {"ok": 29, "model_doubtful": 3, "unreadable": 1})
+    assert len(found[0].to_frame(["run", "steady_state_c"])) == 33
+
+
+def test_resume_redoes_what_is_missing_or_other_and_nothing_else(archive, tmp_path):
+    shutil.copytree(archive / "in", tmp_path / "in")
+    into, call = str(tmp_path / "r"), ("identify", str(tmp_path / "in"))
+    tf.archive(*call, into, until=60, jobs=1)
+    parts = sorted(Path(into).rglob("*.parquet"))
+    before = {p: p.stat().st_mtime_ns for p in parts}
+    parts[0].unlink()
+    parts[1].write_bytes(parts[1].read_bytes()[:-1])  # a part that was cut short
+    changed = tmp_path / "in" / "machine 2" / "run 2.csv"
+    changed.write_text(changed.read_text().rsplit("\n", 2)[0] + "\n")
+    (tmp_path / "r" / ".thermofast-left.part").write_bytes(b"half")
+    found = tf.archive(*call, into, until=60, jobs=1, resume=True)
+    assert (found.done, found.skipped, found.others) == (3, 6, 0)
+    kept = [p for p in before if p.exists() and p.stat().st_mtime_ns == before[p]]
+    assert len(kept) == 6
+    tf.archive(*call, str(tmp_path / "whole"), until=60, jobs=1)
+    assert same(tmp_path / "whole", Path(into))
+    changed.unlink()
+    assert tf.archive(*call, into, until=60, jobs=1, resume=True).others == 1
+
+
+def test_a_folder_is_guarded(archive, tool, tmp_path):
+    into = f"{tmp_path}/r/"
+    call = ("identify", archive / "in" / "machine 1", "--jobs", 1, "-q")
+    assert tool(*call, "-o", into).code == 0
+    for more, what in (
+        ((), "holds results already"),
+        (("--resume", "--until", "60"), "--until not given, now 60.0"),
+        (("--resume", "--interval", "60"), "--interval not given, now 60.0"),
+    ):
+        done = tool(*call, "-o", into, *more)
+        assert done.code == 2
+        assert what in done.err
+    assert "holds results of identify" in tool("compare", archive / "in", "-q", "-o", into, "--resume").err
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "letter.txt").write_text("dear")
+    assert "not a folder of results" in tool(*call, "-o", f"{tmp_path}/other").err
+    assert listed(tmp_path / "other") == ["letter.txt"]
+    for more, what in (
+        (("-o", into, "--save-plot", "a.png"), "--save-plot is not for an archive"),
+        (("-o", into, "-o", "b.csv"), "a second -o is not for an archive"),
+        (("--resume",), "--resume goes on with a folder of results"),
+        (("-o", f"{tmp_path}/r.csv", "--resume"), "--resume goes on with a folder of results"),
+        (("-o", f"{tmp_path}/new/", "--cluster", "tcp://a", "--jobs", "2"), "--cluster and --jobs: each says who works"),
+    ):
+        done = tool("identify", archive / "in", *more)
+        assert done.code == 2
+        assert what in done.err
+    manifest = Path(into) / "_thermofast.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"layout": 99}))
+    assert "results of another layout" in tool(*call, "-o", into, "--resume").err
+
+
+@pytest.mark.parametrize(
+    ("command", "more"), [("sweep", ("--windows", "120")), ("compare", ()), ("diagnose", ("--effects", "second_mode"))]
+)
+def test_other_commands_too(archive, tool, tmp_path, command, more):
+    into = tmp_path / "r"
+    done = tool(command, archive / "in" / "machine 2", *more, "-o", f"{into}/", "--jobs", 1)
+    assert done.code == 0
+    table = pd.read_parquet(into)
+    one = tool(command, archive / "in" / "machine 2" / "run 2.csv", *more, "--format", "jsonl", "-q")
+    rows = [json.loads(line) for line in one.out.splitlines()]
+    mine = table[table["source"] == "run 2.csv"].reset_index(drop=True)
+    assert list(mine["channel"]) == [r["channel"] for r in rows]
+    assert list(mine["status"]) == [r["status"] for r in rows]
+
+
+def test_which_files_an_archive_holds(archive, tmp_path):
+    folder = archive / "in"
+    assert [s.name for s in sources_of([f"{folder}/**/run [02]*.csv"])] == ["machine 0/run 0.csv", "machine 2/run 2.csv"]
+    named = [str(folder / "machine 0" / "run 0.csv"), str(folder / "machine 1" / "run 1.csv")]
+    assert [s.name for s in sources_of(named)] == ["machine 0/run 0.csv", "machine 1/run 1.csv"]
+    assert len(sources_of([str(folder), *named])) == 9  # each once
+    (tmp_path / "results").mkdir()
+    shutil.copy(folder / "machine 0" / "run 0.csv", tmp_path / "results" / "x.csv")
+    shutil.copy(folder / "machine 0" / "run 0.csv", tmp_path / "y.csv")
+    assert [s.name for s in sources_of([str(tmp_path)], str(tmp_path / "results"))] == ["y.csv"]
+    for wrong, what in (
+        ("nothing*", "no file to read"),
+        ("nothing.csv", "no such file"),
+        (str(tmp_path / "results"), "results alone"),
+    ):
+        with pytest.raises(tf.InputError, match=what):
+            sources_of([wrong], str(tmp_path / "results"))
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "a/../../b.csv", "x" * 300 + ".csv", "ü\n:*?.csv", "..", "a/..", "CON.csv"])
+def test_no_name_leaves_the_folder_of_results(tmp_path, name):
+    from thermofast.archives.parts import Manifest, Parts
+
+    parts = Parts(str(tmp_path), Manifest("identify", "1", "compiled", {}))
+    path = parts.path(SourceFile(name, name), "00")
+    assert path.resolve().parent.parent == tmp_path.resolve()
+    assert all(len(part.encode()) < 200 for part in path.relative_to(tmp_path).parts)
+    assert ":" not in path.name
+    assert "\n" not in path.name
+
+
+def test_remaining_time_is_an_interval_that_shrinks():
+    progress = Progress(100, 100_000)
+    for i in range(100):
+        progress.finished(1000, pd.DataFrame({"status": ["ok"]}).pipe(lambda f: __import__("pyarrow").Table.from_pandas(f)))
+        progress._marks[-1] = (0.5 * (i + 1), progress.done_bytes)
+        if i == 6:
+            assert progress.remaining_s() is None
+        if i == 49:
+            middle, low, high = progress.remaining_s()
+            assert middle == pytest.approx(25.0)
+            assert low <= middle <= high < 30.0
+    assert progress.remaining_s()[0] == 0.0
+
+
+def dies_on_t2(started, how=None, **_):
+    for run, _start in started:
+        if "T2" in run.channels:
+            os._exit(1)
+    return tf.identify(started[0][0], until=60, details=False)
+
+
+def test_a_run_on_which_workers_die_is_named_and_the_others_are_done(archive, tmp_path):
+    from thermofast.archives.library import into_folder
+    from thermofast.reading import Options
+    from thermofast.workers.flow import Local
+
+    shutil.copytree(archive / "in", tmp_path / "in")
+    for path in (tmp_path / "in" / "machine 1").iterdir():
+        path.write_text(path.read_text().replace("T2", "S2"))
+    analysis = Analysis("identify", IdentifyRecord, dies_on_t2, 0, {"filter": "afukf"})
+    into = str(tmp_path / "r")
+    found = into_folder(analysis, [str(tmp_path / "in")], into, False, Local(2), Options(), None, 60.0)
+    assert found.statuses["failed"] == 5  # machines 0 and 2
+    assert found.statuses["ok"] + found.statuses["model_doubtful"] == 12
+    table = pd.read_parquet(into)
+    failed = table[table["status"] == "failed"]
+    assert set(failed["folder"]) == {"machine 0", "machine 2"}
+    assert failed["message"].str.contains("the worker process died").all()
+
+
+def test_a_signal_ends_it_in_order_and_resume_ends_byte_equal(archive, tmp_path):
+    make_archive(tmp_path / "in", 40, seed=2)
+    call = [sys.executable, "-m", "thermofast", "identify", "in", "--until", "60", "-o", "r/", "--jobs", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    deaf = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    for sign, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)):
+        more = ["--resume"] if (tmp_path / "r").exists() else []
+        victim = subprocess.Popen([*call, *more], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True, preexec_fn=deaf)
+        count = len(list((tmp_path / "r").rglob("*.parquet")))
+        for _ in range(400):
+            if len(list((tmp_path / "r").glob("folder=*/*.parquet"))) > count + 2 or victim.poll() is not None:
+                break
+            time.sleep(0.05)
+        family = children_of(victim.pid)
+        victim.send_signal(sign)
+        err = victim.communicate(timeout=60)[1]
+        assert victim.returncode == code, err
+        assert "Traceback" not in err
+        assert half_files(tmp_path / "r") == []
+        assert left_of(family) == 0
+    subprocess.run([*call, "--resume", "-q"], cwd=tmp_path, env=environment, check=True)
+    subprocess.run([*call[:-4], "-o", "whole/", "--jobs", "1", "-q"], cwd=tmp_path, env=environment, check=True)
+    assert same(tmp_path / "r", tmp_path / "whole")
