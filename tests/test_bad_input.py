@@ -145,12 +145,12 @@ def test_nothing_is_left_where_a_file_cannot_be_written(tool, tmp_path, monkeypa
     def refuse(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("thermofast.output.files.os.replace", refuse)
+    monkeypatch.setattr("thermofast.output.whole.os.replace", refuse)
     done = tool("identify", SPINDLE, "-q", "-o", tmp_path / "out.csv")
     assert done.code == 2
     assert "No space left" in done.err
     assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr("thermofast.output.files.tempfile.mkstemp", refuse)
+    monkeypatch.setattr("thermofast.output.whole.tempfile.mkstemp", refuse)
     assert "cannot be written" in tool("identify", SPINDLE, "-q", "-o", tmp_path / "out.csv").err
     (tmp_path / "folder.csv").mkdir()
     assert "a folder stands there" in tool("identify", SPINDLE, "-o", tmp_path / "folder.csv").err

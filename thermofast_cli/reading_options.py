@@ -14,6 +14,7 @@ DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
 #: Where the resistance of copper would be nothing, minus that in degC.
 COPPER = 235.0
 #: Options that are lists.
+LIMITS = ("max_bytes", "max_rows", "max_columns")
 SEVERAL = ("inputs", "channels", "exclude", "missing", "units", "rename")
 
 
@@ -44,6 +45,9 @@ class Options:
     strict: bool = False
     from_min: float | None = None
     to_min: float | None = None
+    max_bytes: int = 2 << 30
+    max_rows: int = 20_000_000
+    max_columns: int = 100_000
 
 
 def options_from(given: dict[str, Any]) -> Options:
@@ -72,6 +76,11 @@ def options_from(given: dict[str, Any]) -> Options:
     for text in given["rename"]:
         if not all(part.strip() for part in text.rpartition("=")):
             raise UsageError("--rename: not a name and a new one", found=repr(text), allowed="OLD=NEW, as T1=spindle_front")
+    for key in LIMITS:
+        if given.get(key) is None:
+            given.pop(key, None)
+        elif not (isinstance(given[key], int) and given[key] > 0):
+            raise UsageError(f"--{key.replace('_', '-')}: not a limit", found=repr(given[key]), allowed="a whole number above zero")
     skipped = given.get("skip_footer") or 0
     return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
 

@@ -113,7 +113,7 @@ def stream(
         for number, source in enumerate(sources):
             content, size = "", source.size()
             try:
-                content, data = content_of(source.path)
+                content, data = content_of(source.path, options)
                 if parts.is_there(source, content):
                     progress.there(size)
                     continue

@@ -132,6 +132,8 @@ def _kept(target: str) -> str | None:
             import shutil
 
             shutil.copy2(target, name)
+        except FileNotFoundError:
+            return None
         except OSError as error:
             _gone(str(name))
             raise _cannot(target, error) from None

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import stat
 import sys
 from dataclasses import replace
 from difflib import get_close_matches
@@ -29,6 +30,7 @@ from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
+from .tables.limits import Limits
 from .tables.measured import is_measured, measured_table
 from .tables.packed import is_workbook, unpacked
 from .tables.table import Table, read_parquet
@@ -90,18 +92,25 @@ def read_table(source: Any, options: Options, name: str | None = None, data: byt
         return table_of(source, name or IN_MEMORY)
     path, _ = _numbered(str(source))
     name = name or ("stdin" if path == "-" else path)
-    held = [unpacked(_bytes(path) if data is None else data, name)]
+    limits = Limits(options.max_bytes, options.max_rows, options.max_columns)
+    held = [unpacked(_bytes(path, limits) if data is None else data, name, limits)]
     if is_workbook(held[0]):
-        text, sheet = sheet_text(held.pop(), name, options.sheet)
+        text, sheet = sheet_text(held.pop(), name, options.sheet, limits)
         table = read_text(text, name, replace(options, delimiter=options.delimiter or ",", decimal=options.decimal or "."))
         return replace(table, notes=(f"Excel, sheet {sheet!r}", *table.notes[1:]), dialect=None)
     if is_measured(held[0]):
-        return measured_table(held.pop(), name, options.sheet)
+        return measured_table(held.pop(), name, options.sheet, limits)
     if options.sheet is not None:
         raise UsageError(f"{name}: --sheet is for workbooks, TDMS and MATLAB files", do="leave it out")
     parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
     # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
-    return read_parquet(held.pop(), name) if parquet else read_text(held.pop(), name, options)
+    if parquet:
+        return read_parquet(held.pop(), name, limits)
+    if (lines := held[0].count(b"\n")) > limits.max_rows:
+        limits.check_shape(name, lines, 1)
+    table = read_text(held.pop(), name, options)
+    limits.check_shape(name, len(table.lines), len(table.columns))
+    return table
 
 
 def refuse_guesses(run: Run) -> None:
@@ -130,14 +139,25 @@ def sha256_of(source: str) -> str:
         return ""
 
 
-def _bytes(source: str) -> bytes:
+def _bytes(source: str, limits: Limits = Limits()) -> bytes:  # noqa: B008 - frozen
     if source == "-":
         if sys.stdin is None:
             raise InputError("standard input is closed", do="pipe a record in, or name a file")
-        return sys.stdin.buffer.read()
+        data = sys.stdin.buffer.read(limits.max_bytes + 1)
+        limits.check_bytes("stdin", len(data))
+        return data
     path = Path(source)
     try:
-        return path.read_bytes()
+        mode = path.stat()
+        if stat.S_ISBLK(mode.st_mode) or (stat.S_ISCHR(mode.st_mode) and source != "/dev/stdin"):
+            raise InputError(f"{source}: a device", allowed="a file, or - for standard input", do="name the logger's file")
+        if stat.S_ISREG(mode.st_mode):
+            limits.check_bytes(source, mode.st_size)
+            return path.read_bytes()
+        with path.open("rb") as stream:
+            data = stream.read(limits.max_bytes + 1)
+        limits.check_bytes(source, len(data))
+        return data
     except FileNotFoundError:
         suffixes = (".csv", ".parquet", ".txt", ".lvm")
         there = sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in suffixes) if path.parent.is_dir() else []
@@ -351,12 +371,13 @@ def last_bytes(path: str, count: int) -> bytes:
         return file.read()
 
 
-def content_of(source: str) -> tuple[str, bytes]:
+def content_of(source: str, options: Options | None = None) -> tuple[str, bytes]:
     """(hash, bytes) of a file.
 
     Raises
     ------
     InputError: it cannot be read.
     """
-    data = _bytes(_numbered(source)[0])
+    limits = Limits(options.max_bytes) if options is not None else Limits()
+    data = _bytes(_numbered(source)[0], limits)
     return hashlib.sha256(data).hexdigest(), data

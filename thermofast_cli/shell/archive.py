@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from ..errors import UsageError
+from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES
 from ..output.screen import counting, say
 from ..records import FAILURES
 from .options import MORE_OUTPUTS, scale_of
@@ -40,7 +41,9 @@ def names_folder(output: str | None) -> TypeGuard[str]:
         if scale_of().resume:
             raise UsageError("--resume goes on with a folder of results", do="name it: -o results/")
         return False
-    folder = output.endswith(("/", os.sep)) or Path(output).is_dir()
+    # A folder that is called as a file is more likely a slip.
+    there = Path(output).is_dir() and Path(output).suffix.lower() not in (*TABLE_SUFFIXES, *REPORT_SUFFIXES)
+    folder = output.endswith(("/", os.sep)) or there
     if scale_of().resume and not folder:
         raise UsageError("--resume goes on with a folder of results", found=output, do="name it: -o results/")
     return folder

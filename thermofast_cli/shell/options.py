@@ -225,6 +225,14 @@ reading_options = _together(
         "--from", "from_min", type=Finite(0), metavar="MIN", help="Use what was read from MIN minutes on; its clock begins anew."
     ),
     _hidden("--to", "to_min", type=Finite(0, min_open=True), metavar="MIN", help="End with the reading at MIN minutes."),
+    _hidden(
+        "--max-bytes",
+        type=click.IntRange(1),
+        metavar="N",
+        help="A file, what it unpacks to, and its table in memory: not more bytes than this; 2 GiB by default.",
+    ),
+    _hidden("--max-rows", type=click.IntRange(1), metavar="N", help="Not more rows than this; 20,000,000 by default."),
+    _hidden("--max-columns", type=click.IntRange(1), metavar="N", help="Not more columns than this; 100,000 by default."),
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 

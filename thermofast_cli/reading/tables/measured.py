@@ -2,7 +2,9 @@
 
 import io
 import logging
+import zlib
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy as np
 
 from ...errors import InputError, UsageError, listed
 from .frames import table_of
+from .limits import Limits, check_matlab
 from .table import Table
 
 TDMS, MATLAB, NEW_MATLAB = b"TDSm", b"MATLAB 5.0", b"MATLAB 7.3"
@@ -24,7 +27,7 @@ def is_measured(data: bytes) -> bool:
     return data.startswith((TDMS, MATLAB, NEW_MATLAB))
 
 
-def measured_table(data: bytes, name: str, group: str | None) -> Table:
+def measured_table(data: bytes, name: str, group: str | None, limits: Limits) -> Table:
     """The channels of a file as columns; group: which of several groups or structures, as ``--sheet`` names it.
 
     Raises
@@ -32,7 +35,11 @@ def measured_table(data: bytes, name: str, group: str | None) -> Table:
     InputError: it cannot be read, holds no channels, a scale that cannot be applied, or groups of which one must be named.
     UsageError: no group of that name.
     """
-    return _tdms(data, name, group) if data.startswith(TDMS) else _matlab(data, name, group)
+    if data.startswith(TDMS):
+        return _tdms(data, name, group)
+    with suppress(zlib.error):  # told below
+        check_matlab(data, name, limits)
+    return _matlab(data, name, group)
 
 
 def _tdms(data: bytes, name: str, group: str | None) -> Table:

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from ...errors import InputError
 from ..run import Array, Guess
+from .limits import Limits
 
 if TYPE_CHECKING:
     from .dialect import Dialect
@@ -43,20 +45,31 @@ def to_floats(column: pa.ChunkedArray) -> Array:
     return np.concatenate(parts) if parts else np.empty(0)
 
 
-def read_parquet(data: bytes, name: str) -> Table:
+def read_parquet(data: bytes, name: str, limits: Limits) -> Table:
     """A table from the bytes of a Parquet file.
 
     Raises
     ------
-    InputError: not Parquet, or cut short.
+    InputError: not Parquet, cut short, or too large.
     """
     import pyarrow.parquet as papq  # at the first use: a CSV file does not need it
 
     try:
         # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it. read_table
         # starts one whatever it is told, through the datasets; the file itself does not.
-        table = papq.ParquetFile(pa.BufferReader(data), pre_buffer=False).read(use_threads=False)
-    except (pa.ArrowInvalid, pa.ArrowException, OSError) as error:
+        file = papq.ParquetFile(pa.BufferReader(data), pre_buffer=False, page_checksum_verification=True)
+        told = file.metadata
+        groups = [told.row_group(i) for i in range(told.num_row_groups)]
+        limits.check_shape(name, max(told.num_rows, sum(g.num_rows for g in groups)), told.num_columns)
+        # A long text may stand in a file once and in a million rows: words stay codes until their length is known.
+        words = [c.name for c in file.schema_arrow if pa.types.is_string(c.type) or pa.types.is_large_string(c.type)]
+        if words:
+            file = papq.ParquetFile(pa.BufferReader(data), pre_buffer=False, page_checksum_verification=True, read_dictionary=words)
+        table = file.read(use_threads=False)
+        for n, column in zip(table.column_names, table.columns, strict=True):
+            if n in words or pa.types.is_dictionary(column.type):
+                limits.check_bytes(f"{name}, column {n!r}", _length(column))
+    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         raise InputError(
             f"{name}: not a readable Parquet file",
             found=str(error).splitlines()[0][:120],
@@ -64,6 +77,23 @@ def read_parquet(data: bytes, name: str) -> Table:
             do="copy or export the file again",
         ) from None
     return from_arrow(table, name, [f"Parquet, {table.num_rows} rows"])
+
+
+def _length(words: pa.ChunkedArray) -> int:
+    """Bytes of a column of words, each row counted."""
+    total = 0
+    for chunk in words.chunks:
+        if pa.types.is_dictionary(chunk.type) and not (
+            pa.types.is_string(chunk.type.value_type) or pa.types.is_large_string(chunk.type.value_type)
+        ):
+            continue
+        if pa.types.is_dictionary(chunk.type):
+            sizes = pc.binary_length(chunk.dictionary).to_numpy(zero_copy_only=False)
+            codes = chunk.indices.drop_null().to_numpy(zero_copy_only=False)
+            total += int(np.nansum(sizes[codes], dtype=np.float64)) if len(sizes) else 0
+        else:
+            total += chunk.nbytes
+    return total
 
 
 def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:

@@ -3,15 +3,18 @@
 import csv
 import datetime as dt
 import io
+import zipfile
 from typing import Any
 
 from ...errors import InputError, UsageError, listed
+from .limits import Limits, check_workbook
+from .packed import DAMAGED
 
 #: A sheet with fewer rows or columns is no record.
 LEAST_ROWS, LEAST_COLUMNS = 3, 2
 
 
-def sheet_text(data: bytes, name: str, sheet: str | None) -> tuple[bytes, str]:
+def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> tuple[bytes, str]:
     """(comma-separated UTF-8 text, name of the sheet) of the sheet named, or of the only one that holds a table.
 
     Raises
@@ -22,8 +25,11 @@ def sheet_text(data: bytes, name: str, sheet: str | None) -> tuple[bytes, str]:
     import python_calamine as calamine
 
     try:
+        if data.startswith(b"PK"):
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                check_workbook(data, archive, name, limits)
         book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
-    except (calamine.CalamineError, OSError) as error:
+    except (calamine.CalamineError, *DAMAGED) as error:
         raise InputError(
             f"{name}: an Excel workbook that cannot be read", found=str(error)[:120], do="save the sheet as CSV"
         ) from None

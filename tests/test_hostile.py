@@ -1,0 +1,106 @@
+"""Files that are damaged on purpose, files that are larger inside than out, and what a user may say of sizes."""
+
+import io
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import thermofast as tf
+from benchmarks.hostile import KINDS, bombs, columns, outcomes, read
+from thermofast.reading.tables import limits, packed
+
+
+@pytest.mark.parametrize(("kind", "files"), [("parquet", 500), ("xlsx", 100), ("gz", 100)])
+def test_damaged_files_are_refused_or_read_as_they_were(kind, files):
+    found = outcomes(kind, files, 900_000, 1)
+    assert set(found) <= {"refused", "same", "named otherwise", "guessed, and told"}
+    assert found["refused"] > 0.8 * files
+
+
+def test_the_sound_file_is_read_by_each_reader(tmp_path):
+    for kind, make in KINDS.items():
+        path = tmp_path / f"run.{'csv.gz' if kind == 'gz' else kind}"
+        path.write_bytes(make())
+        run = tf.read(path)
+        assert np.array_equal(run.channels["T1"], columns()["T1"])
+    assert read(("gz", [1]))[0][1] in ("refused", "same")
+
+
+def test_bombs_are_refused_before_they_are_unpacked(tmp_path):
+    import tracemalloc
+
+    for path in bombs(tmp_path, 48):
+        tracemalloc.start()
+        with pytest.raises(tf.InputError) as refusal:
+            tf.read_all(path)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 150e6, path.name
+        assert path.name in str(refusal.value)
+
+
+def test_a_sheet_that_says_it_is_small_is_unpacked_as_it_is(tmp_path):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/workbook.xml", "<a/>")
+        archive.writestr("xl/worksheets/sheet1.xml", b" " * (64 << 20))
+    data = bytearray(out.getvalue())
+    true = struct.pack("<I", 64 << 20)
+    while (at := data.find(true)) >= 0:
+        data[at : at + 4] = struct.pack("<I", 100)
+    path = tmp_path / "lies.xlsx"
+    path.write_bytes(data)
+    with pytest.raises(tf.InputError, match="unpacks to more than 400 times its size"):
+        tf.read(path)
+
+
+def test_a_packed_variable_of_matlab_is_looked_at_first(tmp_path):
+    path = tmp_path / "run.mat"
+    savemat(path, {"t_min": np.arange(60.0), "T1": np.arange(60.0) / 10.0 + 20.0}, do_compression=True)
+    assert tf.read(path).channels["T1"][9] == pytest.approx(20.9)
+    bomb = zlib.compress(b"\0" * (64 << 20))
+    path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(bomb)) + bomb)
+    with pytest.raises(tf.InputError, match="unpacks to more than 400 times"):
+        tf.read(path)
+
+
+@pytest.mark.parametrize(
+    ("option", "most", "what"),
+    [("max_bytes", 1000, "more than 0 MiB"), ("max_rows", 50, "a table of 60 rows"), ("max_columns", 2, "a table of 3 columns")],
+)
+def test_limits_are_the_users(tmp_path, option, most, what):
+    path = tmp_path / "run.parquet"
+    path.write_bytes(KINDS["parquet"]())
+    with pytest.raises(tf.InputError, match=what) as refusal:
+        tf.read(path, **{option: most})
+    assert f"--{option.replace('_', '-')}" in str(refusal.value)
+    assert len(tf.read(path, **{option: 1_000_000}).time_s) == 60
+    with pytest.raises(tf.UsageError, match="a whole number above zero"):
+        tf.read(path, **{option: 0})
+
+
+def test_text_has_limits_of_rows_and_columns(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("time_min,T1,T2\n" + "".join(f"{i},{20 + i / 10},{20 + i / 20}\n" for i in range(60)))
+    assert len(tf.read(path, max_rows=100).channels) == 2
+    for option in ({"max_rows": 30}, {"max_columns": 2}, {"max_bytes": 100}):
+        with pytest.raises(tf.InputError, match="--max-"):
+            tf.read(path, **option)
+
+
+def test_devices_are_no_records(tool):
+    done = tool("identify", "/dev/zero", "-q")
+    assert done.code == 2
+    assert "a device" in done.err
+
+
+def test_ratios_are_those_of_logged_readings():
+    """A constant record packs many times; that must be read."""
+    rows = "".join(f"{i},20.00,20.00,20.00,20.00\n" for i in range(1_200_000)).encode()
+    assert len(rows) > limits.LARGE
+    assert len(rows) < 64 << 20
+    assert packed.unpacked(zlib.compress(rows, 9, wbits=31), "run", limits.Limits()) == rows
