@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test coverage check site bench proof docs clean
+.PHONY: demo test coverage check audit site dist bench proof docs clean
 
 demo: $(STAMP)  ## install, run the main job on a sample run, say where the pictures are
 	@mkdir -p out
@@ -26,9 +26,17 @@ coverage: $(STAMP)  ## the suite again, with the share of lines that it runs (95
 check: $(STAMP)  ## linters and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/bandit -q -r thermofast_cli models filters -c pyproject.toml
 	@rm -rf build/typing && mkdir -p build/typing/thermofast  # the three folders as the one package that they are installed as
 	@ln -s $(CURDIR)/thermofast_cli/* $(CURDIR)/models $(CURDIR)/filters build/typing/thermofast/
 	$(BIN)/mypy
+
+audit: $(STAMP)  ## known faults of what is installed; needs the network
+	$(BIN)/python -m pip install --quiet pip-audit
+	$(BIN)/pip-audit --skip-editable
+
+dist: $(STAMP)  ## sdist and wheel, each installed and tried in an environment of its own
+	$(BIN)/python -m benchmarks.release
 
 site: $(STAMP)  ## docs/ as pages, with the reference that the program writes; every warning is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -E -b html docs out/site

@@ -1,13 +1,31 @@
 """Names the packages and builds the compiled loops; without a compiler thermofast runs their numpy twins."""
 
+from typing import Any
+
 from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
+
+#: What is being worked on: the next tag.
+NEXT = "0.4.0"
+
+
+def version(found: Any) -> str:
+    """The tag's own version, else the next one's with the count of commits since the last tag."""
+    return str(found.tag) if found.exact else f"{NEXT}.dev{found.distance or 0}"
+
 
 FLAGS = ["-O3", "-fno-math-errno"]
 #: Folder at the top -> name it is installed under.
 FOLDERS = {"thermofast_cli": "thermofast", "models": "thermofast.models", "filters": "thermofast.filters"}
 
 setup(
+    use_scm_version={
+        "version_scheme": version,
+        "local_scheme": "no-local-version",
+        "fallback_version": f"{NEXT}.dev0",
+        "version_file": "thermofast_cli/_version.py",
+        "version_file_template": '"""Written when the package is built, from the last tag."""\n\n__version__ = "{version}"\n',
+    },
     packages=[name + suffix for folder, name in FOLDERS.items() for suffix in ["", *("." + p for p in find_packages(folder))]],
     ext_modules=cythonize(
         [

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -236,3 +237,25 @@ def test_a_signal_ends_it_in_order_and_resume_ends_byte_equal(archive, tmp_path)
     subprocess.run([*call, "--resume", "-q"], cwd=tmp_path, env=environment, check=True)
     subprocess.run([*call[:-4], "-o", "whole/", "--jobs", "1", "-q"], cwd=tmp_path, env=environment, check=True)
     assert same(tmp_path / "r", tmp_path / "whole")
+
+
+QUERIES = re.findall(r"```sql\n(.*?)```", (ROOT / "docs" / "scale.md").read_text(), re.S)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_questions_of_the_documentation_are_answered(archive, tmp_path, monkeypatch):
+    duckdb = pytest.importorskip("duckdb", reason="duckdb is not installed")
+    tf.archive("identify", str(archive / "in"), str(tmp_path / "results"), until=60, jobs=1)
+    monkeypatch.chdir(tmp_path)
+    assert len(QUERIES) == 6
+    answers = [duckdb.sql(query).fetchall() for query in QUERIES]
+    assert [row[2] for row in answers[0]].count("unreadable") == 1
+    assert {row[0] for row in answers[1]} == {"machine 0", "machine 1", "machine 2"}
+    assert all(row[1] > 0 for row in answers[2])
+    assert len(answers[3]) == 5  # four sensors and the file that is none
+    table = pd.read_parquet("results")
+    measured = table[(table["status"] == "ok") & table["steady_state_measured_c"].notna()]
+    held = measured["steady_state_measured_c"].between(measured["steady_state_lo_c"], measured["steady_state_hi_c"]).mean()
+    ((sensors, share),) = answers[5]
+    assert sensors == len(measured)
+    assert share == pytest.approx(held) if sensors else share is None

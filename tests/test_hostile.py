@@ -10,6 +10,7 @@ import pytest
 from scipy.io import savemat
 
 import thermofast as tf
+from benchmarks.fuzz import TARGETS, fuzz
 from benchmarks.hostile import KINDS, bombs, columns, outcomes, read
 from thermofast.reading.tables import limits, packed
 
@@ -104,3 +105,8 @@ def test_ratios_are_those_of_logged_readings():
     assert len(rows) > limits.LARGE
     assert len(rows) < 64 << 20
     assert packed.unpacked(zlib.compress(rows, 9, wbits=31), "run", limits.Limits()) == rows
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_any_bytes_are_read_or_refused(name):
+    fuzz(name, 150)

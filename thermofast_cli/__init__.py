@@ -7,7 +7,10 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.4.0.dev0"
+try:
+    from ._version import __version__
+except ImportError:  # sources that were never built
+    __version__ = "0+unbuilt"
 
 if TYPE_CHECKING:
     from .api import (

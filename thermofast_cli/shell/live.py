@@ -1,7 +1,7 @@
 """What a watch shows: a table that is drawn again, or lines where there is no terminal; a file of looks; a command to run."""
 
 import json
-import subprocess
+import subprocess  # nosec B404 - for --exec alone
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -50,7 +50,7 @@ def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | Non
             if look.stop and not state["stopped"]:
                 state["stopped"] = True
                 if execute:
-                    code = subprocess.run(execute, shell=True, check=False).returncode
+                    code = subprocess.run(execute, shell=True, check=False).returncode  # nosec B602 - the user's own command
                     if code and not quiet:
                         say(f"--exec ended with code {code}: {execute}")
 

@@ -45,12 +45,13 @@ def measured_table(data: bytes, name: str, group: str | None, limits: Limits) ->
 def _tdms(data: bytes, name: str, group: str | None) -> Table:
     try:
         import nptdms
+        from nptdms.log import log_manager
     except ImportError:
         raise InputError(
             f"{name}: a National Instruments TDMS file",
             do="pip install 'thermofast[tdms]', or export it as text from LabVIEW, DIAdem or the TDMS importer of Excel",
         ) from None
-    logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it warns of is refused below, in our words
+    log_manager.set_level(logging.ERROR)  # what it warns of is refused below, in our words
     try:
         file = nptdms.TdmsFile.read(io.BytesIO(data))
         groups = {g.name: [c for c in g.channels() if len(c)] for g in file.groups()}
