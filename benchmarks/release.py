@@ -34,7 +34,7 @@ assert filters.OF == models.OF == "stranger", (filters.__file__, models.__file__
 from thermofast import models as ours
 assert ours.COMPILED, "the wheel has no compiled core"
 record = tf.identify({run!r}, until=60)["T5"]
-assert abs(record.steady_state_c - 26.8) < 0.1, record.steady_state_c
+assert abs(record.steady_state_c - 26.8) < 0.3, record.steady_state_c
 print(tf.__version__, "settles at", round(record.steady_state_c, 2))
 """
 
