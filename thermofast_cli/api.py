@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from .errors import InputError, UsageError
-from .given import Source, Start, keeps_details, model_of, setting_texts, started_of, work_of
+from .given import Source, Start, in_range, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
 from .reading_options import names, options_from
 from .results import (
@@ -93,9 +93,9 @@ def identify(
 
     imperfection (``typical``, ``none``, a file or a prior) is how far the machine may leave the law; rates what sensors share. `at`
     [min] asks for a temperature, `room` [degC] for the steady state in such a room, `criterion` (docs/criteria.md) when a stopping
-    rule holds, `limit` [degC] for the margin to it, `switch_off_at` [min, negative before the first reading] for the temperature
-    then. `drive` names a logged column that the heat follows; `auto` adds what the readings used show to be missing. details keep
-    what :meth:`Identification.plot` draws (of 100 sensors by default); reading as for :func:`read`.
+    rule holds, `limit` [degC] for the margin, `switch_off_at` [min, negative before the first reading] for the temperature then.
+    `drive` names a logged column that the heat follows; `auto` adds what is missing; details keep what :meth:`Identification.plot`
+    draws (of 100 sensors by default); reading as for :func:`read`.
 
     Raises
     ------
@@ -105,6 +105,7 @@ def identify(
     from .pipeline.methods import choose, paces, stopping_rule
     from .pipeline.sensors import from_rise, identify_runs
 
+    until, at, room, limit, switch_off_at = in_range(until=until, at=at, room=room, limit=limit, switch_off_at=switch_off_at)
     learnt, prior, texts = model_of(model), read_imperfection(imperfection), setting_texts(filter, settings)
     method = replace(choose(filter, preset, texts, prior, rates), paces=paces(pace))
     started, rule = started_of(runs, start, from_rise(learnt, drive), reading), stopping_rule(criterion)

@@ -5,6 +5,8 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from .errors import UsageError
 from .reading import Run, read_runs
 from .reading_options import options_from
@@ -64,3 +66,22 @@ def model_of(model: "Model | str | Path | None") -> "Model | None":
     from .machine.model import Model
 
     return Model.load(model)
+
+
+#: What numbers may be, as the command's options have it.
+RANGES = {"until": (1e-9, 1e7), "at": (1e-9, 1e7), "room": (-100.0, 500.0), "limit": (-100.0, 5000.0), "switch_off_at": (-1e7, 1e7)}
+
+
+def in_range(**numbers: float | None) -> list[float | None]:
+    """The numbers as they are; None stays.
+
+    Raises
+    ------
+    UsageError: one is no number, or outside what the command's option takes.
+    """
+    for name, value in numbers.items():
+        low, high = RANGES[name]
+        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if value is not None and not (number and low <= float(value) <= high):
+            raise UsageError(f"{name}: not a number in its range", found=repr(value), allowed=f"{low:g} to {high:g}")
+    return list(numbers.values())

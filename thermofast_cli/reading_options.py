@@ -82,6 +82,8 @@ def options_from(given: dict[str, Any]) -> Options:
         elif not (isinstance(given[key], int) and given[key] > 0):
             raise UsageError(f"--{key.replace('_', '-')}: not a limit", found=repr(given[key]), allowed="a whole number above zero")
     skipped = given.get("skip_footer") or 0
+    if not (isinstance(skipped, int) and skipped >= 0):
+        raise UsageError("--skip-footer: not a number of lines", found=repr(skipped), allowed="0 or more")
     return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
 
 

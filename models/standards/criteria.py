@@ -17,6 +17,8 @@ MINUTES = {"s": 1.0 / 60.0, "min": 1.0, "h": 60.0}
 POINTS = 60
 #: Readings at each end of a window are averaged over this share of it, so that their noise does not decide.
 AVERAGED = 0.1
+#: A gap longer than so many windows tells nothing of what the temperature did in it.
+LONGEST_GAP = 1.05
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,8 @@ class Criterion:
                 return np.full(curves.shape[:-1], np.inf)
             worst = np.lib.stride_tricks.sliding_window_view(worst, held + 1, axis=-1).max(axis=-1)
         at = time[len(time) - worst.shape[-1] :]
-        within: NDArray[np.bool_] = worst <= self.change_k
+        with np.errstate(invalid="ignore"):
+            within: NDArray[np.bool_] = worst <= self.change_k
         first = np.argmax(within, axis=-1)
         found: Array = np.where(within.any(axis=-1), at[first], np.inf)
         before = np.maximum(first - 1, 0)
@@ -88,7 +91,15 @@ class Criterion:
             mean = np.where(beyond - first >= 2, (sums[beyond] - sums[first]) / (beyond - first), plain)
         whole = (at - 0.5 * wide >= time[0]) & (at + 0.5 * wide <= time[-1])
         mean = np.where(whole, mean, plain)
+        mean[self.unread(time, at)] = np.nan
         return float(self.trips(at, mean[None])[0])
+
+    def unread(self, time: Array, at: Array) -> NDArray[np.bool_]:
+        """Which of the times `at` (n,) [min] lie in a gap between readings at `time` (m,) that is longer than a window."""
+        after = np.clip(np.searchsorted(time, at, "left"), 1, len(time) - 1)
+        inside = (at > time[after - 1]) & (at < time[after])
+        found: NDArray[np.bool_] = inside & (time[after] - time[after - 1] > LONGEST_GAP * self.window_min)
+        return found
 
 
 #: name: (rule, the standard that it is read from).

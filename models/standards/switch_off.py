@@ -9,6 +9,7 @@ record leaves open of the modes is in it. A mode that is over before the first r
 third of the delay is thought of.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,9 +23,11 @@ Array = NDArray[np.float64]
 #: Readings from which on a cooling curve is looked at.
 FEWEST = 8
 #: Rates on a grid, and how often it closes in on the posterior.
-RATES, CLOSER = 40, 4
-#: Slowest rate over the record's length; how far below the best a log posterior still counts; ratio of the rates at least.
-SLOWEST, DEPTH, APART = 0.05, 14.0, 1.5
+RATES, CLOSER = 40, 8
+#: Points that share the weight, of one mode and of two, with which a grid is fine enough; its reach in standard deviations.
+ENOUGH, WIDTHS = (6.0, 40.0), 6.0
+#: Slowest rate over the record's length; ratio of the rates at least.
+SLOWEST, APART = 0.05, 1.5
 #: Shortest time constant, over the delay and over the time between readings: one noisy reading is no mode.
 SHORTEST, LEAST_STEPS = 0.33, 2.0
 #: Share of the record's fall that the fast mode may have (a deviation).
@@ -79,18 +82,36 @@ def temperature_at_switch_off(time: Array, reading: Array, at: float) -> SwitchO
 
 
 def _least_noise(t: Array, y: Array, slow: float, fast: float) -> float:
-    """Deviation [K] of a reading from the best two modes on a grid."""
-    rates = np.exp(np.linspace(slow, fast, RATES))
+    """Deviation [K] of a reading from the best two modes: those of a grid, moved on from there."""
+    logs = np.linspace(slow, fast, RATES)
+    rates = np.exp(logs)
     gram, moment, whole = _sums(t, y, rates)
-    best = whole
-    for i in range(RATES):
-        for j in range(i + 1, RATES):
-            if rates[j] < APART * rates[i]:
-                continue
-            three = [0, i + 1, j + 1]
-            solved = np.linalg.lstsq(gram[np.ix_(three, three)], moment[three], rcond=1e-13)[0]
-            best = min(best, whole - float(moment[three] @ solved))
-    return max(float(np.sqrt(max(best, 0.0) / (len(t) - 5))), 1e-9)
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(RATES), np.arange(RATES)))
+    i, j = i[rates[j] >= APART * rates[i]], j[rates[j] >= APART * rates[i]]
+    least = whole
+    if len(i):
+        own = np.stack([np.zeros_like(i), i + 1, j + 1], axis=1)
+        ridge = 1e-12 * np.trace(gram[: len(gram)]) * np.eye(3)
+        right = moment[own]
+        solved = np.linalg.solve(gram[own[:, :, None], own[:, None, :]] + ridge, right[..., None])[..., 0]
+        left = whole - np.einsum("mi,mi->m", right, solved)
+        best = int(np.argmin(left))
+
+        def rest(point: Array) -> float:
+            columns = np.vstack([np.ones(len(t)), np.exp(-np.outer(np.exp(point), t))])
+            coefficients = np.linalg.lstsq(columns.T, y, rcond=1e-13)[0]
+            return float(np.sum((y - coefficients @ columns) ** 2))
+
+        least = _moved(rest, np.array([logs[i[best]], logs[j[best]]]))[1]
+    return max(float(np.sqrt(max(least, 0.0) / (len(t) - 5))), 1e-9)
+
+
+def _moved(height: Callable[[Array], float], point: Array) -> tuple[Array, float]:
+    """(place, value) of a minimum near a point."""
+    from scipy.optimize import minimize
+
+    found = minimize(height, point, method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-9 * max(abs(height(point)), 1e-12)})
+    return np.asarray(found.x), float(found.fun)
 
 
 def _sums(t: Array, y: Array, rates: Array) -> tuple[Array, Array, float]:
@@ -99,49 +120,101 @@ def _sums(t: Array, y: Array, rates: Array) -> tuple[Array, Array, float]:
     return columns @ columns.T, columns @ y, float(y @ y)
 
 
+@dataclass(frozen=True)
+class _Posterior:
+    """Log weights, means and variances of the temperature at `at` [min] for log rates, of one mode or two."""
+
+    t: Array
+    y: Array
+    at: float
+    noise: float
+    size: float
+    box: list[tuple[float, float]]
+
+    def __call__(self, points: Array) -> tuple[Array, Array, Array]:
+        """At points (m, modes) of log rates, the fast one first; nothing outside the box, nor where two rates lie too near."""
+        modes = points.shape[1]
+        lows, highs = np.array(self.box).T
+        outside = np.any((points < lows) | (points > highs), axis=1)
+        if modes == 2:
+            outside |= points[:, 0] < points[:, 1] + np.log(APART)
+        rates = np.exp(np.clip(points, lows, highs))
+        columns = np.concatenate([np.ones((len(points), 1, len(self.t))), np.exp(-rates[:, ::-1, None] * self.t)], axis=1)
+        earlier = np.concatenate([np.ones((len(points), 1)), np.exp(-rates[:, ::-1] * self.at)], axis=1)
+        precision = columns @ columns.transpose(0, 2, 1) / self.noise**2
+        if modes == 2:
+            precision[:, 2, 2] += earlier[:, 2] ** 2 / self.size**2
+        precision[:, 1, 1] += 1e-6 / self.size**2
+        right = columns @ self.y / self.noise**2
+        solved = np.linalg.solve(precision, right[..., None])[..., 0]
+        value = 0.5 * np.einsum("mi,mi->m", right, solved) - 0.5 * np.linalg.slogdet(precision)[1]
+        value += np.log(earlier[:, 2] / self.size) if modes == 2 else 0.0
+        spread = np.einsum("mi,mi->m", earlier, np.linalg.solve(precision, earlier[..., None])[..., 0])
+        return np.where(outside, -np.inf, value), np.einsum("mi,mi->m", earlier, solved), np.maximum(spread, 0.0)
+
+
 def _closed_in(
     t: Array, y: Array, at: float, noise: float, size: float, box: list[tuple[float, float]]
 ) -> tuple[Array, Array, Array]:
     """Log weights, means and variances (m,) of the temperature at `at` over a grid of log rates that closes in on its posterior.
 
-    box holds one range of log rates for each mode, the fast one first.
+    box holds one range of log rates for each mode, the fast one first. Two rates are often known together far better than each: the
+    grid lies along what is known of both, and moves and turns until it holds the posterior.
     """
-    two = len(box) == 2
+    modes = len(box)
+    posterior = _Posterior(t, y, at, noise, size, box)
     # What the ranges are given beforehand stays what it was as the grid closes in: weights are densities times cells.
-    before = -sum(np.log(high - low) for low, high in box) + np.log(0.5)
-    found = np.zeros(0), np.zeros(0), np.zeros(0)
+    before = -sum(np.log(high - low) for low, high in box) + np.log(0.5) - 0.5 * float(y @ y) / noise**2
+    axes = [np.linspace(low, high, RATES) for low, high in box]
+    points = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
+    cell = float(sum(np.log(max(axis[1] - axis[0], 1e-12)) for axis in axes))
     for _ in range(CLOSER):
-        axes = [np.linspace(low, high, RATES) for low, high in box]
-        cell = float(sum(np.log(max(axis[1] - axis[0], 1e-12)) for axis in axes))
-        rates = np.exp(np.concatenate(axes))
-        gram, moment, whole = _sums(t, y, rates)
-        earlier = np.concatenate([[1.0], np.exp(-rates * at)])
-        if two:
-            pairs = [(i, RATES + j) for i in range(RATES) for j in range(RATES) if rates[i] >= APART * rates[RATES + j]]
-            own = np.array([[0, j + 1, i + 1] for i, j in pairs], dtype=np.intp).reshape(-1, 3)
-        else:
-            own = np.array([[0, i + 1] for i in range(RATES)], dtype=np.intp)
-        if not len(own):
+        value, middle, variance = posterior(points)
+        if not np.isfinite(value).any():
             return np.array([-np.inf]), np.zeros(1), np.ones(1)
-        precision = gram[own[:, :, None], own[:, None, :]] / noise**2
-        if two:
-            precision[:, 2, 2] += earlier[own[:, 2]] ** 2 / size**2
-        precision[:, 1, 1] += 1e-6 / size**2
-        right = moment[own] / noise**2
-        solved = np.linalg.solve(precision, right[..., None])[..., 0]
-        value = 0.5 * (np.einsum("mi,mi->m", right, solved) - whole / noise**2) - 0.5 * np.linalg.slogdet(precision)[1]
-        value += before + cell + (np.log(earlier[own[:, 2]] / size) if two else 0.0)
-        target = earlier[own]
-        spread = np.einsum("mi,mi->m", target, np.linalg.solve(precision, target[..., None])[..., 0])
-        found = value, np.einsum("mi,mi->m", target, solved), np.maximum(spread, 0.0)
-        near = value > value.max() - DEPTH
-        places = own[near][:, 1:] - 1
-        closer = []
-        for mode, axis in enumerate(axes):
-            used = places[:, 1 - mode] - mode * RATES if two else places[:, 0]
-            first, last = max(int(used.min()) - 1, 0), min(int(used.max()) + 1, RATES - 1)
-            closer.append((float(axis[first]), float(axis[last])))
-        if all(b[1] - b[0] > 0.7 * (a[1] - a[0]) for a, b in zip(box, closer, strict=True)):
+        weight = np.exp(value - value.max())
+        weight /= weight.sum()
+        if float(1.0 / (weight @ weight)) > ENOUGH[modes - 1]:
             break
-        box = closer
-    return found
+        points, cell = _turned(posterior, points, weight)
+    return value + before + cell, middle, variance
+
+
+def _turned(posterior: _Posterior, points: Array, weight: Array) -> tuple[Array, float]:
+    """(points, log of a cell) of a grid along the ways in which a posterior is wide, about what was found of it so far."""
+    best = points[int(np.argmax(weight))]
+    few = float(1.0 / (weight @ weight)) < 5.0
+    if few:
+        best = _moved(lambda p: min(-float(posterior(p[None])[0][0]), 1e300), best)[0]
+    modes = len(best)
+    centre, covariance = best, np.zeros((modes, modes))
+    if few:
+        covariance = _curved(posterior, best)
+    else:
+        centre = weight @ points
+        covariance = (weight[:, None] * (points - centre)).T @ (points - centre)
+    values, axes = np.linalg.eigh(covariance)
+    wide = np.array([high - low for low, high in posterior.box])
+    reach = np.minimum(WIDTHS * np.sqrt(np.maximum(values, 1e-12)), float(np.linalg.norm(wide)))
+    steps = np.linspace(-1.0, 1.0, RATES)
+    grid = np.stack([a.ravel() for a in np.meshgrid(*[steps] * modes, indexing="ij")], axis=1)
+    return centre + (grid * reach) @ axes.T, float(np.sum(np.log(reach * (steps[1] - steps[0]))))
+
+
+def _curved(posterior: _Posterior, best: Array) -> Array:
+    """Covariance of a normal distribution that bends at the best point as the posterior does."""
+    modes, step = len(best), 1e-3
+    shifts = [np.zeros(modes), *(sign * step * unit for unit in np.eye(modes) for sign in (1.0, -1.0))]
+    if modes == 2:
+        shifts += [step * np.array([p, q]) for p in (1.0, -1.0) for q in (1.0, -1.0)]
+    value = posterior(best + np.array(shifts))[0]
+    if not np.isfinite(value).all():  # at an edge
+        return 0.05**2 * np.eye(modes)
+    bend = np.zeros((modes, modes))
+    for k in range(modes):
+        bend[k, k] = -(value[1 + 2 * k] - 2.0 * value[0] + value[2 + 2 * k]) / step**2
+    if modes == 2:
+        bend[0, 1] = bend[1, 0] = -(value[5] - value[6] - value[7] + value[8]) / (4.0 * step**2)
+    values, axes = np.linalg.eigh(bend)
+    curved: Array = (axes / np.maximum(values, 0.25)) @ axes.T
+    return curved

@@ -167,7 +167,7 @@ def command(
         ]
     if limit is not None:
         drawn[-1:-1] = [
-            (f"below {limit:g} K", number("margin_k")),
+            (f"K below {limit:g} degC", number("margin_k")),
             ("95 % interval", interval("margin_lo_k", "margin_hi_k")),
             ("chance above", number("over_limit_p", 3)),
         ]

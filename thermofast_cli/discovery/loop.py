@@ -16,6 +16,7 @@ from ..machine.learnt import carry
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
 from ..reading import Run
+from ..reading.columns import column_named
 from ..records import Record
 from .observe import Note, Observed, observe
 
@@ -65,9 +66,14 @@ class Ready:
         return [n.text if n.channel is None else f"{n.channel}: {n.text}" for n in mine]
 
 
+def drive_of(run: Run, drive: str | None) -> str | None:
+    """The logged input that --drive names, in full or before its unit."""
+    return column_named(drive, list(run.inputs))
+
+
 def check_drive(run: Run, drive: str | None) -> None:
     """Raises UsageError where --drive names no logged input of the run."""
-    if drive is not None and drive not in run.inputs:
+    if drive is not None and drive_of(run, drive) not in run.inputs:
         raise UsageError(
             f"{run.name}: --drive {drive!r} is no logged input",
             allowed=", ".join(run.inputs) or "this run logs none",

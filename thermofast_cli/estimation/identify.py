@@ -334,6 +334,8 @@ class _Block:
             if tripped is not None and self.criterion is not None:
                 told["criterion"] = self.criterion.text
                 told["trip_from"] = "" if told["trip_min"] is None else "readings" if tripped.seen[i] else "prediction"
+                if tripped.late[i]:
+                    message = _joined(["a long gap lies before the trip: the rule may have held earlier", message])
             if claimed is not None:
                 told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
                 told["rate_shared_with"] = claimed.shared_with[i]

@@ -80,7 +80,8 @@ def claimed_verdicts(
         elif strong[i]:
             said.append("an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it")
         if faded[i]:
-            said.append(f"the law fails from about {sensors.time[tracks.woke[i]]:.4g} min on")
+            counts = "" if status[i] != "ok" else ", which the interval counts"
+            said.append(f"the plain law fails from about {sensors.time[tracks.woke[i]]:.4g} min on{counts}")
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:

@@ -7,7 +7,7 @@ from ..analysis.effect_file import EffectFile, check_effect_runs, write_effect
 from ..discovery.compare import compare_lost, compare_task
 from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
-from ..discovery.loop import LoopTask, check_drive
+from ..discovery.loop import LoopTask, check_drive, drive_of
 from ..discovery.together import improve_together
 from ..errors import UsageError
 from ..machine.learnt import check_effects
@@ -49,7 +49,7 @@ def loop_tasks(
             check_drive(run, drive)
     heat = model.drive if model is not None else drive
     return [
-        LoopTask(run, start, until_min=until_min, names=names, extra=extra, model=model, drive=heat, **more)
+        LoopTask(run, start, until_min=until_min, names=names, extra=extra, model=model, drive=drive_of(run, heat), **more)
         for run, start in started
     ]
 

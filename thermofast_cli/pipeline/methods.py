@@ -127,8 +127,10 @@ def stopping_rule(text: Criterion | str | None) -> Criterion | None:
     ------
     UsageError: no rule, and no preset.
     """
-    if not isinstance(text, str):
+    if text is None or isinstance(text, Criterion):
         return text
+    if not isinstance(text, str):
+        raise UsageError("--criterion: no stopping rule", found=repr(text)[:60], allowed="a text, or a Criterion")
     try:
         return criterion_from(text)
     except ValueError as error:

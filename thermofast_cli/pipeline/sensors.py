@@ -13,10 +13,11 @@ from ..estimation.identify import LET_GO, Identified, Method
 from ..estimation.imperfect import GROUP
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..reading import Run
+from ..reading.run import stretch
 from ..records import IdentifyRecord
 from ..results import Identification, Sweeping
 from ..standards.stopping import with_last, with_limit, with_trips
-from ..standards.switching_off import with_switch_off
+from ..standards.switching_off import after_switch_off, with_switch_off
 from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
 
 if TYPE_CHECKING:
@@ -38,6 +39,13 @@ def check_until(run: Run, until_min: float | None) -> None:
 def from_rise(model: "Model | None", drive: str | None = None) -> bool:
     """Whether a run begins where its rise does: not with a drive or effects, to which an idle beginning says something."""
     return drive is None and (model is None or not (model.file.effects or model.drive))
+
+
+def _not_made(method: Method) -> str:
+    """The option for which there is no closing estimate that counts the machine."""
+    if method.filter.closing != "never":
+        return "--imperfection none --rates own"
+    return "--preset paper" if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
 
 
 def identify_runs(
@@ -79,26 +87,31 @@ def identify_runs(
     if beyond and not method.widens:
         raise UsageError(
             "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
-            found=f"--filter {method.filter.name}" if method.filter.closing == "never" else "--imperfection none --rates own",
-            do="use --filter afukf, or leave them out",
+            found=_not_made(method),
+            do="leave that out",
         )
     if criterion is not None and not method.widens:
         raise UsageError(
             "--criterion is foretold by the closing estimate that counts the machine, which is not made here",
-            found=f"--filter {method.filter.name}" if method.filter.closing == "never" else "--imperfection none --rates own",
-            do="use --filter afukf, or leave it out",
+            found=_not_made(method),
+            do="leave that out",
         )
+    if criterion is not None and method.paces:
+        raise UsageError("--criterion is foretold at the rate of the readings, which --pace changes", do="leave one of them out")
     for run, _ in started:
         check_until(run, until_min)
+    if switch_off_min is not None:
+        started = [(run, after_switch_off(run, start, switch_off_min)) for run, start in started]
     told: dict[str, Knowledge] = {}
     if beyond:
         from ..machine.past import knowledge, knowledge_lost
         from .loop import loop_tasks
 
         silent = replace(how, advance=lambda _steps: None)
-        by_run, stopped = over_runs(
-            knowledge, loop_tasks(started, until_min=until_min, model=model, drive=drive, auto=auto), knowledge_lost, silent
-        )
+        # A rule is foretold with what is logged held as it is, not as it was to be later.
+        held = [(stretch(run, None, until_min) if criterion is not None else run, start) for run, start in started]
+        tasks = loop_tasks(held, until_min=until_min, model=model, drive=drive, auto=auto)
+        by_run, stopped = over_runs(knowledge, tasks, knowledge_lost, silent)
         if stopped:
             return Identification((), tuple(run for run, _ in started), True)
         told = {one.run: one for one in by_run}

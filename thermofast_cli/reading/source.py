@@ -196,7 +196,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     check_names(options.exclude, table.names, "--exclude", table.name)
     windings = resistive(numbers, table.units, options, table.name) if options.resistance else []
     if windings:
-        numbers |= {n: winding_temperature(numbers[n], options.resistance) for n in windings}
+        numbers |= {n: _winding(numbers[n], n, table, options) for n in windings}
         options = replace(options, units=(*options.units, *(f"{n}=C" for n in windings)))
         notes.append(f"temperatures of windings by their resistance: {listed(windings, 6)}")
     spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
@@ -270,6 +270,26 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         for k, part in enumerate(stretches)
     ]
     return [renamed(run, options.rename) for run in runs] if options.rename else runs
+
+
+def _winding(ohms: Any, column: str, table: Table, options: Options) -> Any:
+    """Temperatures (N,) [degC] of a winding.
+
+    Raises
+    ------
+    InputError: they are those of no winding: R0 is of another unit than the column.
+    """
+    found = winding_temperature(ohms, options.resistance)
+    middle = float(np.nanmedian(found)) if np.isfinite(found).any() else 20.0
+    if not -100.0 <= middle <= 800.0:
+        unit = table.units.get(column) or getattr(sign_of(column, "").unit, "symbol", "")
+        raise InputError(
+            f"{table.name}, column {column!r}: --resistance makes {middle:.4g} degC of it",
+            found=f"{float(np.nanmedian(ohms)):.4g} {unit}, R0 {options.resistance[0]:g}",
+            allowed="R0 in the unit of the column",
+            do=f"say R0 in {unit}" if unit else "check R0 and T0",
+        )
+    return found
 
 
 def _seen(

@@ -40,7 +40,8 @@ def _said(reading: dict[str, Any]) -> dict[str, Any]:
     """The options of reading that the user gave, as a settings file has them."""
     from .settings_schema import Reading
 
-    told = {k: reading[k] for k in Reading.__struct_fields__ if reading.get(k) and reading[k] != "auto"}
+    keys = zip(Reading.__struct_fields__, Reading.__struct_encode_fields__, strict=True)
+    told = {key: reading[k] for k, key in keys if reading.get(k) and reading[k] != "auto"}
     if "start" in told:
         told["start"] = float(told["start"])
     return {k: list(names(v)) if k in SEVERAL else v for k, v in told.items()}

@@ -31,6 +31,11 @@ class Reading(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
     rename: tuple[str, ...] = ()
     resistance: str | None = None
     skip_footer: int | None = None
+    from_min: float | None = msgspec.field(default=None, name="from")
+    to_min: float | None = msgspec.field(default=None, name="to")
+    max_bytes: int | None = None
+    max_rows: int | None = None
+    max_columns: int | None = None
     strict: bool | None = None
 
 
@@ -66,5 +71,5 @@ def _given(values: dict[str, Any]) -> dict[str, Any]:
 def known_keys() -> str:
     """All keys, tables with theirs in brackets."""
     top = [f for f in Settings.__struct_fields__ if f not in ("input", "imperfection")]
-    reading = f"[input] {' '.join(Reading.__struct_fields__)}"
+    reading = f"[input] {' '.join(Reading.__struct_encode_fields__)}"
     return f"{' '.join(top)}; {reading}; [identify], [compare], ...: options of that command, with underlines; [imperfection]"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import bridged, spike_weights
 from thermofast.models.imperfection import Drawn
-from thermofast.models.standards import Criterion, three_point
+from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
 from ..estimation.measured import measured_equilibrium
 from ..reading import Run
@@ -35,13 +35,15 @@ class Trips:
 
     Three numbers are the 2.5, 50 and 97.5 % quantiles; of what was seen only the middle one is there.
 
-    seen (S,): it did so on the readings used. reckoned (S,) [degC]: the three-point extrapolation of them.
+    seen (S,): it did so on the readings used, late (S,): only after a gap in which it may have done so before. reckoned (S,)
+    [degC]: the three-point extrapolation of them.
     """
 
     time: Array
     missing: Array
     seen: NDArray[np.bool_]
     reckoned: Array
+    late: NDArray[np.bool_]
 
 
 def trips_of(
@@ -58,7 +60,9 @@ def trips_of(
     trips[shown] = np.nan
     trips[shown, 1] = seen[shown] - start
     missing[shown] = (steady - there[:, None])[shown]
-    return Trips(trips, missing, shown, reckoned_from_three(time, reading))
+    gaps = time[:-1][np.diff(time) > LONGEST_GAP * criterion.window_min]
+    late = np.array([bool((gaps < trip).any()) for trip in seen]) & shown
+    return Trips(trips, missing, shown, reckoned_from_three(time, reading), late)
 
 
 def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array, Array]:

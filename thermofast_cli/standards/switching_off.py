@@ -6,11 +6,29 @@ import numpy as np
 
 from thermofast.models.standards import temperature_at_switch_off
 
+from ..errors import UsageError
 from ..reading import Run
 from ..records import IdentifyRecord
 
 #: Probability of a second mode from which it is told.
 TOLD = 0.5
+
+
+def after_switch_off(run: Run, start_min: float, at_min: float) -> float:
+    """From when on a run is a cooling [min]: a law of one rise or fall holds from the switch-off on at the earliest.
+
+    Raises
+    ------
+    UsageError: the switch-off lies behind the record's end.
+    """
+    end = float(run.time_s[-1]) / 60.0
+    if at_min >= end:
+        raise UsageError(
+            f"{run.name}: --switch-off-at {at_min:g} is not before the record's end",
+            found=f"{end:.4g} min",
+            allowed="a time before it; negative before the first reading",
+        )
+    return max(start_min, at_min)
 
 
 def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: float | None) -> IdentifyRecord:
@@ -25,9 +43,15 @@ def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: 
     good = np.isfinite(values) & (time > at_min)
     if until_min is not None:
         good &= time <= until_min + 1e-9
-    found = temperature_at_switch_off(time[good], values[good], at_min)
+    if good.any() and float(time[good][0]) - at_min > float(np.ptp(time[good])):
+        found, why = (
+            None,
+            "the first reading comes longer after the switch-off than the readings last: the temperature then is not told",
+        )
+    else:
+        found, why = temperature_at_switch_off(time[good], values[good], at_min), "too few readings after the switch-off"
     if found is None:
-        return replace(record, message="; ".join(filter(None, (record.message, "too few readings after the switch-off"))))
+        return replace(record, message="; ".join(filter(None, (record.message, why))))
     late = 60.0 * float(time[good][0] - at_min)
     modes = f"two modes (probability {found.two_modes:.2g})" if found.two_modes > TOLD else "one mode"
     said = f"at switch-off, {late:.3g} s before the first reading after it: {modes}"

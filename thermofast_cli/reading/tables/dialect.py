@@ -92,12 +92,14 @@ def to_number(cell: str, decimal: str) -> float:
 
 def _data_like(cells: list[str], decimal: str) -> bool:
     cells = cells[:SAMPLE_CELLS]
-    told = [c for c in cells if not is_missing(c)]
+    told = [c for c in cells if not is_missing(c) and parse_unit(c) is None]
     numbers = sum(is_number(c, decimal) for c in told)
     stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
     # Cells as "21.3 °C" hold readings too, but a row of them alone decides nothing.
     carried = sum(number_within(c, decimal) is not None for c in told) if numbers + stamps else 0
-    return numbers + stamps > 0 and numbers + stamps + carried >= 0.5 * len(told)
+    # A row of a long table may name plant, machine and sensor between its moment and its one number.
+    share = 0.3 if numbers and told and looks_like_stamp(told[0]) and not is_number(told[0], decimal) else 0.5
+    return numbers + stamps > 0 and numbers + stamps + carried >= share * len(told)
 
 
 _WITHIN = {
@@ -217,7 +219,7 @@ def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tupl
     while (
         len(named) > 1
         and len(rows[named[-2]]) == len(rows[header])
-        and (_is_unit_line(rows[header]) or _is_process_line(rows[header]))
+        and (is_unit_line(rows[header]) or _is_process_line(rows[header]) or _repeats_units(rows[header], rows[named[-2]]))
     ):
         if not _is_process_line(rows[header]):
             units.append(header)
@@ -226,9 +228,17 @@ def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tupl
     return header, tuple(units)
 
 
-def _is_unit_line(cells: list[str]) -> bool:
+def is_unit_line(cells: list[str]) -> bool:
+    """Whether half of the cells of a line or more are units."""
     known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
     return known >= 0.5 * len(cells) and any(c.strip() for c in cells)
+
+
+def _repeats_units(cells: list[str], above: list[str]) -> bool:
+    """Whether a line gives several columns one unit, and the line above names each of them."""
+    places = [i for i, c in enumerate(cells) if parse_unit(c) is not None]
+    names = [above[i].strip() for i in places]
+    return len({cells[i].strip() for i in places}) < len(places) and len(set(names)) == len(names) and all(names)
 
 
 def _is_process_line(cells: list[str]) -> bool:

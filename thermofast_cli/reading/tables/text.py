@@ -14,7 +14,7 @@ from ...reading_options import Options
 from ..run import Array, Guess
 from ..stamps import looks_like_stamp
 from ..units import parse_unit
-from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
+from .dialect import Dialect, detect_dialect, is_missing, is_number, is_unit_line, number_within, split, to_number
 from .encoding import to_utf8
 from .labview import joined_segments
 from .table import Table, to_floats
@@ -225,8 +225,9 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
         )
     units = [""] * width
     for line in dialect.unit_lines[::-1]:
-        for i, cell in enumerate(split(head[line], dialect.delimiter)[:width]):
-            if cell.strip() and (parse_unit(cell) or not units[i]):
+        told = split(head[line], dialect.delimiter)[:width]
+        for i, cell in enumerate(told):
+            if cell.strip() and (parse_unit(cell) or (not units[i] and is_unit_line(told))):
                 units[i] = cell.strip()
     names: list[str] = []
     taken: set[str] = set()
