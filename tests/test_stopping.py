@@ -236,3 +236,41 @@ def test_a_rule_is_looked_at_with_effects_too(tool):
     first = (record["records"] if isinstance(record, dict) else record)[0]
     assert first["trip_from"] == "readings"
     assert first["trip_min"] == pytest.approx(104.7, abs=0.5)
+
+
+def test_a_gap_longer_than_a_window_shows_no_trip(tool, tmp_path):
+    minutes = np.arange(0.0, 400.0)
+    reading = 20.0 + 20.0 * -np.expm1(-minutes / 40.0) + 0.02 * np.random.default_rng(1).standard_normal(400)
+    whole = tf.identify({"time_min": minutes, "T1": reading}, criterion="2K/h, 2x30min")[0]
+    kept = (minutes < 60.0) | (minutes > 240.0)
+    gap = tf.identify({"time_min": minutes[kept], "T1": reading[kept]}, criterion="2K/h, 2x30min")[0]
+    assert whole.trip_min == pytest.approx(161.0, abs=8.0)
+    assert gap.trip_from == "readings"
+    assert gap.trip_min == pytest.approx(300.0, abs=2.0)  # two windows after the gap
+    assert "it may have held earlier" in gap.message.replace("the rule", "it")
+    # Hourly readings by hand are no gaps where the rule asks for an hour.
+    hourly = tf.identify({"time_min": minutes[::60], "T1": reading[::60]}, criterion="1K/h", imperfection="typical")[0]
+    assert hourly.trip_from in ("readings", "prediction")
+
+
+def test_a_rule_is_foretold_with_the_power_held_and_not_beside_other_paces():
+    minutes = np.arange(0.0, 240.0)
+    power = np.where(minutes < 100.0, 1000.0, 500.0)
+    heat = np.empty_like(minutes)
+    heat[0] = 20.0
+    for k in range(1, 240):
+        rest = 20.0 + 0.03 * power[k]
+        heat[k] = rest + (heat[k - 1] - rest) * np.exp(-1.0 / 35.0)
+    reading = heat + 0.02 * np.random.default_rng(2).standard_normal(240)
+    run = {"time_min": minutes, "T1": reading, "power [W]": power}
+    found = tf.identify(run, until=90, drive="power", criterion="2K/h", at=200)[0]
+    constant = tf.identify({"time_min": minutes[:91], "T1": reading[:91]}, criterion="2K/h")[0]
+    assert found.trip_min == pytest.approx(constant.trip_min, rel=0.05)
+    assert found.at_c == pytest.approx(found.steady_state_c, abs=1.5)
+    with pytest.raises(tf.UsageError, match="--pace"):
+        tf.identify(run, until=90, criterion="2K/h", pace="60:0.5")
+    with pytest.raises(tf.UsageError, match="--preset paper"):
+        tf.identify(run, until=90, criterion="2K/h", preset="paper")
+    for name, value in (("limit", "30"), ("limit", math.nan), ("switch_off_at", -math.inf), ("room", math.nan), ("at", True)):
+        with pytest.raises(tf.UsageError, match=f"{name}: not a number in its range"):
+            tf.identify(run, until=90, **{name: value})

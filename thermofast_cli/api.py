@@ -135,9 +135,7 @@ def calibrate(
 def changed(
     old: Source = None, new: Source = None, *, model: "Model | str | Path | None" = None, start: Start = "auto", **reading: Any
 ) -> Changes:
-    """What is different in a machine since `old` runs of it, or since `model` was learnt from them.
-
-    Heat, heat capacity, loss, one sensor, the contacts, or nothing.
+    """What is different since `old` runs, or since `model` was learnt: heat, capacity, loss, a sensor, contacts, or nothing.
 
     Raises
     ------

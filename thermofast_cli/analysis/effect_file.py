@@ -116,7 +116,7 @@ def write_effect(task: LoopTask, path: str) -> EffectFile | None:
     if not follows:
         return None
     kind, text = _source(follows, whole, task.run.name, path)
-    write_text_whole(path, text)
+    write_text_whole(path, text, at_once=True)  # it is read again below
     load_effect(f"{path}:{kind}")  # what is written passes the check, or says why not
     return EffectFile(path, kind, tuple(f.column for f in follows), in_words(follows))
 

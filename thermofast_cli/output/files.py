@@ -107,9 +107,9 @@ def _write_text(path: str, text: str) -> None:
         out.write(text)
 
 
-def write_text_whole(path: str, text: str) -> None:
-    """A text file, whole or not at all."""
-    write_whole(path, lambda p: _write_text(p, text))
+def write_text_whole(path: str, text: str, at_once: bool = False) -> None:
+    """A text file, whole or not at all; at_once: it waits for no other file."""
+    write_whole(path, lambda p: _write_text(p, text), at_once)
 
 
 def write_json(path: str, document: Any, at_once: bool = False) -> None:

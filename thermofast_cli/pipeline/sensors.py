@@ -41,11 +41,13 @@ def from_rise(model: "Model | None", drive: str | None = None) -> bool:
     return drive is None and (model is None or not (model.file.effects or model.drive))
 
 
-def _not_made(method: Method) -> str:
-    """The option for which there is no closing estimate that counts the machine."""
+def _not_made(method: Method) -> dict[str, str]:
+    """The option for which there is no closing estimate that counts the machine, and what to do."""
     if method.filter.closing != "never":
-        return "--imperfection none --rates own"
-    return "--preset paper" if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
+        return {"found": "--imperfection none --rates own", "do": "leave one of them out"}
+    if method.filter.name == Afukf.name:
+        return {"found": "--preset paper", "do": "leave it out"}
+    return {"found": f"--filter {method.filter.name}", "do": "use --filter afukf"}
 
 
 def identify_runs(
@@ -87,14 +89,12 @@ def identify_runs(
     if beyond and not method.widens:
         raise UsageError(
             "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
-            found=_not_made(method),
-            do="leave that out",
+            **_not_made(method),
         )
     if criterion is not None and not method.widens:
         raise UsageError(
             "--criterion is foretold by the closing estimate that counts the machine, which is not made here",
-            found=_not_made(method),
-            do="leave that out",
+            **_not_made(method),
         )
     if criterion is not None and method.paces:
         raise UsageError("--criterion is foretold at the rate of the readings, which --pace changes", do="leave one of them out")

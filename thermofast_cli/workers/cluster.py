@@ -10,7 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from thermofast import filters, models
+import thermofast.filters as filters
+import thermofast.models as models
 
 from ..errors import UsageError
 from .flow import Crew, Given, Here, Local
