@@ -22,7 +22,7 @@ from .sources import SourceFile
 #: A block is to take about so long [s]; what it costs is measured on the way.
 BLOCK_S = 0.8
 #: Cost of a reading [s] to begin with, least and most readings in a block: the way to a worker is to be worth it, and not too wide.
-FIRST_COST_S, FEWEST, MOST = 2e-6, 20_000, 1_500_000
+FIRST_COST_S, FEWEST, MOST = 6e-6, 20_000, 1_500_000
 
 
 @dataclass
@@ -127,10 +127,11 @@ def stream(
             mine = cut(number, started, analysis.together, cost.most())
             open_files[number] = _File(content, size, len(mine))
             for piece in mine:
-                pieces.append(piece)
-                if sum(p.units for p in pieces) >= cost.aim():
+                held = sum(p.units for p in pieces)
+                if pieces and held + piece.units > 1.2 * cost.aim():
                     yield Block(analysis, tuple(pieces))
                     pieces = []
+                pieces.append(piece)
         if pieces:
             yield Block(analysis, tuple(pieces))
 

@@ -302,7 +302,7 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
 def _counts(name: str, sign: Sign, column: Array) -> bool:
     """Whether a column counts the rows: whole numbers one apart, under a name that says so or none."""
     unit = sign.unit is not None and sign.unit.kind != "number"
-    if sign.temperature or unit or len(column) < 2 or not np.isfinite(column).all() or (column % 1.0 != 0.0).any():
+    if sign.temperature or unit or len(column) < 2 or not _whole(column) or not np.isfinite(column).all():
         return False
     step = np.diff(column)
     if len(column) > 5 and (step == 1.0).all() and column[0] in (0.0, 1.0):
@@ -313,8 +313,20 @@ def _counts(name: str, sign: Sign, column: Array) -> bool:
 
 def _code(column: Array) -> bool:
     """Whether a long column holds a few whole numbers only: a step, a mode, not a temperature."""
+    if not _whole(column):
+        return False
     good = column[np.isfinite(column)]
-    return len(good) > 50 and bool((good % 1.0 == 0.0).all()) and len(np.unique(good)) <= 3
+    return len(good) > 50 and len(np.unique(good)) <= 3
+
+
+def _whole(column: Array) -> bool:
+    """Whether all numbers of a column are whole; most that are not show it at once."""
+    with np.errstate(invalid="ignore"):
+        for part in (column[:8], column):
+            rest = part % 1.0
+            if ((rest != 0.0) & np.isfinite(part)).any():
+                return False
+    return True
 
 
 def _with_words(
