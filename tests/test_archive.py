@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -177,7 +178,7 @@ def test_no_name_leaves_the_folder_of_results(tmp_path, name):
 def test_remaining_time_is_an_interval_that_shrinks():
     progress = Progress(100, 100_000)
     for i in range(100):
-        progress.finished(1000, pd.DataFrame({"status": ["ok"]}).pipe(lambda f: __import__("pyarrow").Table.from_pandas(f)))
+        progress.finished(1000, Counter(["ok"]))
         progress._marks[-1] = (0.5 * (i + 1), progress.done_bytes)
         if i == 6:
             assert progress.remaining_s() is None
@@ -205,7 +206,7 @@ def test_a_run_on_which_workers_die_is_named_and_the_others_are_done(archive, tm
         path.write_text(path.read_text().replace("T2", "S2"))
     analysis = Analysis("identify", IdentifyRecord, dies_on_t2, 0, {"filter": "afukf"})
     into = str(tmp_path / "r")
-    found = into_folder(analysis, [str(tmp_path / "in")], into, False, Local(2), Options(), None, 60.0)
+    found = into_folder(analysis, [str(tmp_path / "in")], into, False, Local(2), Options(), None, 60.0, True)
     assert found.statuses["failed"] == 5  # machines 0 and 2
     assert found.statuses["ok"] + found.statuses["model_doubtful"] == 12
     table = pd.read_parquet(into)

@@ -1,17 +1,23 @@
 """What a worker does: a block is some runs, or parts of large ones, that take about as long as a task should."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..errors import ThermofastError
 from ..output.arrow import to_arrow, types_of
-from ..reading import Run
+from ..reading import Options, Run, read_runs
+from ..reading.source import content_of
 from ..records import Record
 from ..results import Result
-from ..workers.engine import Work
+from ..workers.engine import Work, with_start
+from ..workers.pool import ended
+from .parts import Parts
+from .sources import SourceFile
 
 
 @dataclass(frozen=True)
@@ -55,14 +61,49 @@ class Piece:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """How the files of an archive are read: options, and when the rise begins [min], None where that is looked for."""
+
+    options: Options
+    start_min: float | None
+    from_rise: bool
+
+    def started(self, path: str, data: bytes) -> list[tuple[Run, float]]:
+        """The runs of a file's bytes with their starts.
+
+        Raises
+        ------
+        ThermofastError: as :func:`read_runs` and :func:`with_start`.
+        """
+        runs = read_runs(path, self.options, data=data)
+        return [with_start(replace(run, seen=None), self.start_min, self.from_rise) for run in runs]
+
+
+@dataclass(frozen=True)
+class WholeFile:
+    """The file of that number, which the worker reads, and of which it writes the part."""
+
+    source: int
+    file: SourceFile
+    reading: Reading
+    parts: Parts
+
+    @property
+    def units(self) -> int:
+        """A measure of the work: bytes."""
+        return max(1, self.file.size())
+
+
+@dataclass(frozen=True)
 class Done:
-    """The table of a piece, and the seconds that it took."""
+    """The table of a piece, or the statuses in the part of a whole file; the seconds that it took."""
 
     source: int
     place: int
     table: Any
     seconds: float
     units: int
+    statuses: "Counter[str] | None" = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +111,7 @@ class Block:
     """Pieces and what is done with them."""
 
     analysis: Analysis
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Piece | WholeFile, ...]
 
     def singles(self) -> "list[Block]":
         """A block for each piece."""
@@ -79,7 +120,42 @@ class Block:
 
 def work_block(block: Block) -> list[Done]:
     """The table of each piece; what is wrong with a run is its record."""
-    return [_work(block.analysis, piece, Work()) for piece in block.pieces]
+    return [_of_file(block.analysis, p) if isinstance(p, WholeFile) else _work(block.analysis, p, Work()) for p in block.pieces]
+
+
+def _of_file(analysis: Analysis, piece: WholeFile) -> Done:
+    import pyarrow as pa
+
+    began, content = time.perf_counter(), ""
+    try:
+        content, data = content_of(piece.file.path, piece.reading.options)
+        started = piece.reading.started(piece.file.path, data)
+        del data
+        table = pa.concat_tables([_work(analysis, one, Work()).table for one in cut(piece.source, started, 0, 0)])
+    except ThermofastError as error:
+        table = unreadable(analysis, piece.file.path, str(error))
+    return _written(piece, content, table, time.perf_counter() - began)
+
+
+def _written(piece: WholeFile, content: str, table: Any, seconds: float) -> Done:
+    if content:
+        piece.parts.write(piece.file, content, with_source(table, piece.file, content))
+    return Done(piece.source, 0, None, seconds, piece.units, Counter(table.column("status").to_pylist()))
+
+
+def with_source(table: Any, source: SourceFile, content: str) -> Any:
+    """A part's table with the columns that say which file it is of."""
+    import pyarrow as pa
+
+    rows = table.num_rows
+    table = table.append_column("source", pa.array([source.name] * rows, pa.string()))
+    return table.append_column("source_sha256", pa.array([content] * rows, pa.string()))
+
+
+def read_pieces(piece: WholeFile) -> tuple[str, list[Piece]]:
+    """(content, pieces) of a file, none where it is no record: what its worker began with."""
+    content, data = content_of(piece.file.path, piece.reading.options)
+    return content, cut(piece.source, piece.reading.started(piece.file.path, data), 0, 0)
 
 
 def _work(analysis: Analysis, piece: Piece, how: Work) -> Done:
@@ -103,6 +179,8 @@ def unreadable(analysis: Analysis, name: str, why: str) -> Any:
 def lost_block(block: Block, why: str, pool: Callable[[], ProcessPoolExecutor], limit_s: float | None) -> list[Done]:
     """A piece on which its worker died: shared out sensor by sensor where that can be, so that the culprit is named."""
     (piece,) = block.pieces
+    if isinstance(piece, WholeFile):
+        return [_lost_file(block.analysis, piece, why, pool, limit_s)]
     if block.analysis.together:
         workers = pool()
         try:
@@ -111,6 +189,28 @@ def lost_block(block: Block, why: str, pool: Callable[[], ProcessPoolExecutor], 
             workers.shutdown(wait=False, cancel_futures=True)
     record = block.analysis.failed(piece.run.name, "", "failed", why)
     return [Done(piece.source, piece.place, _told(block.analysis, record), 0.0, 0)]
+
+
+def _lost_file(
+    analysis: Analysis, piece: WholeFile, why: str, pool: Callable[[], ProcessPoolExecutor], limit_s: float | None
+) -> Done:
+    import pyarrow as pa
+
+    content = ""
+    reader = pool()
+    try:
+        content, pieces = reader.submit(read_pieces, piece).result(limit_s)
+        tables = [lost_block(Block(analysis, (p,)), why, pool, limit_s)[0].table for p in pieces]
+        table = pa.concat_tables(tables)
+    except ThermofastError as error:
+        table = unreadable(analysis, piece.file.path, str(error))
+    except (BrokenExecutor, TimeoutError, MemoryError):  # it cannot even be read
+        with suppress(ThermofastError):
+            content = content_of(piece.file.path, piece.reading.options)[0]
+        table = _told(analysis, analysis.failed(piece.file.path, "", "failed", why))
+    finally:
+        ended(reader)
+    return _written(piece, content, table, 0.0)
 
 
 def cut(source: int, started: Sequence[tuple[Run, float]], together: int, most: int) -> list[Piece]:

@@ -13,7 +13,7 @@ from ..records import CompareRecord, DiagnoseRecord, IdentifyRecord, SweepRecord
 from ..results import Result
 from ..workers.cluster import crew_of, kernels
 from ..workers.flow import Crew
-from .blocks import Analysis
+from .blocks import Analysis, Reading
 from .parts import Manifest, opened
 from .sources import sources_of
 from .stream import Progress, check_sources, stream
@@ -52,6 +52,7 @@ def archive(
     jobs: int | None = None,
     executor: Executor | None = None,
     cluster: str | None = None,
+    shared_files: bool = False,
     task_timeout: float = TASK_TIMEOUT_S,
     start: Start = "auto",
     progress: Callable[[Progress], None] | None = None,
@@ -60,7 +61,8 @@ def archive(
     """``identify``, ``sweep``, ``compare`` or ``diagnose`` over files, folders and patterns into a folder of Parquet parts.
 
     options are those of the function of that name and of reading; resume goes on with what an earlier call left. executor is any
-    of ``concurrent.futures``, cluster the address of a Dask scheduler, task_timeout [s] what a task may take.
+    of ``concurrent.futures``, cluster the address of a Dask scheduler, task_timeout [s] what a task may take. shared_files: the
+    workers of an executor or a cluster see the files and the results under the same paths, and read and write them themselves.
 
     Raises
     ------
@@ -84,17 +86,9 @@ def archive(
     )
     named = [sources] if isinstance(sources, str) else list(sources)
     crew = crew_of(jobs, cluster, False, executor)
-    return into_folder(
-        analysis,
-        named,
-        into,
-        resume,
-        crew,
-        options_from(reading),
-        None if start == "auto" else float(start),
-        task_timeout,
-        progress,
-    )
+    begins, near = None if start == "auto" else float(start), crew.near or shared_files
+    read = options_from(reading)
+    return into_folder(analysis, named, into, resume, crew, read, begins, task_timeout, near, progress)
 
 
 #: Sensors that are worked on as one at least: no sensor is to borrow from others than without an archive.
@@ -116,6 +110,7 @@ def into_folder(
     options: Options,
     start_min: float | None,
     limit_s: float | None,
+    near: bool,
     told: Callable[[Progress], None] | None = None,
 ) -> Archived:
     """Everything from the names given to the last part.
@@ -131,7 +126,8 @@ def into_folder(
         check_sources(sources)
         manifest = Manifest(analysis.command, __version__, kernels(), dict(analysis.settings))
         with opened(into, manifest, resume) as parts:
-            found = stream(analysis, sources, parts, crew, options, start_min, limit_s, told or (lambda _progress: None))
+            reading = Reading(options, start_min, analysis.from_rise)
+            found = stream(analysis, sources, parts, crew, reading, limit_s, near, told or (lambda _progress: None))
             others = parts.others({s.name for s in sources})
     finally:
         crew.close()

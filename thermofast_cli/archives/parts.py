@@ -42,9 +42,11 @@ class Manifest:
 class Parts:
     """The parts below a folder."""
 
-    def __init__(self, folder: str, manifest: Manifest) -> None:
+    def __init__(self, folder: str, manifest: Manifest, resumed: bool = False) -> None:
         self.folder = Path(folder)
         self.manifest = manifest
+        #: Whether some may be there already.
+        self.resumed = resumed
 
     def path(self, source: SourceFile, content: str) -> Path:
         """Where the part of a file goes."""
@@ -141,7 +143,7 @@ def opened(folder: str, manifest: Manifest, resume: bool) -> Iterator[Parts]:
         for left in (*where.glob(f"{TEMPORARY}*"), *where.glob(f"folder=*/{TEMPORARY}*")):
             left.unlink(missing_ok=True)
         write_json(str(where / MANIFEST), asdict(manifest), at_once=True)
-        yield Parts(folder, manifest)
+        yield Parts(folder, manifest, there is not None)
 
 
 def _manifest_of(where: Path) -> dict[str, Any] | None:

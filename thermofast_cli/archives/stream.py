@@ -4,18 +4,28 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from typing import Any
 
 from ..errors import InputError, ThermofastError, UsageError
-from ..reading.source import content_of, read_runs
-from ..reading_options import Options
-from ..workers.engine import with_start
+from ..reading.source import content_of
 from ..workers.flow import NOT_TRIED, Crew, Flow
 from ..workers.pool import new_pool
-from .blocks import Analysis, Block, Done, Piece, cut, lost_block, unreadable, work_block
+from .blocks import (
+    Analysis,
+    Block,
+    Done,
+    Piece,
+    Reading,
+    WholeFile,
+    cut,
+    lost_block,
+    unreadable,
+    with_source,
+    work_block,
+)
 from .parts import Parts
 from .sources import SourceFile
 
@@ -23,6 +33,8 @@ from .sources import SourceFile
 BLOCK_S = 0.8
 #: Cost of a reading [s] to begin with, least and most readings in a block: the way to a worker is to be worth it, and not too wide.
 FIRST_COST_S, FEWEST, MOST = 6e-6, 20_000, 1_500_000
+#: The same for bytes of files that a worker reads itself; from so many bytes on a file is read by one and shared by several.
+FIRST_BYTE_S, FEWEST_BYTES, MOST_BYTES, SMALL = 2e-6, 10_000, 50_000_000, 4_000_000
 
 
 @dataclass
@@ -38,11 +50,11 @@ class Progress:
     statuses: Counter[str] = field(default_factory=Counter)
     _marks: list[tuple[float, int]] = field(default_factory=list)
 
-    def finished(self, size: int, table: Any) -> None:
+    def finished(self, size: int, statuses: "Counter[str]") -> None:
         """A file more is on the disk."""
         self.done += 1
         self.done_bytes += size
-        self.statuses.update(table.column("status").to_pylist())
+        self.statuses.update(statuses)
         self._marks.append((time.monotonic() - self.began, self.done_bytes))
 
     def there(self, size: int) -> None:
@@ -80,88 +92,127 @@ def stream(
     sources: Sequence[SourceFile],
     parts: Parts,
     crew: Crew,
-    options: Options,
-    start_min: float | None,
+    reading: Reading,
     limit_s: float | None,
+    near: bool,
     told: Callable[[Progress], None] = lambda _progress: None,
 ) -> Progress:
     """Every file's part, written as soon as its last piece is done; what is there already stays as it is.
+
+    near: the workers see the same files: small ones they read and write themselves.
 
     Raises
     ------
     UsageError: a part cannot be written, or one block after another fails.
     """
-    progress = Progress(len(sources), sum(s.size() for s in sources))
-    open_files: dict[int, _File] = {}
-    cost = _Cost()
+    return _Stream(analysis, sources, parts, reading, limit_s, near, told).run(crew)
 
-    def finish(number: int) -> None:
+
+class _Stream:
+    """The state of a stream: files of which pieces are under way, costs, how far it has got."""
+
+    def __init__(
+        self,
+        analysis: Analysis,
+        sources: Sequence[SourceFile],
+        parts: Parts,
+        reading: Reading,
+        limit_s: float | None,
+        near: bool,
+        told: Callable[[Progress], None],
+    ) -> None:
+        self.analysis, self.sources, self.parts, self.reading = analysis, sources, parts, reading
+        self.limit_s, self.near, self.told = limit_s, near, told
+        self.progress = Progress(len(sources), sum(s.size() for s in sources))
+        self.open_files: dict[int, _File] = {}
+        self.cost, self.file_cost = _Cost(FIRST_COST_S, FEWEST, MOST), _Cost(FIRST_BYTE_S, FEWEST_BYTES, MOST_BYTES)
+
+    def run(self, crew: Crew) -> Progress:
+        """Until the last part is there."""
+        flow: Flow[Block, Done] = Flow(work_block, lambda block: block.singles(), self._lost, None, self.limit_s)
+        with closing(crew):
+            for _, results in flow.results(self._blocks(), crew):
+                for one in results:
+                    self._done(one)
+        self.told(self.progress)
+        return self.progress
+
+    def _done(self, one: Done) -> None:
+        if one.statuses is not None:
+            self.file_cost.learn(one.seconds, one.units)
+            self.progress.finished(self.sources[one.source].size(), one.statuses)
+            self.told(self.progress)
+            return
+        self.cost.learn(one.seconds, one.units)
+        file = self.open_files[one.source]
+        file.tables[one.place] = one.table
+        if len(file.tables) == file.pieces:
+            self._finish(one.source)
+
+    def _finish(self, number: int) -> None:
         import pyarrow as pa
 
-        one = open_files.pop(number)
+        one, source = self.open_files.pop(number), self.sources[number]
         table = pa.concat_tables([one.tables[i] for i in sorted(one.tables)])
-        source = sources[number]
-        table = table.append_column("source", pa.array([source.name] * table.num_rows, pa.string()))
-        table = table.append_column("source_sha256", pa.array([one.content] * table.num_rows, pa.string()))
         if one.content:
-            parts.write(source, one.content, table)
-        progress.finished(one.size, table)
-        told(progress)
+            self.parts.write(source, one.content, with_source(table, source, one.content))
+        self.progress.finished(one.size, Counter(table.column("status").to_pylist()))
+        self.told(self.progress)
 
-    def blocks() -> Iterator[Block]:
-        pieces: list[Piece] = []
-        for number, source in enumerate(sources):
-            content, size = "", source.size()
-            try:
-                content, data = content_of(source.path, options)
-                if parts.is_there(source, content):
-                    progress.there(size)
-                    continue
-                runs = read_runs(source.path, options, data=data)
-                del data
-                started = [with_start(replace(run, seen=None), start_min, analysis.from_rise) for run in runs]
-            except ThermofastError as error:
-                open_files[number] = _File(content, size, 1, {0: unreadable(analysis, source.path, str(error))})
-                finish(number)
+    def _blocks(self) -> Iterator[Block]:
+        """Blocks as they are asked for; files are read no earlier."""
+        waiting: list[Piece | WholeFile] = []
+        for piece in self._pieces():
+            cost = self.file_cost if isinstance(piece, WholeFile) else self.cost
+            held = sum(p.units for p in waiting)
+            if waiting and (type(piece) is not type(waiting[0]) or held + piece.units > 1.2 * cost.aim()):
+                yield Block(self.analysis, tuple(waiting))
+                waiting = []
+            waiting.append(piece)
+        if waiting:
+            yield Block(self.analysis, tuple(waiting))
+
+    def _pieces(self) -> Iterator[Piece | WholeFile]:
+        for number, source in enumerate(self.sources):
+            size = source.size()
+            whole = self.near and (size < SMALL or not self.analysis.together)
+            if whole and not self.parts.resumed:
+                yield WholeFile(number, source, self.reading, self.parts)
                 continue
-            mine = cut(number, started, analysis.together, cost.most())
-            open_files[number] = _File(content, size, len(mine))
-            for piece in mine:
-                held = sum(p.units for p in pieces)
-                if pieces and held + piece.units > 1.2 * cost.aim():
-                    yield Block(analysis, tuple(pieces))
-                    pieces = []
-                pieces.append(piece)
-        if pieces:
-            yield Block(analysis, tuple(pieces))
+            content = ""
+            try:
+                content, data = content_of(source.path, self.reading.options)
+                if self.parts.is_there(source, content):
+                    self.progress.there(size)
+                    continue
+                if whole:
+                    yield WholeFile(number, source, self.reading, self.parts)
+                    continue
+                started = self.reading.started(source.path, data)
+                del data
+            except ThermofastError as error:
+                self.open_files[number] = _File(content, size, 1, {0: unreadable(self.analysis, source.path, str(error))})
+                self._finish(number)
+                continue
+            mine = cut(number, started, self.analysis.together, self.cost.aim())
+            self.open_files[number] = _File(content, size, len(mine))
+            yield from mine
 
-    def lost(block: Block, why: str) -> list[Done]:
+    def _lost(self, block: Block, why: str) -> list[Done]:
         if why == NOT_TRIED:
             raise UsageError(
                 "one block of work after another fails: it is not the files",
-                found=block.pieces[0].run.name,
+                found=self.sources[block.pieces[0].source].path,
                 do="see what ends the workers (memory, a plug-in); --resume goes on from here",
             )
-        return lost_block(block, why, partial(new_pool, 1), limit_s)
-
-    flow: Flow[Block, Done] = Flow(work_block, lambda block: block.singles(), lost, None, limit_s)
-    with closing(crew):
-        for _, results in flow.results(blocks(), crew):
-            for one in results:
-                cost.learn(one.seconds, one.units)
-                file = open_files[one.source]
-                file.tables[one.place] = one.table
-                if len(file.tables) == file.pieces:
-                    finish(one.source)
-    told(progress)
-    return progress
+        return lost_block(block, why, partial(new_pool, 1), self.limit_s)
 
 
 class _Cost:
-    """What a reading costs, measured; from it how many readings a block holds."""
+    """What a unit of work (a reading, a byte of a file) costs, measured; from it how many of them a block holds."""
 
-    def __init__(self) -> None:
-        self._cost = FIRST_COST_S
+    def __init__(self, first: float, fewest: int, most: int) -> None:
+        self._cost, self._fewest, self._most = first, fewest, most
 
     def learn(self, seconds: float, units: int) -> None:
         """A piece took so long."""
@@ -169,12 +220,8 @@ class _Cost:
             self._cost += 0.2 * (seconds / units - self._cost)
 
     def aim(self) -> int:
-        """Readings from which a block is full."""
-        return int(min(max(BLOCK_S / self._cost, FEWEST), MOST))
-
-    def most(self) -> int:
-        """Readings of a piece of a run that is cut."""
-        return self.aim()
+        """Units with which a block is full."""
+        return int(min(max(BLOCK_S / self._cost, self._fewest), self._most))
 
 
 def check_sources(sources: Sequence[SourceFile]) -> None:

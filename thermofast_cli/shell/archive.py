@@ -78,7 +78,9 @@ def run_archive(
     crew = crew_of(jobs, scale.cluster, scale.mpi)
     with counting(quiet) as show:
         limit = scale.task_timeout if scale.task_timeout is not None else TASK_TIMEOUT_S
-        found = into_folder(analysis, named, into, scale.resume, crew, options, start, limit, _paced(show))
+        found = into_folder(
+            analysis, named, into, scale.resume, crew, options, start, limit, crew.near or scale.shared_files, _paced(show)
+        )
     if not quiet:
         sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
         there = f"; {found.skipped} were there already" if found.skipped else ""

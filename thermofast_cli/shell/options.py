@@ -104,6 +104,7 @@ class Scale:
     resume: bool = False
     cluster: str | None = None
     mpi: bool = False
+    shared_files: bool = False
     task_timeout: float | None = None
 
 
@@ -166,6 +167,13 @@ scale_options = _together(
         "--cluster", metavar="ADDRESS", expose_value=False, callback=_keep, help="Work on a Dask cluster, as tcp://scheduler:8786."
     ),
     click.option("--mpi", is_flag=True, expose_value=False, callback=_keep, help="Work on the processes that mpiexec started."),
+    click.option(
+        "--shared-files",
+        is_flag=True,
+        expose_value=False,
+        callback=_keep,
+        help="With --cluster or --mpi, and -o a folder: the workers see the same files, and read and write them themselves.",
+    ),
     click.option(
         "--task-timeout",
         type=Finite(0, min_open=True),

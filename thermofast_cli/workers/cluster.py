@@ -63,6 +63,8 @@ def checked(told: str, work: Callable[[Any], Any], task: Any) -> Any:
 class Dask:
     """Workers of a Dask scheduler."""
 
+    near = False
+
     def __init__(self, address: str) -> None:
         try:
             from distributed import Client

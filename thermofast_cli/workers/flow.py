@@ -21,9 +21,10 @@ NOT_TRIED = f"not tried again: {MOST_FAILURES} in a row had failed before it"
 
 
 class Crew(Protocol):
-    """Where tasks go: ``slots`` of them are worked on at once."""
+    """Where tasks go: ``slots`` of them are worked on at once; near where the workers see the files of this machine."""
 
     slots: int
+    near: bool
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """Hand a task over."""
@@ -38,7 +39,7 @@ class Crew(Protocol):
 class Here:
     """The process that asks, itself."""
 
-    slots = 1
+    slots, near = 1, True
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """The task is done when this returns."""
@@ -59,6 +60,8 @@ class Here:
 
 class Local:
     """Processes of this machine."""
+
+    near = True
 
     def __init__(self, jobs: int, pool: Executor | None = None) -> None:
         self.slots = jobs
@@ -81,6 +84,8 @@ class Local:
 
 class Given:
     """Somebody's executor: not ours to close; where it breaks, processes of this machine take its place."""
+
+    near = False
 
     def __init__(self, executor: Executor, slots: int) -> None:
         self.slots = slots
