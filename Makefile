@@ -1,4 +1,5 @@
 # Short verbs. Everything happens in .venv; nothing else on the machine is touched.
+# LOCKED=1 installs the versions of constraints.txt, with which the suite was last run, instead of the newest that are allowed.
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
@@ -59,6 +60,6 @@ clean:
 $(STAMP): pyproject.toml setup.py $(wildcard models/*/*.pyx) filters/_loop.pyx
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --editable ".[dev]" $(if $(LOCKED),--constraint constraints.txt)
 	@$(BIN)/python -c "from thermofast import models; print('compiled core' if models.COMPILED else 'no compiler found: the numpy core is used, which is slower')"
 	@touch $(STAMP)

@@ -16,15 +16,14 @@ from pathlib import Path
 
 from benchmarks.archives import make as make_wide
 from benchmarks.killed import make_archive
-from thermofast.archives.blocks import Analysis, Block, cut, work_block
+from thermofast.archives.blocks import Analysis, Block, Reading, WholeFile, cut, work_block
 from thermofast.archives.parts import Manifest, Parts
-from thermofast.archives.sources import sources_of
+from thermofast.archives.sources import SourceFile, sources_of
 from thermofast.archives.stream import BLOCK_S
 from thermofast.pipeline.methods import choose
 from thermofast.pipeline.sensors import identify_runs
-from thermofast.reading import Options, read_runs
+from thermofast.reading import Options
 from thermofast.reading.source import content_of
-from thermofast.workers.engine import with_start
 
 SCHEDULER_S, BYTES_PER_S = 2e-4, 10e9 / 8
 WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000)
@@ -40,20 +39,23 @@ class Costs:
     work: float
 
 
-def measured(folder: Path, imperfection: str) -> Costs:
-    """Costs of a block of so many files as take a worker BLOCK_S."""
+def measured(folder: Path, imperfection: str, shared: bool) -> Costs:
+    """Costs of a block of so many files as take a worker BLOCK_S; shared: workers read and write the files themselves."""
     from thermofast.machine.lab import read_imperfection
 
     rates = "auto" if imperfection == "typical" else "own"
     method = choose("afukf", None, (), read_imperfection(imperfection), rates)
     analysis = Analysis("identify", identify_runs([], method).kind, partial(identify_runs, method=method), 50, {"filter": "afukf"})
     sources = sources_of([str(folder)])
+    reader = Reading(Options(), None, True)
+    if shared:
+        return _shared(analysis, sources, reader)
     clock, began = time.perf_counter, time.perf_counter()
     contents, pieces = [], []
     for number, source in enumerate(sources):
         content, data = content_of(source.path)
         contents.append(content)
-        pieces += cut(number, [with_start(r, None, True) for r in read_runs(source.path, Options(), data=data)], 50, 10**9)
+        pieces += cut(number, reader.started(source.path, data), 50, 10**9)
     reading = clock() - began
     block = Block(analysis, tuple(pieces))
     began = clock()
@@ -74,6 +76,25 @@ def measured(folder: Path, imperfection: str) -> Costs:
     return Costs(
         share * (reading + packing), share * writing, share * (len(packed) + len(back)) / BYTES_PER_S + SCHEDULER_S, BLOCK_S
     )
+
+
+def _shared(analysis: Analysis, sources: list[SourceFile], reader: Reading) -> Costs:
+    clock = time.perf_counter
+    with tempfile.TemporaryDirectory() as results:
+        parts = Parts(results, Manifest("identify", "0", "compiled", {}))
+        began = clock()
+        block = Block(analysis, tuple(WholeFile(i, s, reader, parts) for i, s in enumerate(sources)))
+        packed = pickle.dumps(block, 5)
+        packing = clock() - began
+        work_block(Block(analysis, block.pieces[:1]))
+        began = clock()
+        back = pickle.dumps(work_block(pickle.loads(packed)), 5)
+        working = clock() - began
+        began = clock()
+        pickle.loads(back)
+        after = clock() - began
+    share = BLOCK_S / working
+    return Costs(share * packing, share * after, share * (len(packed) + len(back)) / BYTES_PER_S + SCHEDULER_S, BLOCK_S)
 
 
 def throughput(costs: Costs, workers: int, blocks: int = 20_000) -> float:
@@ -104,12 +125,13 @@ def main() -> None:
         make_wide(large, 1, 2000)
         for name, folder in (("CSV of 10 sensors", small), ("Parquet of 2,000 sensors", large)):
             for kind in ("typical", "none"):
-                costs = measured(folder, kind)
-                alone = throughput(costs, 1)
-                gain = [throughput(costs, n) / alone for n in WORKERS]
-                limit = costs.work / (costs.before + costs.after)
-                told = " | ".join(f"{g:.0f}" if g >= 10 else f"{g:.1f}" for g in gain)
-                print(f"| {name}, {kind} | {1e3 * (costs.before + costs.after):.0f} ms | {told} | {limit:.0f} workers |")
+                for shared in (False, True):
+                    costs = measured(folder, kind, shared)
+                    client = costs.before + costs.after
+                    gain = [throughput(costs, n) * (costs.work + client + 2.0 * costs.way) for n in WORKERS]
+                    told = " | ".join(f"{g:.0f}" if g >= 10 else f"{g:.1f}" for g in gain)
+                    who = "workers read" if shared else "client reads"
+                    print(f"| {name}, {kind}, {who} | {1e3 * client:.1f} ms | {told} | {costs.work / client:.0f} workers |")
 
 
 if __name__ == "__main__":

@@ -377,7 +377,8 @@ class _Run:
             strong[i] = weight[i][:, lasting].sum()
             m = len(self.blocks_of(i).time)
             left = squares[i, places, hypotheses]
-            check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
+            if m > 2:  # else no reading is left over to contradict
+                check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
             # Readings beyond what the prior holds: as elsewhere in statistics, the spread makes room for what is left.
             beyond = float(np.sqrt(max(w @ left / w.sum() / (m - 2), 1.0))) if check[i] < DOUBTED else 1.0
             factor = beyond * self._past_factor(self.blocks_of(i).last * rate[i, 1])

@@ -44,7 +44,12 @@ class Estimate:
     too_large: bool = False
 
     def band(self, times: Array, draws: int = 400) -> tuple[Array, Array]:
-        """95 % band (n,), (n,) of the model's temperature at times (n,) [min]: quantiles over draws of the state."""
+        """95 % band (n,), (n,) of the model's temperature at times (n,) [min]: quantiles over draws of the state.
+
+        nan where the filter knows nothing: a covariance that has grown beyond all bounds.
+        """
+        if not np.isfinite(self.covariance).all():
+            return np.full(len(times), np.nan), np.full(len(times), np.nan)
         rng = np.random.default_rng(1)
         root = np.linalg.cholesky(self.covariance + 1e-12 * np.diag(np.diag(self.covariance) + 1e-12))
         states = self.state + rng.standard_normal((draws, 3)) @ root.T
