@@ -1,6 +1,7 @@
 """Crews on other machines: Dask and MPI, each an optional extra. A worker must be of the client's version and kernels."""
 
 import hashlib
+import logging
 import socket
 import sys
 from collections.abc import Callable, Collection
@@ -70,6 +71,7 @@ class Dask:
             from distributed import Client
         except ImportError:
             raise UsageError("--cluster runs on Dask, which is not installed", do="pip install 'thermofast[dask]'") from None
+        logging.getLogger("distributed").setLevel(logging.ERROR)  # that a worker died is told by what becomes of its tasks
         try:
             self._client = Client(address, timeout=PATIENCE_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
