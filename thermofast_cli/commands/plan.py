@@ -7,7 +7,7 @@ import click
 from ..shell.options import Finite, model_option, table_options
 
 
-@click.command("plan", epilog="Example: thermofast plan --sensors 3 --interval 30s --tau 65 --tolerance 0.5")
+@click.command("plan", epilog="Example: thermofast plan --like sample_runs/spindle.csv --imperfection none --tolerance 0.5,0.2")
 @click.option("--sensors", type=click.IntRange(1, 10_000), metavar="N", help="How many sensors; 10 by default.")
 @click.option("--interval", "every", metavar="TIME", help="Between readings, as 1s, 0.5min; 1s by default.")
 @click.option("--noise", type=Finite(0, min_open=True), metavar="K", help="Standard deviation of a reading; 0.02 by default.")
