@@ -216,7 +216,7 @@ def test_a_run_on_which_workers_die_is_named_and_the_others_are_done(archive, tm
 
 
 def test_a_signal_ends_it_in_order_and_resume_ends_byte_equal(archive, tmp_path):
-    make_archive(tmp_path / "in", 24, seed=2, sensors=6)
+    make_archive(tmp_path / "in", 16, seed=2, sensors=6)
     call = [sys.executable, "-m", "thermofast", "identify", "in", "--until", "60", "-o", "r/", "--jobs", "2"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     deaf = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -109,4 +109,4 @@ def test_ratios_are_those_of_logged_readings():
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_any_bytes_are_read_or_refused(name):
-    fuzz(name, 150)
+    fuzz(name, 100)
