@@ -85,9 +85,9 @@ def archive(
         command in ("identify", "sweep") and not options.get("drive") and not options.get("model"),
     )
     named = [sources] if isinstance(sources, str) else list(sources)
+    read = options_from(reading)
     crew = crew_of(jobs, cluster, False, executor)
     begins, near = None if start == "auto" else float(start), crew.near or shared_files
-    read = options_from(reading)
     return into_folder(analysis, named, into, resume, crew, read, begins, task_timeout, near, progress)
 
 
