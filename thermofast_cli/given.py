@@ -22,8 +22,14 @@ Start = float | Literal["auto"]
 DETAILS_UP_TO = 100
 
 
+#: In place of runs: options are checked, and nothing is done.
+NOTHING = object()
+
+
 def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any]) -> list[Started]:
     """Runs with their starts [min]; those that are read already stay as they are."""
+    if runs is NOTHING:
+        return []
     several = runs if isinstance(runs, list | tuple) else [runs]
     found: list[Run] = []
     for one in several:

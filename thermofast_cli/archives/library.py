@@ -4,10 +4,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
 from functools import partial
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
-from ..given import Start
+from ..given import NOTHING, Start, model_of
 from ..reading_options import Options, options_from
 from ..records import CompareRecord, DiagnoseRecord, IdentifyRecord, SweepRecord
 from ..results import Result
@@ -72,17 +73,24 @@ def archive(
 
     if command not in KINDS:
         raise UsageError(f"no archive of {command!r}", allowed=" ".join(KINDS))
+    from ..estimation.imperfect import GROUP
+    from ..pipeline.sensors import from_rise
+
     reading = {name: options.pop(name) for name in [f.name for f in fields(Options)] if name in options}
-    work = partial(getattr(api, command), details=False) if command != "diagnose" else api.diagnose
-    whole = command in ("compare", "diagnose") or any(options.get(n) for n in ("criterion", "joint", "model", "drive", "auto"))
+    work = partial(getattr(api, command), **options, **({} if command == "diagnose" else {"details": False}))
+    if unknown := sorted(set(options) - set(signature(getattr(api, command)).parameters)):
+        raise UsageError(f"tf.{command} has no option {unknown[0]!r}", do="see docs/api.md")
+    work(NOTHING)  # wrong options are told before any file is read
+    of_sensors = command in ("identify", "sweep")
+    whole = not of_sensors or any(options.get(n) for n in ("criterion", "joint", "model", "drive", "auto"))
     analysis = Analysis(
         command,
         KINDS[command],
-        partial(_called, work, options),
-        0 if whole else GROUPED,
-        {"filter": options.get("filter", "afukf")} if command in ("identify", "sweep") else {},
+        partial(_called, work),
+        0 if whole else GROUP,
+        {"filter": options.get("filter", "afukf")} if of_sensors else {},
         {name: str(value) for name, value in sorted((options | reading | {"start": start}).items())},
-        command in ("identify", "sweep") and not options.get("drive") and not options.get("model"),
+        of_sensors and from_rise(model_of(options.get("model")), options.get("drive")),
     )
     named = [sources] if isinstance(sources, str) else list(sources)
     read = options_from(reading)
@@ -91,14 +99,10 @@ def archive(
     return into_folder(analysis, named, into, resume, crew, read, begins, task_timeout, near, progress)
 
 
-#: Sensors that are worked on as one at least: no sensor is to borrow from others than without an archive.
-GROUPED = 50
-
-
-def _called(work: Callable[..., Result], options: dict[str, Any], started: Any, how: Any) -> Result:
+def _called(work: Callable[..., Result], started: Any, how: Any) -> Result:
     """A function of the library on one run; how: it takes somebody's executor only."""
     ((run, start),) = started
-    return work(run, start=start, executor=how.executor, **options)
+    return work(run, start=start, executor=how.executor)
 
 
 def into_folder(

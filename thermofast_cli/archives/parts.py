@@ -20,7 +20,8 @@ LAYOUT = 1
 MANIFEST, LOCK = "_thermofast.json", ".thermofast.lock"
 #: Characters of names in the folder, of a hash in them.
 LONGEST, SHORT = 80, 16
-MAGIC = b"PAR1"
+#: Where a part says how many of its records have the status failed.
+FAILED = b"thermofast.failed"
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,14 @@ class Parts:
         return self._place(source) / f"{self._stem(source)}-{self.manifest.key(source, content)}.parquet"
 
     def is_there(self, source: SourceFile, content: str) -> bool:
-        """Whether it is there, and whole."""
+        """Whether it is there, whole, and nothing in it failed: what failed may be better the next time."""
+        import pyarrow as pa
+        import pyarrow.parquet as papq
+
         path = self.path(source, content)
         try:
-            return path.stat().st_size > 2 * len(MAGIC) and ends_with(path, MAGIC)
-        except OSError:
+            return path.exists() and (papq.read_schema(path).metadata or {}).get(FAILED) == b"0"
+        except (OSError, pa.ArrowException):
             return False
 
     def write(self, source: SourceFile, content: str, table: Any) -> None:
@@ -69,6 +73,10 @@ class Parts:
         """
         import pyarrow.parquet as papq
 
+        told = {"layout": str(LAYOUT), "command": self.manifest.command, "version": self.manifest.version}
+        marks = {f"thermofast.{name}": value for name, value in told.items()}
+        marks[FAILED.decode()] = str(table.column("status").to_pylist().count("failed"))
+        table = table.replace_schema_metadata(marks)
         path = self.path(source, content)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,13 +110,6 @@ def _named(text: str) -> str:
 
 def _escaped(name: str) -> str:
     return "".join(f"[{c}]" if c in "*?[" else c for c in name)
-
-
-def ends_with(path: Path, mark: bytes) -> bool:
-    """Whether a file ends with these bytes."""
-    from ..reading.source import last_bytes
-
-    return last_bytes(str(path), len(mark)) == mark
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """The one module that prints: tables to standard output, everything else to standard error."""
 
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -30,6 +31,8 @@ WORDS = (
 #: The column that leads each part of a table too wide for the terminal.
 LEADING = ("sensor", "displacement", "filter", "column")
 FORMATS = ("table", "csv", "json", "jsonl", "md")
+#: Seconds between two lines of progress where there is no terminal.
+EVERY_S = 30.0
 #: How a row is drawn by its status; red where none of these.
 STYLES = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow", "partly_explained": "yellow"}
 
@@ -181,13 +184,20 @@ def progress(total: int, what: str, quiet: bool) -> Iterator[Any]:
 def counting(quiet: bool) -> Iterator[Any]:
     """How far many files have got: a bar on a terminal, lines elsewhere; yields a function of a text and files done, of how many.
 
-    It is called ``bar`` where it draws one.
+    A line comes every half minute.
     """
     if quiet:
         yield lambda _text, _done, _all: None
         return
     if not sys.stderr.isatty():
-        yield lambda text, _done, _all: say(text)
+        last = [time.monotonic()]
+
+        def line(text: str, _done: int, _all: int) -> None:
+            if time.monotonic() - last[0] >= EVERY_S:
+                last[0] = time.monotonic()
+                say(text)
+
+        yield line
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn

@@ -34,6 +34,8 @@ def loop_tasks(
     ------
     UsageError: as the catalogue, the model and the run raise them.
     """
+    if until_min is not None and not until_min > 0.0:
+        raise UsageError("until: not a time above zero", found=f"{until_min!r}", allowed="minutes from the first reading")
     chosen_effects(names, extra)
     if model is not None:
         check_effects(model.file, model.source)

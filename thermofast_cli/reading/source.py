@@ -378,19 +378,6 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
     return None
 
 
-def last_bytes(path: str, count: int) -> bytes:
-    """The end of a file.
-
-    Raises
-    ------
-    OSError: it cannot be read.
-    """
-    with Path(path).open("rb") as file:
-        file.seek(0, 2)
-        file.seek(-min(count, file.tell()), 2)
-        return file.read()
-
-
 def content_of(source: str, options: Options | None = None) -> tuple[str, bytes]:
     """(hash, bytes) of a file.
 

@@ -1,8 +1,6 @@
 """A command whose ``-o`` names a folder: an archive instead of some runs."""
 
 import os
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -31,8 +29,6 @@ NOT_HERE = {
     "together": "--together",
     "write_effect": "--write-effect",
 }
-#: Seconds between two lines of progress where there is no terminal.
-EVERY_S = 30.0
 
 
 def names_folder(output: str | None) -> TypeGuard[str]:
@@ -75,11 +71,20 @@ def run_archive(
     scale = scale_of()
     analysis = replace(analysis, settings=_settings(context))
     options, start = options_from({n: v for n, v in reading.items() if n != "start"}), start_of(reading["start"])
-    crew = crew_of(jobs, scale.cluster, scale.mpi)
+    crew = crew_of(jobs, scale.cluster, scale.mpi, guarded=scale.task_timeout is not None)
     with counting(quiet) as show:
         limit = scale.task_timeout if scale.task_timeout is not None else TASK_TIMEOUT_S
         found = into_folder(
-            analysis, named, into, scale.resume, crew, options, start, limit, crew.near or scale.shared_files, _paced(show)
+            analysis,
+            named,
+            into,
+            scale.resume,
+            crew,
+            options,
+            start,
+            limit,
+            crew.near or scale.shared_files,
+            lambda p: show(_line(p), p.done + p.skipped, p.files),
         )
     if not quiet:
         sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
@@ -88,18 +93,6 @@ def run_archive(
         if found.others:
             say(f"{into}: {found.others} parts are of files that were not named now; they were left")
     return 1 if FAILURES & set(found.statuses) else 0
-
-
-def _paced(show: Callable[[str, int, int], None]) -> "Callable[[Progress], None]":
-    last = [time.monotonic()]
-
-    def tell(progress: "Progress") -> None:
-        terminal_or_due = show.__name__ == "bar" or time.monotonic() - last[0] >= EVERY_S
-        if terminal_or_due:
-            last[0] = time.monotonic()
-            show(_line(progress), progress.done + progress.skipped, progress.files)
-
-    return tell
 
 
 def _line(progress: "Progress") -> str:

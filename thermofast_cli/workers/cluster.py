@@ -84,7 +84,6 @@ class Dask:
             raise UsageError(f"--cluster {address}: a scheduler without workers", do=f"start some: dask worker {address}")
         self.slots = sum(w["nthreads"] for w in workers.values())
         self._executor = self._client.get_executor(pure=False)
-        self._keys: dict[Future[Any], str] = {}
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """Hand a task over."""
@@ -92,7 +91,7 @@ class Dask:
         return future
 
     def renew(self, overdue: Collection["Future[Any]"]) -> bool:
-        """Restarts the workers that are at work on what is overdue; Dask gives the other tasks to others by itself."""
+        """Restarts the workers that are at work, as Dask does not say on what; their other tasks it gives out again by itself."""
         for future in overdue:
             future.cancel()
         if overdue:
@@ -129,8 +128,12 @@ class Mpi(Given):
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def crew_of(jobs: int | None, cluster: str | None = None, mpi: bool = False, executor: Executor | None = None) -> Crew:
+def crew_of(
+    jobs: int | None, cluster: str | None = None, mpi: bool = False, executor: Executor | None = None, guarded: bool = False
+) -> Crew:
     """Who works: a cluster, MPI (also where ``python -m mpi4py.futures`` started us), an executor, or processes here.
+
+    One process is this one where `jobs` says so, in which nothing that dies or hangs is survived, unless it is to be guarded.
 
     Raises
     ------
@@ -146,4 +149,4 @@ def crew_of(jobs: int | None, cluster: str | None = None, mpi: bool = False, exe
     if executor is not None:
         return Given(executor, int(getattr(executor, "_max_workers", 0)) or cores())
     wanted = jobs if jobs is not None else cores()
-    return Local(wanted) if wanted > 1 else Here()
+    return Here() if jobs == 1 and not guarded else Local(wanted)

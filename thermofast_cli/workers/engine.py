@@ -78,10 +78,14 @@ class Work:
         flow = Flow(work, lambda task: task.singles(), lost, together, self.limit_s)
         if self.crew is not None:
             yield from in_order(flow, tasks, self.crew)
-        elif self.executor is None and processes <= 1:
+        elif self.executor is None and processes <= 1 and self.limit_s is None:  # what hangs here hangs for good
             yield from map(work, tasks)
         else:
-            own = Local(min(processes, len(tasks))) if self.executor is None else Given(self.executor, max(processes, MOST_ASKED))
+            own = (
+                Local(max(1, min(processes, len(tasks))))
+                if self.executor is None
+                else Given(self.executor, max(processes, MOST_ASKED))
+            )
             with closing(own):
                 yield from in_order(flow, tasks, own)
 
@@ -119,10 +123,15 @@ def over_sensors(
     together: Callable[[Sequence[Any]], Any] | None = None,
 ) -> tuple[list[Any], bool]:
     """Results in the order of the sensors, and whether the user interrupted the work."""
+    return _kept(how.over(work, tasks, processes, lost, together), how, lambda results: len(results))
+
+
+def _kept(several: Iterator[list[Any]], how: Work, steps: Callable[[list[Any]], int]) -> tuple[list[Any], bool]:
+    """All results as one list, and whether the user interrupted; steps of progress are counted from each task's results."""
     found: list[Any] = []
     try:
-        for results in how.over(work, tasks, processes, lost, together):
-            how.advance(len(results))
+        for results in several:
+            how.advance(steps(results))
             found += results
     except KeyboardInterrupt:
         if not how.keep:
@@ -145,23 +154,13 @@ def over_runs(
     run by it, and a small one where the work is `long`.
     """
     wanted = how.jobs if how.jobs is not None else cores()
-    several = (
-        len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or how.executor is not None or how.crew is not None
-    )
+    elsewhere = how.executor is not None or how.crew is not None or how.limit_s is not None
+    several = len(tasks) >= POOL_FROM or (how.jobs is not None and len(tasks) > 1) or elsewhere
     single = len(tasks) == 1
-    found: list[Any] = []
     with sharing(tasks, 1 if several or not shares else wanted, long) as spread:
         doing = partial(work, spread=_counted(spread, how.advance) if single and not several else spread) if shares else work
-        try:
-            processes = min(wanted, len(tasks)) if several else 1
-            for results in how.over(doing, tasks, processes, lost):
-                how.advance(0 if single and shares else 1)
-                found += results
-        except KeyboardInterrupt:
-            if not how.keep:
-                raise
-            return found, True
-    return found, False
+        processes = min(wanted, len(tasks)) if several else 1
+        return _kept(how.over(doing, tasks, processes, lost), how, lambda _results: 0 if single and shares else 1)
 
 
 @contextmanager

@@ -118,7 +118,8 @@ class Flow(Generic[Task, Result]):
 
     split gives a task's parts, each a task with one result; lost the results of a part that failed, from it and why; together
     makes one task of several parts, where parts done together come out otherwise than alone. limit_s [s]: a task that takes
-    longer hangs.
+    longer hangs. sound tells, where several failed in a row, whether a worker can do what is known to be sound; without it no more
+    are tried.
     """
 
     work: Callable[[Task], list[Result]]
@@ -126,6 +127,7 @@ class Flow(Generic[Task, Result]):
     lost: Callable[[Task, str], list[Result]]
     together: Callable[[Sequence[Task]], Task] | None = None
     limit_s: float | None = None
+    sound: Callable[[], bool] | None = None
     _failures: int = field(default=0, init=False)
 
     def results(self, tasks: Iterable[Task], crew: Crew) -> Iterator[tuple[int, list[Result]]]:
@@ -165,8 +167,8 @@ class Flow(Generic[Task, Result]):
                 flying.clear()
                 crew.renew(())
                 yield from done
-            elif not finished:
-                overdue = {f: kept for f, kept in flying.items() if self._overdue(kept[2])}
+            # Others may go on finishing beside a task that hangs.
+            elif overdue := {f: kept for f, kept in flying.items() if self._overdue(kept[2])}:
                 suspects += [(place, task, self._hung()) for place, task, _ in overdue.values()]
                 all_gone = crew.renew(overdue)
                 again += [kept[:2] for f, kept in flying.items() if all_gone and f not in overdue]
@@ -178,20 +180,24 @@ class Flow(Generic[Task, Result]):
         """A task that failed, once more in a process of its own; if it fails again, its parts one after another."""
         if self._failures >= MOST_FAILURES:
             return self._given_up(task)
-        whole, again = self._alone(task)
+        whole, again = self.alone(task)
         if whole is not None:
+            self._failures = 0
             return whole
         parts = self.split(task)
         if len(parts) < 2:
-            self._failures += 1
+            self._failed()
             return self.lost(task, again or why)
         found: list[tuple[Task, list[Result] | None, str]] = []
         for part in parts:
-            results, why = self._alone(part) if self._failures < MOST_FAILURES else (None, NOT_TRIED)
-            self._failures = 0 if results is not None else self._failures + 1
+            results, why = self.alone(part) if self._failures < MOST_FAILURES else (None, NOT_TRIED)
+            if results is None:
+                self._failed()
+            else:
+                self._failures = 0
             found.append((part, results, why))
         sound = [part for part, results, _ in found if results is not None]
-        joined = self._alone(self.together(sound))[0] if self.together is not None and sound else None
+        joined = self.alone(self.together(sound))[0] if self.together is not None and sound else None
         same = iter(joined or [])
         return [
             r
@@ -199,10 +205,16 @@ class Flow(Generic[Task, Result]):
             for r in (self.lost(part, why) if results is None else results if joined is None else [next(same)])
         ]
 
+    def _failed(self) -> None:
+        """One more in a row; where workers are sound all the same, it was the tasks."""
+        self._failures += 1
+        if self._failures >= MOST_FAILURES and self.sound is not None and self.sound():
+            self._failures = 0
+
     def _given_up(self, task: Task) -> list[Result]:
         return [r for part in self.split(task) for r in self.lost(part, NOT_TRIED)]
 
-    def _alone(self, task: Task) -> tuple[list[Result] | None, str]:
+    def alone(self, task: Task) -> tuple[list[Result] | None, str]:
         """(results, "") of a task in a process of its own, or (None, why not)."""
         pool = new_pool(1)
         try:
