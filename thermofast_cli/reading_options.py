@@ -1,5 +1,6 @@
 """What the user may say about how a file is to be read, from the command line or from Python."""
 
+import codecs
 import csv
 import io
 import math
@@ -13,8 +14,14 @@ from .errors import UsageError
 DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
 #: Where the resistance of copper would be nothing, minus that in degC.
 COPPER = 235.0
-#: Options that are lists.
+#: Options that keep a file from filling the memory.
 LIMITS = ("max_bytes", "max_rows", "max_columns")
+#: Options of few values, texts, numbers with their least; names on the command line where they are others.
+CHOICES = {"time_unit": ("ns", "us", "ms", "s", "min", "h", "d"), "decimal": (".", ",")}
+TEXTS = ("time", "time_format", "tz", "ambient", "delimiter", "encoding", "sheet")
+LEAST = {"interval_s": 1e-9, "header_line": 0, "from_min": 0.0, "to_min": 1e-9}
+SPOKEN = {"interval_s": "interval", "from_min": "from", "to_min": "to"}
+#: Options that are lists.
 SEVERAL = ("inputs", "channels", "exclude", "missing", "units", "rename")
 
 
@@ -62,6 +69,8 @@ def options_from(given: dict[str, Any]) -> Options:
     for key in given:
         if key not in known:
             raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
+    for key, value in given.items():
+        _check(key, value)
     for key in SEVERAL:
         given[key] = names(given.get(key))
     given["long"] = _long(given.get("long"))
@@ -85,6 +94,31 @@ def options_from(given: dict[str, Any]) -> Options:
     if not (isinstance(skipped, int) and skipped >= 0):
         raise UsageError("--skip-footer: not a number of lines", found=repr(skipped), allowed="0 or more")
     return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
+
+
+def _check(key: str, value: Any) -> None:
+    """Raises UsageError where a value is not of the kind of its option."""
+    if value is None:
+        return
+    if key in SEVERAL:
+        fine = isinstance(value, str) or (isinstance(value, (list, tuple)) and all(isinstance(v, str) for v in value))
+        allowed = "a text, or a list of texts"
+    elif key in CHOICES:
+        fine, allowed = value in CHOICES[key], " ".join(CHOICES[key])
+    elif key in TEXTS:
+        fine, allowed = isinstance(value, str), "a text"
+    elif key in LEAST:
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        fine, allowed = number and math.isfinite(value) and value >= LEAST[key], f"a number from {LEAST[key]:g} on"
+    else:
+        return
+    if fine and key == "encoding":
+        try:
+            codecs.lookup(value)
+        except LookupError:
+            fine, allowed = False, "a name as utf-8 or cp1252"
+    if not fine:
+        raise UsageError(f"--{SPOKEN.get(key, key).replace('_', '-')}: not understood", found=repr(value)[:60], allowed=allowed)
 
 
 def names(several: str | Iterable[str] | None) -> tuple[str, ...]:

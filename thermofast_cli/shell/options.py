@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ..errors import UsageError
+from ..reading_options import CHOICES
 from .complete import columns
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -186,7 +187,7 @@ scale_options = _together(
 
 reading_options = _together(
     _hidden("--time", shell_complete=columns, metavar="COLUMN", help="The time column."),
-    _hidden("--time-unit", type=click.Choice(["ns", "us", "ms", "s", "min", "h", "d"]), help="Unit of a numeric time column."),
+    _hidden("--time-unit", type=click.Choice(CHOICES["time_unit"]), help="Unit of a numeric time column."),
     _hidden("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
     _hidden("--tz", metavar="ZONE", help="The zone of stamps that have none, as Europe/Berlin: summer time is taken out exactly."),
     _hidden(
@@ -208,7 +209,7 @@ reading_options = _together(
     _hidden("--exclude", shell_complete=columns, metavar="A,B", help="Leave these columns out."),
     _hidden("--missing", metavar="A,B", help="More words that mean 'no reading'."),
     _hidden("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
-    _hidden("--decimal", type=click.Choice([".", ","]), help="Decimal sign."),
+    _hidden("--decimal", type=click.Choice(CHOICES["decimal"]), help="Decimal sign."),
     _hidden("--encoding", metavar="NAME", help="Text encoding."),
     _hidden("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
     _hidden("--sheet", metavar="NAME", help="The sheet of a workbook, or the group of a TDMS or MATLAB file, that holds several."),
