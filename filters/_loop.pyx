@@ -203,7 +203,7 @@ cdef int filter_one(Case* case, const double* t, const double* y, Py_ssize_t cou
     cdef double q[MOST]
     cdef double root[MOST]
     cdef double e, s, nu, z, alpha, r, dt, added, forgotten = 0.0, weight, d, gate, noise_threshold, wake_threshold, u, noise = 1.0
-    cdef double xi, rho, threshold, factor, gain0, posterior, r_step = 0.0, v = 0.0
+    cdef double xi, rho, threshold, factor, gain0, posterior, v = 0.0
     cdef int kind = case.kind, tries, failed
     cdef bint gated, woke
     cdef Rule m
@@ -224,7 +224,6 @@ cdef int filter_one(Case* case, const double* t, const double* y, Py_ssize_t cou
         # The printed filter works in plain units: its Q and R are numbers, not multiples of the record's noise.
         noise = settings.noise
         scale = 1.0
-        r_step = noise / 100.0
         for i in range(n):
             q[i] = settings.process_noise
     row.noise_variance = scale * noise if kind == 3 else scale
@@ -272,7 +271,7 @@ cdef int filter_one(Case* case, const double* t, const double* y, Py_ssize_t cou
                 u = factor if posterior < 0.0 else 1.0 / factor
                 for i in range(n):
                     q[i] *= u
-                d = r_step if (posterior < 0.0) == (e > 0.0) else -r_step
+                d = noise / 100.0 if (posterior < 0.0) == (e > 0.0) else -noise / 100.0
                 for tries in range(10000):
                     if noise + d <= 0.0:
                         break

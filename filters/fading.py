@@ -282,7 +282,7 @@ class PrintedFading(FadingRule):
         posterior = e * (1.0 - alpha * p[0, 0] / s)
         if self.adapts and abs(posterior) > self.threshold:
             m.process *= self.factor if posterior < 0.0 else 1.0 / self.factor
-            step = self.noise / 100.0 * (1.0 if (posterior < 0.0) == (e > 0.0) else -1.0)
+            step = m.noise / 100.0 * (1.0 if (posterior < 0.0) == (e > 0.0) else -1.0)
             for _ in range(10000):
                 if m.noise + step <= 0.0:
                     break
