@@ -10,7 +10,7 @@ from thermofast.analysis.sensitivity import Sizes, _plain_factors, _points
 from thermofast.estimation.closing import estimate_at
 from thermofast.estimation.estimate import remaining
 from thermofast.estimation.sensor import Sensor
-from thermofast.models.uncertainty.chaos import fit_chaos
+from thermofast.models.uncertainty.chaos import design, fit_chaos, hermite
 from thermofast.pipeline.methods import choose
 
 METHOD = choose("afukf", None, ())
@@ -150,3 +150,20 @@ def test_input_ranges_widen_what_the_area_metric_allows(tool):
     done = tool("compare", run, "--input-range", "ambient=x")
     assert done.code == 2
     assert "COLUMN=X" in done.err
+
+
+def test_places_are_as_sure_as_they_say():
+    """Hermite series of degree three with known parts in the variance, told by polynomials of degree two."""
+    rng, said = np.random.default_rng(5), []
+    points = design(6, 2)
+    single = hermite(points, 3)[0]
+    for _ in range(150):
+        linear, square, cube = rng.normal(0.0, 1.0, 6), rng.normal(0.0, 0.3, 6), rng.normal(0.0, 0.2, 6)
+        outputs = single[1] @ linear + single[2] @ square + single[3] @ cube
+        truth = np.argsort(np.argsort(-(linear**2 + square**2 + cube**2))) + 1
+        place, sure = fit_chaos(points, outputs, 2).places([[i] for i in range(6)])
+        said += [(s, p == t) for s, p, t in zip(sure, place, truth, strict=True)]
+    sure, right = np.array([s for s, _ in said]), np.array([r for _, r in said])
+    assert (sure > 0.9).mean() > 0.3
+    assert right[sure > 0.9].mean() > 0.93
+    assert right[(sure > 0.4) & (sure < 0.6)].mean() == pytest.approx(0.5, abs=0.2)

@@ -6,6 +6,7 @@ results gives the share of each (Sobol indices). What is changed are the reading
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -326,12 +327,12 @@ def _records(
             message=f"{quantity}: the shares are rough: {chaos.doubt}" if chaos.doubt else "",
             **exceeds,
         )
-        first = 0
-        for factor in factors:
-            mine = range(first, first + factor.inputs)
-            first += factor.inputs
-            alone, in_all = chaos.alone(mine), chaos.in_all(mine)
-            records.append(replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, first_order=alone, total=in_all))
+        firsts = np.cumsum([0, *[f.inputs for f in factors]]).tolist()
+        groups = [range(a, b) for a, b in pairwise(firsts)]
+        for factor, mine, place, sure in zip(factors, groups, *chaos.places(groups), strict=True):
+            shares: dict[str, Any] = {"first_order": chaos.alone(mine), "total": chaos.in_all(mine)}
+            shares |= {"place": int(place), "place_p": float(sure)}
+            records.append(replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, **shares))
     return records
 
 
