@@ -281,6 +281,13 @@ KINDS: dict[str, Callable[[Array, np.random.Generator], Array]] = {
     "a probe that slips by 0.3 to 1 K at 40 min": _slip,
     "10 to 30 % more load from 30 min on": _load,
 }
+
+
+def truth_of(kind: str, reading: Array) -> float:
+    """Where a record of a kind settles [degC]."""
+    return float(reading[-1] + STEADY - LAW[-1]) if "load" in kind or "slips" in kind else STEADY
+
+
 FILTERS = ("afukf", "ukf", "fading_ukf", "least_squares")
 
 

@@ -137,16 +137,6 @@ def share_by_count(count: int) -> float:
     return (count - 1.0) / count
 
 
-def correlation(predicted: Array, reading: Array) -> float:
-    """Correlation in [0, 1] of predicted and actual readings (M,): gamma of (11); 1 where either does not vary.
-
-    Falls to nothing in a settled record, however right the model: there :func:`agreement` is the one to use.
-    """
-    a, b = predicted - predicted.mean(), reading - reading.mean()
-    size = math.sqrt(float(a @ a) * float(b @ b))
-    return min(max(float(a @ b) / size, 0.0), 1.0) if size > 0.0 else 1.0
-
-
 def agreement(innovation: Array) -> float:
     """How far innovations (M,) are white, in [0, 1]: half the mean square of their differences over their mean square.
 
@@ -271,7 +261,8 @@ class CostReference(Filter):
 class AdaptiveCostReference(CostReference):
     """The same with the adaptive spread of (12), which goes on following the readings however long the record.
 
-    The share kept is :func:`agreement`, not the correlation of (11), which a settled record brings to nought.
+    The share kept is :func:`agreement`, not the correlation of (11): over a window a settled record brings it to nought, and over
+    the whole record, which a rise dominates, it stays at 1, so that nothing adapts.
     """
 
     name = "acrpf"

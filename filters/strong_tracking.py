@@ -105,6 +105,14 @@ def sage_husa_noise(
     return bounded_covariance(np.where(definite[..., None, None], plain, biased), reference, least, most)
 
 
+@dataclass
+class HusaMemory(Memory):
+    """And the process noise of Sage and Husa: its mean (n,) [state] and covariance (n, n) per unit of the noise variance."""
+
+    drift: Array | None = None
+    wander: Array | None = None
+
+
 @dataclass(frozen=True)
 class StrongTracking(FadingRule):
     """Strong tracking of one sensor with the noise estimate of Sage and Husa, in a form that stays stable.
@@ -116,6 +124,10 @@ class StrongTracking(FadingRule):
     as (44) does for the noise: a wrong model gives them a mean, which R would swallow before the covariance fades. An
     innovation beyond `outlier` standard deviations counts as one at the edge, and its R is as wide as that takes. A record
     that jumps for good therefore goes into R: :class:`filters.fading.AdaptiveFading` is the rule for that.
+
+    Mean and covariance of the process noise, equations (42) and (43), are estimated where `drift_most` and `process_most` are
+    above 0: no state drifts by more than so many of its deviations at the start in one reading, and Q stays below so much of the
+    covariance at the start in every direction.
     """
 
     rule = "strong tracking"
@@ -127,9 +139,19 @@ class StrongTracking(FadingRule):
     noise_most: float = 100.0
     fading_most: float = 1.5
     outlier: float = 5.0
+    drift_most: float = 0.0
+    process_most: float = 0.0
+
+    def memory(self, scale: float, dof: float) -> Memory:
+        return HusaMemory(scale, dof)
 
     def update(self, m: Memory, state: Array, p: Array, e: float, context: Context) -> Update:
-        one = np.eye(1)
+        assert isinstance(m, HusaMemory)
+        carried, mean, one = p, state, np.eye(1)
+        if m.drift is not None:
+            state, e = state + m.drift, e - float(m.drift[0])
+        if m.wander is not None:
+            p = p + m.wander
         noise, predicted = m.spread * one, p[:1, :1]
         # One outlier must not move the filter or make it forget: beyond the reach it says no more than at the edge.
         reach = self.outlier * math.sqrt(float(p[0, 0]) + m.spread)
@@ -147,9 +169,19 @@ class StrongTracking(FadingRule):
             m.forgotten += math.log(alpha)
         s = max(float(p[0, 0]) + m.spread, e * e / (m.scale * self.outlier**2))
         r = s - float(p[0, 0])
+        gain = p[:, 0] / s
         state, posterior = joseph(state, p, e, s, r)
         m.seen += 1.0
         weight = husa_weight(m.seen, self.noise_forgetting)
+        if self.drift_most > 0.0:
+            most = self.drift_most * np.sqrt(np.diag(context.start_covariance) * m.scale)
+            before = np.zeros_like(state) if m.drift is None else m.drift
+            m.drift = np.clip((1.0 - weight) * before + weight * (state - mean), -most, most)
+        if self.process_most > 0.0:
+            moved = gain * (e / math.sqrt(m.scale))
+            now = np.zeros_like(p) if m.wander is None else m.wander
+            now = (1.0 - weight) * now + weight * (np.outer(moved, moved) + posterior - carried)
+            m.wander = bounded_covariance(now, context.start_covariance, 0.0, self.process_most)
         m.mean += weight * (float(innovation[0]) - m.mean)
         deviation = innovation - m.mean
         m.spread = float(sage_husa_noise(noise, deviation, p[:1, :1], weight, one, self.noise_least, self.noise_most)[0, 0])
