@@ -13,7 +13,8 @@ from thermofast.plugins.filters import known_filters
 
 #: Functions and classes of the library, in the order of their page.
 LIBRARY = (
-    "read read_all inspect identify sweep watch plan calibrate compare diagnose improve changed sensitivity displacement bench "
+    "read read_all inspect identify sweep watch plan calibrate compare diagnose improve validate changed sensitivity displacement "
+    "bench "
     "simulate effects filter_catalogue write_effect Model Run ThermofastError InputError UsageError"
 )
 

@@ -14,18 +14,15 @@ except ImportError:  # sources that were never built
 
 if TYPE_CHECKING:
     from .api import (
-        bench,
         calibrate,
         changed,
         compare,
         diagnose,
-        displacement,
         identify,
         improve,
         plan,
         read,
         read_all,
-        sensitivity,
         simulate,
         sweep,
         watch,
@@ -34,11 +31,12 @@ if TYPE_CHECKING:
     from .archives.library import archive
     from .catalogue import effects, filter_catalogue
     from .errors import InputError, ThermofastError, UsageError
+    from .judging import bench, displacement, sensitivity, validate
     from .machine.model import Model
     from .pipeline.inspecting import inspect
     from .reading import Guess, Run
 
-#: Name -> module that has it; the analyses are all in ``api``.
+#: Name -> module that has it; most analyses are in ``api``.
 _ELSEWHERE = {
     "Guess": "reading",
     "InputError": "errors",
@@ -47,9 +45,13 @@ _ELSEWHERE = {
     "ThermofastError": "errors",
     "UsageError": "errors",
     "archive": "archives.library",
+    "bench": "judging",
+    "displacement": "judging",
     "effects": "catalogue",
     "filter_catalogue": "catalogue",
     "inspect": "pipeline.inspecting",
+    "sensitivity": "judging",
+    "validate": "judging",
 }
 
 __all__ = [
@@ -77,6 +79,7 @@ __all__ = [
     "sensitivity",
     "simulate",
     "sweep",
+    "validate",
     "watch",
     "write_effect",
 ]

@@ -2,25 +2,22 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .errors import InputError, UsageError
+from .errors import InputError
 from .given import Source, Start, in_range, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
 from .reading_options import names, options_from
 from .results import (
-    Bench,
     Calibration,
     Changes,
     Comparison,
     Diagnosis,
-    Displacement,
     Identification,
     Improvement,
     Plan,
-    Sensitivity,
     Simulated,
     Sweeping,
     Watching,
@@ -264,6 +261,7 @@ def compare(
     extra: Iterable[str] = (),
     input_range: Mapping[str, float] | None = None,
     unknown_heat: bool = False,
+    denoise: bool = False,
     start: Start = "auto",
     details: bool | None = None,
     jobs: int | None = 1,
@@ -273,7 +271,8 @@ def compare(
 ) -> Comparison:
     """Model beside measurement: the base model, with effects, or one that was learnt.
 
-    extra are files with effects of your own, as with ``--effect``; unknown_heat adds the heat that the model would need.
+    extra are files with effects of your own, as with ``--effect``; unknown_heat adds the heat that the model would need,
+    denoise the run without its sensors' noise (``.denoised[0].columns``).
 
     Raises
     ------
@@ -289,6 +288,7 @@ def compare(
         keeps_details(details, started),
         work_of(jobs, executor, progress),
         unknown_heat,
+        denoise,
         until_min=until,
         extra=tuple(extra),
         drive=drive,
@@ -394,63 +394,6 @@ def improve(
         drive=drive,
         false_alarm=false_alarm,
     )
-
-
-def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **reading: Any) -> Bench:
-    """Every filter on each run, and which one to use there: ``thermofast filters bench``.
-
-    Raises
-    ------
-    ThermofastError: as the command would refuse.
-    """
-    from .pipeline.around import bench_runs
-
-    return bench_runs(started_of(runs, start, True, reading), until)
-
-
-def sensitivity(
-    runs: Source,
-    until: float | None = None,
-    *,
-    sizes: Mapping[str, float] | None = None,
-    filter: str = "afukf",  # noqa: A002 - the name of the option
-    settings: Mapping[str, Any] | None = None,
-    model: "Model | str | Path | None" = None,
-    start: Start = "auto",
-    jobs: int | None = 1,
-    executor: Executor | None = None,
-    **reading: Any,
-) -> Sensitivity:
-    """How much each uncertain thing contributes to the spread; sizes: offset, start, room [K], jitter [s], until [min], limit [K].
-
-    Raises
-    ------
-    ThermofastError: as the command would refuse.
-    """
-    from .analysis.sensitivity import Sizes
-    from .pipeline.around import sensitivity_runs
-    from .pipeline.methods import choose
-
-    known = [f.name for f in fields(Sizes)]
-    for key in sizes or {}:
-        if key not in known:
-            raise UsageError(f"unknown size {key!r}", allowed=", ".join(known))
-    learnt = model_of(model)
-    method = choose(filter, None, setting_texts(filter, settings))
-    started = started_of(runs, start, learnt is None, reading)
-    return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, work_of(jobs, executor, None))
-
-
-def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Start = "auto", **reading: Any) -> Displacement:
-    """Thermal displacement from the temperatures, and which way to trust.
-
-    Raises
-    ------
-    ThermofastError: as the command would refuse.
-    """
-    from .pipeline.around import displacement_runs
-
-    return displacement_runs(started_of(runs, start, False, reading), names(columns))
 
 
 def simulate(

@@ -75,7 +75,14 @@ def model_of(model: "Model | str | Path | None") -> "Model | None":
 
 
 #: What numbers may be, as the command's options have it.
-RANGES = {"until": (1e-9, 1e7), "at": (1e-9, 1e7), "room": (-100.0, 500.0), "limit": (-100.0, 5000.0), "switch_off_at": (-1e7, 1e7)}
+RANGES = {
+    "reach": (0.0, 1e7),
+    "until": (1e-9, 1e7),
+    "at": (1e-9, 1e7),
+    "room": (-100.0, 500.0),
+    "limit": (-100.0, 5000.0),
+    "switch_off_at": (-1e7, 1e7),
+}
 
 
 def in_range(**numbers: float | None) -> list[float | None]:

@@ -31,6 +31,7 @@ TASKS = {
         "compare": "Model beside measurement: how well it fits, and where it fails.",
         "diagnose": "Which physical effect is missing.",
         "improve": "Add effects and watch the error fall; write the model learnt.",
+        "validate": "A learnt model against a set of runs: the area between distributions.",
         "changed": "What is different in a machine since other runs of it.",
     },
     "Judge the result": {

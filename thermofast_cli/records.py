@@ -216,6 +216,27 @@ class CompareRecord(Record):
 
 
 @dataclass(frozen=True)
+class ValidateRecord(Record):
+    """A learnt model against a set of runs, one sensor: the area metric of Zhao, Lyu and Kan 2018.
+
+    area_low_c and area_high_c [K] lie between the distributions, measured and foretold, of the least and of the largest temperature
+    ahead of until_min in each run, area_c is their sum, the paper's metric; outside_c what of it the ranges of the inputs do not
+    allow. expected_c is what a right model would leave (of outside_c where ranges are given), p how often it would leave as much.
+    """
+
+    until_min: float | None = None
+    runs: int = 0
+    area_low_c: float | None = None
+    area_high_c: float | None = None
+    area_c: float | None = None
+    outside_c: float | None = None
+    expected_c: float | None = None
+    p: float | None = None
+    status: str = "ok"
+    message: str = ""
+
+
+@dataclass(frozen=True)
 class DiagnoseRecord(Record):
     """Which effect is missing, repeated in each sensor that it concerns; docs/architecture.md has the rules.
 

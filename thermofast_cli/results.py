@@ -21,6 +21,7 @@ from .records import (
     Row,
     SensitivityRecord,
     SweepRecord,
+    ValidateRecord,
 )
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
 
     from .analysis.changed import Difference
+    from .analysis.denoise import Denoised
     from .analysis.displacement import Panel as DisplacementPanel
+    from .analysis.validate import Area
     from .analysis.watching import Look
     from .discovery.compare import Panel
     from .discovery.improve import Improved
@@ -271,11 +274,12 @@ class Plan(Result):
 
 @dataclass(frozen=True)
 class Comparison(Result):
-    """What ``compare`` found; `panels` only where details were asked for."""
+    """What ``compare`` found; `panels` only where details were asked for, `denoised` runs where that was."""
 
     command: ClassVar[str] = "compare"
     kind: ClassVar[type[Row]] = CompareRecord
     panels: tuple["Panel", ...] = ()
+    denoised: tuple["Denoised", ...] = ()
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """Measurement and model, residual with failing stretches, logged inputs."""
@@ -353,6 +357,21 @@ class Sensitivity(Result):
         from .output.pictures.share import draw_shares
 
         return _drawn(draw_shares(self.records), path)
+
+
+@dataclass(frozen=True)
+class Validation(Result):
+    """What ``validate`` found."""
+
+    command: ClassVar[str] = "validate"
+    kind: ClassVar[type[Row]] = ValidateRecord
+    areas: tuple["Area", ...] = ()
+
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """Distributions of measured and foretold bounds, the area between them shaded."""
+        from .output.pictures.areas import draw_areas
+
+        return _drawn(draw_areas(self.areas), path)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz
 from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import least_squares
 
@@ -82,15 +81,6 @@ class NoiseModel:
             out.append(first)
             state = [phi[0] * first + state[1], phi[1] * first + state[2], phi[2] * first]
         return self.innovation_variance * np.array(out)
-
-
-@dataclass(frozen=True)
-class Filtered:
-    """Kalman filter of a series: estimate (N,) of the drift, prediction error (N,) (nan in gaps) and its variance (N,) [unit^2]."""
-
-    drift: Array
-    innovation: Array
-    innovation_variance: Array
 
 
 @dataclass(frozen=True)
@@ -222,16 +212,6 @@ def long_run_factor(residual: Array) -> float:
     return min(max(model.long_run_factor, 1.0), n / 4.0)
 
 
-def least_squares_covariance(tangent: Array, model: NoiseModel) -> Array:
-    """Covariance (m, m) of parameters found by plain least squares with tangent (N, m) where the noise is the model's.
-
-    G C G' with G the pseudo-inverse of the tangent and C the Toeplitz matrix of the autocovariances: nothing is asymptotic.
-    """
-    inverse = np.linalg.pinv(tangent)
-    covariance: Array = inverse @ matmul_toeplitz(model.autocovariance(len(tangent)), inverse.T)
-    return covariance
-
-
 def innovations(series: Array, phi: Array, theta: Array, measurement_variance: float = 0.0) -> tuple[Array, Array]:
     """One-step prediction errors (N,), nan in gaps, and their variances (N,) per unit of the innovation variance."""
     run = _kalman(series, phi, theta, measurement_variance)
@@ -249,36 +229,6 @@ def whitened(columns: Array, model: NoiseModel) -> Array:
     e, f = innovations(columns, model.phi, model.theta)
     white: Array = e / np.sqrt(f * model.innovation_variance)
     return white
-
-
-def kalman_smooth_out(series: Array, model: NoiseModel, measurement_variance: float) -> Filtered:
-    """The paper's filter (its section 3): the series (N,) is the model's drift plus white noise of this variance [unit^2].
-
-    The paper gives neither variance. With 0 the outcome is the series itself, gaps filled by their predictions; the larger it
-    is, the nearer to zero. Raises ValueError if it is negative.
-    """
-    if measurement_variance < 0.0:
-        raise ValueError("a variance is not negative")
-    q = model.innovation_variance
-    e, f, drift = _kalman(series, model.phi, model.theta, measurement_variance / q)
-    return Filtered(drift, e, f * q)
-
-
-def white_share(model: NoiseModel) -> float:
-    """Variance [unit^2] of the most white noise that the model's own spectrum has room for: its least height times 2 pi."""
-    return 2.0 * math.pi * float(model.spectrum(np.linspace(0.0, math.pi, 2001)).min())
-
-
-def without_white(series: Array, model: NoiseModel) -> Filtered:
-    """The series (N,) less its white part as known by then: the filter of a model that was fitted to the readings themselves.
-
-    The model describes drift and white noise together, so that nothing is left to choose: the white part is the largest
-    that the spectrum has room for (Hillmer & Tiao 1982), and its estimate is its covariance with the innovation over the
-    innovation's variance, times the innovation.
-    """
-    q = model.innovation_variance
-    e, f, drift = _kalman(series, model.phi, model.theta, 0.0)
-    return Filtered(drift - np.nan_to_num(e) * white_share(model) / (f * q), e, f * q)
 
 
 def _padded(phi: Array, theta: Array) -> tuple[list[float], list[float]]:

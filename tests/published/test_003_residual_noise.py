@@ -23,10 +23,11 @@ Long-run factor of AR(1), 500 series each (median, 5 % and 95 % quantiles; the t
 
 import math
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy.linalg import toeplitz
+from scipy.linalg import matmul_toeplitz, toeplitz
 from scipy.signal import lfilter
 from statsmodels.tools.sm_exceptions import ConvergenceWarning
 from statsmodels.tsa.arima.model import ARIMA
@@ -35,17 +36,14 @@ from statsmodels.tsa.stattools import acf, adfuller, pacf
 
 from thermofast.models.noise.residual_noise import (
     NoiseModel,
+    _kalman,
     correlogram,
     fit_arma,
     innovations,
-    kalman_smooth_out,
-    least_squares_covariance,
     long_run_factor,
     select_arma,
     stationarity,
-    white_share,
     whitened,
-    without_white,
 )
 from thermofast.models.noise.whiteness import pattern_p_value
 
@@ -57,6 +55,54 @@ READINGS = {
     "box-jenkins": ((-0.208, -0.023), 0.3095),
     "both turned": ((0.208, 0.023), 0.3095),
 }
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """Kalman filter of a series: estimate (N,) of the drift, prediction error (N,) (nan in gaps) and its variance (N,) [unit^2]."""
+
+    drift: np.ndarray
+    innovation: np.ndarray
+    innovation_variance: np.ndarray
+
+
+def least_squares_covariance(tangent, model):
+    """Covariance (m, m) of parameters found by plain least squares with tangent (N, m) where the noise is the model's.
+
+    G C G' with G the pseudo-inverse of the tangent and C the Toeplitz matrix of the autocovariances: nothing is asymptotic.
+    """
+    inverse = np.linalg.pinv(tangent)
+    return inverse @ matmul_toeplitz(model.autocovariance(len(tangent)), inverse.T)
+
+
+def kalman_smooth_out(series, model, measurement_variance):
+    """The paper's filter (its section 3): the series (N,) is the model's drift plus white noise of this variance [unit^2].
+
+    The paper gives neither variance. With 0 the outcome is the series itself, gaps filled by their predictions; the larger it
+    is, the nearer to zero. Raises ValueError if it is negative.
+    """
+    if measurement_variance < 0.0:
+        raise ValueError("a variance is not negative")
+    q = model.innovation_variance
+    e, f, drift = _kalman(series, model.phi, model.theta, measurement_variance / q)
+    return Filtered(drift, e, f * q)
+
+
+def white_share(model):
+    """Variance [unit^2] of the most white noise that the model's own spectrum has room for: its least height times 2 pi."""
+    return 2.0 * math.pi * float(model.spectrum(np.linspace(0.0, math.pi, 2001)).min())
+
+
+def without_white(series, model):
+    """The series (N,) less its white part as known by then: the filter of a model that was fitted to the readings themselves.
+
+    The model describes drift and white noise together, so that nothing is left to choose: the white part is the largest
+    that the spectrum has room for (Hillmer & Tiao 1982), and its estimate is its covariance with the innovation over the
+    innovation's variance, times the innovation.
+    """
+    q = model.innovation_variance
+    e, f, drift = _kalman(series, model.phi, model.theta, 0.0)
+    return Filtered(drift - np.nan_to_num(e) * white_share(model) / (f * q), e, f * q)
 
 
 def simulated(phi, theta, n, seed):

@@ -38,6 +38,11 @@ from ..shell.options import (
     is_flag=True,
     help="Also the heat that the model would need to follow the readings, with its band, and the logged column it follows.",
 )
+@click.option(
+    "--denoise",
+    metavar="FILE",
+    help="Write the record without its sensors' noise, white or coloured, with its 95 % band: .csv .parquet. One run.",
+)
 @reading_options
 @output_options
 @scale_options
@@ -51,6 +56,7 @@ def command(
     model: str | None,
     input_ranges: tuple[str, ...],
     unknown_heat: bool,
+    denoise: str | None,
     form: str | None,
     output: str | None,
     jobs: int | None,
@@ -69,10 +75,15 @@ def command(
     that moves, in W or kW by its column's name, the heat stands in W too, beside what was logged, and heat capacity and resistance
     have the intervals that any heat beside the power leaves them.
 
+    --denoise keeps what the model says and what deviates from it slowly, and leaves the noise out, of the sensors where tests find
+    nothing but a sensor's noise beside the model: white, or a colour that dies away within a tenth of the time constant.
+
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..archives.blocks import Analysis
-    from ..output.screen import interval, number, text
+    from ..errors import UsageError
+    from ..output.files import check_target, write_columns
+    from ..output.screen import interval, number, say, text
     from ..pipeline.loop import compare_runs
     from ..records import CompareRecord
     from ..results import Comparison, failed
@@ -81,14 +92,22 @@ def command(
 
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model)}
     chosen, allowed = names(effects), ranges(input_ranges)
-    compare_runs([], chosen, (), **options)  # what is wrong with the options is said before any file is read
+    compare_runs(
+        [], chosen, (), denoise=denoise is not None, **options
+    )  # what is wrong with the options is said before any file is read
     work: Callable[..., Comparison] = partial(
-        compare_runs, effects=chosen, input_ranges=allowed, unknown_heat=unknown_heat, **options
+        compare_runs, effects=chosen, input_ranges=allowed, unknown_heat=unknown_heat, denoise=denoise is not None, **options
     )
+    if denoise is not None:
+        check_target(denoise, (".csv", ".parquet"))
     if names_folder(output):
+        if denoise is not None:
+            raise UsageError("--denoise writes one run", found=f"-o {output}, an archive", do="name one run, and -o a file")
         return run_archive(Analysis("compare", CompareRecord, work), runs, output, reading, jobs, quiet)
-    check_outputs([output], save_plot)
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
+    check_outputs([output, denoise], save_plot)
+    readings = read_all(runs, reading, quiet, [output, save_plot, denoise], jobs, from_rise=False)
+    if denoise is not None and len(readings.runs) > 1:
+        raise UsageError("--denoise writes one run", found=f"{len(readings.runs)} runs", do="name one run")
     with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
         result = work(readings.runs, details=wants_details(output, save_plot), how=how)
     drawn = [
@@ -105,4 +124,11 @@ def command(
     ]
     code = deliver(result, failed(CompareRecord, readings.unreadable), output, form, quiet, drawn)
     draw(result, save_plot)
+    if denoise is not None:
+        clean = next((one for one in result.denoised if one.sensors), None)
+        if clean is None:
+            raise UsageError("--denoise: no sensor is denoised", do="the messages of the records say why")
+        write_columns(denoise, clean.columns)
+        if not quiet:
+            say(f"{denoise}: {len(clean.sensors)} of {len(result.runs[0].channels)} sensors denoised")
     return code

@@ -40,6 +40,7 @@ class Colour:
     long_run_factor: float = 1.0
     cycles: bool = False
     words: str = ""
+    model: NoiseModel | None = None
 
 
 def colour_of(fit: Fit, sensor: int, whiteness_p: float, own: Array | None = None) -> Colour:
@@ -83,7 +84,7 @@ def colour_of(fit: Fit, sensor: int, whiteness_p: float, own: Array | None = Non
     factor = float(long_run_factor(series * weight))
     times = math.sqrt(factor)
     told = f"the noise is {name}, gone after {lasts:.3g} min: slow parameters err {times:.2g} times as much as under white noise"
-    return Colour(name, True, pattern_p_value(white[good], columns[good]), factor, words=told)
+    return Colour(name, True, pattern_p_value(white[good], columns[good]), factor, words=told, model=model)
 
 
 def spectral_line(series: Array) -> tuple[float, float]:

@@ -1,6 +1,7 @@
 """``compare``: the model beside the measurement, how well and where it fails."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts
 from thermofast.models.uncertainty.unknown_heat import UnknownHeat
 
+from ..analysis.denoise import Denoised, denoised
 from ..analysis.power import Constants, most_watts, thermal_constants
 from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of
 from ..errors import ThermofastError
@@ -40,6 +42,7 @@ class Comparison:
 
     records: list[CompareRecord]
     pictures: list["Panel"] = field(default_factory=list)
+    denoised: Denoised | None = None
 
 
 @dataclass(frozen=True)
@@ -91,8 +94,13 @@ def _compare(task: LoopTask) -> Comparison:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
+    clean = Denoised(task.run.name, whole.time) if task.denoise else None
     for i, channel in enumerate(whole.channels):
         colour = colour_of(fit, i, float(floor[i]), rounded[i])
+        kept = ""
+        if clean is not None:
+            found, kept = denoised(fit, i, colour, float(floor[i]))
+            clean.sensors.update({channel: found} if found is not None else {})
         # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
         wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
         noise = wider * float(fit.noise[i]) if colour.short else float(seen.noise[i])
@@ -106,7 +114,7 @@ def _compare(task: LoopTask) -> Comparison:
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
         constants = (needed and needed.constants(i)) or _constants(task, fit, i, wider)
         told = constants.in_words() if constants else ""
-        messages = [told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
+        messages = [kept, told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
             steps = steps_near(whole, min(a for a, _, _ in stretches))
             messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
@@ -161,7 +169,7 @@ def _compare(task: LoopTask) -> Comparison:
                 )
             )
     records += refused_records(CompareRecord, task.run.name, observed)
-    return Comparison(in_order(records, task.run), panels)
+    return Comparison(in_order(records, task.run), panels, clean)
 
 
 def _constants(task: LoopTask, fit: Fit, sensor: int, wider: float) -> Constants | None:
@@ -204,25 +212,34 @@ def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
 
 def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
     """Least and largest curve (S, N), (S, N) [degC] while each logged input named lies within +- its range, all else held."""
-    run = fit.run
     low, high = fit.curve, fit.curve
     for name, reach in ranges.items():
-        for share in (-1.0, -0.5, 0.5, 1.0):
-            moved = replace(
-                run,
-                ambient={n: c + share * reach * (n == name) for n, c in run.ambient.items()},
-                inputs={n: c + share * reach * (n == name) for n, c in run.inputs.items()},
-            )
-            shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
-            model = Model(moved, fit.model.parts)
-            local = fit.local.copy()
-            # The heating is what it was: surroundings that are warmer make the machine warmer.
-            local[:, model.column(LEVEL)] += (
-                model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
-            )
-            curve = model.forward(local, shared, np.arange(run.sensors))
-            low, high = np.minimum(low, curve), np.maximum(high, curve)
+        for shift in curve_shifts(fit, {name: reach}, (-1.0, -0.5, 0.5, 1.0)):
+            low, high = np.minimum(low, fit.curve + shift), np.maximum(high, fit.curve + shift)
     return low, high
+
+
+def curve_shifts(fit: Fit, ranges: dict[str, float], shares: Sequence[float]) -> list[Array]:
+    """What is added to the curves (S, N) [K] where the logged inputs named lie by such shares of their range beside their log."""
+    run = fit.run
+    if not ranges:
+        return [np.zeros_like(fit.curve) for _ in shares]
+    shifts = []
+    for share in shares:
+        moved = replace(
+            run,
+            ambient={n: c + share * ranges.get(n, 0.0) for n, c in run.ambient.items()},
+            inputs={n: c + share * ranges.get(n, 0.0) for n, c in run.inputs.items()},
+        )
+        shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
+        model = Model(moved, fit.model.parts)
+        local = fit.local.copy()
+        # The heating is what it was: surroundings that are warmer make the machine warmer.
+        local[:, model.column(LEVEL)] += (
+            model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
+        )
+        shifts.append(model.forward(local, shared, np.arange(run.sensors)) - fit.curve)
+    return shifts
 
 
 def _area(whole: Observations, fit: Fit, low: Array, high: Array, i: int) -> float:

@@ -40,6 +40,7 @@ class LoopTask:
     want_curves: bool = False
     unknown_heat: bool = False
     next_experiment: bool = False
+    denoise: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, listed
-from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Simulated
+from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Simulated, Validation
 from ..workers.engine import Started, Work, over_runs
 
 if TYPE_CHECKING:
@@ -174,6 +174,29 @@ def plan_design(
         given = {**told, **given}
     rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past, replayed)
     return Plan(tuple(rows), curves=tuple(curves))
+
+
+def validate_runs(
+    started: Sequence[Started],
+    model: "Model",
+    until_min: float,
+    input_ranges: tuple[tuple[str, float], ...] = (),
+    how: Work | None = None,
+) -> Validation:
+    """A learnt model against a set of runs, on what lies ahead of `until_min` in each.
+
+    Raises
+    ------
+    UsageError: a range of a column that is not logged, and as :func:`loop_tasks`.
+    """
+    from ..analysis.validate import judge, validate_lost, validate_task
+    from .loop import check_ranges, loop_tasks
+
+    check_ranges(started, input_ranges)
+    tasks = loop_tasks(started, until_min=until_min, model=model, input_ranges=input_ranges)
+    found, interrupted = over_runs(validate_task, tasks, validate_lost, how or Work())
+    records, areas = judge(found, until_min, [name for name, _ in input_ranges])
+    return Validation(tuple(records), tuple(run for run, _ in started), interrupted, tuple(areas))
 
 
 def sensitivity_runs(

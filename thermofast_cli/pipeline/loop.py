@@ -56,6 +56,16 @@ def loop_tasks(
     ]
 
 
+def check_ranges(started: Sequence[Started], input_ranges: Sequence[tuple[str, float]]) -> None:
+    """Raises UsageError where a range is of a column that a run does not log."""
+    for run, _ in started:
+        for name, _reach in input_ranges:
+            known = [*run.ambient, *run.inputs]
+            if name not in known:
+                allowed = ", ".join(known) or "this run logs none"
+                raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=allowed)
+
+
 def compare_runs(
     started: Sequence[Started],
     effects: tuple[str, ...] = (),
@@ -63,6 +73,7 @@ def compare_runs(
     details: bool = False,
     how: Work | None = None,
     unknown_heat: bool = False,
+    denoise: bool = False,
     **options: Any,
 ) -> Comparison:
     """Model beside measurement; options are those of :func:`loop_tasks`.
@@ -73,16 +84,15 @@ def compare_runs(
     """
     if options.get("model") is not None and effects:
         raise UsageError("--effects adds to the base model, and --model takes its place", do="leave one of them out")
-    for run, _ in started:
-        for name, _reach in input_ranges:
-            known = [*run.ambient, *run.inputs]
-            if name not in known:
-                allowed = ", ".join(known) or "this run logs none"
-                raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=allowed)
-    tasks = loop_tasks(started, names=effects, input_ranges=input_ranges, want_curves=details, unknown_heat=unknown_heat, **options)
+    if denoise and options.get("until_min") is not None:
+        raise UsageError("--denoise takes the whole record", found=f"--until {options['until_min']:g}", do="leave --until out")
+    check_ranges(started, input_ranges)
+    more = {"input_ranges": input_ranges, "want_curves": details, "unknown_heat": unknown_heat, "denoise": denoise}
+    tasks = loop_tasks(started, names=effects, **more, **options)
     found, interrupted = over_runs(compare_task, tasks, compare_lost, how or Work())
-    records = tuple(r for one in found for r in one.records)
-    return Comparison(records, tuple(run for run, _ in started), interrupted, tuple(p for one in found for p in one.pictures))
+    records, panels = (tuple(r for one in found for r in getattr(one, name)) for name in ("records", "pictures"))
+    clean = tuple(one.denoised for one in found if one.denoised is not None)
+    return Comparison(records, tuple(run for run, _ in started), interrupted, panels, clean)
 
 
 def diagnose_runs(

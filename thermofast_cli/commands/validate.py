@@ -1,0 +1,79 @@
+"""``thermofast validate``."""
+
+from typing import Any
+
+import click
+
+from ..shell.options import Finite, RunCommand, output_options, ranges, reading_options, runs_argument
+
+
+@click.command(
+    "validate",
+    cls=RunCommand,
+    epilog="Example: thermofast validate machine.toml runs/*.csv --until 30 --save-plot areas.png",
+)
+@click.argument("model", metavar="M.toml")
+@runs_argument
+@click.option(
+    "--until",
+    type=Finite(0, min_open=True),
+    required=True,
+    metavar="MIN",
+    help="Each run is carried on from its first MIN minutes.",
+)
+@click.option(
+    "--input-range",
+    "input_ranges",
+    multiple=True,
+    metavar="COLUMN=X",
+    help="A logged input is only known to within +- X of its unit: only what no such value explains counts. May be repeated.",
+)
+@reading_options
+@output_options
+@click.option("--save-plot", metavar="FILE", help="Draw the distributions with the area between them: .png .pdf .svg.")
+def command(
+    model: str,
+    runs: tuple[str, ...],
+    until: float,
+    input_ranges: tuple[str, ...],
+    form: str | None,
+    output: str | None,
+    jobs: int | None,
+    quiet: bool,
+    save_plot: str | None,
+    **reading: Any,
+) -> int:
+    """Hold a model that 'thermofast improve' learnt against a set of RUNs of its machine, as whole distributions.
+
+    Each run is carried on from its first minutes; its least and its largest temperature after them are one sample of what was
+    measured, and draws of the model with its constants and the noise uncertain are samples of what it says. The area between the
+    two distributions [K] is the metric (Zhao, Lyu and Kan 2018); 'right' is what a right model would leave with so many runs, and
+    p how often it would leave as much.
+    """
+    from ..output.screen import number, text
+    from ..pipeline.around import validate_runs
+    from ..records import ValidateRecord
+    from ..results import failed
+    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
+
+    allowed = ranges(input_ranges)
+    check_outputs([output], save_plot)
+    learnt = load_model(model)
+    assert learnt is not None
+    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
+    with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
+        result = validate_runs(readings.runs, learnt, until, allowed, how)
+    drawn = [
+        ("sensor", text("channel")),
+        ("runs", number("runs", 0)),
+        ("least K", number("area_low_c", 3)),
+        ("largest K", number("area_high_c", 3)),
+        ("area K", number("area_c", 3)),
+        ("outside K", number("outside_c", 3)),
+        ("right K", number("expected_c", 3)),
+        ("p", number("p", 3)),
+        ("status", text("status")),
+    ]
+    code = deliver(result, failed(ValidateRecord, readings.unreadable), output, form, quiet, drawn)
+    draw(result, save_plot)
+    return code

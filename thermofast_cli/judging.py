@@ -1,0 +1,106 @@
+"""The library: judging a result. ``sensitivity``, ``validate``, ``displacement``, ``bench``; the rest is in ``api``."""
+
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import UsageError
+from .given import Source, Start, in_range, model_of, setting_texts, started_of, work_of
+from .reading_options import names
+from .results import Bench, Displacement, Sensitivity, Validation
+
+if TYPE_CHECKING:
+    from .machine.model import Model
+
+
+def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **reading: Any) -> Bench:
+    """Every filter on each run, and which one to use there: ``thermofast filters bench``.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .pipeline.around import bench_runs
+
+    return bench_runs(started_of(runs, start, True, reading), until)
+
+
+def sensitivity(
+    runs: Source,
+    until: float | None = None,
+    *,
+    sizes: Mapping[str, float] | None = None,
+    filter: str = "afukf",  # noqa: A002 - the name of the option
+    settings: Mapping[str, Any] | None = None,
+    model: "Model | str | Path | None" = None,
+    start: Start = "auto",
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    **reading: Any,
+) -> Sensitivity:
+    """How much each uncertain thing contributes to the spread; sizes: offset, start, room [K], jitter [s], until [min], limit [K].
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .analysis.sensitivity import Sizes
+    from .pipeline.around import sensitivity_runs
+    from .pipeline.methods import choose
+
+    known = [f.name for f in fields(Sizes)]
+    for key in sizes or {}:
+        if key not in known:
+            raise UsageError(f"unknown size {key!r}", allowed=", ".join(known))
+    learnt = model_of(model)
+    method = choose(filter, None, setting_texts(filter, settings))
+    started = started_of(runs, start, learnt is None, reading)
+    return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, work_of(jobs, executor, None))
+
+
+def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Start = "auto", **reading: Any) -> Displacement:
+    """Thermal displacement from the temperatures, and which way to trust.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .pipeline.around import displacement_runs
+
+    return displacement_runs(started_of(runs, start, False, reading), names(columns))
+
+
+def validate(
+    model: "Model | str | Path",
+    runs: Source,
+    until: float,
+    *,
+    input_range: Mapping[str, float] | None = None,
+    start: Start = "auto",
+    jobs: int | None = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    **reading: Any,
+) -> Validation:
+    """A learnt model against a set of runs: the area between distributions of measured and foretold temperatures.
+
+    Each run is carried on from its first `until` minutes; input_range says by how much [its unit] a logged input may be wrong.
+
+    Raises
+    ------
+    ThermofastError: as the command would refuse.
+    """
+    from .pipeline.around import validate_runs
+
+    learnt = model_of(model)
+    in_range(until=until)
+    if learnt is None:
+        raise UsageError("no model is given", do="learn one with tf.improve(...).model, or give the path of its file")
+    for name, reach in (input_range or {}).items():
+        in_range(reach=reach)
+        if not reach > 0.0:
+            raise UsageError(f"input_range: {name}: not above zero", found=repr(reach))
+    started = started_of(runs, start, False, reading)
+    return validate_runs(started, learnt, until, tuple((input_range or {}).items()), work_of(jobs, executor, progress))
