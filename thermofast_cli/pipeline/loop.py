@@ -87,7 +87,7 @@ def compare_runs(
     if denoise and options.get("until_min") is not None:
         raise UsageError("--denoise takes the whole record", found=f"--until {options['until_min']:g}", do="leave --until out")
     check_ranges(started, input_ranges)
-    more = {"input_ranges": input_ranges, "want_curves": details, "unknown_heat": unknown_heat, "denoise": denoise}
+    more: dict[str, Any] = {"input_ranges": input_ranges, "want_curves": details, "unknown_heat": unknown_heat, "denoise": denoise}
     tasks = loop_tasks(started, names=effects, **more, **options)
     found, interrupted = over_runs(compare_task, tasks, compare_lost, how or Work())
     records, panels = (tuple(r for one in found for r in getattr(one, name)) for name in ("records", "pictures"))
