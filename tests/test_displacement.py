@@ -22,7 +22,7 @@ def test_each_displacement_is_told_the_right_way(tool, tmp_path):
         (r["channel"], r["method"]): r for r in records(tool("displacement", RUN, "--format", "json", "-q", "--save-plot", picture))
     }
     assert picture.stat().st_size > 10_000
-    assert set(found) == {(c, m) for c in ("Z_um", "Y_um") for m in ("least squares", "network")}
+    assert set(found) == {(c, m) for c in ("Z_um", "Y_um") for m in ("least squares", "network", "arx")}
     assert [k for k, r in found.items() if r["trusted"]] == [("Z_um", "least squares"), ("Y_um", "network")]
     linear = found["Z_um", "least squares"]
     assert linear["rmse_ahead_um"] == pytest.approx(0.4, rel=0.1)  # the noise of the gauge

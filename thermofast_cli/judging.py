@@ -60,8 +60,20 @@ def sensitivity(
     return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, work_of(jobs, executor, None))
 
 
-def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Start = "auto", **reading: Any) -> Displacement:
+def displacement(
+    runs: Source,
+    columns: str | Iterable[str] = (),
+    *,
+    methods: str | Iterable[str] = (),
+    order: tuple[int, int] | None = None,
+    together: bool = False,
+    start: Start = "auto",
+    **reading: Any,
+) -> Displacement:
     """Thermal displacement from the temperatures, and which way to trust.
+
+    methods: some of least_squares, network, arx, network_by_minute, neural_network; order (outputs, inputs) is that of arx.
+    together: the runs are of one machine, learned from as one and left out in turn.
 
     Raises
     ------
@@ -69,7 +81,9 @@ def displacement(runs: Source, columns: str | Iterable[str] = (), *, start: Star
     """
     from .pipeline.around import displacement_runs
 
-    return displacement_runs(started_of(runs, start, False, reading), names(columns))
+    if order is not None and not (len(order) == 2 and all(isinstance(n, int) and 0 < n <= 50 for n in order)):
+        raise UsageError("order: not two whole numbers", found=repr(order), allowed="1 to 50 each, as (2, 1)")
+    return displacement_runs(started_of(runs, start, False, reading), names(columns), names(methods), order, together)
 
 
 def validate(

@@ -353,13 +353,16 @@ class SensitivityRecord(Record):
 
 @dataclass(frozen=True)
 class DisplacementRecord(Record):
-    """One way to tell a displacement from the temperatures; errors in um on readings not used, over contiguous blocks.
+    """One way to tell a displacement from the temperatures; errors in um on readings not used: contiguous blocks of one run, or
+    whole runs of several, as left_out says.
 
-    channel is the displacement column; baseline_um the error of its mean alone; coverage the share of readings inside the 95 %
-    interval.
+    channel is the displacement column; baseline_um the error of the better of its mean and a straight line in time, or the other
+    runs at that minute; coverage the share of readings inside the 95 % interval.
     """
 
     method: str = ""
+    runs: int = 1
+    left_out: str = "blocks"
     samples: int = 0
     sensors: list[str] = field(default_factory=list)
     rmse_fit_um: float | None = None

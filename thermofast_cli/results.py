@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
     from .analysis.changed import Difference
     from .analysis.denoise import Denoised
-    from .analysis.displacement import Panel as DisplacementPanel
     from .analysis.validate import Area
     from .analysis.watching import Look
     from .discovery.compare import Panel
     from .discovery.improve import Improved
+    from .displacements.told import Panel as DisplacementPanel
     from .estimation.curves import Curves
     from .estimation.sweep import Swept
     from .experiments.planning import Curve

@@ -15,12 +15,22 @@ from ..shell.options import RunCommand, reading_options, runs_argument, table_op
 @click.option(
     "--displacements", metavar="A,B", help="The displacement columns [um]; those named with um or displacement, by default."
 )
+@click.option(
+    "--methods",
+    metavar="A,B",
+    help="Some of least_squares, network, arx, network_by_minute, neural_network; the first three (four together) by default.",
+)
+@click.option("--order", metavar="NA,NB", help="Order of arx in outputs and inputs, the best of a few by default.")
+@click.option("--together", is_flag=True, help="The RUNs are of one machine: learn from all, and leave whole runs out in turn.")
 @reading_options
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw measured and predicted displacement, readings left out: .png .pdf .svg.")
 def command(
     runs: tuple[str, ...],
     displacements: str | None,
+    methods: str | None,
+    order: str | None,
+    together: bool,
     form: str | None,
     output: str | None,
     quiet: bool,
@@ -29,9 +39,13 @@ def command(
 ) -> int:
     """Tell thermal displacement from the temperatures of each RUN, and say which way to trust.
 
-    A discrete Bayesian network and least squares are fitted to the readings and scored on contiguous blocks of readings left out in
-    turn. 'without' is the error there of the better of their mean and a straight line in time: a model that is not clearly
-    below it has learnt nothing.
+    Least squares, a discrete Bayesian network and a difference equation (arx, for a part that lags its temperatures; it looks at
+    --inputs too) are fitted and scored on contiguous blocks of readings left out in turn, or on whole runs with --together.
+    'without' is the error there of the better of their mean and a straight line in time, or the other runs at that minute: a way
+    that is not clearly below it has learnt nothing.
+
+    --together also tries a table for each minute; --methods neural_network a net whose weights a particle swarm starts
+    (pip install 'thermofast[neural]').
     """
     from ..output.screen import number, text
     from ..pipeline.around import displacement_runs
@@ -39,9 +53,11 @@ def command(
     from ..results import failed
     from ..shell.session import check_outputs, deliver, draw, read_all
 
+    lags = _order(order)
+    displacement_runs([], (), names(methods), lags, together)  # what is wrong with the options is said before any file is read
     check_outputs([output], save_plot)
     readings = read_all(runs, reading, quiet, [output, save_plot], 1, from_rise=False)
-    result = displacement_runs(readings.runs, names(displacements))
+    result = displacement_runs(readings.runs, names(displacements), names(methods), lags, together)
     drawn = [
         ("displacement", text("channel")),
         ("by", text("method")),
@@ -55,3 +71,20 @@ def command(
     code = deliver(result, failed(DisplacementRecord, readings.unreadable), output, form, quiet, drawn)
     draw(result, save_plot)
     return code
+
+
+def _order(text: str | None) -> tuple[int, int] | None:
+    """'2,1' as (2, 1).
+
+    Raises
+    ------
+    UsageError: not two whole numbers above zero.
+    """
+    from ..errors import UsageError
+
+    if text is None:
+        return None
+    parts = text.split(",")
+    if len(parts) != 2 or not all(p.strip().isdigit() and 0 < int(p) <= 50 for p in parts):
+        raise UsageError("--order: not two whole numbers", found=repr(text), allowed="1 to 50 each, as 2,1")
+    return int(parts[0]), int(parts[1])

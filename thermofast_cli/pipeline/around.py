@@ -221,23 +221,39 @@ def sensitivity_runs(
     return Sensitivity(tuple(r for records in found for r in records), tuple(run for run, _ in started), interrupted)
 
 
-def displacement_runs(started: Sequence[Started], columns: tuple[str, ...] = ()) -> Displacement:
+def displacement_runs(
+    started: Sequence[Started],
+    columns: tuple[str, ...] = (),
+    methods: Sequence[str] = (),
+    order: tuple[int, int] | None = None,
+    together: bool = False,
+) -> Displacement:
     """Thermal displacement from the temperatures of each run: the columns named, or those that the reader took for displacements.
+
+    methods are names of ways to tell it, those of one run or of several together where none is named; order (outputs, inputs) is
+    that of arx. together: the runs are of one machine, learned from as one, and left out in turn.
 
     Raises
     ------
-    UsageError: a name that is no column.
+    UsageError: a name that is no column or no method, an order without arx, columns that not all runs have together.
     """
-    from ..analysis.displacement import displacement_run
+    from ..displacements.told import displacement_runs as told_together
+    from ..displacements.told import ways_of
 
-    found = []
-    for run, start in started:
+    ways = ways_of(methods, order, together)
+    chosen = []
+    for run, _ in started:
         known = {**run.displacements, **run.channels}
-        chosen = columns or tuple(run.displacements)
-        missing = [c for c in chosen if c not in known]
+        mine = columns or tuple(run.displacements)
+        missing = [c for c in mine if c not in known]
         if missing:
             raise UsageError(f"{run.name}: --displacements {missing[0]!r} is no column of this record", allowed=listed(known))
-        found.append(displacement_run(run, chosen, start))
+        chosen.append(mine)
+    groups = [list(started)] if together and started else [[one] for one in started]
+    common = tuple(c for c in chosen[0] if all(c in mine for mine in chosen)) if chosen else ()
+    if together and chosen and chosen[0] and not common:
+        raise UsageError("no displacement column is in all runs", found=", ".join(chosen[0]), do="name it with --displacements")
+    found = [told_together(group, common if together else mine, ways) for group, mine in zip(groups, chosen, strict=False)]
     return Displacement(
         tuple(r for one in found for r in one.records),
         tuple(run for run, _ in started),

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...analysis.displacement import Panel
+from ...displacements.told import Panel
 from .plots import MARK, MEASURED, MODEL, new_figure, styled
 
 MOST = 6
-COLOURS = {"least squares": MODEL, "network": MARK}
+COLOURS = {"least squares": MODEL, "network": MARK, "arx": "#4a7c59", "network by minute": "#8d6cab", "neural network": "#b5892e"}
 
 
 @styled

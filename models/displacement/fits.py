@@ -41,6 +41,7 @@ class Prediction:
 
     mean: Array
     deviation: Array
+    note: str = ""
 
 
 class Model(Protocol):
@@ -131,11 +132,6 @@ class NetworkModel:
         variance = (p * (self.class_variance + (self.class_mean - mean[:, None]) ** 2)).sum(axis=1)
         return Prediction(mean, self.spread * np.sqrt(variance))
 
-    def most_probable(self, temperatures: Array) -> Array:
-        """The paper's prediction (N,) [um], equations (2) and (3): the middle of the most probable class."""
-        middle = 0.5 * (self.class_edges[1:] + self.class_edges[:-1])
-        return np.asarray(middle[self.probabilities(temperatures).argmax(axis=1)])
-
 
 def equal_width_edges(values: Array, states: int) -> Array:
     """Edges (states + 1,) of equal intervals, closed on the left, that hold all values (section 2.3)."""
@@ -201,7 +197,7 @@ def fit_least_squares(temperatures: Array, displacement: Array, components: int 
             [e / np.sqrt(1.0 + m[n].leverage(temperatures[out])) for e, m, (_, out) in zip(error, models, folds, strict=True)]
         )
     best = _least(errors)
-    return replace(_components(temperatures, displacement, range(best, best + 1))[0], noise=_calibrated(scaled[best]))
+    return replace(_components(temperatures, displacement, range(best, best + 1))[0], noise=calibrated(scaled[best]))
 
 
 def _components(temperatures: Array, displacement: Array, counts: range) -> list[LinearModel]:
@@ -242,7 +238,7 @@ def fit_network(temperatures: Array, displacement: Array, bins: int | None = Non
         ratios.append((displacement[left_out] - predicted.mean) / predicted.deviation)
     model = _network(temperatures, displacement, parents, states, prior)
     # Blocks left out lie mostly inside the domain: they are no licence to claim more than the table does outside of it.
-    return replace(model, spread=max(1.0, _calibrated(np.concatenate(ratios))))
+    return replace(model, spread=max(1.0, calibrated(np.concatenate(ratios))))
 
 
 def _network(temperatures: Array, displacement: Array, parents: tuple[int, ...], states: int, prior: float) -> NetworkModel:
@@ -326,7 +322,7 @@ def _least(errors: dict[int, float]) -> int:
     return min(size for size, error in errors.items() if error * (1.0 - WORTH) <= least)
 
 
-def _calibrated(ratios: Array) -> float:
+def calibrated(ratios: Array) -> float:
     """Factor with which +-1.96 deviations hold 95 % of held-out errors, given over deviations (N,); no less than their spread."""
     return max(float(np.quantile(np.abs(ratios), 0.95)) / NORMAL_95, float(np.sqrt((ratios**2).mean())))
 

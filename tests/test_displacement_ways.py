@@ -1,0 +1,116 @@
+"""Ways to tell a displacement beside least squares and the network: arx, a table per minute, a net, over runs left out."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import thermofast as tf
+from benchmarks.displacement_ways import machine, warm_ups
+from thermofast.displacements import TOGETHER, WAYS, arx
+from thermofast.models.displacement import Sample
+from thermofast.models.displacement.scoring import compare
+from thermofast.output.files import write_columns
+
+
+def test_the_equation_is_found_and_run_freely():
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.choice([0.0, 1.0, 2.0], 60), 10)[:, None] + 0.01 * rng.standard_normal((600, 1))
+    # y_k = 0.9 y_k-1 + 0.3 u_k, from where it would stand still at the first input
+    still = 0.3 * u[0, 0] / (1.0 - 0.9)
+    y = lfilter([0.3], [1.0, -0.9], u[:, 0], zi=[0.9 * still])[0]
+    sample = Sample.of(20.0 + u, y)
+    everything = np.ones(600, bool)
+    told = arx((1, 1))(sample, everything)
+    assert told.mean == pytest.approx(y, abs=0.02)
+    assert told.note == "order 1, 1"
+    # Readings left out do not enter: the last third may be anything.
+    first = everything.copy()
+    first[400:] = False
+    spoilt = Sample(sample.temperatures, np.where(first, y, 1e6), sample.minutes, sample.run)
+    assert arx((1, 1))(spoilt, first).mean == pytest.approx(arx((1, 1))(sample, first).mean)
+    assert np.abs(arx((1, 1))(sample, first).mean - y)[400:].max() < 0.05
+
+
+def test_each_way_is_trusted_on_what_it_is_for():
+    ways = {n: WAYS[n] for n in ("least squares", "arx")}
+    lagging = compare(warm_ups(1, 40.0, runs=6), ways)
+    assert lagging.choice == "arx"
+    assert lagging.scores["arx"].rmse < 0.4 * lagging.scores["least squares"].rmse
+    assert lagging.scores["arx"].coverage > 0.85
+    bent = compare(machine(0, "bends with the temperature"), {n: WAYS[n] for n in ("least squares", "neural network")})
+    assert bent.choice == "neural network"
+    assert bent.scores["neural network"].rmse < 0.5 * bent.scores["least squares"].rmse
+    walk = compare(machine(0, "a walk, nothing to do with them"), {n: WAYS[n] for n in ("least squares", "arx", "neural network")})
+    assert walk.choice == "neither"
+
+
+def runs_in(folder, several, ends=None):
+    paths = []
+    for r in range(several.runs):
+        rows = several.run == r
+        rows &= several.minutes <= (ends[r] if ends else np.inf)
+        columns = {"time_min": several.minutes[rows]}
+        columns |= {f"T{i + 1}": several.temperatures[rows, i] for i in range(3)} | {"Z_um": several.displacement[rows]}
+        paths.append(folder / f"run {r}.csv")
+        write_columns(str(paths[-1]), columns)
+    return paths
+
+
+def test_several_runs_are_learned_from_together_and_left_out_in_turn(tool, tmp_path):
+    paths = runs_in(tmp_path, warm_ups(3, 8.0, runs=8), [150.0, 150.0, 150.0, 100.0, 100.0, 100.0, 100.0, 100.0])
+    done = tool("displacement", *paths, "--together", "--format", "json", "-q")
+    assert done.code == 0, done.err
+    found = {r["method"]: r for r in json.loads(done.out)["records"]}
+    assert set(found) == set(TOGETHER)
+    assert all((r["run"], r["runs"], r["left_out"]) == ("8 runs", 8, "runs") for r in found.values())
+    assert found["arx"]["trusted"]
+    # The table of each minute is behind what all minutes tell, as on the paper's own machine (tests/published).
+    assert found["network by minute"]["rmse_ahead_um"] > 2.0 * found["arx"]["rmse_ahead_um"]
+    assert "tables that end at 1" in found["arx"]["message"]
+    alone = json.loads(tool("displacement", paths[0], "--format", "json", "-q").out)["records"]
+    assert {r["status"] for r in alone} == {"too_short"}  # 30 readings
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--methods", "kriging"], "least_squares, network, arx, network_by_minute, neural_network"),
+        (["--order", "2"], "two whole numbers"),
+        (["--order", "0,2"], "two whole numbers"),
+        (["--order", "2,2", "--methods", "network"], "--order is that of arx"),
+    ],
+)
+def test_wrong_options_are_told(tool, arguments, words):
+    done = tool("displacement", "sample_runs/displacement.csv", *arguments)
+    assert done.code == 2
+    assert words in done.err
+
+
+def test_what_the_readings_do_not_bear_is_a_status_with_words(tmp_path):
+    two = [tf.read(p) for p in runs_in(tmp_path, warm_ups(3, 8.0, runs=2))]
+    lone = tf.displacement(two[0], methods="network_by_minute", together=True)
+    assert lone[0].status == "too_short"
+    few = tf.displacement([*two], together=True)
+    assert {r.status for r in few} == {"too_short"}
+    sample = machine(1, "linear")
+    everything = np.ones(len(sample.run), bool)
+    with pytest.raises(ValueError, match=r"order 20, 20 has 141 parameters: 705 readings in a row are needed, 380 are there"):
+        arx((20, 20))(sample, everything)
+    with pytest.raises(ValueError, match="4 runs to learn from, 1 are there"):
+        WAYS["network by minute"](sample, everything)
+    uneven = Sample(sample.temperatures, sample.displacement, np.sort(np.random.default_rng(0).uniform(0, 1200, 400)), sample.run)
+    with pytest.raises(ValueError, match="even times"):
+        arx((1, 1))(uneven, everything)
+    with pytest.raises(ValueError, match="60 readings, 50 are there"):
+        WAYS["neural network"](sample, np.arange(400) < 50)
+
+
+def test_a_net_without_scikit_learn_says_what_to_install(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "sklearn.neural_network", None)
+    found = tf.displacement("sample_runs/displacement.csv", "Z_um", methods="neural_network,least_squares")
+    assert {r.method: r.status for r in found} == {"least squares": "ok", "neural network": "too_short"}
+    assert "pip install 'thermofast[neural]'" in next(r for r in found if r.method == "neural network").message

@@ -1,0 +1,153 @@
+"""``displacement``: thermal displacement predicted from the temperatures, and which prediction to trust."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermofast.models.displacement import Sample, Way
+from thermofast.models.displacement.fits import Prediction
+from thermofast.models.displacement.scoring import compare
+
+from ..errors import UsageError, nearest
+from ..reading import Run
+from ..records import DisplacementRecord
+from . import LONE, TOGETHER, WAYS
+from .arx import arx
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Told:
+    """Records of a run and, for a picture, what each way says of every reading when it was left out."""
+
+    records: list[DisplacementRecord]
+    panels: list["Panel"]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One displacement (N,) [um] over time [min] and what ways say of readings left out."""
+
+    run: str
+    channel: str
+    time: Array
+    displacement: Array
+    predicted: dict[str, Prediction]
+    trusted: str
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """One run's rows in which nothing is missing: minutes (N,), temperatures (N, S), displacement (N,), and how many were lost."""
+
+    minutes: Array
+    temperatures: Array
+    displacement: Array
+    lost: int
+
+
+def ways_of(methods: Sequence[str], order: tuple[int, int] | None, together: bool) -> dict[str, Way]:
+    """The ways named, or those that are tried unasked; arx of the order given.
+
+    Raises
+    ------
+    UsageError: a way that is not known, an order of a way that is not tried.
+    """
+    asked = {m.replace("_", " ").replace("-", " "): m for m in methods}
+    for name, word in asked.items():
+        if name not in WAYS:
+            known = ", ".join(w.replace(" ", "_") for w in WAYS)
+            raise UsageError(
+                f"--methods: {word!r} is not one", allowed=known, do=nearest(word, [w.replace(" ", "_") for w in WAYS])
+            )
+    names = [n for n in WAYS if n in asked] or list(TOGETHER if together else LONE)
+    if order is not None and "arx" not in names:
+        raise UsageError("--order is that of arx", found=f"--methods {', '.join(methods)}", do="add arx to --methods")
+    return {n: arx(order) if n == "arx" and order is not None else WAYS[n] for n in names}
+
+
+def displacement_runs(started: Sequence[tuple[Run, float]], columns: tuple[str, ...], ways: dict[str, Way]) -> Told:
+    """Each way on each displacement column of a run, or of several of one machine together, by the sensors that all have.
+
+    Runs count from their starts [min]; rows in which any number is missing are left out.
+    """
+    name = started[0][0].name if len(started) == 1 else f"{len(started)} runs"
+    told = Told([], [])
+    if not columns:
+        why = "no displacement column: name one with um, or with --displacements"
+        return Told([DisplacementRecord(name, "", status="no_data", message=why)], [])
+    for column in columns:
+        sensors = [
+            c
+            for c in started[0][0].channels
+            if c != column and all(c in run.channels for run, _ in started) and any(_moves(run.channels[c]) for run, _ in started)
+        ]
+        inputs = [c for c in started[0][0].inputs if all(c in run.inputs for run, _ in started)]
+        rows = [_rows(run, column, [*sensors, *inputs], start) for run, start in started]
+        _add(told, name, column, rows, [*sensors, *inputs], ways)
+    return told
+
+
+def _rows(run: Run, column: str, sensors: list[str], start: float) -> _Rows:
+    values = run.displacements[column] if column in run.displacements else run.channels[column]
+    minutes = run.time_s / 60.0
+    every = [run.channels[c] if c in run.channels else run.inputs[c] for c in sensors]
+    own = np.array(every).T.reshape(len(minutes), len(sensors))
+    good = np.isfinite(values) & np.isfinite(own).all(axis=1) & (minutes >= start - 1e-9)
+    return _Rows(minutes[good] - start, own[good], values[good], int((~good).sum()))
+
+
+def _moves(values: Array) -> bool:
+    seen = values[np.isfinite(values)]
+    return len(seen) > 0 and float(np.ptp(seen)) > 0.0
+
+
+def _add(told: Told, name: str, column: str, several: list[_Rows], sensors: list[str], ways: dict[str, Way]) -> None:
+    values, temperatures, minutes = (
+        np.concatenate([getattr(one, part) for one in several]) for part in ("displacement", "temperatures", "minutes")
+    )
+    lost, runs = sum(one.lost for one in several), len(several)
+    blank: dict[str, Any] = {"samples": len(values), "sensors": sensors, "runs": runs, "left_out": "runs" if runs > 1 else "blocks"}
+    if not sensors or not len(values):
+        why = "no temperature goes with it" if not sensors else "no reading in this column"
+        told.records.append(DisplacementRecord(name, column, status="no_data", message=why))
+        return
+    if float(np.ptp(values)) == 0.0:
+        told.records.append(DisplacementRecord(name, column, status="constant", message="every reading is the same", **blank))
+        return
+    sample = Sample(temperatures, values, minutes, np.repeat(np.arange(runs), [len(one.minutes) for one in several]))
+    found = compare(sample, ways)
+    gaps = f"; {lost} rows with a gap in some column are left out, see --exclude" if lost else ""
+    everything = np.ones(len(values), dtype=bool)
+    notes = [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
+    verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes])
+    for method, way in ways.items():
+        score = found.scores.get(method)
+        if score is None:
+            why = found.refused[method] + gaps
+            told.records.append(DisplacementRecord(name, column, method, status="too_short", message=why, **blank))
+            continue
+        fitted = way(sample, everything).mean - values
+        trusted = found.choice == method
+        told.records.append(
+            DisplacementRecord(
+                name,
+                column,
+                method,
+                rmse_fit_um=float(np.sqrt(np.mean(fitted**2))),
+                rmse_ahead_um=score.rmse,
+                baseline_um=score.rival_rmse,
+                coverage=score.coverage,
+                trusted=trusted,
+                status="model_doubtful" if found.choice == "neither" else "ok",
+                message=verdict,
+                **blank,
+            )
+        )
+    shown = {m: s.prediction for m, s in found.scores.items()}
+    if shown and runs == 1:
+        told.panels.append(Panel(name, column, minutes, values, shown, found.choice))
