@@ -29,16 +29,6 @@ def _relative(matrix: Array, root: Array) -> Array:
     return 0.5 * (both + _transposed(both))
 
 
-def reading_matrix(cross: Array, covariance: Array) -> Array:
-    """H (..., p, n) that points imply, from the cross covariance of states and readings (..., n, p): equation (32).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError: singular covariance (..., n, n) of the states.
-    """
-    return _transposed(np.asarray(np.linalg.solve(covariance, cross), float))
-
-
 def innovation_spread(previous: Array | None, innovation: Array, forgetting: float) -> Array:
     """V (..., p, p) of equation (30) after an innovation (..., p); previous is None at the first one."""
     square = innovation[..., :, None] * innovation[..., None, :]

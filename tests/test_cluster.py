@@ -21,14 +21,23 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "D
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     """(address of a scheduler, its two workers' processes)."""
+    yield from started(tmp_path_factory.mktemp("cluster"), 2)
+
+
+@pytest.fixture
+def lone(tmp_path):
+    """The same with one worker."""
+    yield from started(tmp_path, 1)
+
+
+def started(where, count):
     pytest.importorskip("distributed", reason="the extra thermofast[dask] is not installed")
-    where = tmp_path_factory.mktemp("cluster")
     told = where / "scheduler.json"
     start = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(told)]
     work = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-dashboard", "--no-nanny"]
     quiet = {"env": ENVIRONMENT, "cwd": where, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     scheduler = subprocess.Popen(start, **quiet)
-    workers = [subprocess.Popen([*work, "--scheduler-file", str(told), "--name", str(i)], **quiet) for i in range(2)]
+    workers = [subprocess.Popen([*work, "--scheduler-file", str(told), "--name", str(i)], **quiet) for i in range(count)]
     from distributed import Client
 
     for _ in range(300):
@@ -36,7 +45,7 @@ def cluster(tmp_path_factory):
             break
         time.sleep(0.1)
     with Client(scheduler_file=str(told), set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=60)
+        client.wait_for_workers(count, timeout=60)
         address = client.scheduler.address
     yield address, workers
     for process in (*workers, scheduler):
@@ -78,6 +87,24 @@ def test_an_archive_on_a_cluster_of_which_a_worker_is_killed_equals_the_local_ru
     assert workers[1].poll() is None
     assert same(tmp_path / "local", tmp_path / "dask")
     shutil.rmtree(tmp_path / "dask")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_of_which_nobody_is_left_is_given_up(lone, tmp_path, monkeypatch):
+    monkeypatch.setattr("thermofast.workers.cluster.PATIENCE_S", 2.0)
+    monkeypatch.setattr("thermofast.workers.flow.LOOK_S", 0.5)
+    address, workers = lone
+    make_archive(tmp_path / "in", 12, sensors=10)
+
+    def kill(progress):
+        if progress.done == 2:
+            workers[0].kill()
+
+    found = tf.archive("identify", str(tmp_path / "in"), str(tmp_path / "dask"), until=60, cluster=address, progress=kill)
+    assert found.done == 12
+    assert "failed" not in found.statuses
+    tf.archive("identify", str(tmp_path / "in"), str(tmp_path / "local"), until=60, jobs=1)
+    assert same(tmp_path / "local", tmp_path / "dask")
 
 
 @pytest.mark.filterwarnings("ignore")

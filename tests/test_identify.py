@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lone import identify_sensor, sweep_sensor
 from simulator import lump, spindle
 
 from thermofast.estimation.closing import estimates_at, settling
-from thermofast.estimation.identify import Method, identify_sensor, identify_sensors
-from thermofast.estimation.sweep import sweep_sensor, sweep_sensors
+from thermofast.estimation.identify import Method, identify_sensors
+from thermofast.estimation.sweep import sweep_sensors
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from lone import identify_sensor, sweep_sensor
 from scipy import stats
 
 from thermofast.analysis.bench import Trial, choose_among, clearly_better
@@ -148,8 +149,7 @@ def test_luck_seldom_changes_the_filter():
 def test_a_filter_that_cannot_run_says_so_in_the_records_status():
     from dataclasses import dataclass, replace
 
-    from thermofast.estimation.identify import Method, identify_sensor
-    from thermofast.estimation.sweep import sweep_sensor
+    from thermofast.estimation.identify import Method
     from thermofast.filters import Ukf
 
     @dataclass(frozen=True)

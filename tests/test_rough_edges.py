@@ -12,10 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT
+from lone import identify_sensor
 
 from thermofast.estimation.closing import track_of
 from thermofast.estimation.estimate import FilterError
-from thermofast.estimation.identify import Method, identify_sensor
+from thermofast.estimation.identify import Method
 from thermofast.estimation.measured import contradiction, measured_equilibrium
 from thermofast.filters import Filter
 from thermofast.models import Lump

@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
+import thermofast as tf
 from thermofast.analysis.sensitivity import Sizes, _plain_factors, _points
 from thermofast.estimation.closing import estimate_at
 from thermofast.estimation.estimate import remaining
@@ -14,6 +16,7 @@ from thermofast.models.uncertainty.chaos import design, fit_chaos, hermite
 from thermofast.pipeline.methods import choose
 
 METHOD = choose("afukf", None, ())
+SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
 
 
 def records(done):
@@ -167,3 +170,22 @@ def test_places_are_as_sure_as_they_say():
     assert (sure > 0.9).mean() > 0.3
     assert right[sure > 0.9].mean() > 0.93
     assert right[(sure > 0.4) & (sure < 0.6)].mean() == pytest.approx(0.5, abs=0.2)
+
+
+def test_a_tolerance_spreads_as_an_even_number_does():
+    normal, even = (
+        next(r for r in tf.sensitivity(SPINDLE, 60, channels="T5", sizes={"offset": 0.9}, uniform=u) if r.factor == "probe offset")
+        for u in ((), "offset")
+    )
+    # Evenly within +- 0.9 is a standard deviation of 0.9 / sqrt(3).
+    spread = [np.sqrt(r.first_order) * r.deviation for r in (normal, even)]
+    assert spread[1] / spread[0] == pytest.approx(1.0 / math.sqrt(3.0), rel=0.02)
+    with pytest.raises(tf.UsageError, match="no size that may be a bound"):
+        tf.sensitivity(SPINDLE, 60, uniform="jitter")
+
+
+def test_the_command_takes_tolerances(tool):
+    assert "offset, start, room, until" in tool("sensitivity", SPINDLE, "--until", 60, "--uniform", "noise").err
+    done = tool("sensitivity", SPINDLE, "--until", 60, "--channels", "T5", "--uniform", "offset,room", "--format", "json", "-q")
+    found = {r["factor"]: r["first_order"] for r in records(done) if r["quantity"] == "steady_state_c"}
+    assert found["room"] == pytest.approx(0.8, abs=0.15)  # a third of its variance as a standard deviation

@@ -194,16 +194,16 @@ def test_a_range_of_the_room_moves_the_curve_by_as_much_on_both_sides():
 
 
 def test_the_last_quarter_is_foretold_from_the_first_three():
-    from thermofast.models.displacement import fit_least_squares
-    from thermofast.models.displacement_score import later_coverage
+    from thermofast.models.displacement import Sample, fit_least_squares, static
+    from thermofast.models.displacement.scoring import later_coverage
 
     rng = np.random.default_rng(4)
     above = 5.0 + 4.0 * np.sin(np.arange(400.0) / 20.0)
     temperatures = 20.0 + np.stack([above, 0.5 * above], axis=1) + 0.02 * rng.standard_normal((400, 2))
     straight = 2.0 * above + 0.3 * rng.standard_normal(400)
-    assert later_coverage(temperatures, straight, fit_least_squares) > 0.88
+    assert later_coverage(Sample.of(temperatures, straight), static(fit_least_squares)) > 0.88
     late = straight + 0.05 * np.maximum(np.arange(400.0) - 300.0, 0.0)
-    assert later_coverage(temperatures, late, fit_least_squares) < 0.5
+    assert later_coverage(Sample.of(temperatures, late), static(fit_least_squares)) < 0.5
 
 
 def test_mildly_alike_neighbours_widen_the_interval_without_doubt():

@@ -32,6 +32,7 @@ def sensitivity(
     until: float | None = None,
     *,
     sizes: Mapping[str, float] | None = None,
+    uniform: str | Iterable[str] = (),
     filter: str = "afukf",  # noqa: A002 - the name of the option
     settings: Mapping[str, Any] | None = None,
     model: "Model | str | Path | None" = None,
@@ -42,22 +43,27 @@ def sensitivity(
 ) -> Sensitivity:
     """How much each uncertain thing contributes to the spread; sizes: offset, start, room [K], jitter [s], until [min], limit [K].
 
+    uniform: those of offset, start, room, until that lie evenly within +- their size instead of normally about it.
+
     Raises
     ------
     ThermofastError: as the command would refuse.
     """
-    from .analysis.sensitivity import Sizes
+    from .analysis.sensitivity import BOUNDS, Sizes
     from .pipeline.around import sensitivity_runs
     from .pipeline.methods import choose
 
-    known = [f.name for f in fields(Sizes)]
+    known = [f.name for f in fields(Sizes) if f.name != "uniform"]
     for key in sizes or {}:
         if key not in known:
             raise UsageError(f"unknown size {key!r}", allowed=", ".join(known))
+    even = names(uniform)
+    if wrong := [name for name in even if name not in BOUNDS]:
+        raise UsageError(f"uniform: {wrong[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
     learnt = model_of(model)
     method = choose(filter, None, setting_texts(filter, settings))
     started = started_of(runs, start, learnt is None, reading)
-    return sensitivity_runs(started, method, Sizes(**(sizes or {})), until, learnt, work_of(jobs, executor, None))
+    return sensitivity_runs(started, method, Sizes(**(sizes or {}), uniform=even), until, learnt, work_of(jobs, executor, None))
 
 
 def displacement(

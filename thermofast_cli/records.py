@@ -323,10 +323,10 @@ class BenchRecord(Record):
 class SensitivityRecord(Record):
     """What one uncertain thing contributes to the spread of one quantity of a sensor.
 
-    size is its standard deviation; first_order and total are Sobol indices, shares of the quantity's variance; place is its
-    place by total, place_p how often it stands there when the runs are drawn anew (bootstrap of the polynomial); mean and
-    deviation are the quantity's over all that is uncertain; surrogate_error the share of the variance that the polynomial misses;
-    exceed_p_* the probability that the steady state errs by more than the limit asked for.
+    size is its standard deviation, or its bound where it is uniform; first_order and total are Sobol indices, shares of the
+    quantity's variance; place is its place by total, place_p how often it stands there when the runs are drawn anew (bootstrap of
+    the polynomial); mean and deviation are the quantity's over all that is uncertain; surrogate_error the share of the variance
+    that the polynomial misses; exceed_p_* the probability that the steady state errs by more than the limit asked for.
     """
 
     until_min: float | None = None

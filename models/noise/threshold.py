@@ -7,24 +7,8 @@ the residual.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.kernel import Array
-
-
-def moving_moments(residual: Array, window: int) -> tuple[Array, Array]:
-    """Mean (N,) and standard deviation (N,) of equations (18) and (17), each over `window` readings ending at its own.
-
-    As printed: the reading itself is in both, and each square in (17) is about the mean of its own time. nan before the first
-    full window, which for the deviation takes 2 window - 1 readings.
-
-    Raises
-    ------
-    ValueError: a window of fewer than two readings.
-    """
-    _check(window)
-    mean = _trailing_mean(residual, window)
-    return mean, np.sqrt(_trailing_mean((residual - mean) ** 2, window))
 
 
 def adaptive_threshold(
@@ -36,7 +20,7 @@ def adaptive_threshold(
     it: as printed a lasting fault is inside its own limits as soon as it fills the window. guard = inf lets all readings in.
     floor is the least standard deviation, such as that of a logger's rounding. nan for the first `window` readings.
     The window follows a slow drift, which stays inside: this finds what comes abruptly.
-    White Gaussian residuals leave the limits as often as :func:`false_alarm_rate` says.
+    White Gaussian residuals leave the limits as often as Student's t says (benchmarks.clean_stretches).
 
     Raises
     ------
@@ -56,42 +40,6 @@ def adaptive_threshold(
             seen.append(value)
             del seen[0]
     return low, high
-
-
-def false_alarm_rate(window: int, deviations: float) -> float:
-    """Share of white Gaussian residuals outside :func:`adaptive_threshold` with an open guard: a tail of Student's t.
-
-    A reading and the mean of the `window` before it differ with 1 + 1 / window times the variance of one. A guard far outside
-    the limits adds little: its readings are rare.
-    """
-    from scipy.special import stdtr
-
-    _check(window)
-    return 2.0 * float(stdtr(window - 1, -deviations / math.sqrt(1.0 + 1.0 / window)))
-
-
-def departure(residual: Array, low: Array, high: Array, in_a_row: int = 3) -> int | None:
-    """Index of the first of `in_a_row` readings in a row beyond the same limit (N,), or None; nan limits hold no reading out."""
-    runs = [_first_run(residual > high, in_a_row), _first_run(residual < low, in_a_row)]
-    found = [k for k in runs if k is not None]
-    return min(found) if found else None
-
-
-def _first_run(outside: NDArray[np.bool_], length: int) -> int | None:
-    count = 0
-    for k, out in enumerate(outside):
-        count = count + 1 if out else 0
-        if count == length:
-            return k - length + 1
-    return None
-
-
-def _trailing_mean(values: Array, window: int) -> Array:
-    """Mean (N,) of the `window` values ending at each; nan where one is missing."""
-    means = np.full(len(values), np.nan)
-    if len(values) >= window:
-        means[window - 1 :] = np.lib.stride_tricks.sliding_window_view(values, window).mean(axis=1)
-    return means
 
 
 def _check(window: int) -> None:

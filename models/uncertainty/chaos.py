@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.polynomial.hermite_e import hermegauss
-from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 
 from ..core.kernel import Array
@@ -25,8 +23,6 @@ UNEXPLAINED = 0.05
 DRAWS = 50
 #: Condition number of the basis at the runs above which they do not determine the coefficients.
 CONDITION = 1e8
-#: Points of a grid of roots that are still listed one by one.
-LARGEST_GRID = 100_000
 
 
 @dataclass(frozen=True)
@@ -181,31 +177,24 @@ def basis(inputs: Array, powers: Array, uniform: tuple[int, ...] = ()) -> Array:
     return out
 
 
-def design(
-    dimension: int, degree: int, runs: int | None = None, seed: int = 0, uniform: tuple[int, ...] = (), rule: str = "latin"
-) -> Array:
+def design(dimension: int, degree: int, runs: int | None = None, seed: int = 0, uniform: tuple[int, ...] = ()) -> Array:
     """Standard normal inputs (runs, d) at which to run the model; twice as many as coefficients where `runs` is not given.
 
-    "latin": Latin hypercubes, of which the best conditioned is kept. "roots": the paper's points, drawn in pairs symmetric about
-    the centre from the grid of the roots of the polynomials of the next degree. Latin hypercubes are the default because a
-    polynomial of the next degree vanishes at all of its roots: neither the fit nor its leave-one-out error can see such a term
-    there, and with runs in mirrored pairs the one left out is told by its twin.
+    Latin hypercubes, of which the best conditioned is kept; not the paper's points, drawn in pairs symmetric about the centre from
+    the grid of the roots of the polynomials of the next degree: a polynomial of that degree vanishes at all of its roots, so that
+    neither the fit nor its leave-one-out error can see such a term there, and with runs in mirrored pairs the one left out is
+    told by its twin.
 
-    Raises ValueError for fewer runs than coefficients, an unknown rule, runs that are odd or too many for the grid of roots.
+    Raises ValueError for fewer runs than coefficients.
     """
     powers = terms(dimension, degree)
     count = 2 * len(powers) if runs is None else runs
     if count < len(powers):
         raise ValueError(f"{count} runs do not determine {len(powers)} coefficients")
-    if rule not in ("latin", "roots"):
-        raise ValueError(f"no rule '{rule}': latin or roots")
-    grid = (degree + 1) ** dimension
-    if rule == "roots" and (count % 2 or count > grid or grid > LARGEST_GRID):
-        raise ValueError(f"a grid of {grid} roots gives no {count} runs in pairs (grids of more than {LARGEST_GRID} none at all)")
     rng = np.random.default_rng(seed)
     best, least = np.empty((0, dimension)), math.inf
     for _ in range(DRAWS):
-        points = _latin(rng, count, dimension) if rule == "latin" else _mirrored_roots(rng, count, dimension, degree, uniform)
+        points = _latin(rng, count, dimension)
         condition = float(np.linalg.cond(basis(points, powers, uniform)))
         if condition < least or not len(best):
             best, least = points, condition
@@ -299,20 +288,3 @@ def _latin(rng: np.random.Generator, runs: int, dimension: int) -> Array:
 
     slices = rng.permuted(np.tile(np.arange(runs)[:, None], (1, dimension)), axis=0)
     return np.asarray(ndtri((slices + rng.uniform(1e-6, 1.0 - 1e-6, slices.shape)) / runs))
-
-
-def _mirrored_roots(rng: np.random.Generator, runs: int, dimension: int, degree: int, uniform: tuple[int, ...]) -> Array:
-    """Distinct points (runs, d) of the grid of roots, in pairs symmetric about the centre, likely ones more often."""
-    from scipy.special import ndtri
-
-    normal, normal_weight = hermegauss(degree + 1)
-    even, even_weight = leggauss(degree + 1)
-    grid = np.indices((degree + 1,) * dimension).reshape(dimension, -1).T
-    half = grid[: len(grid) // 2]  # its mirror image is the other half, without the centre
-    weight = np.ones(len(half))
-    for i in range(dimension):
-        weight *= (even_weight if i in uniform else normal_weight)[half[:, i]]
-    chosen = half[rng.choice(len(half), runs // 2, replace=False, p=weight / weight.sum())]
-    both = np.concatenate([chosen, degree - chosen])
-    columns = [ndtri((1.0 + even) / 2.0)[both[:, i]] if i in uniform else normal[both[:, i]] for i in range(dimension)]
-    return np.column_stack(columns)

@@ -52,13 +52,6 @@ class DesignPoint:
         """Probability beyond the plane through the point: exact where the error is linear in the inputs."""
         return float(normal_tail(self.distance))
 
-    @property
-    def importance(self) -> Array:
-        """Share (d,) of each input in the way from the centre to the point; nan where the point is the centre."""
-        square = self.inputs**2
-        with np.errstate(invalid="ignore"):
-            return np.asarray(square / square.sum())
-
 
 @dataclass(frozen=True)
 class Side:

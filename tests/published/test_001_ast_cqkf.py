@@ -52,7 +52,6 @@ from thermofast.filters.strong_tracking import (
     fading_factor,
     husa_weight,
     innovation_spread,
-    reading_matrix,
     sage_husa_noise,
 )
 from thermofast.models import Lump
@@ -68,6 +67,11 @@ P0 = np.diag([100.0, 10.0, 100.0, 10.0, 100.0 * 1e-3**2])
 FAR = 1000.0  # a track this many metres off is lost
 
 Model = Callable[[Array], Array]
+
+
+def reading_matrix(cross: Array, covariance: Array) -> Array:
+    """H (..., p, n) that points imply, from the cross covariance of states and readings (..., n, p): equation (32)."""
+    return np.swapaxes(np.linalg.solve(covariance, cross), -1, -2)
 
 
 def turn(state: Array, a: float = 1.0, c: float = 1.0) -> Array:

@@ -28,6 +28,7 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
+from benchmarks.clean_stretches import false_alarm_rate
 from thermofast.filters.cost_reference import (
     AdaptiveCostReference,
     CostReference,
@@ -45,7 +46,7 @@ from thermofast.filters.cost_reference import (
     weights_from_cost,
 )
 from thermofast.models import Lump
-from thermofast.models.noise.threshold import adaptive_threshold, departure, false_alarm_rate, moving_moments
+from thermofast.models.noise.threshold import adaptive_threshold
 
 STEP_S, STEPS, PARTICLES, WINDOW, DEVIATIONS = 0.1, 3000, 500, 20, 2.17
 START, SPREAD = np.array([108.0, 428.0]), 0.01
@@ -100,6 +101,44 @@ def schedule(faults):
         return np.zeros(STEPS, int)
     last = 3 if faults == "stuck" else 2
     return np.concatenate([np.full(1000, mode) for mode in (0, 1, last)])
+
+
+def moving_moments(residual, window):
+    """Mean (N,) and standard deviation (N,) of equations (18) and (17), each over `window` readings ending at its own.
+
+    As printed: the reading itself is in both, and each square in (17) is about the mean of its own time. nan before the first
+    full window, which for the deviation takes 2 window - 1 readings.
+
+    Raises
+    ------
+    ValueError: a window of fewer than two readings.
+    """
+    mean = _trailing_mean(residual, window)
+    return mean, np.sqrt(_trailing_mean((residual - mean) ** 2, window))
+
+
+def departure(residual, low, high, in_a_row=3):
+    """Index of the first of `in_a_row` readings in a row beyond the same limit (N,), or None; nan limits hold no reading out."""
+    runs = [_first_run(residual > high, in_a_row), _first_run(residual < low, in_a_row)]
+    found = [k for k in runs if k is not None]
+    return min(found) if found else None
+
+
+def _first_run(outside, length):
+    count = 0
+    for k, out in enumerate(outside):
+        count = count + 1 if out else 0
+        if count == length:
+            return k - length + 1
+    return None
+
+
+def _trailing_mean(values, window):
+    """Mean (N,) of the `window` values ending at each; nan where one is missing."""
+    means = np.full(len(values), np.nan)
+    if len(values) >= window:
+        means[window - 1 :] = np.lib.stride_tricks.sliding_window_view(values, window).mean(axis=1)
+    return means
 
 
 @functools.cache

@@ -25,11 +25,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.stats import gamma, invgauss, norm
+from wiener import Belief, Passage, through_phases
 
 from thermofast.estimation.closing import estimate_at
 from thermofast.filters import Afukf
 from thermofast.models import Lump, t_quantile
-from thermofast.models.uncertainty.first_passage import Belief, Pace, Passage, RunBack, clock_time, through_phases, time_to_go
+from thermofast.models.uncertainty.first_passage import Pace, RunBack, clock_time, time_to_go
 
 PRIOR = {1: Belief(1.8758, 0.0457, 0.5613, -1.0007), 2: Belief(0.9711, 0.0196, 0.0698, -0.1665)}
 POWER = {1: 0.4438, 2: 0.7919}
@@ -332,3 +333,21 @@ def test_the_interval_holds_the_truth_in_95_of_100_records(minutes):
 def test_the_interval_holds_from_a_known_start_too(minutes):
     # Binomial: 250 records at 95 % lie in 0.91 .. 0.985 but once in two hundred (5000 of them: 0.948 and 0.944).
     assert 0.91 <= coverage(minutes, 17.9, 0.0, 250, 12) <= 0.985
+
+
+def test_the_time_still_to_go_is_the_papers_passage_without_diffusion_in_one_phase_and_in_two():
+    """The logarithm of what is lacking falls by the rate, its distribution normal: drift and drift_variance of (2) and (11)."""
+    b, spread, elapsed = 0.015, 0.0006, 40.0
+    state, covariance = np.array([22.0, 0.05, b]), np.diag([1e-4, 1e-6, spread**2])
+    passage = Passage(math.log(20.0) - b * elapsed, b, 1e-7, drift_variance=spread**2)
+    # Of the whole way, rate times (elapsed + time); the paper's phase that is under way has its age.
+    whole = Passage(math.log(20.0), b, 1e-7, drift_variance=spread**2)
+    told = time_to_go(state, covariance, RunBack(elapsed))
+    for share, ours in ((0.025, told.low), (0.5, told.median), (0.975, told.high)):
+        assert ours == pytest.approx(whole.quantile(share) - elapsed, abs=0.1)
+    assert told.median == pytest.approx(passage.crossing, abs=1e-6)
+    # Two phases: the first at half the rate for 30 min, then the rate itself; by (12) the sum of what each takes.
+    paced = time_to_go(state, covariance, RunBack(elapsed), paces=[Pace(30.0, 0.5), Pace(1.0, 1.0)])
+    first = Passage(0.5 * b * 30.0, 0.5 * b, 1e-9)
+    second = Passage(passage.distance - 0.5 * b * 30.0, b, 1e-9)
+    assert paced.median == pytest.approx(through_phases([first, second], 400.0).quantile(0.5), abs=0.2)

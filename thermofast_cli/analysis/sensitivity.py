@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thermofast.models import Lump
 from thermofast.models.arrow import covariance_root
 from thermofast.models.joint import RATE, Fit
-from thermofast.models.uncertainty.chaos import Chaos, design, fit_chaos
+from thermofast.models.uncertainty.chaos import Chaos, design, fit_chaos, to_uniform
 from thermofast.models.uncertainty.reliability import first_order, monte_carlo
 
 from ..discovery.loop import LoopTask, failure_records, in_order, ready, refused_records
@@ -46,7 +46,8 @@ QUANTITIES = ("steady_state_c", "t95_min")
 @dataclass(frozen=True)
 class Sizes:
     """Standard deviations of what is uncertain beside the noise: probe offset [K], start [K], room [K], time stamps [s],
-    identification time [min]; limit [K] of the steady state's error, or None.
+    identification time [min]; limit [K] of the steady state's error, or None. Those
+    named as uniform lie evenly within +- their size.
     """
 
     offset: float = 0.1
@@ -55,6 +56,7 @@ class Sizes:
     jitter: float = 1.0
     until: float = 2.0
     limit: float | None = None
+    uniform: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,11 @@ class Factor:
     size: float
     unit: str
     inputs: int = 1
+    uniform: bool = False
+
+
+#: Sizes that may be bounds in place of standard deviations.
+BOUNDS = ("offset", "start", "room", "until")
 
 
 @dataclass(frozen=True)
@@ -129,7 +136,7 @@ def _sensor_records(task: SensitivityTask, run: str, channel: str, sensor: Senso
         return found.steady_state, found.t95
 
     points = _points(factors)
-    outputs = np.array([outcome(point) for point in points])
+    outputs = np.array([outcome(point) for point in _bounded(factors, points)])
     blank = SensitivityRecord(run, channel, until_min=until, runs=len(points))
     return _records(blank, factors, points, outputs, task.sizes.limit)
 
@@ -164,10 +171,10 @@ def _plain_factors(
     factors = [
         Factor("probe noise", centre.noise, "K", 3),
         Factor("time stamps", sizes.jitter, "s", 3),
-        Factor("probe offset", sizes.offset, "K"),
-        Factor("start level", sizes.start, "K"),
-        Factor("room", sizes.room, "K"),
-        Factor("identification time", sizes.until, "min"),
+        Factor("probe offset", sizes.offset, "K", uniform="offset" in sizes.uniform),
+        Factor("start level", sizes.start, "K", uniform="start" in sizes.uniform),
+        Factor("room", sizes.room, "K", uniform="room" in sizes.uniform),
+        Factor("identification time", sizes.until, "min", uniform="until" in sizes.uniform),
     ]
 
     def change(point: Array) -> tuple[Array, float]:
@@ -197,7 +204,21 @@ def _tangent(centre: Estimate, time: Array) -> Array:
 
 
 def _points(factors: list[Factor]) -> Array:
-    return design(sum(f.inputs for f in factors), DEGREE)
+    return design(sum(f.inputs for f in factors), DEGREE, uniform=_evenly(factors))
+
+
+def _evenly(factors: list[Factor]) -> tuple[int, ...]:
+    """Numbers of the inputs that lie evenly within their bounds."""
+    firsts = np.cumsum([0, *[f.inputs for f in factors]]).tolist()
+    return tuple(i for f, first in zip(factors, firsts, strict=False) if f.uniform for i in range(first, first + f.inputs))
+
+
+def _bounded(factors: list[Factor], points: Array) -> Array:
+    """Points (n, d) as shares of the factors' sizes: normal numbers, or evenly from -1 to 1."""
+    shares = points.copy()
+    for i in _evenly(factors):
+        shares[:, i] = to_uniform(points[:, i], -1.0, 1.0)
+    return shares
 
 
 def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
@@ -213,10 +234,10 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     factors = [
         Factor("probe noise", float(np.median(whole.noise)), "K", 2),
         Factor("time stamps", sizes.jitter, "s", 2),
-        Factor("probe offset", sizes.offset, "K"),
-        Factor("start level", sizes.start, "K"),
-        Factor("room", sizes.room, "K"),
-        Factor("identification time", sizes.until, "min"),
+        Factor("probe offset", sizes.offset, "K", uniform="offset" in sizes.uniform),
+        Factor("start level", sizes.start, "K", uniform="start" in sizes.uniform),
+        Factor("room", sizes.room, "K", uniform="room" in sizes.uniform),
+        Factor("identification time", sizes.until, "min", uniform="until" in sizes.uniform),
         *[Factor(f"{owner}.{n.name}" if owner else n.name, float(n.standard_error or 0.0), n.unit) for owner, n in constants],
     ]
     centre = carry(file, prepared.seen, loop.run.name, loop.model.source).fit
@@ -244,7 +265,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
         return np.asarray([settling_point(fit, i, reference) for i in range(whole.sensors)])
 
     points = _points(factors)
-    outputs = np.array([outcome(point) for point in points])
+    outputs = np.array([outcome(point) for point in _bounded(factors, points)])
     records: list[SensitivityRecord] = []
     for i, channel in enumerate(whole.channels):
         blank = SensitivityRecord(loop.run.name, channel, until_min=until, runs=len(points))
@@ -309,7 +330,7 @@ def _records(
             why = f"{lost} of {len(points)} changed records do not determine the steady state: measure longer or take smaller sizes"
             records.append(replace(named, status="not_determined", message=why))
             continue
-        chaos = fit_chaos(points[good], outputs[good, q], DEGREE)
+        chaos = fit_chaos(points[good], outputs[good, q], DEGREE, _evenly(factors))
         # A probability lives in the tails, where a polynomial that misses some of the variance is worth nothing.
         exceeds: dict[str, Any] = {}
         if limit is not None and quantity == "steady_state_c" and not chaos.doubt:

@@ -4,6 +4,7 @@ from typing import Any
 
 import click
 
+from ..reading_options import names
 from ..shell.options import (
     Finite,
     RunCommand,
@@ -39,6 +40,11 @@ from ..shell.options import (
     metavar="MIN",
     help="Of the time to identify.",
 )
+@click.option(
+    "--uniform",
+    metavar="A,B",
+    help="Of offset, start, room, until: known to lie evenly within +- its size, as a tolerance class says.",
+)
 @click.option("--limit", type=Finite(0, min_open=True), metavar="K", help="Tell the probability of a larger error.")
 @reading_options
 @output_options
@@ -55,6 +61,7 @@ def command(
     room: float,
     jitter: float,
     until_spread: float,
+    uniform: str | None,
     limit: float | None,
     form: str | None,
     output: str | None,
@@ -71,7 +78,7 @@ def command(
     all' that with what it does together with others; 'sure' is how often it stands at its place by that when the runs are drawn
     anew. --limit is about the steady state's distance from its mean.
     """
-    from ..analysis.sensitivity import Sizes
+    from ..analysis.sensitivity import BOUNDS, Sizes
     from ..errors import UsageError
     from ..output.screen import number, text
     from ..pipeline.around import sensitivity_runs
@@ -83,10 +90,13 @@ def command(
     method = choose(filter_name, preset, settings)
     if model and (filter_name != "afukf" or preset or settings):
         raise UsageError("--model puts a joint fit in the filter's place", do="leave --filter, --preset and --set out")
+    even = names(uniform)
+    if unknown := [name for name in even if name not in BOUNDS]:
+        raise UsageError(f"--uniform: {unknown[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
     check_outputs([output], save_plot)
     learnt = load_model(model)
     readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
-    sizes = Sizes(offset, start_level, room, jitter, until_spread, limit)
+    sizes = Sizes(offset, start_level, room, jitter, until_spread, limit, even)
     with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
         result = sensitivity_runs(readings.runs, method, sizes, until, learnt, how)
     drawn = [

@@ -70,10 +70,13 @@ def ways_of(methods: Sequence[str], order: tuple[int, int] | None, together: boo
     return {n: arx(order) if n == "arx" and order is not None else WAYS[n] for n in names}
 
 
-def displacement_runs(started: Sequence[tuple[Run, float]], columns: tuple[str, ...], ways: dict[str, Way]) -> Told:
+def displacement_runs(
+    started: Sequence[tuple[Run, float]], columns: tuple[str, ...], ways: dict[str, Way], asked: bool = False
+) -> Told:
     """Each way on each displacement column of a run, or of several of one machine together, by the sensors that all have.
 
-    Runs count from their starts [min]; rows in which any number is missing are left out.
+    Runs count from their starts [min]; rows in which any number is missing are left out. A way that the readings do not bear has a
+    record of its own only where the ways were asked for, or where no other has.
     """
     name = started[0][0].name if len(started) == 1 else f"{len(started)} runs"
     told = Told([], [])
@@ -88,7 +91,7 @@ def displacement_runs(started: Sequence[tuple[Run, float]], columns: tuple[str, 
         ]
         inputs = [c for c in started[0][0].inputs if all(c in run.inputs for run, _ in started)]
         rows = [_rows(run, column, [*sensors, *inputs], start) for run, start in started]
-        _add(told, name, column, rows, [*sensors, *inputs], ways)
+        _add(told, name, column, rows, [*sensors, *inputs], ways, asked)
     return told
 
 
@@ -106,7 +109,7 @@ def _moves(values: Array) -> bool:
     return len(seen) > 0 and float(np.ptp(seen)) > 0.0
 
 
-def _add(told: Told, name: str, column: str, several: list[_Rows], sensors: list[str], ways: dict[str, Way]) -> None:
+def _add(told: Told, name: str, column: str, several: list[_Rows], sensors: list[str], ways: dict[str, Way], asked: bool) -> None:
     values, temperatures, minutes = (
         np.concatenate([getattr(one, part) for one in several]) for part in ("displacement", "temperatures", "minutes")
     )
@@ -124,9 +127,12 @@ def _add(told: Told, name: str, column: str, several: list[_Rows], sensors: list
     gaps = f"; {lost} rows with a gap in some column are left out, see --exclude" if lost else ""
     everything = np.ones(len(values), dtype=bool)
     notes = [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
+    notes += [f"{m} not told: {why}" for m, why in found.refused.items() if not asked and found.scores]
     verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes])
     for method, way in ways.items():
         score = found.scores.get(method)
+        if score is None and not asked and found.scores:
+            continue  # nobody asked for it
         if score is None:
             why = found.refused[method] + gaps
             told.records.append(DisplacementRecord(name, column, method, status="too_short", message=why, **blank))

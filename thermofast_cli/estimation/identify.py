@@ -123,21 +123,6 @@ def identify_sensors(
     return [one for one in found if one is not None]
 
 
-def identify_sensor(
-    run: str,
-    channel: str,
-    time_min: Array,
-    values: Array,
-    method: Method,
-    until_min: float | None = None,
-    start_min: float = 0.0,
-    note: str = "",
-    want_trace: bool = False,
-) -> Identified:
-    """As :func:`identify_sensors` for one sensor, values (N,)."""
-    return identify_sensors(run, (channel,), time_min, values[None], method, until_min, start_min, (note,), want_trace)[0]
-
-
 def _tracks_together(method: Method, blocks: Sequence[Sensors], until_min: float | None) -> dict[int, Track]:
     """Track of every row under one filter over all of them."""
     assert isinstance(method.filter, Afukf)

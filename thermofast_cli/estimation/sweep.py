@@ -110,22 +110,6 @@ def _with_machine(swept: list[Swept], half_widths: Callable[[float], Array], tol
     return found
 
 
-def sweep_sensor(
-    run: str,
-    channel: str,
-    time_min: Array,
-    values: Array,
-    method: Method,
-    windows: tuple[float, ...],
-    times: tuple[float, ...],
-    tolerance_c: float,
-    start_min: float = 0.0,
-    note: str = "",
-) -> Swept:
-    """As :func:`sweep_sensors` for one sensor, values (N,)."""
-    return sweep_sensors(run, (channel,), time_min, values[None], method, windows, times, tolerance_c, start_min, (note,))[0]
-
-
 @dataclass(frozen=True)
 class _Block:
     """Sensors of one run on one grid, on their way from readings to the records of a sweep."""

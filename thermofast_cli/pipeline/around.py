@@ -253,7 +253,10 @@ def displacement_runs(
     common = tuple(c for c in chosen[0] if all(c in mine for mine in chosen)) if chosen else ()
     if together and chosen and chosen[0] and not common:
         raise UsageError("no displacement column is in all runs", found=", ".join(chosen[0]), do="name it with --displacements")
-    found = [told_together(group, common if together else mine, ways) for group, mine in zip(groups, chosen, strict=False)]
+    found = [
+        told_together(group, common if together else mine, ways, bool(methods) or order is not None)
+        for group, mine in zip(groups, chosen, strict=False)
+    ]
     return Displacement(
         tuple(r for one in found for r in one.records),
         tuple(run for run, _ in started),

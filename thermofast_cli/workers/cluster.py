@@ -4,6 +4,7 @@ import hashlib
 import logging
 import socket
 import sys
+import time
 from collections.abc import Callable, Collection
 from concurrent.futures import Executor, Future
 from contextlib import suppress
@@ -16,7 +17,7 @@ import thermofast.models as models
 
 from ..errors import UsageError
 from .flow import Crew, Given, Here, Local
-from .pool import cores
+from .pool import cores, import_all
 
 #: How long a scheduler may take to answer [s].
 PATIENCE_S = 20.0
@@ -83,27 +84,68 @@ class Dask:
             self._client.close()
             raise UsageError(f"--cluster {address}: a scheduler without workers", do=f"start some: dask worker {address}")
         self.slots = sum(w["nthreads"] for w in workers.values())
+        # A worker unpickles tasks in several threads, and of a package that two threads import at once one sees the half of it.
+        self._client.register_plugin(_importing(), name="thermofast")
         self._executor = self._client.get_executor(pure=False)
+        self._own: Local | None = None
+        self._alone_since: float | None = None
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """Hand a task over."""
+        if self._own is not None:
+            return self._own.submit(work, task)
         future: Future[Any] = self._executor.submit(checked, build(), work, task)
         return future
 
     def renew(self, overdue: Collection["Future[Any]"]) -> bool:
-        """Restarts the workers that are at work, as Dask does not say on what; their other tasks it gives out again by itself."""
+        """Restarts the workers that are at work, as Dask does not say on what; their other tasks it gives out again by itself.
+
+        Where nobody is there any more, processes of this machine take over.
+        """
+        if self._own is not None:
+            return self._own.renew(overdue)
         for future in overdue:
             future.cancel()
-        if overdue:
-            with suppress(Exception):
-                busy = [worker for worker, keys in self._client.processing().items() if keys]
-                self._client.restart_workers(busy, raise_for_error=False)
+        if not overdue:
+            self._own = Local(cores())
+            return True
+        with suppress(Exception):
+            busy = [worker for worker, keys in self._client.processing().items() if keys]
+            self._client.restart_workers(busy, raise_for_error=False)
         return False
+
+    def gone(self) -> bool:
+        """Whether for some time there has been no worker, or no scheduler."""
+        if self._own is not None:
+            return self._own.gone()
+        try:
+            there = self._client.status == "running" and bool(self._client.nthreads())
+        except (OSError, TimeoutError, RuntimeError):
+            there = False
+        now = time.monotonic()
+        self._alone_since = None if there else self._alone_since if self._alone_since is not None else now
+        return self._alone_since is not None and now - self._alone_since > PATIENCE_S
 
     def close(self) -> None:
         """Leaves the cluster as it is."""
+        if self._own is not None:
+            self._own.close()
         self._executor.shutdown(wait=False)
         self._client.close()
+
+
+def _importing() -> Any:
+    """A plug-in by which each worker imports this package once, alone, before it is given tasks."""
+    from distributed import WorkerPlugin
+
+    class Importing(WorkerPlugin):
+        """Imports what tasks need."""
+
+        def setup(self, worker: Any) -> None:
+            """A worker begins."""
+            import_all()
+
+    return Importing()
 
 
 class Mpi(Given):

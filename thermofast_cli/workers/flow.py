@@ -1,19 +1,22 @@
 """Tasks over workers, a few in flight: one that dies, hangs or fails is tried again alone, and who did it is named."""
 
+import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
 from ..errors import ThermofastError
-from .pool import cores, ended, new_pool
+from .pool import cores, ended, import_all, new_pool
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 #: Single tasks that fail one after another, after which no more are tried: then it is not the tasks.
 MOST_FAILURES = 5
+#: How often it is looked whether anybody is still at work where nothing comes back [s].
+LOOK_S = 5.0
 #: Tasks in flight for each worker: one at work, one waiting for it.
 AHEAD = 2
 DIED = "the worker process died on this; run it alone with --jobs 1 to see why"
@@ -31,6 +34,9 @@ class Crew(Protocol):
 
     def renew(self, overdue: Collection["Future[Any]"]) -> bool:
         """Get rid of workers that died or are overdue; whether the tasks in flight went with them."""
+
+    def gone(self) -> bool:
+        """Whether nobody is there to work any more."""
 
     def close(self) -> None:
         """No more tasks will come."""
@@ -52,6 +58,10 @@ class Here:
 
     def renew(self, overdue: Collection["Future[Any]"]) -> bool:
         """Nothing to renew."""
+        return False
+
+    def gone(self) -> bool:
+        """Never."""
         return False
 
     def close(self) -> None:
@@ -77,6 +87,10 @@ class Local:
         self._pool = new_pool(self.slots)
         return True
 
+    def gone(self) -> bool:
+        """A pool tells of its dead by its futures."""
+        return False
+
     def close(self) -> None:
         """Ends the processes, those at work too: nobody waits for them any more."""
         ended(self._pool)
@@ -88,6 +102,8 @@ class Given:
     near = False
 
     def __init__(self, executor: Executor, slots: int) -> None:
+        if isinstance(executor, ThreadPoolExecutor):
+            import_all()
         self.slots = slots
         self._executor = executor
         self._own: Local | None = None
@@ -105,6 +121,10 @@ class Given:
         if not overdue:
             self._own = Local(cores())
         return not overdue
+
+    def gone(self) -> bool:
+        """An executor tells of its dead by its futures."""
+        return False
 
     def close(self) -> None:
         """Left as it is, its successor ended."""
@@ -148,9 +168,9 @@ class Flow(Generic[Task, Result]):
                     flying[_submitted(crew, self.work, drawn[1])] = (*drawn, time.monotonic())
             if not flying:
                 return
-            finished, _ = wait(flying, timeout=self._until_overdue(flying), return_when=FIRST_COMPLETED)
+            finished, _ = wait(flying, timeout=min(self._until_overdue(flying), LOOK_S), return_when=FIRST_COMPLETED)
             suspects: list[tuple[int, Task, str]] = []
-            broken = False
+            broken = not finished and crew.gone()
             for future in finished:
                 place, task, _since = flying.pop(future)
                 why, dead = _failure(future)
@@ -236,9 +256,9 @@ class Flow(Generic[Task, Result]):
     def _overdue(self, since: float) -> bool:
         return self.limit_s is not None and time.monotonic() - since > AHEAD * self.limit_s
 
-    def _until_overdue(self, flying: "dict[Future[Any], tuple[int, Task, float]]") -> float | None:
+    def _until_overdue(self, flying: "dict[Future[Any], tuple[int, Task, float]]") -> float:
         if self.limit_s is None:
-            return None
+            return math.inf
         first = min(since for _, _, since in flying.values())
         return max(0.05, first + AHEAD * self.limit_s - time.monotonic() + 0.05)
 

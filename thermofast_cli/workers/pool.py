@@ -6,7 +6,9 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
 from multiprocessing import connection
+from pkgutil import walk_packages
 from threading import Thread
 from typing import Any
 
@@ -115,3 +117,11 @@ def _submit(pool: Executor, work: Callable[[Any], Any], task: Any) -> Future[Any
         failed: Future[Any] = Future()
         failed.set_exception(error)
         return failed
+
+
+def import_all() -> None:
+    """Import every module that work may need: of a package that two threads import at once one may see the half of it."""
+    for part in ("models", "filters", "estimation", "discovery", "machine", "displacements", "analysis", "pipeline", "archives"):
+        package = import_module(f"thermofast.{part}")
+        for found in walk_packages(package.__path__, f"{package.__name__}."):
+            import_module(found.name)
