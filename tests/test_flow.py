@@ -42,7 +42,7 @@ def flow_of(work, **more):
 
 
 def test_a_hang_is_found_while_other_tasks_go_on_finishing():
-    tasks = [[7], *([n] for n in range(100, 400))]
+    tasks = [[7], *([n] for n in range(100, 250))]
     crew = Local(2)
     seen = []
     for place, results in flow_of(hangs_on_seven, limit_s=1.0).results(iter(tasks), crew):
@@ -53,8 +53,8 @@ def test_a_hang_is_found_while_other_tasks_go_on_finishing():
             assert results == [tasks[place][0] ** 2]
     crew.close()
     assert sorted(seen) == list(range(len(tasks)))
-    # Three seconds of fifteen: the others did not have to come to an end first.
-    assert seen.index(0) < 200
+    # The others did not have to come to an end first.
+    assert seen.index(0) < 120
 
 
 def test_failures_in_a_row_end_it_only_where_the_workers_are_at_fault():

@@ -11,7 +11,6 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .fits import Array, Mask, Prediction, calibrated
 from .sample import Sample
@@ -32,26 +31,18 @@ def neural_network(sample: Sample, used: Mask) -> Prediction:
     rows = np.flatnonzero(used)
     if len(rows) < 2 * HIDDEN:
         raise ValueError(f"a net of {HIDDEN} neurons needs {2 * HIDDEN} readings, {len(rows)} are there")
-    net, note = _trained(sample, rows)
+    rows = rows[:: -(-len(rows) // MOST_ROWS)]
+    centre, scale = sample.temperatures[rows].mean(axis=0), np.maximum(sample.temperatures[rows].std(axis=0), 1e-9)
+    low, size = float(sample.displacement[rows].mean()), max(float(sample.displacement[rows].std()), 1e-12)
+    inputs, output = (sample.temperatures - centre) / scale, (sample.displacement - low) / size
+    start, fitness = swarm(inputs[rows], output[rows])
     errors = []
     for out in np.array_split(rows, INNER):
-        inner, _ = _trained(sample, np.setdiff1d(rows, out))
-        errors.append(inner(sample.temperatures[out]) - sample.displacement[out])
-    mean = net(sample.temperatures)
-    return Prediction(mean, np.full(len(mean), calibrated(np.concatenate(errors))), note)
-
-
-def _trained(sample: Sample, rows: NDArray[np.int64]) -> tuple[Any, str]:
-    """A function from temperatures (N, S) to displacement (N,), and what there is to say of the swarm."""
-    rows = rows[:: -(-len(rows) // MOST_ROWS)]
-    x, y = sample.temperatures[rows], sample.displacement[rows]
-    centre, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-9)
-    low, size = float(y.mean()), max(float(y.std()), 1e-12)
-    inputs, output = (x - centre) / scale, (y - low) / size
-    start, fitness = swarm(inputs, output)
-    net = trained(inputs, output, start)
+        inner = np.setdiff1d(rows, out)
+        errors.append(trained(inputs[inner], output[inner], start).predict(inputs[out]) - output[out])
+    mean = low + size * trained(inputs[rows], output[rows], start).predict(inputs)
     note = "" if fitness < 1.0 else "a swarm that did not converge: no start of its is better than the mean"
-    return lambda t: low + size * net.predict((t - centre) / scale), note
+    return Prediction(mean, np.full(len(mean), size * calibrated(np.concatenate(errors))), note)
 
 
 def trained(inputs: Array, output: Array, start: Array | None, steps: int = STEPS) -> Any:
