@@ -72,7 +72,6 @@ def test_block_means_weigh_readings_and_bridge_gaps():
 @pytest.mark.parametrize(
     ("simulator", "effect", "seed"),
     [
-        ("bar", "reading_jump", 910_003),
         ("network", "transport_delay", 910_004),
     ],
 )
