@@ -127,7 +127,8 @@ def command(
     if denoise is not None:
         clean = next((one for one in result.denoised if one.sensors), None)
         if clean is None:
-            raise UsageError("--denoise: no sensor is denoised", do="the messages of the records say why")
+            say(f"{denoise}: not written, as no sensor is denoised; the messages say why")
+            return max(code, 1)
         write_columns(denoise, clean.columns)
         if not quiet:
             say(f"{denoise}: {len(clean.sensors)} of {len(result.runs[0].channels)} sensors denoised")
