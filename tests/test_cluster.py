@@ -164,3 +164,21 @@ def test_an_executor_of_ones_own_is_left_open():
     assert [r for part in in_order(flow, [[1], [2]], crew) for r in part] == [1, 4]
     crew.close()
     assert not theirs.closed
+
+
+def test_a_cluster_is_given_up_only_where_nobody_is_there_for_some_time(monkeypatch):
+    from types import SimpleNamespace
+
+    clock, there = [0.0], [True]
+    monkeypatch.setattr("thermofast.workers.cluster.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    crew = object.__new__(Dask)
+    crew._own, crew._alone_since, crew._looked = None, None, -1e9
+    crew._client = SimpleNamespace(status="running", nthreads=lambda: {"w": 1} if there[0] else {})
+    there[0] = False
+    assert not crew.gone()
+    clock[0] = 3600.0  # results came in for an hour, and nobody looked
+    assert not crew.gone()
+    for clock[0] in (3605.0, 3610.0, 3615.0, 3620.0):
+        assert not crew.gone()
+    clock[0] = 3625.0
+    assert crew.gone()

@@ -112,5 +112,46 @@ def test_a_net_without_scikit_learn_says_what_to_install(monkeypatch):
 
     monkeypatch.setitem(sys.modules, "sklearn.neural_network", None)
     found = tf.displacement("sample_runs/displacement.csv", "Z_um", methods="neural_network,least_squares")
-    assert {r.method: r.status for r in found} == {"least squares": "ok", "neural network": "too_short"}
+    assert {r.method: r.status for r in found} == {"least squares": "ok", "neural network": "not_determined"}
     assert "pip install 'thermofast[neural]'" in next(r for r in found if r.method == "neural network").message
+
+
+def test_gaps_inputs_and_dead_runs_are_borne():
+    rng = np.random.default_rng(3)
+    time = np.arange(1200.0)
+    load = np.repeat(rng.choice([0.0, 0.5, 1.0], 40), 30)
+    heat = lagged_by(load, 30.0)
+    columns = {"time_min": time, "T1": 20.0 + 8.0 * heat + 0.02 * rng.standard_normal(1200)}
+    columns |= {"Z_um": 20.0 * lagged_by(heat, 60.0) + 0.1 * rng.standard_normal(1200)}
+    columns |= {"speed_rpm": np.where(time % 10 == 0, 3000.0 * load, np.nan), "pump_rpm": np.where(time % 7 == 0, 1400.0, np.nan)}
+    whole = {r.method: r for r in tf.displacement(columns, inputs="speed_rpm,pump_rpm")}
+    assert whole["least squares"].samples == 1200  # inputs that are logged now and then cost no rows
+    assert whole["arx"].sensors == ["T1", "speed_rpm"]
+    assert whole["arx"].trusted
+    # A night without readings is time that passed, not one step.
+    kept = (time < 500.0) | (time > 700.0)
+    gap = {r.method: r for r in tf.displacement({n: c[kept] for n, c in columns.items()}, inputs="speed_rpm,pump_rpm")}
+    assert gap["arx"].rmse_ahead_um < 0.5
+    dead = {n: np.full(1200, np.nan) if n == "T1" else c for n, c in columns.items()}
+    runs = [
+        tf.read({k: v for k, v in c.items() if "rpm" not in k}, name=n)
+        for n, c in (("a", columns), ("b", columns), ("c", columns), ("d", dead))
+    ]
+    found = tf.displacement(runs, together=True, methods="least_squares")
+    assert {r.runs for r in found} == {3}
+    assert "no row of d is whole" in found[0].message
+
+
+def lagged_by(drive, tau):
+    return lfilter([1.0 - np.exp(-1.0 / tau)], [1.0, -np.exp(-1.0 / tau)], drive)
+
+
+def test_a_sensor_that_stands_still_and_moves_later_says_nothing():
+    sample = machine(1, "linear")
+    still = np.full(len(sample.run), 21.3)
+    still[350:] += 0.1
+    beside = Sample(np.column_stack([sample.temperatures, still]), sample.displacement, sample.minutes, sample.run)
+    used = np.arange(len(still)) < 350
+    for name in ("arx", "neural network"):
+        error = (WAYS[name](beside, used).mean - sample.displacement)[~used]
+        assert np.abs(error).max() < 5.0

@@ -6,6 +6,7 @@ import io
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from numbers import Integral, Real
 from typing import Any
 
 from .errors import UsageError
@@ -69,6 +70,9 @@ def options_from(given: dict[str, Any]) -> Options:
     for key in given:
         if key not in known:
             raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
+    for key in SEVERAL:
+        if isinstance(given.get(key), Iterable) and not isinstance(given[key], str):
+            given[key] = tuple(given[key])
     for key, value in given.items():
         _check(key, value)
     for key in SEVERAL:
@@ -88,10 +92,10 @@ def options_from(given: dict[str, Any]) -> Options:
     for key in LIMITS:
         if given.get(key) is None:
             given.pop(key, None)
-        elif not (isinstance(given[key], int) and given[key] > 0):
+        elif not (isinstance(given[key], Integral) and int(given[key]) > 0):
             raise UsageError(f"--{key.replace('_', '-')}: not a limit", found=repr(given[key]), allowed="a whole number above zero")
     skipped = given.get("skip_footer") or 0
-    if not (isinstance(skipped, int) and skipped >= 0):
+    if not (isinstance(skipped, Integral) and int(skipped) >= 0):
         raise UsageError("--skip-footer: not a number of lines", found=repr(skipped), allowed="0 or more")
     return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
 
@@ -101,21 +105,22 @@ def _check(key: str, value: Any) -> None:
     if value is None:
         return
     if key in SEVERAL:
-        fine = isinstance(value, str) or (isinstance(value, (list, tuple)) and all(isinstance(v, str) for v in value))
+        fine = isinstance(value, str) or (isinstance(value, tuple) and all(isinstance(v, str) for v in value))
         allowed = "a text, or a list of texts"
     elif key in CHOICES:
         fine, allowed = value in CHOICES[key], " ".join(CHOICES[key])
     elif key in TEXTS:
         fine, allowed = isinstance(value, str), "a text"
     elif key in LEAST:
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        fine, allowed = number and math.isfinite(value) and value >= LEAST[key], f"a number from {LEAST[key]:g} on"
+        kind, words = (Integral, "a whole number") if key == "header_line" else (Real, "a number")
+        number = isinstance(value, kind) and not isinstance(value, bool)
+        fine, allowed = number and math.isfinite(value) and value >= LEAST[key], f"{words} from {LEAST[key]:g} on"
     else:
         return
     if fine and key == "encoding":
         try:
             codecs.lookup(value)
-        except LookupError:
+        except (LookupError, ValueError):
             fine, allowed = False, "a name as utf-8 or cp1252"
     if not fine:
         raise UsageError(f"--{SPOKEN.get(key, key).replace('_', '-')}: not understood", found=repr(value)[:60], allowed=allowed)

@@ -334,6 +334,7 @@ class SensitivityRecord(Record):
     factor: str = ""
     size: float | None = None
     unit: str = ""
+    uniform: bool = False
     first_order: float | None = None
     total: float | None = None
     place: int | None = None

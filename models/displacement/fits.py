@@ -327,6 +327,12 @@ def calibrated(ratios: Array) -> float:
     return max(float(np.quantile(np.abs(ratios), 0.95)) / NORMAL_95, float(np.sqrt((ratios**2).mean())))
 
 
+def standard(columns: Array) -> tuple[Array, Array]:
+    """Mean and deviation (S,) of columns (N, S); inf where one stands still, so that it says nothing should it move later."""
+    centre, scale = columns.mean(axis=0), columns.std(axis=0)
+    return centre, np.where(scale > 1e-9 * np.maximum(1.0, np.abs(centre)), scale, np.inf)
+
+
 def checked(temperatures: Array, displacement: Array) -> tuple[Array, Array]:
     """Both as arrays of floats; ValueError where nothing can be learned from them."""
     temperatures, displacement = np.asarray(temperatures, dtype=float), np.asarray(displacement, dtype=float)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .fits import Array, Mask, Prediction, calibrated
+from .fits import Array, Mask, Prediction, calibrated, standard
 from .sample import Sample
 
 HIDDEN, PARTICLES, GENERATIONS = 30, 10, 100
@@ -32,7 +32,7 @@ def neural_network(sample: Sample, used: Mask) -> Prediction:
     if len(rows) < 2 * HIDDEN:
         raise ValueError(f"a net of {HIDDEN} neurons needs {2 * HIDDEN} readings, {len(rows)} are there")
     rows = rows[:: -(-len(rows) // MOST_ROWS)]
-    centre, scale = sample.temperatures[rows].mean(axis=0), np.maximum(sample.temperatures[rows].std(axis=0), 1e-9)
+    centre, scale = standard(sample.temperatures[rows])
     low, size = float(sample.displacement[rows].mean()), max(float(sample.displacement[rows].std()), 1e-12)
     inputs, output = (sample.temperatures - centre) / scale, (sample.displacement - low) / size
     start, fitness = swarm(inputs[rows], output[rows])

@@ -14,12 +14,16 @@ MOST_FOLDS = 10
 
 @dataclass(frozen=True)
 class Sample:
-    """temperatures (N, S) [degC], displacement (N,) [um], minutes (N,) on each run's own clock, run (N,) its number, ascending."""
+    """temperatures (N, S) [degC], displacement (N,) [um], minutes (N,) on each run's own clock, run (N,) its number, ascending.
+
+    inputs (N, k) are logged drives, each in its own unit; None where there are none.
+    """
 
     temperatures: Array
     displacement: Array
     minutes: Array
     run: NDArray[np.int64]
+    inputs: Array | None = None
 
     @staticmethod
     def of(temperatures: Array, displacement: Array, minutes: Array | None = None) -> "Sample":

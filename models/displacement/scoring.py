@@ -29,7 +29,8 @@ class Score:
     rmse, mean_rmse, time_rmse [um]: of the model, of the mean of the readings left in, and of a straight line in time across the
     block, or the mean of the other runs at that minute; coverage: share of the readings inside the 95 % interval; squares,
     rival_squares (folds,) [um^2]: mean square error of what was left out, of the model and of the better of the two rivals;
-    prediction: what was said of every reading when it was left out; clock: the second rival, in words.
+    prediction: what was said of every reading when it was left out; clock: the second rival, in words; fitted [um]: the error where
+    all readings are used.
     """
 
     rmse: float
@@ -40,6 +41,7 @@ class Score:
     rival_squares: Array
     prediction: Prediction
     clock: str = "a straight line in time"
+    fitted: float = math.nan
 
     @property
     def rival_rmse(self) -> float:
@@ -120,12 +122,13 @@ def _chance(squares: Array, rival_squares: Array) -> float:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which way to trust, or "neither"; why, in words; scores of those that could be tried, and why others could not."""
+    """Which way to trust, or "neither"; why, in words; scores of those that could be tried, why others could not, doubts."""
 
     choice: str
     reason: str
     scores: dict[str, Score] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    doubts: dict[str, str] = field(default_factory=dict)
 
 
 def compare(sample: Sample, ways: dict[str, Way]) -> Verdict:
@@ -141,7 +144,8 @@ def compare(sample: Sample, ways: dict[str, Way]) -> Verdict:
     refused: dict[str, str] = {}
     for name, way in ways.items():
         try:
-            scores[name] = score(sample, way)
+            fitted = way(sample, np.ones(len(sample.displacement), dtype=bool)).mean - sample.displacement
+            scores[name] = replace(score(sample, way), fitted=math.sqrt(float(np.mean(fitted**2))))
         except ValueError as error:
             refused[name] = str(error)
     found = replace(verdict(scores), refused=refused)
@@ -174,7 +178,7 @@ def verdict(scores: dict[str, Score]) -> Verdict:
     good = [name for name, doubt in doubts.items() if not doubt]
     if not good:
         reason = "; ".join(f"{name}: {doubt}" for name, doubt in doubts.items()) or "no way could be tried"
-        return Verdict("neither", reason, scores)
+        return Verdict("neither", reason, scores, doubts=doubts)
     least = min(scores[name].rmse for name in good)
     choice = next(name for name in good if 0.9 * scores[name].rmse <= least)
     own = scores[choice]
@@ -187,7 +191,7 @@ def verdict(scores: dict[str, Score]) -> Verdict:
         f"error {own.rmse:.3g} um on readings left out, against {own.rival_rmse:.3g} um without temperatures; "
         f"its 95 % interval holds {100.0 * own.coverage:.0f} %"
     )
-    return Verdict(choice, "; ".join([reason, *others]), scores)
+    return Verdict(choice, "; ".join([reason, *others]), scores, doubts=doubts)
 
 
 def _doubt(own: Score) -> str:

@@ -353,7 +353,9 @@ def _records(
         for factor, mine, place, sure in zip(factors, groups, *chaos.places(groups), strict=True):
             shares: dict[str, Any] = {"first_order": chaos.alone(mine), "total": chaos.in_all(mine)}
             shares |= {"place": int(place), "place_p": float(sure)}
-            records.append(replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, **shares))
+            records.append(
+                replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, uniform=factor.uniform, **shares)
+            )
     return records
 
 

@@ -5,21 +5,25 @@ noise; within a run the logged inputs go through their values, and its least and
 between the distributions of measured and foretold bounds is the metric [K]. What a right model would leave is simulated.
 """
 
+import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from thermofast.models.arrow import covariance_root
 from thermofast.models.joint import Fit
 from thermofast.models.noise.area_metric import FEWEST, area_metric_interval, area_outside, enough, response_bounds
+from thermofast.models.noise.residual_noise import fit_arma, long_run_factor
 
 from ..discovery.compare import curve_shifts
 from ..discovery.loop import LoopTask, failure_records, ready, refused_records
 from ..errors import ThermofastError
 from ..machine.learnt import carry
+from ..reading.source import sha256_of
 from ..records import ValidateRecord
 
 Array = NDArray[np.float64]
@@ -30,8 +34,12 @@ DRAWS = 400
 SHARES = (-1.0, -0.5, 0.0, 0.5, 1.0)
 #: A model that would be this far off once in so many sets of runs is doubted.
 DOUBTED = 0.01
+#: Readings before --until from which on the colour of the noise is asked for; draws that fall in before it is stationary.
+FEWEST_COLOURED, WARM_UP = 30, 100
 #: Runs without which nothing is told, readings ahead without which a run is none.
 FEWEST_RUNS, FEWEST_READINGS = 2, 5
+#: Readings before --until without which a run's own level and start, and the noise, are not known.
+FEWEST_BEFORE = 8
 
 
 @dataclass(frozen=True)
@@ -47,10 +55,11 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Judged:
-    """A run's bounds, one for each sensor, and records of what could not be judged."""
+    """A run's bounds, one for each sensor, records of what could not be judged, and what there is to say of the run."""
 
     bounds: list[Bounds]
     refused: list[ValidateRecord]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -85,18 +94,36 @@ def _bounds(task: LoopTask) -> Judged:
     fit = carry(task.model.file, prepared.seen, task.run.name, task.model.source).fit
     shifts = curve_shifts(fit, dict(task.input_ranges), SHARES)
     found, refused = [], refused_records(ValidateRecord, task.run.name, observed)
+    for channel in task.model.file.channels:
+        if channel not in whole.channels and channel not in {r.channel for r in refused}:
+            why = "the model has this sensor, and this run no reading of it that moves"
+            refused.append(ValidateRecord(task.run.name, channel, status="no_data", message=why))
     for i, channel in enumerate(whole.channels):
         ahead = whole.used[i] & ~fit.run.used[i]
+        before = int(fit.run.used[i].sum())
+        if before < FEWEST_BEFORE:
+            why = f"{before} readings before --until: at least {FEWEST_BEFORE} are needed"
+            refused.append(ValidateRecord(task.run.name, channel, status="too_short", message=why))
+            continue
         if ahead.sum() < FEWEST_READINGS:
             why = f"{int(ahead.sum())} readings ahead of --until: at least {FEWEST_READINGS} are needed"
             refused.append(ValidateRecord(task.run.name, channel, status="too_short", message=why))
             continue
-        curve = fit.curve[i][ahead] + _drawn(fit, i, ahead) + _noise(fit, i, ahead, task.run.name)
+        residual = np.where(fit.run.used[i], fit.unrounded[i], np.nan)
+        residual = residual[slice(*(np.flatnonzero(fit.run.used[i])[[0, -1]] + [0, 1]))]
+        # Noise that neighbours share makes level and constants less sure than their standard errors, and extremes rarer.
+        wider = math.sqrt(long_run_factor(residual))
+        curve = fit.curve[i][ahead] + wider * _drawn(fit, i, ahead) + _noise(fit, i, ahead, residual)
         low = np.stack([(curve + shift[i][ahead]).min(axis=1) for shift in shifts], axis=1)
         high = np.stack([(curve + shift[i][ahead]).max(axis=1) for shift in shifts], axis=1)
         measured = whole.reading[i][ahead]
         found.append(Bounds(task.run.name, channel, np.array([measured.min(), measured.max()]), low, high))
-    return Judged(found, refused)
+    notes = []
+    if sha256_of(task.run.name) in {task.model.file.learnt_from.sha256, *(m.sha256 for m in task.model.file.also_from)} - {""}:
+        notes.append("among the runs are some that the model was learnt from: they prove nothing")
+    if task.input_ranges and max(float(np.abs(shift).max()) for shift in shifts) == 0.0:
+        notes.append(f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing")
+    return Judged(found, refused, tuple(notes))
 
 
 def _drawn(fit: Fit, sensor: int, at: NDArray[np.bool_]) -> Array:
@@ -119,11 +146,16 @@ def _drawn(fit: Fit, sensor: int, at: NDArray[np.bool_]) -> Array:
     return np.asarray(moved @ by)
 
 
-def _noise(fit: Fit, sensor: int, at: NDArray[np.bool_], run: str) -> Array:
-    """Noise of the readings (draws, n)."""
-    size = fit.noise[sensor] / np.sqrt(np.median(fit.run.weight[sensor][fit.run.used[sensor]]))
-    rng = np.random.default_rng(zlib.crc32(f"{run} {fit.run.channels[sensor]} noise".encode()))
-    return np.asarray(float(size) * rng.standard_normal((DRAWS, int(at.sum()))))
+def _noise(fit: Fit, sensor: int, at: NDArray[np.bool_], residual: Array) -> Array:
+    """Noise of the readings (draws, n), of the size and, with enough of them, the colour of the residual before (m,) [K]."""
+    size = float(fit.noise[sensor] / np.sqrt(np.median(fit.run.weight[sensor][fit.run.used[sensor]])))
+    rng = np.random.default_rng(zlib.crc32(f"{fit.run.name} {fit.run.channels[sensor]} noise".encode()))
+    white = rng.standard_normal((DRAWS, int(at.sum()) + WARM_UP))
+    if np.isfinite(residual).sum() < FEWEST_COLOURED or not float(np.nanstd(residual)) > 0.0:
+        return np.asarray(size * white[:, WARM_UP:])
+    model = fit_arma(residual, 1, 1)
+    coloured = lfilter(np.r_[1.0, model.theta], np.r_[1.0, -model.phi], white, axis=1)[:, WARM_UP:]
+    return np.asarray(size / math.sqrt(model.variance / model.innovation_variance) * coloured)
 
 
 def _normals(name: str) -> Array:
@@ -143,6 +175,9 @@ def judge(judged: Sequence[Judged], until_min: float, ranges: Sequence[str]) -> 
             records.append(replace(blank, run=mine[0].run, status="too_short", message=why))
             continue
         record, area = _sensor(blank, mine, bool(ranges))
+        notes = dict.fromkeys(n for one in judged for n in one.notes)
+        record = replace(record, message="; ".join(m for m in (record.message, *notes) if m))
+        area = replace(area, record=record)
         records.append(record)
         areas.append(area)
     return [*records, *(r for one in judged for r in one.refused)], areas

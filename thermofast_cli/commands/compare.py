@@ -76,7 +76,9 @@ def command(
     have the intervals that any heat beside the power leaves them.
 
     --denoise keeps what the model says and what deviates from it slowly, and leaves the noise out, of the sensors where tests find
-    nothing but a sensor's noise beside the model: white, or a colour that dies away within a tenth of the time constant.
+    nothing but a sensor's noise beside the model: white, or a colour that dies away within a tenth of the time constant. The file
+    has those sensors alone, each with its band (_lo, _hi); of a long record it has means over the steps that the model is fitted
+    to.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
@@ -127,6 +129,7 @@ def command(
     if denoise is not None:
         clean = next((one for one in result.denoised if one.sensors), None)
         if clean is None:
+            # Said with --quiet too: it decides the code.
             say(f"{denoise}: not written, as no sensor is denoised; the messages say why")
             return max(code, 1)
         write_columns(denoise, clean.columns)

@@ -4,7 +4,7 @@ Yang et al. 2014, J. Jilin Univ. (Eng.) 44(2), equations (6)-(10): y_k = sum b_i
 from the first reading of each run, never the next reading from the last ones measured: that would say nothing of the temperatures.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from thermofast.filters.rls import RecursiveLeastSquares, arx_regressor
 from thermofast.models.displacement import Sample, Way
-from thermofast.models.displacement.fits import Array, Mask, Prediction, calibrated
+from thermofast.models.displacement.fits import Array, Mask, Prediction, calibrated, standard
 
 #: Orders (outputs, inputs) among which the least error is looked for.
 ORDERS = ((1, 1), (2, 1), (2, 2))
@@ -25,6 +25,8 @@ LARGEST_ROOT = 0.9999
 #: Covariance that the search starts with, in units of the standardised columns: a ridge of one hundredth of a reading.
 START = 100.0
 INNER = 4
+#: Times as many steps as readings at which a run is little but gaps; fewer averaged rows than this are no run.
+MOST_GAPS = 4
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,12 @@ def arx(order: tuple[int, int] | None = None) -> Way:
 
 
 def _told(order: tuple[int, int] | None, sample: Sample, used: Mask) -> Prediction:
+    columns = sample.temperatures if sample.inputs is None else np.concatenate([sample.temperatures, sample.inputs], axis=1)
     low, size = sample.displacement[used].mean(), max(float(sample.displacement[used].std()), 1e-12)
-    centre, scale = sample.temperatures[used].mean(axis=0), np.maximum(sample.temperatures[used].std(axis=0), 1e-9)
-    standard = Sample((sample.temperatures - centre) / scale, (sample.displacement - low) / size, sample.minutes, sample.run)
-    coarse = _coarse(standard, used)
+    centre, scale = standard(columns[used])
+    coarse = _coarse(
+        replace(sample, temperatures=(columns - centre) / scale, displacement=(sample.displacement - low) / size), used
+    )
     found: dict[tuple[int, int], Array] = {}
     why = ""
     for one in (order,) if order is not None else ORDERS:
@@ -58,34 +62,44 @@ def _told(order: tuple[int, int] | None, sample: Sample, used: Mask) -> Predicti
     if not found:
         raise ValueError(why)
     best = min(found, key=lambda one: _criterion(coarse, found[one], one))
-    deviation = size * _held_out(coarse, best)
-    mean = np.empty(len(sample.run))
-    firsts = [*coarse.firsts, len(coarse.output)]
-    for rows, (a, b) in zip(sample.stretches(), pairwise(firsts), strict=True):
-        mean[rows] = np.interp(sample.minutes[rows], coarse.minutes[a:b], found[best][a:b])
+    deviation = size * _held_out(sample, (sample.displacement - low) / size, used, coarse, best)
+    mean = _at_readings(sample, coarse, found[best])
     return Prediction(low + size * mean, np.full(len(mean), deviation), f"order {best[0]}, {best[1]}")
 
 
 def _coarse(sample: Sample, used: Mask) -> _Coarse:
-    """Rows as they are, or means over as many as leave MOST_ROWS of the longest run, on one even step.
+    """Readings on one even step, means over as many steps as leave MOST_ROWS of the longest run; what is missing is not used.
 
-    Raises ValueError where readings are not evenly spaced.
+    Raises ValueError where readings are not at multiples of one step, or a run has none, or little but gaps.
     """
     stretches = sample.stretches()
-    stride = max(1, -(-max(len(rows) for rows in stretches) // MOST_ROWS))
-    step = float(np.median(np.concatenate([np.diff(sample.minutes[rows]) for rows in stretches])))
+    apart = [np.diff(sample.minutes[rows]) for rows in stretches]
+    step = float(np.median(np.concatenate(apart))) if any(len(a) for a in apart) else 0.0
+    if not step > 0.0:
+        raise ValueError("a difference equation needs readings at even times, alike in all runs")
+    steps = [np.maximum(1, np.round(a / step)).astype(np.int64) for a in apart]
+    off = np.concatenate([np.abs(a - step * n) > 0.02 * step for a, n in zip(apart, steps, strict=True)])
+    if float(off.mean()) > 0.02:
+        raise ValueError("a difference equation needs readings at even times, alike in all runs")
+    longest = max(int(n.sum()) + 1 for n in steps)
+    stride = max(1, -(-longest // MOST_ROWS))
     parts, firsts, count = [], [], 0
-    for rows in stretches:
-        apart = np.diff(sample.minutes[rows])
-        if len(rows) < 2 or float(np.mean(np.abs(apart - step) > 0.02 * step)) > 0.02:
-            raise ValueError("a difference equation needs readings at even times, alike in all runs")
-        keep = rows[: len(rows) // stride * stride].reshape(-1, stride)
+    for rows, n in zip(stretches, steps, strict=True):
+        at = np.concatenate([[0], np.cumsum(n)])
+        whole = (int(at[-1]) + 1) // stride * stride
+        if whole < MOST_GAPS * stride or at[-1] + 1 > MOST_GAPS * len(rows):
+            raise ValueError(f"a run of {len(rows)} readings over {step * at[-1]:.4g} min: too short, or little but gaps")
+        grid = np.arange(whole)
+        there = np.zeros(at[-1] + 1, dtype=bool)
+        there[at] = used[rows]
+        columns = [sample.temperatures[rows].T, sample.displacement[rows][None], sample.minutes[rows][None]]
+        even = np.stack([np.interp(grid, at, column) for column in np.concatenate(columns)])
+        means = even.reshape(len(even), -1, stride).mean(axis=2)
+        parts.append((means, there[:whole].reshape(-1, stride).all(axis=1)))
         firsts.append(count)
-        count += len(keep)
-        parts.append(keep)
-    rows = np.concatenate(parts)
-    means = sample.temperatures[rows].mean(axis=1), sample.displacement[rows].mean(axis=1), sample.minutes[rows].mean(axis=1)
-    return _Coarse(*means, np.asarray(used[rows].all(axis=1)), firsts)
+        count += means.shape[1]
+    together = np.concatenate([means for means, _ in parts], axis=1)
+    return _Coarse(together[:-2].T, together[-2], together[-1], np.concatenate([own for _, own in parts]), firsts)
 
 
 def _free_run(coarse: _Coarse, used: Mask, order: tuple[int, int]) -> Array:
@@ -135,16 +149,25 @@ def _criterion(coarse: _Coarse, told: Array, order: tuple[int, int]) -> float:
     return float(len(error) * np.log(np.mean(error**2) + 1e-12) + 2.0 * size)
 
 
-def _held_out(coarse: _Coarse, order: tuple[int, int]) -> float:
-    """Deviation of a prediction, from stretches of the readings in use that are left out in turn."""
-    ratios = []
-    for out in np.array_split(np.flatnonzero(coarse.used), INNER):
+def _at_readings(sample: Sample, coarse: _Coarse, told: Array) -> Array:
+    """What is told of the even steps (M,) at the readings (N,)."""
+    mean, firsts = np.empty(len(sample.run)), [*coarse.firsts, len(told)]
+    for rows, (a, b) in zip(sample.stretches(), pairwise(firsts), strict=True):
+        mean[rows] = np.interp(sample.minutes[rows], coarse.minutes[a:b], told[a:b])
+    return mean
+
+
+def _held_out(sample: Sample, output: Array, used: Mask, coarse: _Coarse, order: tuple[int, int]) -> float:
+    """Deviation of a reading (not of a mean of several) from what is told, from stretches that are left out in turn."""
+    errors = []
+    rows = np.flatnonzero(used)
+    for steps, out in zip(np.array_split(np.flatnonzero(coarse.used), INNER), np.array_split(rows, INNER), strict=True):
         inner = coarse.used.copy()
-        inner[out] = False
+        inner[steps] = False
         try:
-            ratios.append((_free_run(coarse, inner, order) - coarse.output)[out])
+            errors.append((_at_readings(sample, coarse, _free_run(coarse, inner, order)) - output)[out])
         except ValueError:
             continue
-    if not ratios:
-        ratios.append((_free_run(coarse, coarse.used, order) - coarse.output)[coarse.used])
-    return float(calibrated(np.concatenate(ratios)))
+    if not errors:
+        errors.append((_at_readings(sample, coarse, _free_run(coarse, coarse.used, order)) - output)[rows])
+    return float(calibrated(np.concatenate(errors)))

@@ -19,6 +19,9 @@ from .arx import arx
 
 Array = NDArray[np.float64]
 
+#: Share of the readings at which an input must be logged; between them it is as it was last.
+LOGGED = 0.02
+
 
 @dataclass(frozen=True)
 class Told:
@@ -42,11 +45,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class _Rows:
-    """One run's rows in which nothing is missing: minutes (N,), temperatures (N, S), displacement (N,), and how many were lost."""
+    """One run's whole rows: minutes (N,), temperatures (N, S), displacement (N,), inputs (N, k); how many rows were lost."""
 
+    run: str
     minutes: Array
     temperatures: Array
     displacement: Array
+    inputs: Array
     lost: int
 
 
@@ -83,25 +88,38 @@ def displacement_runs(
     if not columns:
         why = "no displacement column: name one with um, or with --displacements"
         return Told([DisplacementRecord(name, "", status="no_data", message=why)], [])
-    for column in columns:
+    for column in dict.fromkeys(columns):
         sensors = [
             c
             for c in started[0][0].channels
             if c != column and all(c in run.channels for run, _ in started) and any(_moves(run.channels[c]) for run, _ in started)
         ]
-        inputs = [c for c in started[0][0].inputs if all(c in run.inputs for run, _ in started)]
-        rows = [_rows(run, column, [*sensors, *inputs], start) for run, start in started]
-        _add(told, name, column, rows, [*sensors, *inputs], ways, asked)
+        inputs = [
+            c
+            for c in started[0][0].inputs
+            if c != column
+            and all(c in run.inputs and np.isfinite(run.inputs[c]).mean() >= LOGGED for run, _ in started)
+            and any(_moves(run.inputs[c]) for run, _ in started)
+        ]
+        rows = [_rows(run, column, sensors, inputs, start) for run, start in started]
+        _add(told, name, column, rows, (sensors, inputs), ways, asked, column in started[0][0].channels)
     return told
 
 
-def _rows(run: Run, column: str, sensors: list[str], start: float) -> _Rows:
+def _rows(run: Run, column: str, sensors: list[str], inputs: list[str], start: float) -> _Rows:
     values = run.displacements[column] if column in run.displacements else run.channels[column]
     minutes = run.time_s / 60.0
-    every = [run.channels[c] if c in run.channels else run.inputs[c] for c in sensors]
-    own = np.array(every).T.reshape(len(minutes), len(sensors))
+    own = np.array([run.channels[c] for c in sensors]).T.reshape(len(minutes), len(sensors))
+    drives = np.array([_held(run.inputs[c]) for c in inputs]).T.reshape(len(minutes), len(inputs))
     good = np.isfinite(values) & np.isfinite(own).all(axis=1) & (minutes >= start - 1e-9)
-    return _Rows(minutes[good] - start, own[good], values[good], int((~good).sum()))
+    return _Rows(run.name, minutes[good] - start, own[good], values[good], drives[good], int((~good).sum()))
+
+
+def _held(values: Array) -> Array:
+    """A logged input (N,), where it is missing as it was last; before its first reading, as it was then."""
+    known = np.flatnonzero(np.isfinite(values))
+    last = np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)
+    return np.asarray(values[known[last]])
 
 
 def _moves(values: Array) -> bool:
@@ -109,12 +127,26 @@ def _moves(values: Array) -> bool:
     return len(seen) > 0 and float(np.ptp(seen)) > 0.0
 
 
-def _add(told: Told, name: str, column: str, several: list[_Rows], sensors: list[str], ways: dict[str, Way], asked: bool) -> None:
-    values, temperatures, minutes = (
-        np.concatenate([getattr(one, part) for one in several]) for part in ("displacement", "temperatures", "minutes")
+def _add(
+    told: Told,
+    name: str,
+    column: str,
+    several: list[_Rows],
+    names: tuple[list[str], list[str]],
+    ways: dict[str, Way],
+    asked: bool,
+    temperature: bool,
+) -> None:
+    sensors, inputs = names
+    empty = [one.run for one in several if not len(one.minutes)]
+    lost = sum(one.lost for one in several)
+    several = [one for one in several if len(one.minutes)] or several[:1]
+    values, temperatures, minutes, drives = (
+        np.concatenate([getattr(one, part) for one in several]) for part in ("displacement", "temperatures", "minutes", "inputs")
     )
-    lost, runs = sum(one.lost for one in several), len(several)
-    blank: dict[str, Any] = {"samples": len(values), "sensors": sensors, "runs": runs, "left_out": "runs" if runs > 1 else "blocks"}
+    runs = len(several)
+    used = [*sensors, *(inputs if "arx" in ways else [])]
+    blank: dict[str, Any] = {"samples": len(values), "sensors": used, "runs": runs, "left_out": "runs" if runs > 1 else "blocks"}
     if not sensors or not len(values):
         why = "no temperature goes with it" if not sensors else "no reading in this column"
         told.records.append(DisplacementRecord(name, column, status="no_data", message=why))
@@ -122,38 +154,41 @@ def _add(told: Told, name: str, column: str, several: list[_Rows], sensors: list
     if float(np.ptp(values)) == 0.0:
         told.records.append(DisplacementRecord(name, column, status="constant", message="every reading is the same", **blank))
         return
-    sample = Sample(temperatures, values, minutes, np.repeat(np.arange(runs), [len(one.minutes) for one in several]))
+    number = np.repeat(np.arange(runs), [len(one.minutes) for one in several])
+    sample = Sample(temperatures, values, minutes, number, drives if inputs else None)
     found = compare(sample, ways)
     gaps = f"; {lost} rows with a gap in some column are left out, see --exclude" if lost else ""
-    everything = np.ones(len(values), dtype=bool)
+    gaps += f"; no row of {', '.join(empty)} is whole" if empty else ""
     notes = [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
     notes += [f"{m} not told: {why}" for m, why in found.refused.items() if not asked and found.scores]
-    verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes])
-    for method, way in ways.items():
+    notes += [f"{column} is a temperature: errors are in K"] if temperature else []
+    verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes]) + (gaps if empty else "")
+    for method in ways:
         score = found.scores.get(method)
         if score is None and not asked and found.scores:
             continue  # nobody asked for it
         if score is None:
             why = found.refused[method] + gaps
-            told.records.append(DisplacementRecord(name, column, method, status="too_short", message=why, **blank))
+            status = "too_short" if not found.scores else "not_determined"
+            told.records.append(DisplacementRecord(name, column, method, status=status, message=why, **blank))
             continue
-        fitted = way(sample, everything).mean - values
         trusted = found.choice == method
         told.records.append(
             DisplacementRecord(
                 name,
                 column,
                 method,
-                rmse_fit_um=float(np.sqrt(np.mean(fitted**2))),
+                rmse_fit_um=score.fitted,
                 rmse_ahead_um=score.rmse,
                 baseline_um=score.rival_rmse,
                 coverage=score.coverage,
                 trusted=trusted,
-                status="model_doubtful" if found.choice == "neither" else "ok",
+                status="model_doubtful" if found.choice == "neither" or found.doubts.get(method) else "ok",
                 message=verdict,
                 **blank,
             )
         )
-    shown = {m: s.prediction for m, s in found.scores.items()}
-    if shown and runs == 1:
-        told.panels.append(Panel(name, column, minutes, values, shown, found.choice))
+    for r, one in enumerate(several if found.scores else ()):
+        mine = number == r
+        shown = {m: Prediction(s.prediction.mean[mine], s.prediction.deviation[mine]) for m, s in found.scores.items()}
+        told.panels.append(Panel(one.run, column, one.minutes, one.displacement, shown, found.choice))

@@ -356,6 +356,9 @@ def read_model(path: str) -> ModelFile:
     for number in (*model.base, *(n for e in model.effects for n in e.parameters)):
         if not math.isfinite(number.value):
             raise UsageError(f"{path}: {number.name} is not a number", found=repr(number.value), do="learn the model anew")
+    for channel in model.channels:
+        if not any(n.name == "rate" and n.channel in (None, channel) for n in model.base):
+            raise UsageError(f"{path}: no rate of {channel}", do="the file is not whole: learn the model anew")
     ids = [e.id for e in model.effects]
     if len(set(ids)) < len(ids):
         raise UsageError(f"{path}: an effect twice", found=", ".join(ids), allowed="each effect once")

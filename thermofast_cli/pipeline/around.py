@@ -190,12 +190,21 @@ def validate_runs(
     UsageError: a range of a column that is not logged, and as :func:`loop_tasks`.
     """
     from ..analysis.validate import judge, validate_lost, validate_task
+    from ..records import ValidateRecord
     from .loop import check_ranges, loop_tasks
 
     check_ranges(started, input_ranges)
-    tasks = loop_tasks(started, until_min=until_min, model=model, input_ranges=input_ranges)
+    lengths = {run.name: float(run.time_s[-1]) / 60.0 for run, _ in started}
+    enough = [one for one in started if lengths[one[0].name] > until_min] or list(started)
+    kept = {run.name for run, _ in enough}
+    short = [run.name for run, _ in started if run.name not in kept]
+    tasks = loop_tasks(enough, until_min=until_min, model=model, input_ranges=input_ranges)
     found, interrupted = over_runs(validate_task, tasks, validate_lost, how or Work())
     records, areas = judge(found, until_min, [name for name, _ in input_ranges])
+    records += [
+        ValidateRecord(name, "", status="too_short", message=f"it ends at {lengths[name]:.4g} min, before --until {until_min:g}")
+        for name in short
+    ]
     return Validation(tuple(records), tuple(run for run, _ in started), interrupted, tuple(areas))
 
 

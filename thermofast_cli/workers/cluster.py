@@ -2,6 +2,7 @@
 
 import hashlib
 import logging
+import math
 import socket
 import sys
 import time
@@ -16,7 +17,7 @@ import thermofast.filters as filters
 import thermofast.models as models
 
 from ..errors import UsageError
-from .flow import Crew, Given, Here, Local
+from .flow import LOOK_S, Crew, Given, Here, Local
 from .pool import cores, import_all
 
 #: How long a scheduler may take to answer [s].
@@ -85,10 +86,20 @@ class Dask:
             raise UsageError(f"--cluster {address}: a scheduler without workers", do=f"start some: dask worker {address}")
         self.slots = sum(w["nthreads"] for w in workers.values())
         # A worker unpickles tasks in several threads, and of a package that two threads import at once one sees the half of it.
-        self._client.register_plugin(_importing(), name="thermofast")
+        try:
+            self._client.register_plugin(_importing(), name="thermofast")
+        except Exception as error:
+            self._client.close()
+            raise UsageError(
+                f"--cluster {address}: a worker cannot import this thermofast",
+                found=f"{type(error).__name__}: {error}"[:160],
+                do="install the same version there",
+            ) from None
         self._executor = self._client.get_executor(pure=False)
         self._own: Local | None = None
+        #: Since when nobody is there, and when it was looked last: long looks apart, results came in between.
         self._alone_since: float | None = None
+        self._looked = -math.inf
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """Hand a task over."""
@@ -123,15 +134,22 @@ class Dask:
         except (OSError, TimeoutError, RuntimeError):
             there = False
         now = time.monotonic()
-        self._alone_since = None if there else self._alone_since if self._alone_since is not None else now
+        if there or now - self._looked > 3.0 * LOOK_S:
+            self._alone_since = None
+        if not there and self._alone_since is None:
+            self._alone_since = now
+        self._looked = now
         return self._alone_since is not None and now - self._alone_since > PATIENCE_S
 
     def close(self) -> None:
         """Leaves the cluster as it is."""
         if self._own is not None:
             self._own.close()
-        self._executor.shutdown(wait=False)
-        self._client.close()
+        # A scheduler that is gone cannot be told to stop anything; what was found stands.
+        with suppress(Exception):
+            self._executor.shutdown(wait=False)
+        with suppress(Exception):
+            self._client.close()
 
 
 def _importing() -> Any:

@@ -182,8 +182,9 @@ class Flow(Generic[Task, Result]):
                     yield place, future.result()
             if broken:
                 # All that flew fell, and nobody knows which of them broke it.
-                suspects += [(place, task, DIED) for future, (place, task, _) in flying.items() if not _done(future)]
-                done = [(place, future.result()) for future, (place, _, _) in flying.items() if _done(future)]
+                over = {future for future in flying if _done(future)}  # looked at once: some may still be coming in
+                suspects += [(place, task, DIED) for future, (place, task, _) in flying.items() if future not in over]
+                done = [(place, future.result()) for future, (place, _, _) in flying.items() if future in over]
                 flying.clear()
                 crew.renew(())
                 yield from done
