@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from thermofast.models.arrow import covariance_root
-from thermofast.models.joint import Fit
+from thermofast.models.joint import RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, area_metric_interval, area_outside, enough, response_bounds
 from thermofast.models.noise.residual_noise import fit_arma, long_run_factor
 
@@ -23,11 +23,14 @@ from ..discovery.compare import curve_shifts
 from ..discovery.loop import LoopTask, failure_records, ready, refused_records
 from ..errors import ThermofastError
 from ..machine.learnt import carry
+from ..machine.modelfile import ModelFile
 from ..reading.source import sha256_of
 from ..records import ValidateRecord
 
 Array = NDArray[np.float64]
 
+#: Standard errors of the file that the rate of half of the runs may lie from it, held back towards it as each run's is.
+FAR = 3.0
 #: Draws of the model for each run.
 DRAWS = 400
 #: Values of each input range that a draw is looked at, as shares of its reach.
@@ -44,13 +47,17 @@ FEWEST_BEFORE = 8
 
 @dataclass(frozen=True)
 class Bounds:
-    """Of one sensor in one run: measured (2,) least and largest temperature ahead, low, high (draws, shares) of the model."""
+    """Of one sensor in one run: measured (2,) least and largest temperature ahead, low, high (draws, shares) of the model.
+
+    off: how many standard errors of the model file the rate lies from the file's, as this run's first minutes have it.
+    """
 
     run: str
     channel: str
     measured: Array
     low: Array
     high: Array
+    off: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -117,13 +124,24 @@ def _bounds(task: LoopTask) -> Judged:
         low = np.stack([(curve + shift[i][ahead]).min(axis=1) for shift in shifts], axis=1)
         high = np.stack([(curve + shift[i][ahead]).max(axis=1) for shift in shifts], axis=1)
         measured = whole.reading[i][ahead]
-        found.append(Bounds(task.run.name, channel, np.array([measured.min(), measured.max()]), low, high))
+        extremes = np.array([measured.min(), measured.max()])
+        found.append(
+            Bounds(task.run.name, channel, extremes, low, high, _off(task.model.file, channel, float(fit.values[RATE][i])))
+        )
     notes = []
     if sha256_of(task.run.name) in {task.model.file.learnt_from.sha256, *(m.sha256 for m in task.model.file.also_from)} - {""}:
         notes.append("among the runs are some that the model was learnt from: they prove nothing")
     if task.input_ranges and max(float(np.abs(shift).max()) for shift in shifts) == 0.0:
         notes.append(f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing")
     return Judged(found, refused, tuple(notes))
+
+
+def _off(file: ModelFile, channel: str, rate: float) -> float:
+    """Standard errors of the file by which a rate [1/min] lies from the file's; 0 where the file does not know how sure it is."""
+    known = next((n for n in file.base if n.name == RATE.name and n.channel in (None, channel)), None)
+    if known is None or not known.standard_error or not (known.value > 0.0 and rate > 0.0):
+        return 0.0
+    return math.log(rate / known.value) * known.value / max(known.standard_error, 1e-3 * known.value)
 
 
 def _drawn(fit: Fit, sensor: int, at: NDArray[np.bool_]) -> Array:
@@ -136,7 +154,7 @@ def _drawn(fit: Fit, sensor: int, at: NDArray[np.bool_]) -> Array:
     own = ~machine & active
     names = [f"{fit.run.channels[sensor]} {c.key}" for c in columns]
     alike = np.stack([_normals(name) for name in names], axis=1)
-    apart = np.stack([_normals(f"{fit.run.name} {name}") for name in names], axis=1)
+    apart = np.stack([_normals(f"{_mark(fit)} {name}") for name in names], axis=1)
     moved = np.zeros((DRAWS, len(columns)))
     within = covariance[np.ix_(machine, machine)]
     moved[:, machine] = alike[:, machine] @ covariance_root(within).T
@@ -149,13 +167,18 @@ def _drawn(fit: Fit, sensor: int, at: NDArray[np.bool_]) -> Array:
 def _noise(fit: Fit, sensor: int, at: NDArray[np.bool_], residual: Array) -> Array:
     """Noise of the readings (draws, n), of the size and, with enough of them, the colour of the residual before (m,) [K]."""
     size = float(fit.noise[sensor] / np.sqrt(np.median(fit.run.weight[sensor][fit.run.used[sensor]])))
-    rng = np.random.default_rng(zlib.crc32(f"{fit.run.name} {fit.run.channels[sensor]} noise".encode()))
+    rng = np.random.default_rng(zlib.crc32(f"{_mark(fit)} {fit.run.channels[sensor]} noise".encode()))
     white = rng.standard_normal((DRAWS, int(at.sum()) + WARM_UP))
     if np.isfinite(residual).sum() < FEWEST_COLOURED or not float(np.nanstd(residual)) > 0.0:
         return np.asarray(size * white[:, WARM_UP:])
     model = fit_arma(residual, 1, 1)
     coloured = lfilter(np.r_[1.0, model.theta], np.r_[1.0, -model.phi], white, axis=1)[:, WARM_UP:]
     return np.asarray(size / math.sqrt(model.variance / model.innovation_variance) * coloured)
+
+
+def _mark(fit: Fit) -> int:
+    """A number of the run's readings, by which its draws repeat themselves wherever its file lies."""
+    return zlib.crc32(np.nan_to_num(fit.run.reading).tobytes())
 
 
 def _normals(name: str) -> Array:
@@ -205,6 +228,8 @@ def _sensor(blank: ValidateRecord, mine: list[Bounds], ranged: bool) -> tuple[Va
         if enough(len(mine))
         else f"{len(mine)} runs: at least {FEWEST} are needed to rank models by the area; p counts how few they are"
     )
+    off = float(np.median([b.off for b in mine]))
+    far = f"the rate lies {off:+.1f} standard errors from the file's in half of the runs or more" if abs(off) > FAR else ""
     doubt = "a right model would seldom leave so much: compare --model on the runs shows where it fails" if p < DOUBTED else ""
     record = replace(
         blank,
@@ -214,8 +239,8 @@ def _sensor(blank: ValidateRecord, mine: list[Bounds], ranged: bool) -> tuple[Va
         outside_c=outside,
         expected_c=float(np.median(chance)),
         p=p,
-        status="model_doubtful" if doubt else "ok",
-        message="; ".join(m for m in (doubt, few) if m),
+        status="model_doubtful" if doubt or far else "ok",
+        message="; ".join(m for m in (doubt, far, few) if m),
     )
     return record, Area(blank.channel, measured, np.stack([lowest, highest], axis=1), record)
 
