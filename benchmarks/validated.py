@@ -1,8 +1,8 @@
 """Does ``validate`` tell right models from wrong ones? ``python -m benchmarks.validated`` (docs/figures.md).
 
 A lump of the law is learnt from three runs together and held against sets of others, each with its own level, start and room; then
-machines that changed since: the rate by some percent, a loss that bends. Printed: the share of sensors doubted (by p or by the rate),
-of p below 0.01 and below 0.05, and the median area beside what a right model leaves.
+machines that changed since: the rate by some percent, a loss that bends. Printed: the share of sensors doubted (by p or by the
+rate), of p below 0.01 and below 0.05, and the median area beside what a right model leaves.
 """
 
 import argparse
@@ -48,9 +48,8 @@ def main() -> None:
     parser.add_argument("--until", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=1000)
     given = parser.parse_args()
-    print(
-        f"| {given.runs} runs, carried on from {given.until:g} min | sensors | doubted | p < 0.01 | p < 0.05 | area K | a right model's K |"
-    )
+    heads = "sensors | doubted | p < 0.01 | p < 0.05 | area K | a right model's K"
+    print(f"| {given.runs} runs, carried on from {given.until:g} min | {heads} |")
     print("| --- |" + " ---: |" * 6)
     for name, law in LAWS.items():
         p, area, right, doubted = [], [], [], []
