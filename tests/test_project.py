@@ -51,6 +51,14 @@ def test_a_newcomer_reads_the_tree():
                 assert len(held) <= 12, f"{place}: {len(held)} files"
 
 
+def test_nothing_strays_at_the_top():
+    git = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if git.returncode:
+        pytest.skip("no git checkout")
+    suffixes = {Path(name).suffix for name in git.stdout.splitlines() if "/" not in name}
+    assert suffixes <= {"", ".cff", ".md", ".py", ".toml", ".txt"}
+
+
 @pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_files_are_small_and_printing_and_opening_have_one_place(path):
     text = path.read_text()
