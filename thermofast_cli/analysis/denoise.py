@@ -1,6 +1,5 @@
-"""``compare --denoise``: a record without its sensors' noise, where a test says that it is the sensors' and not the machine's."""
+"""``compare --denoise``: a record without its sensors' noise, where that explains all that is not smooth."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,18 +7,23 @@ from numpy.typing import NDArray
 
 from thermofast.models.joint import RATE, Fit
 from thermofast.models.noise.denoise import smoothed
-from thermofast.models.noise.residual_noise import FEWEST, NoiseModel, stationarity
+from thermofast.models.noise.whiteness import pattern_p_value
 from thermofast.models.search.rules import RULES
-
-from ..discovery.colour import Colour
 
 Array = NDArray[np.float64]
 
 #: Two-sided 95 % point of the normal distribution.
 NORMAL_95 = 1.959964
-MISFIT = "not denoised: what the model leaves is not the sensor's noise alone; diagnose looks for what is missing"
-WALKS = "not denoised: what the model leaves walks: it is stationary only once differenced"
-SHORT = f"not denoised: fewer than {FEWEST} readings say nothing of the noise's colour"
+#: A machine's smooth deviation beside short noise leaves no innovation this far out in a record of any length; a jump does.
+FARTHEST = 5.5
+#: Share of the posterior on the longest memory that counts as noise from which the noise may be the machine's.
+MOST_LONGEST = 0.2
+#: Noise over the logger's step from which rounding is one more noise, independent of it: half a step (Widrow & Kollar 2008).
+LEAST_NOISE = 0.5
+MISFIT = "not denoised: noise beside a smooth deviation does not explain what the model leaves; diagnose looks for what is missing"
+JUMPS = "not denoised: what the model leaves jumps; diagnose looks for what is missing"
+LONG = "not denoised: what the model leaves remembers too long to be a sensor's noise, and changes too fast to be the machine's"
+STEPS = "not denoised: the logger's step is more than twice the noise, and what it rounds away is not noise"
 
 
 @dataclass(frozen=True)
@@ -39,26 +43,22 @@ class Denoised:
         return found
 
 
-def denoised(fit: Fit, sensor: int, colour: Colour, whiteness_p: float) -> tuple[tuple[Array, Array, Array] | None, str]:
+def denoised(fit: Fit, sensor: int) -> tuple[tuple[Array, Array, Array] | None, str]:
     """(temperature, low, high) (N,) [degC] of a sensor fitted to all of its readings; None, and why, where it is left as it is."""
     used, weight = fit.run.used[sensor], fit.run.weight[sensor]
     residual = np.where(used, fit.residual[sensor], np.nan)
-    if used.sum() < FEWEST:
-        return None, SHORT
-    white = whiteness_p >= RULES.pattern and not colour.cycles
-    if not (white or (colour.short and colour.whitened_p >= RULES.pattern)):
+    if not np.nanstd(residual) > 0.0:
+        return None, STEPS
+    tangent = np.concatenate([fit.by_local[fit.model.active[sensor], sensor], fit.by_shared[:, sensor]]).T
+    usual, rate = float(np.median(weight[used])), float(fit.values[RATE][sensor])
+    parts = smoothed(fit.run.time, residual, np.where(used, weight / usual, 1.0), tangent, rate)
+    if parts.noise**2 * usual < (LEAST_NOISE**2 + 1.0 / 12.0) * float(fit.run.resolution[sensor]) ** 2:
+        return None, STEPS
+    if np.abs(parts.innovation).max() > FARTHEST:
+        return None, JUMPS
+    if float(pattern_p_value(parts.innovation, np.ones((len(parts.innovation), 1)))) < RULES.pattern:
         return None, MISFIT
-    at = np.arange(len(residual))
-    if float(np.nanstd(residual)) > 0.0 and not stationarity(np.interp(at, at[used], residual[used])).stationary:
-        return None, WALKS
-    usual = float(np.median(weight[used]))
-    size = float(fit.noise[sensor]) ** 2 / usual
-    noise = colour.model if colour.model is not None and not white else NoiseModel(np.zeros(0), np.zeros(0), size)
-    if colour.model is not None and not white:
-        noise = NoiseModel(noise.phi, noise.theta, noise.innovation_variance / usual)
-    decay = math.exp(-float(fit.values[RATE][sensor]) * fit.run.step)
-    deviation, spread = smoothed(residual, np.where(used, weight / usual, 1.0), noise, decay)
-    unsure = fit.curve_deviation(sensor) * math.sqrt(max(1.0, colour.long_run_factor))
-    half = NORMAL_95 * np.hypot(spread, unsure)
-    estimate = fit.curve[sensor] + deviation
+    if parts.longest > MOST_LONGEST:
+        return None, LONG
+    estimate, half = fit.curve[sensor] + parts.mean, NORMAL_95 * parts.deviation
     return (estimate, estimate - half, estimate + half), ""

@@ -99,7 +99,7 @@ def _compare(task: LoopTask) -> Comparison:
         colour = colour_of(fit, i, float(floor[i]), rounded[i])
         kept = ""
         if clean is not None:
-            found, kept = denoised(fit, i, colour, float(floor[i]))
+            found, kept = denoised(fit, i)
             clean.sensors.update({channel: found} if found is not None else {})
         # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
         wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
