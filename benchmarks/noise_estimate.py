@@ -16,10 +16,10 @@ from benchmarks.paper import KINDS, MINUTES, Array, _holds, measured, truth_of
 
 WAYS = {
     "neither": {},
-    "q (42)": {"drift_most": 0.01},
-    "Q (43)": {"process_most": 1e-4},
-    "Q (43), cap 1e-2": {"process_most": 1e-2},
-    "both": {"drift_most": 0.01, "process_most": 1e-4},
+    "q (42)": {"process_mean_most": 0.01},
+    "Q (43)": {"process_noise_most": 1e-4},
+    "Q (43), cap 1e-2": {"process_noise_most": 1e-2},
+    "both": {"process_mean_most": 0.01, "process_noise_most": 1e-4},
 }
 
 

@@ -26,8 +26,8 @@ class AstCqkf(GaussianFilter):
     noise_most: float = setting(100.0, "largest noise variance, per that of the start", 1.0, 1e6)
     fading_most: float = setting(1.5, "largest fading factor of one reading", 1.0, 1e3)
     outlier: float = setting(5.0, "standard deviations at which a reading says no more about noise and model", 2.0, 100.0)
-    drift_most: float = setting(0.0, "largest mean of the process noise (42), per deviation of the start; 0: none", 0.0, 1.0)
-    process_most: float = setting(0.0, "largest process noise Q (43), per covariance of the start; 0: none", 0.0, 1.0)
+    process_mean_most: float = setting(0.0, "largest mean of the process noise (42), per deviation of the start; 0: none", 0.0, 1.0)
+    process_noise_most: float = setting(0.0, "largest process noise Q (43), per covariance of the start; 0: none", 0.0, 1.0)
 
     closing_step: bool = True
 
@@ -45,8 +45,8 @@ class AstCqkf(GaussianFilter):
             self.noise_most,
             self.fading_most,
             self.outlier,
-            self.drift_most,
-            self.process_most,
+            self.process_mean_most,
+            self.process_noise_most,
         )
 
     @property

@@ -115,9 +115,9 @@ class StrongTracking(FadingRule):
     innovation beyond `outlier` standard deviations counts as one at the edge, and its R is as wide as that takes. A record
     that jumps for good therefore goes into R: :class:`filters.fading.AdaptiveFading` is the rule for that.
 
-    Mean and covariance of the process noise, equations (42) and (43), are estimated where `drift_most` and `process_most` are
-    above 0: no state drifts by more than so many of its deviations at the start in one reading, and Q stays below so much of the
-    covariance at the start in every direction.
+    Mean and covariance of the process noise, equations (42) and (43), are estimated where `process_mean_most` and
+    `process_noise_most` are above 0: no state drifts by more than so many of its deviations at the start in one reading, and Q
+    stays below so much of the covariance at the start in every direction.
     """
 
     rule = "strong tracking"
@@ -129,8 +129,8 @@ class StrongTracking(FadingRule):
     noise_most: float = 100.0
     fading_most: float = 1.5
     outlier: float = 5.0
-    drift_most: float = 0.0
-    process_most: float = 0.0
+    process_mean_most: float = 0.0
+    process_noise_most: float = 0.0
 
     def memory(self, scale: float, dof: float) -> Memory:
         return HusaMemory(scale, dof)
@@ -163,15 +163,15 @@ class StrongTracking(FadingRule):
         state, posterior = joseph(state, p, e, s, r)
         m.seen += 1.0
         weight = husa_weight(m.seen, self.noise_forgetting)
-        if self.drift_most > 0.0:
-            most = self.drift_most * np.sqrt(np.diag(context.start_covariance) * m.scale)
+        if self.process_mean_most > 0.0:
+            most = self.process_mean_most * np.sqrt(np.diag(context.start_covariance) * m.scale)
             before = np.zeros_like(state) if m.drift is None else m.drift
             m.drift = np.clip((1.0 - weight) * before + weight * (state - mean), -most, most)
-        if self.process_most > 0.0:
+        if self.process_noise_most > 0.0:
             moved = gain * (e / math.sqrt(m.scale))
             now = np.zeros_like(p) if m.wander is None else m.wander
             now = (1.0 - weight) * now + weight * (np.outer(moved, moved) + posterior - carried)
-            m.wander = bounded_covariance(now, context.start_covariance, 0.0, self.process_most)
+            m.wander = bounded_covariance(now, context.start_covariance, 0.0, self.process_noise_most)
         m.mean += weight * (float(innovation[0]) - m.mean)
         deviation = innovation - m.mean
         m.spread = float(sage_husa_noise(noise, deviation, p[:1, :1], weight, one, self.noise_least, self.noise_most)[0, 0])

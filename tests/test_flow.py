@@ -1,10 +1,13 @@
 """Tasks that hang, die or fail: how soon they are found, and what becomes of the others."""
 
+import subprocess
+import sys
 import time
 from functools import partial
 
 import pyarrow.parquet as papq
 import pytest
+from conftest import ROOT
 
 import thermofast as tf
 from benchmarks.killed import make_archive
@@ -136,3 +139,23 @@ def test_a_time_limit_holds_with_one_process_too():
     assert found[0] == [1]
     assert found[2] == [9]
     assert "did not end within 0.6 s" in found[1][0]
+
+
+def test_workers_that_share_a_process_import_nothing_while_they_work():
+    """A package that two threads import at once may be half there for one of them (issue of Python's own import locks)."""
+    script = (
+        "import sys\n"
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "import thermofast as tf\n"
+        "from thermofast.workers.flow import Given\n"
+        "with ThreadPoolExecutor(2) as threads:\n"
+        "    Given(threads, 2)\n"
+        "    before = set(sys.modules)\n"
+        f"    records = tf.identify({str(ROOT / 'sample_runs' / 'spindle.csv')!r}, until=60, executor=threads)\n"
+        "late = {m for m in set(sys.modules) - before if m.startswith(('thermofast.models', 'thermofast.filters', "
+        "'thermofast.estimation'))}\n"
+        "print(len(records), sorted(late))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[1:] == ["[]"]
+    assert int(done.stdout.split()[0]) > 1

@@ -155,7 +155,7 @@ def test_input_ranges_widen_what_the_area_metric_allows(tool):
     assert "COLUMN=X" in done.err
 
 
-def test_places_are_as_sure_as_they_say():
+def test_ranks_are_as_sure_as_they_say():
     """Hermite series of degree three with known parts in the variance, told by polynomials of degree two."""
     rng, said = np.random.default_rng(5), []
     points = design(6, 2)
@@ -164,8 +164,8 @@ def test_places_are_as_sure_as_they_say():
         linear, square, cube = rng.normal(0.0, 1.0, 6), rng.normal(0.0, 0.3, 6), rng.normal(0.0, 0.2, 6)
         outputs = single[1] @ linear + single[2] @ square + single[3] @ cube
         truth = np.argsort(np.argsort(-(linear**2 + square**2 + cube**2))) + 1
-        place, sure = fit_chaos(points, outputs, 2).places([[i] for i in range(6)])
-        said += [(s, p == t) for s, p, t in zip(sure, place, truth, strict=True)]
+        rank, sure = fit_chaos(points, outputs, 2).ranks([[i] for i in range(6)])
+        said += [(s, p == t) for s, p, t in zip(sure, rank, truth, strict=True)]
     sure, right = np.array([s for s, _ in said]), np.array([r for _, r in said])
     assert (sure > 0.9).mean() > 0.3
     assert right[sure > 0.9].mean() > 0.93

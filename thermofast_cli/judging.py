@@ -76,7 +76,7 @@ def displacement(
     start: Start = "auto",
     **reading: Any,
 ) -> Displacement:
-    """Thermal displacement from the temperatures, and which way to trust.
+    """Thermal displacement from the temperatures, and which method to trust.
 
     methods: some of least_squares, network, arx, network_by_minute, neural_network; order (outputs, inputs) is that of arx.
     together: the runs are of one machine, learned from as one and left out in turn.

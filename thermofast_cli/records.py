@@ -324,7 +324,7 @@ class SensitivityRecord(Record):
     """What one uncertain thing contributes to the spread of one quantity of a sensor.
 
     size is its standard deviation, or its bound where it is uniform; first_order and total are Sobol indices, shares of the
-    quantity's variance; place is its place by total, place_p how often it stands there when the runs are drawn anew (bootstrap of
+    quantity's variance; rank is its rank by total, rank_p how often it has that rank when the runs are drawn anew (bootstrap of
     the polynomial); mean and deviation are the quantity's over all that is uncertain; surrogate_error the share of the variance
     that the polynomial misses; exceed_p_* the probability that the steady state errs by more than the limit asked for.
     """
@@ -337,8 +337,8 @@ class SensitivityRecord(Record):
     uniform: bool = False
     first_order: float | None = None
     total: float | None = None
-    place: int | None = None
-    place_p: float | None = None
+    rank: int | None = None
+    rank_p: float | None = None
     mean: float | None = None
     deviation: float | None = None
     exceed_p_form: float | None = None

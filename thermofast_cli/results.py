@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from .analysis.watching import Look
     from .discovery.compare import Panel
     from .discovery.improve import Improved
-    from .displacements.told import Panel as DisplacementPanel
+    from .displacements.report import Panel as DisplacementPanel
     from .estimation.curves import Curves
     from .estimation.sweep import Swept
     from .experiments.planning import Curve

@@ -50,12 +50,12 @@ class Sample:
         return [(~out, out) for out in outs]
 
 
-#: What a way to tell a displacement says of every reading (N,) when it may use those marked (N,); ValueError where it cannot.
-Way = Callable[[Sample, Mask], Prediction]
+#: What a method to tell a displacement says of every reading (N,) when it may use those marked (N,); ValueError where it cannot.
+Method = Callable[[Sample, Mask], Prediction]
 
 
-def static(fit: Fitter) -> Way:
-    """The way of a fit that looks at the temperatures of the moment alone."""
+def static(fit: Fitter) -> Method:
+    """The method of a fit that looks at the temperatures of the moment alone."""
 
     def told(sample: Sample, used: Mask) -> Prediction:
         return fit(sample.temperatures[used], sample.displacement[used]).predict(sample.temperatures)

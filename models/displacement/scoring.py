@@ -1,4 +1,4 @@
-"""How well a displacement is predicted from temperatures, on readings not used, and which way to trust."""
+"""How well a displacement is predicted from temperatures, on readings not used, and which method to trust."""
 
 import math
 from collections import Counter
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from .fits import BLOCKS, NORMAL_95, READINGS_PER_BLOCK, Array, Mask, Prediction
-from .sample import Sample, Way
+from .sample import Method, Sample
 
 #: Runs that are needed to leave some out.
 FEWEST_RUNS = 3
@@ -54,17 +54,17 @@ class Score:
         return _chance(self.squares, self.rival_squares)
 
 
-def score(sample: Sample, way: Way) -> Score:
-    """Error of a way on readings left out in turn: contiguous blocks of one run, whole runs of several.
+def score(sample: Sample, method: Method) -> Score:
+    """Error of a method on readings left out in turn: contiguous blocks of one run, whole runs of several.
 
-    Raises ValueError as the way does, and on too few readings.
+    Raises ValueError as the method does, and on too few readings.
     """
     too_few(sample)
     n = len(sample.displacement)
     mean, deviation, average, line = (np.empty(n) for _ in range(4))
     folds, notes = sample.folds(), []
     for left_in, left_out in folds:
-        predicted = way(sample, left_in)
+        predicted = method(sample, left_in)
         mean[left_out], deviation[left_out] = predicted.mean[left_out], predicted.deviation[left_out]
         average[left_out] = sample.displacement[left_in].mean()
         line[left_out] = (_across if sample.runs == 1 else _clock)(sample, left_in, left_out)
@@ -122,7 +122,7 @@ def _chance(squares: Array, rival_squares: Array) -> float:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which way to trust, or "neither"; why, in words; scores of those that could be tried, why others could not, doubts."""
+    """Which method to trust, or "neither"; why, in words; scores of those that could be tried, why others could not, doubts."""
 
     choice: str
     reason: str
@@ -131,41 +131,41 @@ class Verdict:
     doubts: dict[str, str] = field(default_factory=dict)
 
 
-def compare(sample: Sample, ways: dict[str, Way]) -> Verdict:
-    """Score the ways by their names, the plainest first, and say which to trust.
+def compare(sample: Sample, methods: dict[str, Method]) -> Verdict:
+    """Score the methods by their names, the plainest first, and say which to trust.
 
-    Too few readings, or a way that they do not bear, are a verdict, not an error.
+    Too few readings, or a method that they do not bear, are a verdict, not an error.
     """
     try:
         too_few(sample)
     except ValueError as error:
-        return Verdict("neither", str(error), {}, dict.fromkeys(ways, str(error)))
+        return Verdict("neither", str(error), {}, dict.fromkeys(methods, str(error)))
     scores: dict[str, Score] = {}
     refused: dict[str, str] = {}
-    for name, way in ways.items():
+    for name, method in methods.items():
         try:
-            fitted = way(sample, np.ones(len(sample.displacement), dtype=bool)).mean - sample.displacement
-            scores[name] = replace(score(sample, way), fitted=math.sqrt(float(np.mean(fitted**2))))
+            fitted = method(sample, np.ones(len(sample.displacement), dtype=bool)).mean - sample.displacement
+            scores[name] = replace(score(sample, method), fitted=math.sqrt(float(np.mean(fitted**2))))
         except ValueError as error:
             refused[name] = str(error)
     found = replace(verdict(scores), refused=refused)
     if found.choice == "neither" or sample.runs > 1:
         return found
-    held = later_coverage(sample, ways[found.choice])
+    held = later_coverage(sample, methods[found.choice])
     if held < TRUSTED_COVERAGE:
         why = f"{found.choice}: on the last quarter, predicted from what was before, its 95 % interval holds {100.0 * held:.0f} %"
         return replace(found, choice="neither", reason=f"{why}: something drifts or lags")
     return found
 
 
-def later_coverage(sample: Sample, way: Way) -> float:
-    """Share of the last quarter of a record inside the 95 % interval of a way that may use the first three.
+def later_coverage(sample: Sample, method: Method) -> float:
+    """Share of the last quarter of a record inside the 95 % interval of a method that may use the first three.
 
     Blocks left out between others are predicted well by a model that a slow drift or a lag will leave behind; the end is not.
     """
     used = np.arange(len(sample.displacement)) < 3 * len(sample.displacement) // 4
     try:
-        predicted = way(sample, used)
+        predicted = method(sample, used)
     except ValueError:
         return 0.0
     inside = np.abs(predicted.mean - sample.displacement) <= NORMAL_95 * predicted.deviation
@@ -173,11 +173,11 @@ def later_coverage(sample: Sample, way: Way) -> float:
 
 
 def verdict(scores: dict[str, Score]) -> Verdict:
-    """Which of scored ways to trust: the best, if it may be trusted at all; an earlier one that is all but as good before it."""
+    """Which of scored methods to trust: the best, if it may be trusted at all; an earlier one that is all but as good before it."""
     doubts = {name: _doubt(one) for name, one in scores.items()}
     good = [name for name, doubt in doubts.items() if not doubt]
     if not good:
-        reason = "; ".join(f"{name}: {doubt}" for name, doubt in doubts.items()) or "no way could be tried"
+        reason = "; ".join(f"{name}: {doubt}" for name, doubt in doubts.items()) or "no method could be tried"
         return Verdict("neither", reason, scores, doubts=doubts)
     least = min(scores[name].rmse for name in good)
     choice = next(name for name in good if 0.9 * scores[name].rmse <= least)

@@ -85,19 +85,19 @@ class Chaos:
         """Share of the variance in which a group of inputs has any part."""
         return self._share(np.asarray((self.powers[:, list(inputs)] > 0).any(axis=1)))
 
-    def places(self, groups: Sequence[Sequence[int]], draws: int = 2000, seed: int = 0) -> tuple[NDArray[np.int64], Array]:
-        """Place (g,) of each group by its part in the variance (:meth:`in_all`), 1 the largest, and how sure it is (g,).
+    def ranks(self, groups: Sequence[Sequence[int]], draws: int = 2000, seed: int = 0) -> tuple[NDArray[np.int64], Array]:
+        """Rank (g,) of each group by its part in the variance (:meth:`in_all`), 1 the largest, and how sure it is (g,).
 
         Sure is the share of wild bootstrap draws of the coefficients, each run's error with a random sign and size,
-        in which the group stands at that very place; nan where the errors are not known.
+        in which the group has that very rank; nan where the errors are not known.
         """
         concerned = np.array([(self.powers[1:, list(group)] > 0).any(axis=1) for group in groups], dtype=float).T
-        place = _places((self.coefficients[1:] ** 2 @ concerned)[None])[0]
+        rank = _ranks((self.coefficients[1:] ** 2 @ concerned)[None])[0]
         if not len(self.moved):
-            return place, np.full(len(groups), np.nan)
+            return rank, np.full(len(groups), np.nan)
         weights = np.random.default_rng(seed).standard_normal((draws, len(self.moved)))
         drawn = self.coefficients[1:] + (weights @ self.moved)[:, 1:]
-        return place, np.asarray((_places(drawn**2 @ concerned) == place).mean(axis=0))
+        return rank, np.asarray((_ranks(drawn**2 @ concerned) == rank).mean(axis=0))
 
     def _share(self, concerned: NDArray[np.bool_]) -> float:
         squares = self.coefficients[1:] ** 2
@@ -137,7 +137,7 @@ class Chaos:
         return np.asarray(concerned.T @ self.coefficients**2 / variance if variance > 0.0 else np.zeros(self.dimension))
 
 
-def _places(sizes: Array) -> NDArray[np.int64]:
+def _ranks(sizes: Array) -> NDArray[np.int64]:
     """Places (k, g) of sizes (k, g) in their row, 1 the largest."""
     return np.argsort(np.argsort(-sizes, axis=1, kind="stable"), axis=1) + 1
 

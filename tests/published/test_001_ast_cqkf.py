@@ -44,9 +44,11 @@ from simulator import spindle
 
 from thermofast.filters.base import Array
 from thermofast.filters.cubature import CubaturePoints, cubature_quadrature
+from thermofast.filters.fading import Context
 from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import SymmetricPoints
 from thermofast.filters.strong_tracking import (
+    HusaMemory,
     StrongTracking,
     bounded_covariance,
     fading_factor,
@@ -320,6 +322,38 @@ def test_noise_of_sage_and_husa():
         r = sage_husa_noise(r, e, predicted, husa_weight(k, 0.99), truth, 1e-3, 1e4)
         tail.append(r)
     assert np.mean(tail[500:], axis=0) == pytest.approx(truth, rel=0.05, abs=0.4)
+
+
+def test_mean_and_covariance_of_the_process_noise_by_hand():
+    """Equations (42), (43): q = d K e, Q = d (K e e' K' + P - P-) after a first reading, of which d is 1; (38), (39) use both."""
+    start = np.array([[4.0, 0.6], [0.6, 1.0]])
+    context = Context(start_covariance=100.0 * start, dead_band=1e9)  # caps that do not bind, nothing fades
+    rule = StrongTracking(process_mean_most=1.0, process_noise_most=1.0, outlier=50.0)
+    memory = rule.memory(0.25, 0.0)
+    assert isinstance(memory, HusaMemory)
+    state, p, e, r = np.array([1.0, 2.0]), start, 6.0, memory.spread
+    first = rule.update(memory, state, p, e, context)
+    gain = p[:, 0] / (p[0, 0] + r)
+    assert first.state == pytest.approx(state + gain * e)
+    assert memory.drift == pytest.approx(gain * e)
+    excess = e * e / 0.25 - (p[0, 0] + r)  # P - P- is -K S K'
+    assert memory.wander == pytest.approx(excess * np.outer(gain, gain))
+
+    q, added, r = memory.drift, memory.wander, memory.spread
+    second = rule.update(memory, first.state, first.covariance, 1.5, context)
+    predicted = first.covariance + added
+    gain = predicted[:, 0] / (predicted[0, 0] + r)
+    moved = q + gain * (1.5 - q[0])
+    assert second.state == pytest.approx(first.state + moved)
+    d = husa_weight(2.0, 0.95)
+    assert memory.drift == pytest.approx((1.0 - d) * q + d * moved)
+
+    held = StrongTracking(process_mean_most=1e-3, process_noise_most=1e-4)
+    memory = held.memory(0.25, 0.0)
+    assert isinstance(memory, HusaMemory)
+    held.update(memory, state, p, e, context)
+    assert memory.drift == pytest.approx(1e-3 * np.sqrt(100.0 * np.diag(start) * 0.25))
+    assert np.linalg.eigvalsh(np.linalg.solve(100.0 * start, memory.wander)).max() <= 1e-4 * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize(("noisy", "before", "after"), [(False, (364.5, 40.3), (17.7, 10.5)), (True, (288.9, 59.2), (21.3, 13.0))])

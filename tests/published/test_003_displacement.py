@@ -29,7 +29,7 @@ import pytest
 import statsmodels.api as sm
 from scipy.stats import dirichlet
 
-from thermofast.displacements import WAYS
+from thermofast.displacements import METHODS
 from thermofast.models.displacement import Sample, static
 from thermofast.models.displacement.fits import (
     BLOCKS,
@@ -200,7 +200,7 @@ def machine(seed, kind, readings=400, sensors=6, hours=20.0):
 
 
 def both(temperatures, displacement):
-    return compare(Sample.of(temperatures, displacement), {n: WAYS[n] for n in ("least squares", "network")})
+    return compare(Sample.of(temperatures, displacement), {n: METHODS[n] for n in ("least squares", "network")})
 
 
 @pytest.mark.parametrize("seed", range(2))

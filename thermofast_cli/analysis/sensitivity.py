@@ -350,9 +350,9 @@ def _records(
         )
         firsts = np.cumsum([0, *[f.inputs for f in factors]]).tolist()
         groups = [range(a, b) for a, b in pairwise(firsts)]
-        for factor, mine, place, sure in zip(factors, groups, *chaos.places(groups), strict=True):
+        for factor, mine, rank, confidence in zip(factors, groups, *chaos.ranks(groups), strict=True):
             shares: dict[str, Any] = {"first_order": chaos.alone(mine), "total": chaos.in_all(mine)}
-            shares |= {"place": int(place), "place_p": float(sure)}
+            shares |= {"rank": int(rank), "rank_p": float(confidence)}
             records.append(
                 replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, uniform=factor.uniform, **shares)
             )

@@ -49,7 +49,7 @@ FEWEST_BEFORE = 8
 class Bounds:
     """Of one sensor in one run: measured (2,) least and largest temperature ahead, low, high (draws, shares) of the model.
 
-    off: how many standard errors of the model file the rate lies from the file's, as this run's first minutes have it.
+    rate_deviation: how many standard errors of the model file the rate lies from the file's, as this run's first minutes have it.
     """
 
     run: str
@@ -57,7 +57,7 @@ class Bounds:
     measured: Array
     low: Array
     high: Array
-    off: float = 0.0
+    rate_deviation: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -212,13 +212,14 @@ def _sensor(blank: ValidateRecord, mine: list[Bounds], ranged: bool) -> tuple[Va
     lowest, _ = response_bounds(np.concatenate([b.low for b in mine]))
     _, highest = response_bounds(np.concatenate([b.high for b in mine]))
     swept = area_metric_interval(measured[:, 0], measured[:, 1], lowest, highest)
-    outside = _outside(measured, mine)
+    allowed = [response_bounds(np.concatenate([getattr(b, side) for b in mine])) for side in ("low", "high")]
+    outside = _outside(measured, allowed)
     anywhere = np.random.default_rng(zlib.crc32(blank.channel.encode())).integers(0, len(SHARES), (DRAWS, len(mine)))
     chance = []
     for d in range(DRAWS):
         drawn = np.array([[b.low[d, s], b.high[d, s]] for b, s in zip(mine, anywhere[d], strict=True)])
         if ranged:
-            chance.append(_outside(drawn, mine))
+            chance.append(_outside(drawn, allowed))
         else:
             chance.append(area_metric_interval(drawn[:, 0], drawn[:, 1], lowest, highest).total)
     value = outside if ranged else swept.total
@@ -228,8 +229,12 @@ def _sensor(blank: ValidateRecord, mine: list[Bounds], ranged: bool) -> tuple[Va
         if enough(len(mine))
         else f"{len(mine)} runs: at least {FEWEST} are needed to rank models by the area; p counts how few they are"
     )
-    off = float(np.median([b.off for b in mine]))
-    far = f"the rate lies {off:+.1f} standard errors from the file's in half of the runs or more" if abs(off) > FAR else ""
+    rate_deviation = float(np.median([b.rate_deviation for b in mine]))
+    far = (
+        f"the rate lies {rate_deviation:+.1f} standard errors from the file's in half of the runs or more"
+        if abs(rate_deviation) > FAR
+        else ""
+    )
     doubt = "a right model would seldom leave so much: compare --model on the runs shows where it fails" if p < DOUBTED else ""
     record = replace(
         blank,
@@ -245,7 +250,6 @@ def _sensor(blank: ValidateRecord, mine: list[Bounds], ranged: bool) -> tuple[Va
     return record, Area(blank.channel, measured, np.stack([lowest, highest], axis=1), record)
 
 
-def _outside(measured: Array, mine: list[Bounds]) -> float:
-    """Area [K] by which measured bounds (R, 2) leave what the ranges of the inputs allow."""
-    boxes = [response_bounds(np.concatenate([getattr(b, side) for b in mine])) for side in ("low", "high")]
-    return sum(area_outside(measured[:, k], *box) for k, box in enumerate(boxes))
+def _outside(measured: Array, allowed: Sequence[tuple[Array, Array]]) -> float:
+    """Area [K] by which measured bounds (R, 2) leave those, least and largest, that the ranges of the inputs allow."""
+    return sum(area_outside(measured[:, k], *box) for k, box in enumerate(allowed))

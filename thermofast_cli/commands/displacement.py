@@ -37,11 +37,11 @@ def command(
     save_plot: str | None,
     **reading: Any,
 ) -> int:
-    """Tell thermal displacement from the temperatures of each RUN, and say which way to trust.
+    """Tell thermal displacement from the temperatures of each RUN, and say which method to trust.
 
     Least squares, a discrete Bayesian network and a difference equation (arx, for a part that lags its temperatures; it looks at
     --inputs too) are fitted and scored on contiguous blocks of readings left out in turn, or on whole runs with --together.
-    'without' is the error there of the better of their mean and a straight line in time, or the other runs at that minute: a way
+    'without' is the error there of the better of their mean and a straight line in time, or the other runs at that minute: a method
     that is not clearly below it has learnt nothing.
 
     --together also tries a table for each minute; --methods neural_network a net whose weights a particle swarm starts

@@ -75,7 +75,7 @@ def command(
     Uncertain are the probe's noise (from the record), its offset, the level at the start, the room, the time stamps and the
     identification time, each by the standard deviation of its option; with --model also the machine's constants, by their
     standard errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in
-    all' that with what it does together with others; 'sure' is how often it stands at its place by that when the runs are drawn
+    all' that with what it does together with others; 'confidence' is how often it keeps its rank by that when the runs are drawn
     anew. --limit is about the steady state's distance from its mean.
     """
     from ..analysis.sensitivity import BOUNDS, Sizes
@@ -108,8 +108,8 @@ def command(
         ("", text("unit")),
         ("alone", number("first_order", 3)),
         ("in all", number("total", 3)),
-        ("place", number("place", 0)),
-        ("sure", number("place_p", 2)),
+        ("rank", number("rank", 0)),
+        ("confidence", number("rank_p", 2)),
         ("p(error > limit)", number("exceed_p_mc", 4)),
         ("status", text("status")),
     ]

@@ -1,11 +1,11 @@
-"""Ways to tell a displacement by their names, and what ``displacement`` says of a run."""
+"""Methods to tell a displacement by their names, and what ``displacement`` says of a run."""
 
-from thermofast.models.displacement import Way, fit_least_squares, fit_network, network_by_minute, neural_network, static
+from thermofast.models.displacement import Method, fit_least_squares, fit_network, network_by_minute, neural_network, static
 
 from .arx import arx
 
-#: Ways by their name in records; an earlier one is preferred where others are hardly better.
-WAYS: dict[str, Way] = {
+#: Methods by their name in records; an earlier one is preferred where others are hardly better.
+METHODS: dict[str, Method] = {
     "least squares": static(fit_least_squares),
     "network": static(fit_network),
     "arx": arx(),

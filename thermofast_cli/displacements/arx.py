@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from thermofast.filters.rls import RecursiveLeastSquares, arx_regressor
-from thermofast.models.displacement import Sample, Way
+from thermofast.models.displacement import Method, Sample
 from thermofast.models.displacement.fits import Array, Mask, Prediction, calibrated, standard
 
 #: Orders (outputs, inputs) among which the least error is looked for.
@@ -40,8 +40,8 @@ class _Coarse:
     firsts: list[int]
 
 
-def arx(order: tuple[int, int] | None = None) -> Way:
-    """The way of a difference equation of that order, or of the best of a few."""
+def arx(order: tuple[int, int] | None = None) -> Method:
+    """The method of a difference equation of that order, or of the best of a few."""
     return partial(_told, order)
 
 

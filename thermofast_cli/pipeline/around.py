@@ -239,17 +239,17 @@ def displacement_runs(
 ) -> Displacement:
     """Thermal displacement from the temperatures of each run: the columns named, or those that the reader took for displacements.
 
-    methods are names of ways to tell it, those of one run or of several together where none is named; order (outputs, inputs) is
-    that of arx. together: the runs are of one machine, learned from as one, and left out in turn.
+    methods are names, those of one run or of several together where none is named; order (outputs, inputs) is that of arx.
+    together: the runs are of one machine, learned from as one, and left out in turn.
 
     Raises
     ------
     UsageError: a name that is no column or no method, an order without arx, columns that not all runs have together.
     """
-    from ..displacements.told import displacement_runs as told_together
-    from ..displacements.told import ways_of
+    from ..displacements.report import displacement_runs as told_together
+    from ..displacements.report import methods_of
 
-    ways = ways_of(methods, order, together)
+    tried = methods_of(methods, order, together)
     chosen = []
     for run, _ in started:
         known = {**run.displacements, **run.channels}
@@ -263,7 +263,7 @@ def displacement_runs(
     if together and chosen and chosen[0] and not common:
         raise UsageError("no displacement column is in all runs", found=", ".join(chosen[0]), do="name it with --displacements")
     found = [
-        told_together(group, common if together else mine, ways, bool(methods) or order is not None)
+        told_together(group, common if together else mine, tried, bool(methods) or order is not None)
         for group, mine in zip(groups, chosen, strict=False)
     ]
     return Displacement(

@@ -63,7 +63,7 @@ def checked(told: str, work: Callable[[Any], Any], task: Any) -> Any:
     return work(task)
 
 
-class Dask:
+class Dask(Crew):
     """Workers of a Dask scheduler."""
 
     near = False

@@ -2,10 +2,11 @@
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ..errors import ThermofastError
 from .pool import cores, ended, import_all, new_pool
@@ -23,26 +24,30 @@ DIED = "the worker process died on this; run it alone with --jobs 1 to see why"
 NOT_TRIED = f"not tried again: {MOST_FAILURES} in a row had failed before it"
 
 
-class Crew(Protocol):
+class Crew(ABC):
     """Where tasks go: ``slots`` of them are worked on at once; near where the workers see the files of this machine."""
 
     slots: int
     near: bool
 
+    @abstractmethod
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """Hand a task over."""
 
+    @abstractmethod
     def renew(self, overdue: Collection["Future[Any]"]) -> bool:
         """Get rid of workers that died or are overdue; whether the tasks in flight went with them."""
 
     def gone(self) -> bool:
-        """Whether nobody is there to work any more."""
+        """Whether nobody is there to work any more; pools and executors tell of their dead by the futures."""
+        return False
 
+    @abstractmethod
     def close(self) -> None:
         """No more tasks will come."""
 
 
-class Here:
+class Here(Crew):
     """The process that asks, itself."""
 
     slots, near = 1, True
@@ -60,15 +65,11 @@ class Here:
         """Nothing to renew."""
         return False
 
-    def gone(self) -> bool:
-        """Never."""
-        return False
-
     def close(self) -> None:
         """Nothing to end."""
 
 
-class Local:
+class Local(Crew):
     """Processes of this machine."""
 
     near = True
@@ -87,16 +88,12 @@ class Local:
         self._pool = new_pool(self.slots)
         return True
 
-    def gone(self) -> bool:
-        """A pool tells of its dead by its futures."""
-        return False
-
     def close(self) -> None:
         """Ends the processes, those at work too: nobody waits for them any more."""
         ended(self._pool)
 
 
-class Given:
+class Given(Crew):
     """Somebody's executor: not ours to close; where it breaks, processes of this machine take its place."""
 
     near = False
@@ -121,10 +118,6 @@ class Given:
         if not overdue:
             self._own = Local(cores())
         return not overdue
-
-    def gone(self) -> bool:
-        """An executor tells of its dead by its futures."""
-        return False
 
     def close(self) -> None:
         """Left as it is, its successor ended."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .plots import MEASURED, MODEL, new_figure, styled
+from .plots import MEASURED, MODEL, framed, new_figure, styled
 
 if TYPE_CHECKING:
     from ...analysis.validate import Area
@@ -38,8 +38,5 @@ def draw_areas(areas: Sequence["Area"]) -> Any:
         axis.set_xlabel("°C")
     for axis in axes[:, 0]:
         axis.set_ylabel("share of runs")
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
-    more = f"  (first {len(shown)} of {len(areas)} sensors)" if len(areas) > len(shown) else ""
-    figure.suptitle(f"validate: {shown[0].record.runs} runs{more}")
+    framed(figure, axes[0][0], f"validate: {shown[0].record.runs} runs", len(shown), len(areas))
     return figure

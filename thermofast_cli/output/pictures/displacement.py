@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...displacements.told import Panel
+from ...displacements.report import Panel
 from .plots import MARK, MEASURED, MODEL, new_figure, styled
 
 MOST = 6

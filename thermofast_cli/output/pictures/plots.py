@@ -89,6 +89,13 @@ def new_figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+def framed(figure: Any, axis: Any, title: str, shown: int, of: int) -> None:
+    """The legend of one panel below all of them, and a title that says how many sensors there are besides."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.suptitle(title + (f"  (first {shown} of {of} sensors)" if of > shown else ""))
+
+
 def save_figure(path: str, figure: Any) -> None:
     """The figure, whole or not at all.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...records import SensitivityRecord
-from .plots import MEASURED, MODEL, new_figure, styled
+from .plots import MEASURED, MODEL, framed, new_figure, styled
 
 MOST = 6
 TITLES = {"steady_state_c": "steady state", "t95_min": "settling time"}
@@ -37,8 +37,5 @@ def draw_shares(records: Sequence[SensitivityRecord]) -> Any:
             axis.set_title(f"{sensor[1]}: {TITLES[quantity]}, {mine[0].mean:.4g} ± {mine[0].deviation:.2g} {unit}")
     for axis in axes[-1]:
         axis.set_xlabel("share of the variance")
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
-    more = f"  (first {len(shown)} of {len(sensors)} sensors)" if len(sensors) > len(shown) else ""
-    figure.suptitle(f"{Path(shown[0][0]).name}{more}")
+    framed(figure, axes[0][0], Path(shown[0][0]).name, len(shown), len(sensors))
     return figure

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models.displacement import Sample, Way
+from thermofast.models.displacement import Method, Sample
 from thermofast.models.displacement.fits import Prediction
 from thermofast.models.displacement.scoring import compare
 
 from ..errors import UsageError, nearest
 from ..reading import Run
 from ..records import DisplacementRecord
-from . import LONE, TOGETHER, WAYS
+from . import LONE, METHODS, TOGETHER
 from .arx import arx
 
 Array = NDArray[np.float64]
@@ -24,8 +24,8 @@ LOGGED = 0.02
 
 
 @dataclass(frozen=True)
-class Told:
-    """Records of a run and, for a picture, what each way says of every reading when it was left out."""
+class Report:
+    """Records of a run and, for a picture, what each method says of every reading when it was left out."""
 
     records: list[DisplacementRecord]
     panels: list["Panel"]
@@ -33,7 +33,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Panel:
-    """One displacement (N,) [um] over time [min] and what ways say of readings left out."""
+    """One displacement (N,) [um] over time [min] and what methods say of readings left out."""
 
     run: str
     channel: str
@@ -55,39 +55,39 @@ class _Rows:
     lost: int
 
 
-def ways_of(methods: Sequence[str], order: tuple[int, int] | None, together: bool) -> dict[str, Way]:
-    """The ways named, or those that are tried unasked; arx of the order given.
+def methods_of(methods: Sequence[str], order: tuple[int, int] | None, together: bool) -> dict[str, Method]:
+    """The methods named, or those that are tried unasked; arx of the order given.
 
     Raises
     ------
-    UsageError: a way that is not known, an order of a way that is not tried.
+    UsageError: a method that is not known, an order of a method that is not tried.
     """
     asked = {m.replace("_", " ").replace("-", " "): m for m in methods}
     for name, word in asked.items():
-        if name not in WAYS:
-            known = ", ".join(w.replace(" ", "_") for w in WAYS)
+        if name not in METHODS:
+            known = ", ".join(w.replace(" ", "_") for w in METHODS)
             raise UsageError(
-                f"--methods: {word!r} is not one", allowed=known, do=nearest(word, [w.replace(" ", "_") for w in WAYS])
+                f"--methods: {word!r} is not one", allowed=known, do=nearest(word, [w.replace(" ", "_") for w in METHODS])
             )
-    names = [n for n in WAYS if n in asked] or list(TOGETHER if together else LONE)
+    names = [n for n in METHODS if n in asked] or list(TOGETHER if together else LONE)
     if order is not None and "arx" not in names:
         raise UsageError("--order is that of arx", found=f"--methods {', '.join(methods)}", do="add arx to --methods")
-    return {n: arx(order) if n == "arx" and order is not None else WAYS[n] for n in names}
+    return {n: arx(order) if n == "arx" and order is not None else METHODS[n] for n in names}
 
 
 def displacement_runs(
-    started: Sequence[tuple[Run, float]], columns: tuple[str, ...], ways: dict[str, Way], asked: bool = False
-) -> Told:
-    """Each way on each displacement column of a run, or of several of one machine together, by the sensors that all have.
+    started: Sequence[tuple[Run, float]], columns: tuple[str, ...], methods: dict[str, Method], asked: bool = False
+) -> Report:
+    """Each method on each displacement column of a run, or of several of one machine together, by the sensors that all have.
 
-    Runs count from their starts [min]; rows in which any number is missing are left out. A way that the readings do not bear has a
-    record of its own only where the ways were asked for, or where no other has.
+    Runs count from their starts [min]; rows in which any number is missing are left out. A method that the readings do not bear
+    has a record of its own only where the methods were asked for, or where no other has.
     """
     name = started[0][0].name if len(started) == 1 else f"{len(started)} runs"
-    told = Told([], [])
+    report = Report([], [])
     if not columns:
         why = "no displacement column: name one with um, or with --displacements"
-        return Told([DisplacementRecord(name, "", status="no_data", message=why)], [])
+        return Report([DisplacementRecord(name, "", status="no_data", message=why)], [])
     for column in dict.fromkeys(columns):
         sensors = [
             c
@@ -102,8 +102,8 @@ def displacement_runs(
             and any(_moves(run.inputs[c]) for run, _ in started)
         ]
         rows = [_rows(run, column, sensors, inputs, start) for run, start in started]
-        _add(told, name, column, rows, (sensors, inputs), ways, asked, column in started[0][0].channels)
-    return told
+        _add(report, name, column, rows, (sensors, inputs), methods, asked, column in started[0][0].channels)
+    return report
 
 
 def _rows(run: Run, column: str, sensors: list[str], inputs: list[str], start: float) -> _Rows:
@@ -128,12 +128,12 @@ def _moves(values: Array) -> bool:
 
 
 def _add(
-    told: Told,
+    report: Report,
     name: str,
     column: str,
     several: list[_Rows],
     names: tuple[list[str], list[str]],
-    ways: dict[str, Way],
+    methods: dict[str, Method],
     asked: bool,
     temperature: bool,
 ) -> None:
@@ -145,35 +145,35 @@ def _add(
         np.concatenate([getattr(one, part) for one in several]) for part in ("displacement", "temperatures", "minutes", "inputs")
     )
     runs = len(several)
-    used = [*sensors, *(inputs if "arx" in ways else [])]
+    used = [*sensors, *(inputs if "arx" in methods else [])]
     blank: dict[str, Any] = {"samples": len(values), "sensors": used, "runs": runs, "left_out": "runs" if runs > 1 else "blocks"}
     if not sensors or not len(values):
         why = "no temperature goes with it" if not sensors else "no reading in this column"
-        told.records.append(DisplacementRecord(name, column, status="no_data", message=why))
+        report.records.append(DisplacementRecord(name, column, status="no_data", message=why))
         return
     if float(np.ptp(values)) == 0.0:
-        told.records.append(DisplacementRecord(name, column, status="constant", message="every reading is the same", **blank))
+        report.records.append(DisplacementRecord(name, column, status="constant", message="every reading is the same", **blank))
         return
     number = np.repeat(np.arange(runs), [len(one.minutes) for one in several])
     sample = Sample(temperatures, values, minutes, number, drives if inputs else None)
-    found = compare(sample, ways)
+    found = compare(sample, methods)
     gaps = f"; {lost} rows with a gap in some column are left out, see --exclude" if lost else ""
     gaps += f"; no row of {', '.join(empty)} is whole" if empty else ""
     notes = [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
     notes += [f"{m} not told: {why}" for m, why in found.refused.items() if not asked and found.scores]
     notes += [f"{column} is a temperature: errors are in K"] if temperature else []
     verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes]) + (gaps if empty else "")
-    for method in ways:
+    for method in methods:
         score = found.scores.get(method)
         if score is None and not asked and found.scores:
             continue  # nobody asked for it
         if score is None:
             why = found.refused[method] + gaps
             status = "too_short" if not found.scores else "not_determined"
-            told.records.append(DisplacementRecord(name, column, method, status=status, message=why, **blank))
+            report.records.append(DisplacementRecord(name, column, method, status=status, message=why, **blank))
             continue
         trusted = found.choice == method
-        told.records.append(
+        report.records.append(
             DisplacementRecord(
                 name,
                 column,
@@ -191,4 +191,4 @@ def _add(
     for r, one in enumerate(several if found.scores else ()):
         mine = number == r
         shown = {m: Prediction(s.prediction.mean[mine], s.prediction.deviation[mine]) for m, s in found.scores.items()}
-        told.panels.append(Panel(one.run, column, one.minutes, one.displacement, shown, found.choice))
+        report.panels.append(Panel(one.run, column, one.minutes, one.displacement, shown, found.choice))

@@ -1,4 +1,4 @@
-"""Which way to tell a displacement is right when: ``python -m benchmarks.displacement_ways`` (docs/published.md).
+"""Which method to tell a displacement is right when: ``python -m benchmarks.displacement_methods`` (docs/published.md).
 
 Machines under changing load with six sensors, told on blocks left out; thirty repeated warm-ups, told on runs left out; and back
 propagation with and without the swarm's start.
@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.displacements import LONE, TOGETHER, WAYS
+from thermofast.displacements import LONE, METHODS, TOGETHER
 from thermofast.models.displacement import Sample
 from thermofast.models.displacement.neural import STEPS, swarm, trained
 from thermofast.models.displacement.scoring import compare
@@ -75,7 +75,7 @@ def table(rows: dict[str, Callable[[int], Sample]], names: tuple[str, ...], seed
     print(f"| machine | {' | '.join(names)} | trusted |")
     print("| --- |" + " ---: |" * (len(names) + 1))
     for label, make in rows.items():
-        found = [compare(make(seed), {n: WAYS[n] for n in names}) for seed in range(seeds)]
+        found = [compare(make(seed), {n: METHODS[n] for n in names}) for seed in range(seeds)]
         cells = []
         for name in names:
             mine = [f.scores[name] for f in found if name in f.scores]

@@ -1,4 +1,4 @@
-"""Ways to tell a displacement beside least squares and the network: arx, a table per minute, a net, over runs left out."""
+"""Methods to tell a displacement beside least squares and the network: arx, a table per minute, a net, over runs left out."""
 
 import json
 
@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 import thermofast as tf
-from benchmarks.displacement_ways import machine, warm_ups
-from thermofast.displacements import TOGETHER, WAYS, arx
+from benchmarks.displacement_methods import machine, warm_ups
+from thermofast.displacements import METHODS, TOGETHER, arx
 from thermofast.models.displacement import Sample
 from thermofast.models.displacement.scoring import compare
 from thermofast.output.files import write_columns
@@ -34,15 +34,17 @@ def test_the_equation_is_found_and_run_freely():
 
 
 def test_each_way_is_trusted_on_what_it_is_for():
-    ways = {n: WAYS[n] for n in ("least squares", "arx")}
-    lagging = compare(warm_ups(1, 40.0, runs=6), ways)
+    methods = {n: METHODS[n] for n in ("least squares", "arx")}
+    lagging = compare(warm_ups(1, 40.0, runs=6), methods)
     assert lagging.choice == "arx"
     assert lagging.scores["arx"].rmse < 0.4 * lagging.scores["least squares"].rmse
     assert lagging.scores["arx"].coverage > 0.85
-    bent = compare(machine(0, "bends with the temperature"), {n: WAYS[n] for n in ("least squares", "neural network")})
+    bent = compare(machine(0, "bends with the temperature"), {n: METHODS[n] for n in ("least squares", "neural network")})
     assert bent.choice == "neural network"
     assert bent.scores["neural network"].rmse < 0.5 * bent.scores["least squares"].rmse
-    walk = compare(machine(0, "a walk, nothing to do with them"), {n: WAYS[n] for n in ("least squares", "arx", "neural network")})
+    walk = compare(
+        machine(0, "a walk, nothing to do with them"), {n: METHODS[n] for n in ("least squares", "arx", "neural network")}
+    )
     assert walk.choice == "neither"
 
 
@@ -60,8 +62,10 @@ def runs_in(folder, several, ends=None):
 
 def test_several_runs_are_learned_from_together_and_left_out_in_turn(tool, tmp_path):
     paths = runs_in(tmp_path, warm_ups(3, 8.0, runs=8), [150.0, 150.0, 150.0, 100.0, 100.0, 100.0, 100.0, 100.0])
-    done = tool("displacement", *paths, "--together", "--format", "json", "-q")
+    picture = tmp_path / "together.png"
+    done = tool("displacement", *paths, "--together", "--format", "json", "-q", "--save-plot", picture)
     assert done.code == 0, done.err
+    assert picture.stat().st_size > 20_000
     found = {r["method"]: r for r in json.loads(done.out)["records"]}
     assert set(found) == set(TOGETHER)
     assert all((r["run"], r["runs"], r["left_out"]) == ("8 runs", 8, "runs") for r in found.values())
@@ -99,12 +103,12 @@ def test_what_the_readings_do_not_bear_is_a_status_with_words(tmp_path):
     with pytest.raises(ValueError, match=r"order 20, 20 has 141 parameters: 705 readings in a row are needed, 380 are there"):
         arx((20, 20))(sample, everything)
     with pytest.raises(ValueError, match="4 runs to learn from, 1 are there"):
-        WAYS["network by minute"](sample, everything)
+        METHODS["network by minute"](sample, everything)
     uneven = Sample(sample.temperatures, sample.displacement, np.sort(np.random.default_rng(0).uniform(0, 1200, 400)), sample.run)
     with pytest.raises(ValueError, match="even times"):
         arx((1, 1))(uneven, everything)
     with pytest.raises(ValueError, match="60 readings, 50 are there"):
-        WAYS["neural network"](sample, np.arange(400) < 50)
+        METHODS["neural network"](sample, np.arange(400) < 50)
 
 
 def test_a_net_without_scikit_learn_says_what_to_install(monkeypatch):
@@ -153,5 +157,5 @@ def test_a_sensor_that_stands_still_and_moves_later_says_nothing():
     beside = Sample(np.column_stack([sample.temperatures, still]), sample.displacement, sample.minutes, sample.run)
     used = np.arange(len(still)) < 350
     for name in ("arx", "neural network"):
-        error = (WAYS[name](beside, used).mean - sample.displacement)[~used]
+        error = (METHODS[name](beside, used).mean - sample.displacement)[~used]
         assert np.abs(error).max() < 5.0
