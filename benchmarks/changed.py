@@ -24,9 +24,13 @@ KINDS = ("nothing", "heat capacity", "loss", "heat", "sensor")
 POTS = Path(__file__).parents[2] / "shared" / "data" / "cooking_pot"
 
 
-def _changed(run: Run, record: Record, kind: str, rng: np.random.Generator) -> Run:
+def factor_of(rng: np.random.Generator) -> float:
+    """By how much something changes: 8 to 42 % more, or as much less."""
+    return float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.35)))
+
+
+def changed(run: Run, record: Record, kind: str, rng: np.random.Generator, factor: float, name: str = "new") -> Run:
     """The new run, changed: its clean curve transformed, its noise drawn anew."""
-    factor = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.35)))
     quick = {"heat capacity": 1.0 / factor, "loss": factor}.get(kind, 1.0)
     time = record.time
     curve = np.array([np.interp(np.minimum(time * quick, time[-1]), time, row) for row in record.clean])
@@ -38,7 +42,7 @@ def _changed(run: Run, record: Record, kind: str, rng: np.random.Generator) -> R
     keep = time * quick <= time[-1]
     noise = float(np.median([np.std(r - c) for r, c in zip(record.reading, record.clean, strict=True)]))
     reading = curve[:, :1] + rise + noise * rng.standard_normal(rise.shape)
-    return tf.read({"time_min": time[keep]} | {f"T{i}": row[keep] for i, row in enumerate(reading)}, name="new")
+    return tf.read({"time_min": time[keep]} | {f"T{i}": row[keep] for i, row in enumerate(reading)}, name=name)
 
 
 def judge(job: tuple[str, str, int, int]) -> tuple[str, str, int, str, bool]:
@@ -48,7 +52,8 @@ def judge(job: tuple[str, str, int, int]) -> tuple[str, str, int, str, bool]:
     machine = importlib.import_module(f"benchmarks.machines.{simulator}").simulate(seed, 1.0, None, runs=count + 1)
     runs = runs_of(machine, seed)
     bare = [tf.read({"time_min": r.time_s / 60.0, **r.channels}, name=f"old {k}") for k, r in enumerate(runs[:-1])]
-    new = _changed(runs[-1], machine.runs[-1], kind, np.random.default_rng([seed, 5]))
+    rng = np.random.default_rng([seed, 5])
+    new = changed(runs[-1], machine.runs[-1], kind, rng, factor_of(rng))
     told = tf.changed(bare, new) if asked else tf.changed(new=new, model=tf.improve(bare[0]).model)
     return simulator, kind, asked, told.verdict, kind in told.verdict.split(" or ")
 
