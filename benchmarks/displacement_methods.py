@@ -1,7 +1,7 @@
 """Which method to tell a displacement is right when: ``python -m benchmarks.displacement_methods`` (docs/published.md).
 
-Machines under changing load with six sensors, told on blocks left out; thirty repeated warm-ups, told on runs left out; and back
-propagation with and without the swarm's start.
+Machines under changing load with six sensors, and rods whose expansion is the integral of their temperature, told on blocks left
+out; thirty repeated warm-ups, told on runs left out; and back propagation with and without the swarm's start.
 """
 
 import argparse
@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from thermofast.displacements import LONE, METHODS, TOGETHER
 from thermofast.models.displacement import Sample
@@ -43,6 +44,36 @@ def machine(seed: int, kind: str, readings: int = 400, step: float = 3.0) -> Sam
     }[kind]
     noise = 0.3 * rng.standard_normal(readings) * ("walk" not in kind)
     return Sample.of((clean + 0.05 * rng.standard_normal(clean.shape)).T, truth + noise, step * np.arange(readings))
+
+
+#: Where the rod's thermometers sit, as shares of its length from the bearing that heats it.
+ROD_SENSORS = {"a rod, four thermometers along it": (0.05, 0.3, 0.6, 0.95), "a rod, one thermometer at its bearing": (0.05,)}
+
+
+def rod(seed: int, kind: str, readings: int = 400, step: float = 3.0, nodes: int = 60) -> Sample:
+    """A steel rod heated at one end, losing heat along it: its expansion [um] is the integral of its temperature.
+
+    No method has this form: the heat equation in one dimension, exact in time by the matrix exponential. A room beside it.
+    """
+    rng = np.random.default_rng(seed)
+    load = np.repeat(rng.choice([0.0, 0.4, 0.7, 1.0], readings), 15)[:readings]
+    length, diffusivity, loss = rng.uniform(0.3, 0.6), 7.2e-4, 1.0 / rng.uniform(60.0, 200.0)  # m, m2/min, 1/min
+    pace = diffusivity / (length / nodes) ** 2
+    flow = pace * (np.eye(nodes, k=1) + np.eye(nodes, k=-1) - 2.0 * np.eye(nodes))
+    flow[0, 0] = flow[-1, -1] = -pace
+    flow -= loss * np.eye(nodes)
+    move = expm(flow * step)
+    heat = np.linalg.solve(flow, (move - np.eye(nodes))[:, 0])
+    heat *= rng.uniform(15.0, 30.0) / -np.linalg.solve(flow, np.eye(nodes)[:, 0])[0]
+    above = np.zeros((readings, nodes))
+    for k in range(1, readings):
+        above[k] = move @ above[k - 1] + heat * load[k - 1]
+    room = 20.0 + lagged(np.repeat(rng.normal(0.0, 1.0, readings), 60)[:readings], 120.0, step)
+    at = [round(share * (nodes - 1)) for share in ROD_SENSORS[kind]]
+    temperatures = np.column_stack([above[:, at] + room[:, None], room])
+    expansion = 11.5 * length * (above + room[:, None] - 20.0).mean(axis=1)
+    noisy = temperatures + 0.05 * rng.standard_normal(temperatures.shape)
+    return Sample.of(noisy, expansion + 0.3 * rng.standard_normal(readings), step * np.arange(readings))
 
 
 KINDS = (
@@ -109,7 +140,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     seeds = parser.parse_args().seeds
-    table({kind: lambda seed, kind=kind: machine(seed, kind) for kind in KINDS}, (*LONE, "neural network"), seeds)
+    machines = {kind: lambda seed, kind=kind: machine(seed, kind) for kind in KINDS}
+    rods = {kind: lambda seed, kind=kind: rod(seed, kind) for kind in ROD_SENSORS}
+    table(machines | rods, (*LONE, "neural network"), seeds)
     rows = {f"30 warm-ups, the shaft {lag:g} min behind": lambda seed, lag=lag: warm_ups(seed, lag) for lag in (8.0, 40.0)}
     table(rows, TOGETHER, max(2, seeds // 4))
     starts(seeds)
