@@ -32,7 +32,7 @@ def draw_areas(areas: Sequence["Area"]) -> Any:
             steps = [np.searchsorted(sample, at, side="right") / len(sample) for sample in (measured, model)]
             axis.fill_between(at, *steps, color="0.8", label="area")
             axis.plot(at, steps[0], color=MEASURED, label="measured")
-            axis.plot(at, steps[1], color=MODEL, label="foretold")
+            axis.plot(at, steps[1], color=MODEL, label="model")
             axis.set_title(f"{area.channel.replace('$', chr(92) + '$')}: {name} temperature of a run, area {size:.3g} K")
     for axis in axes[-1]:
         axis.set_xlabel("°C")
