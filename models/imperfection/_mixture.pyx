@@ -2,10 +2,96 @@
 """Evidence and predictions of many Gaussian-process hypotheses: the compiled twin of ``_mixture_numpy.py``, which explains.
 
 Per hypothesis one Cholesky factor by rows of its upper half, with the quantities asked for, the readings and the law's two
-columns as further columns on its right, so that what is left of them is whitened on the way.
+columns as further columns on its right, so that what is left of them is whitened on the way. LANES hypotheses are factorised side
+by side, an entry of all of them next to each other in memory, which a processor does at once; none of them knows of the others.
 """
 from libc.math cimport NAN, erfc, exp, fabs, log, sqrt
 from libc.stdlib cimport free, malloc
+
+
+cdef extern from *:
+    """
+    #define LANES 4
+    #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+    #define AT_ONCE __attribute__((target_clones("avx2", "default")))  /* nothing fused: the same numbers with either */
+    #else
+    #define AT_ONCE
+    #endif
+    /* The upper half of scale times a kind's covariance, and for an effect that of the background. */
+    AT_ONCE static void assemble(
+        double *restrict a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all,
+        const double *const *restrict of_kind, const double *restrict background,
+        const double *restrict scale, const double *restrict mixed)
+    {
+        Py_ssize_t r, j, l;
+        for (r = 0; r < m; r++)
+            for (j = r; j < wide; j++)
+                for (l = 0; l < LANES; l++)
+                    a[(r * all + j) * LANES + l] =
+                        scale[l] * of_kind[l][r * wide + j] + mixed[l] * background[r * wide + j];
+    }
+    AT_ONCE static void whiten(double *restrict a, Py_ssize_t m, Py_ssize_t all, double *restrict logs)
+    {
+        double product[LANES], u[LANES];
+        Py_ssize_t c, r, j, l;
+        for (l = 0; l < LANES; l++) {
+            product[l] = 1.0;
+            logs[l] = 0.0;
+        }
+        for (c = 0; c < m; c++) {
+            double *restrict row = a + c * all * LANES;
+            for (l = 0; l < LANES; l++) {
+                double v = row[c * LANES + l];
+                if (!(v > 0.0)) {
+                    logs[l] = NAN;
+                    v = 1.0;
+                }
+                product[l] *= v;
+                if (product[l] < 1e-100 || product[l] > 1e100) {
+                    logs[l] += log(product[l]);
+                    product[l] = 1.0;
+                }
+                u[l] = 1.0 / sqrt(v);
+            }
+            for (j = c; j < all; j++)
+                for (l = 0; l < LANES; l++)
+                    row[j * LANES + l] *= u[l];
+            for (r = c + 1; r < m; r++) {
+                double *restrict below = a + r * all * LANES;
+                for (l = 0; l < LANES; l++)
+                    u[l] = row[r * LANES + l];
+                for (j = r; j < all; j++)
+                    for (l = 0; l < LANES; l++)
+                        below[j * LANES + l] -= u[l] * row[j * LANES + l];
+            }
+        }
+        for (l = 0; l < LANES; l++)
+            logs[l] += log(product[l]);
+    }
+    /* Products of the three whitened columns: of the two of the law, of each with the reading, of the reading. */
+    AT_ONCE static void products(const double *restrict a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all, double *restrict out)
+    {
+        Py_ssize_t r, l;
+        for (l = 0; l < 6 * LANES; l++)
+            out[l] = 0.0;
+        for (r = 0; r < m; r++) {
+            const double *restrict y = a + (r * all + wide) * LANES, *one = y + LANES, *law = one + LANES;
+            for (l = 0; l < LANES; l++) {
+                out[l] += one[l] * one[l];
+                out[LANES + l] += one[l] * law[l];
+                out[2 * LANES + l] += law[l] * law[l];
+                out[3 * LANES + l] += one[l] * y[l];
+                out[4 * LANES + l] += law[l] * y[l];
+                out[5 * LANES + l] += y[l] * y[l];
+            }
+        }
+    }
+    """
+    const int LANES
+    void assemble(double *a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all_, const double **of_kind, double *background,
+                  double *scale, double *mixed) noexcept nogil
+    void products(double *a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all_, double *out) noexcept nogil
+    void whiten(double *a, Py_ssize_t m, Py_ssize_t all_, double *logs) noexcept nogil
 
 
 cdef inline double normal(double z) noexcept nogil:
@@ -36,8 +122,12 @@ def mixture(
     cdef Py_ssize_t sensors = reading.shape[0], rates = reading.shape[1], m = reading.shape[2]
     cdef Py_ssize_t components = covariance.shape[1], kinds = relative.shape[0], hypotheses = kind.shape[0]
     cdef Py_ssize_t wide = m + asked, all_ = m + asked + 3
-    cdef Py_ssize_t i, f, h, k, n, r, c, j, g, at, some
-    cdef double w, v, a0, a1, p00, p01, p11, q0, q1, qq, determinant, b0, b1, u, t0, t1, logs, product, mixed
+    cdef Py_ssize_t i, f, h, k, n, r, j, g, l, lanes, some
+    cdef Py_ssize_t[8] lane  # LANES of each at least
+    cdef double[8] logs, size, mixed
+    cdef double[48] sums
+    cdef const double *of_kind[8]
+    cdef double w, v, a0, a1, p00, p01, p11, q0, q1, qq, determinant, b0, b1, u, t0, t1
     cdef double *parts
     cdef double *types
     cdef double *a
@@ -48,7 +138,7 @@ def mixture(
     cdef bint doubted = doubt.shape[0] > 0
     if doubted and (doubt.shape[0] < sensors or doubt.shape[1] < wide or doubt.shape[2] < wide):
         raise ValueError("fewer rows of doubt than quantities asked for")
-    parts = <double *> malloc((components + kinds + 1) * m * all_ * sizeof(double))
+    parts = <double *> malloc((components + kinds + LANES) * m * all_ * sizeof(double))
     if parts == NULL:
         raise MemoryError()
     types = parts + components * m * all_
@@ -102,84 +192,68 @@ def mixture(
                                 row[j] += v * from_[j]
                         for j in range(asked):
                             own_kind[k * asked + j] += v * own[n * asked + j]
-                for h in range(hypotheses):
-                    if not active[i, f, h]:
-                        evidence[i, f, h] = NAN
-                        continue
-                    k = kind[h]
-                    mixed = 1.0 if k else 0.0
+                h = 0
+                while h < hypotheses:
+                    lanes = 0
+                    while h < hypotheses and lanes < LANES:
+                        if active[i, f, h]:
+                            lane[lanes] = h
+                            lanes += 1
+                        else:
+                            evidence[i, f, h] = NAN
+                        h += 1
+                    if not lanes:
+                        break
+                    for l in range(LANES):
+                        g = lane[min(l, lanes - 1)]  # lanes left over repeat the last
+                        of_kind[l] = types + kind[g] * m * wide
+                        size[l] = scale[g]
+                        mixed[l] = 1.0 if kind[g] else 0.0
+                    assemble(a, m, wide, all_, of_kind, types, size, mixed)
                     for r in range(m):
-                        row = a + r * all_
-                        from_ = types + (k * m + r) * wide
-                        for j in range(r, wide):
-                            row[j] = scale[h] * from_[j]
-                        if k:
-                            from_ = types + r * wide
-                            for j in range(r, wide):
-                                row[j] += from_[j]
                         if doubted:
                             for j in range(r, wide):
-                                row[j] += rise[i, f] * doubt[i, r, j]
-                        row[r] += noise[i, r]
-                        row[wide] = reading[i, f, r]
-                        row[wide + 1] = ones[r]
-                        row[wide + 2] = law[i, f, r]
-                    logs = 0.0
-                    product = 1.0
-                    for c in range(m):
-                        row = a + c * all_
-                        v = row[c]
-                        if not v > 0.0:
-                            logs = NAN
-                            break
-                        product *= v
-                        if product < 1e-100 or product > 1e100:
-                            logs += log(product)
-                            product = 1.0
-                        v = 1.0 / sqrt(v)
-                        for j in range(c, all_):
-                            row[j] *= v
-                        for r in range(c + 1, m):
-                            u = row[r]
-                            from_ = a + r * all_
-                            for j in range(r, all_):
-                                from_[j] -= u * row[j]
-                    logs += log(product)
-                    p00 = p01 = p11 = q0 = q1 = qq = 0.0
-                    for r in range(m):
-                        row = a + r * all_ + wide
-                        p00 += row[1] * row[1]
-                        p01 += row[1] * row[2]
-                        p11 += row[2] * row[2]
-                        q0 += row[1] * row[0]
-                        q1 += row[2] * row[0]
-                        qq += row[0] * row[0]
-                    determinant = p00 * p11 - p01 * p01
-                    if not determinant > 0.0 or logs != logs:
-                        evidence[i, f, h] = NAN
-                        continue
-                    b0 = (p11 * q0 - p01 * q1) / determinant
-                    b1 = (p00 * q1 - p01 * q0) / determinant
-                    qq -= b0 * q0 + b1 * q1
-                    squares[i, f, h] = qq
-                    evidence[i, f, h] = -0.5 * (logs + log(determinant) + qq)
-                    for j in range(asked):
-                        a0 = a1 = t0 = v = 0.0
-                        for r in range(m):
-                            row = a + r * all_
-                            u = row[m + j]
-                            t0 += u * row[wide]
-                            a0 += u * row[wide + 1]
-                            a1 += u * row[wide + 2]
-                            v += u * u
-                        t1 = ones[m + j] - a0
-                        u = law[i, f, m + j] - a1
-                        mean[i, f, h, j] = t0 + b0 * t1 + b1 * u
-                        v = scale[h] * own_kind[k * asked + j] + mixed * own_kind[j] - v
-                        if doubted:
-                            v += rise[i, f] * doubt[i, m + j, m + j]
-                        v += (p11 * t1 * t1 - 2.0 * p01 * t1 * u + p00 * u * u) / determinant
-                        variance[i, f, h, j] = v if v > 0.0 else 0.0
+                                for l in range(LANES):
+                                    a[(r * all_ + j) * LANES + l] += rise[i, f] * doubt[i, r, j]
+                        for l in range(LANES):
+                            row = a + r * all_ * LANES + l
+                            row[r * LANES] += noise[i, r]
+                            row[wide * LANES] = reading[i, f, r]
+                            row[(wide + 1) * LANES] = ones[r]
+                            row[(wide + 2) * LANES] = law[i, f, r]
+                    whiten(a, m, all_, logs)
+                    products(a, m, wide, all_, sums)
+                    for l in range(lanes):
+                        g = lane[l]
+                        k = kind[g]
+                        p00, p01, p11 = sums[l], sums[LANES + l], sums[2 * LANES + l]
+                        q0, q1, qq = sums[3 * LANES + l], sums[4 * LANES + l], sums[5 * LANES + l]
+                        determinant = p00 * p11 - p01 * p01
+                        if not determinant > 0.0 or logs[l] != logs[l]:
+                            evidence[i, f, g] = NAN
+                            continue
+                        b0 = (p11 * q0 - p01 * q1) / determinant
+                        b1 = (p00 * q1 - p01 * q0) / determinant
+                        qq -= b0 * q0 + b1 * q1
+                        squares[i, f, g] = qq
+                        evidence[i, f, g] = -0.5 * (logs[l] + log(determinant) + qq)
+                        for j in range(asked):
+                            a0 = a1 = t0 = v = 0.0
+                            for r in range(m):
+                                row = a + r * all_ * LANES + l
+                                u = row[(m + j) * LANES]
+                                t0 += u * row[wide * LANES]
+                                a0 += u * row[(wide + 1) * LANES]
+                                a1 += u * row[(wide + 2) * LANES]
+                                v += u * u
+                            t1 = ones[m + j] - a0
+                            u = law[i, f, m + j] - a1
+                            mean[i, f, g, j] = t0 + b0 * t1 + b1 * u
+                            v = scale[g] * own_kind[k * asked + j] + mixed[l] * own_kind[j] - v
+                            if doubted:
+                                v += rise[i, f] * doubt[i, m + j, m + j]
+                            v += (p11 * t1 * t1 - 2.0 * p01 * t1 * u + p00 * u * u) / determinant
+                            variance[i, f, g, j] = v if v > 0.0 else 0.0
     free(parts)
     free(own)
     free(needed)

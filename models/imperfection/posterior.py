@@ -260,11 +260,11 @@ class _Run:
         # A grid finer than the spread between sensors is needed for the rates, not for what is made of them.
         wide = np.hypot(spread, 0.5 * step)
         messages = np.empty((count, len(dense)))
+        chance = marginal - self.log_rate_prior(off)
+        chance = np.exp(chance - chance.max(axis=1, keepdims=True))
+        width = np.hypot(wide, 0.5 * cells(log_rate))
         for j in range(count):
-            chance = marginal[j] - self.log_rate_prior(off[j], j)
-            chance = np.exp(chance - chance.max())
-            width = np.hypot(wide, 0.5 * cells(log_rate[j]))
-            heard = np.exp(-0.5 * ((dense[:, None] - off[j]) / width) ** 2) @ chance
+            heard = np.exp(-0.5 * ((dense[:, None] - off[j]) / width[j]) ** 2) @ chance[j]
             messages[j] = (1.0 - apart) * heard / (heard @ weight)
         together = np.log(messages + apart)
         counted = min(1.0, COUNTED_OTHERS / (count - 1)) if not prior.none else 1.0
@@ -350,6 +350,7 @@ class _Run:
         others = np.delete(self.relative + self.absolute, brief, axis=1)
         lasting = np.concatenate([[False], others[1:].any(axis=1)])[self.kind]
         drawn = Drawn.none(count, self.draws, self.times) if self.draws else None
+        cell_of = cells(log_rate)
         for i in range(count):
             places, hypotheses = np.nonzero(active[i])
             if not len(places):
@@ -366,7 +367,7 @@ class _Run:
                 at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
             of_rate = weight[i].sum(axis=1)
             middle = of_rate @ log_rate[i]
-            cell = cells(log_rate[i])
+            cell = cell_of[i]
             spread_of_rate[i] = np.sqrt(max(of_rate @ ((log_rate[i] - middle) ** 2 + cell**2 / 12.0), 0.0))
             if self.known is not None:
                 # Where its prior is knowledge there is nothing to be shrunk.
