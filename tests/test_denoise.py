@@ -78,19 +78,19 @@ def test_the_band_holds_the_truth_and_the_noise_is_gone(phi):
 
 def test_the_band_holds_what_deviates_from_the_model_slowly():
     held = []
-    for seed in range(6):
+    for seed in range(4):
         for beside in (cycle, second_mode):
             truth, reading = record(0.0, beside, seed)
             for _, low, high in tf.compare({"time_min": MINUTES, "T": reading}, denoise=True).denoised[0].sensors.values():
                 held.append(np.mean((low <= truth) & (truth <= high)))
-    assert len(held) == 12
+    assert len(held) == 8
     assert np.mean(held) > 0.9
 
 
 def test_the_band_holds_on_machines_that_are_not_the_law():
     for name in ("bar:", "plate:"):
-        line = figures(name, range(840_000, 840_005)).split("|")
-        assert int(line[2].split()[0]) >= 8, line
+        line = figures(name, range(840_000, 840_003)).split("|")
+        assert int(line[2].split()[0]) >= 5, line
         assert float(line[4].split()[0]) > 90.0, line
 
 
