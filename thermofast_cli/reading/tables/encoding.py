@@ -87,6 +87,8 @@ def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[
     if b"\0" in data:
         notes.append(f"{data.count(0)} NUL bytes left out (the logger lost power?)")
         data = data.replace(b"\0", b"")
+    elif encoding == "utf-8":
+        return data, encoding, notes  # as it was found to be
     if encoding in ("utf-8", "utf-8-sig"):
         data = data.removeprefix(codecs.BOM_UTF8)
         try:

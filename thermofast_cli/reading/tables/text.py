@@ -32,10 +32,11 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     ------
     InputError: empty, binary, no rows, ragged rows.
     """
-    if not data.strip():
+    if not data or data.isspace():
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     data, encoding, notes = to_utf8(data, name, options.encoding)
-    data = re.sub(rb"\r\r\n", b"\r\n", data)  # written twice through a text layer
+    if b"\r\r\n" in data:
+        data = data.replace(b"\r\r\n", b"\r\n")  # written twice through a text layer
     if options.skip_footer:
         data = _without_last(data, options.skip_footer)
         notes.append(f"the last {options.skip_footer} lines left out, as told")
@@ -48,7 +49,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     start = _offset(data, dialect.data_line)
     body = data[start:]
     del data  # a large file is held once
-    if b"\n" not in body[:-1]:
+    if body.find(b"\n", 0, -1) < 0:
         body = body.replace(b"\r", b"\n")  # line ends of old Macintoshes
     if dialect.delimiter == " ":
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
@@ -139,7 +140,9 @@ def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
         return body, []
     end, dropped = len(body), []
     for _ in range(40):
-        stop = len(body[:end].rstrip(b"\r\n"))
+        stop = end
+        while stop and body[stop - 1] in b"\r\n":
+            stop -= 1
         at = max(body.rfind(b"\n", 0, stop), body.rfind(b"\r", 0, stop)) + 1
         cells = split(body[at:stop].decode("utf-8", errors="replace"), dialect.delimiter)
         if at == 0 or len(cells) != dialect.width or _kind(cells[0], dialect.decimal) != "words":
@@ -281,7 +284,7 @@ def _parse_body(
             ),
         )
 
-    if not body.strip():
+    if not body or body.isspace():
         raise InputError(f"{name}: a header and no rows", allowed="rows of readings", do="export the record again")
     sample = [row for row in (split(line, dialect.delimiter) for line in lines[:200] if line.strip()) if len(row) == len(names)]
     texts = {n for i, n in enumerate(names) if n in excluded or _is_text([r[i] for r in sample], dialect.decimal, more)}
