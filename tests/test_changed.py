@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.discovery.observe import observe
+from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty.changes import RunNumbers, changes, scatter
 
 RISES = np.array([10.0, 7.0, 5.0])
@@ -146,3 +148,23 @@ def test_a_model_with_an_effect_foretells_the_run_that_it_was_learnt_from(tool, 
     assert tool("improve", "sample_runs/hidden.csv", "--auto", "-q", "-o", learnt).code == 0
     same = tool("changed", "--model", learnt, "--new", "sample_runs/hidden_second_run.csv", "--format", "json", "-q")
     assert json.loads(same.out)["records"][0]["verdict"] == "nothing"
+
+
+def test_logarithms_of_rate_and_rise_have_the_errors_of_rate_level_and_start():
+    """The delta method by finite differences; what bends all fits alike comes on top along rate up, rise down."""
+    fit = fit_model(observe(run(np.random.default_rng(3), "one", length=120.0)).seen)
+    numbers = RunNumbers.of(fit, 2.0)
+    at = [fit.model.column(key) for key in (RATE, LEVEL, START)]
+    own = np.zeros((6, 6))
+    for i in range(3):
+        value = np.array([fit.values[key][i] for key in (RATE, LEVEL, START)])
+
+        def logs(v):
+            return np.array([v[0], np.log(abs(v[1] - v[2]))])
+
+        # The rate is fitted as its logarithm.
+        slopes = np.array([(logs(value + step) - logs(value - step)) / 2e-6 for step in 1e-6 * np.eye(3)]).T
+        own[np.ix_([i, 3 + i], [i, 3 + i])] = 4.0 * slopes @ fit.joint_covariance(i)[np.ix_(at, at)] @ slopes.T
+    bent = np.sqrt(np.diag(own)) * np.repeat([1.0, -1.0], 3)
+    assert numbers.values == pytest.approx(np.log([*fit.values[RATE], *(fit.values[LEVEL] - fit.values[START])]))
+    assert numbers.covariance == pytest.approx(own + np.outer(bent, bent), rel=1e-5)

@@ -15,6 +15,7 @@ from thermofast.models import COMPILED, Lump, PrintedLump
 from thermofast.models.core import _lump_numpy
 from thermofast.models.core.fit import FIT
 from thermofast.models.decay import fit_decay, start_rule
+from thermofast.models.noise import spikes
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="no compiled core to compare with")
 if COMPILED:
@@ -207,3 +208,9 @@ def test_tails_agree_with_scipy():
     assert tails.normal_tail(value) == pytest.approx(special.ndtr(-value), rel=1e-12)
     assert math.isnan(tails.f_tail(2, 9, math.nan))
     assert isinstance(float(tails.t_quantile(7)), float)
+
+
+@given(st.integers(1, 40), st.integers(0, 10**6))
+def test_the_quick_median_is_the_median(n, seed):
+    values = np.random.default_rng(seed).integers(-5, 6, (3, n)).astype(float)
+    assert spikes._median(values) == pytest.approx(np.median(values, axis=-1), abs=0.0)

@@ -1,5 +1,7 @@
 """Records as loggers write them, read right; and the rules that say so."""
 
+import io
+import zipfile
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
 from thermofast.reading.stamps import parse_stamps
+from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.times import unit_of
 from thermofast.reading.vocabulary import words
@@ -243,3 +246,30 @@ def test_a_very_wide_record(tmp_path):
     run = read_run(written(tmp_path, text))
     assert len(run.channels) == columns
     assert run.channels["c29999"].tolist() == [20.25, 21.25, 22.25]
+
+
+@pytest.mark.parametrize(
+    ("time_format", "cells", "seconds"),
+    [
+        ("%M:%S", ["58:30", "59:30", "60:30", "61:31"], [0.0, 60.0, 120.0, 181.0]),
+        ("%H:%M", ["22:59", "23:59", "00:59", "02:00"], [0.0, 3600.0, 7200.0, 10860.0]),
+        ("%H:%M:%S", ["23:59:58", "00:00:01", "01:01:03"], [0.0, 3.0, 3665.0]),
+        ("%H:%M:%S", ["25:00:00", "26:01:01"], [0.0, 3661.0]),
+    ],
+)
+def test_clocks_in_the_users_own_format(time_format, cells, seconds):
+    assert stamps_to_seconds(cells, "run.csv", time_format) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_a_member_is_unpacked_from_where_its_own_head_ends(method):
+    """Names and extra fields of any length stand between a member's head and its bytes."""
+    packed, text = io.BytesIO(), b"time_min,T1\n" + b"".join(b"%d,%d\n" % (i, i * i) for i in range(500))
+    with zipfile.ZipFile(packed, "w", method) as archive:
+        for name in ("a", "a much longer name.csv"):
+            member = zipfile.ZipInfo(name)
+            member.compress_type, member.extra = method, b"\x99\x99\x04\x00abcd"
+            archive.writestr(member, text)
+    with zipfile.ZipFile(packed) as archive:
+        for member in archive.infolist():
+            assert b"".join(inflated(packed.getvalue(), member, "run.zip", Limits())) == text
