@@ -146,11 +146,18 @@ def test_the_compiled_mixture_is_its_twin():
         assert a == pytest.approx(b, rel=1e-7, abs=1e-9)
     # Hypotheses are worked on side by side: one that is left out, or is no covariance, leaves the others as they are.
     given["active"][:, :, 2] = 0
+    given["active"][1, 1] = 0
     given["scale"][4] = -1e6
-    core.mixture(*given.values(), *ours)
-    assert np.isnan(ours[0][:, :, [2, 4]]).all()
-    for a, b in zip(ours, theirs, strict=True):
-        assert a[:, :, [0, 1, 3, 5]] == pytest.approx(b[:, :, [0, 1, 3, 5]], rel=1e-7, abs=1e-9)
+    given["law"][0, 2] = given["ones"]
+    for module in (core, _mixture_numpy):
+        _, again = mixture_case(np.random.default_rng(2))
+        module.mixture(*given.values(), *again)
+        assert np.isnan(again[0][:, :, [2, 4]]).all()
+        assert np.isnan(again[0][[0, 1], [2, 1]]).all()  # a law that is a constant; a rate that is left out
+        for a, b in zip(again, theirs, strict=True):
+            for sensor, rates in ((0, [0, 1]), (1, [0, 2])):
+                same = a[sensor][rates][:, [0, 1, 3, 5]]
+                assert same == pytest.approx(b[sensor][rates][:, [0, 1, 3, 5]], rel=1e-7, abs=1e-9)
     weight, mean, spread = np.array([0.2, 0.5, 0.3]), np.array([0.0, 2.0, 2.5]), np.array([1.0, 0.3, 0.0])
     levels, a, b = np.array([0.025, 0.5, 0.9, 0.975]), np.empty(4), np.empty(4)
     core.quantiles(weight, mean, spread, levels, a)

@@ -162,6 +162,8 @@ def mixture(
                         some = 1
                         needed[kind[h]] = 1
                 if not some:
+                    for h in range(hypotheses):
+                        evidence[i, f, h] = NAN
                     continue
                 needed[0] = 1
                 g = node[i, f]
@@ -229,7 +231,7 @@ def mixture(
                         p00, p01, p11 = sums[l], sums[LANES + l], sums[2 * LANES + l]
                         q0, q1, qq = sums[3 * LANES + l], sums[4 * LANES + l], sums[5 * LANES + l]
                         determinant = p00 * p11 - p01 * p01
-                        if not determinant > 0.0 or logs[l] != logs[l]:
+                        if not determinant > 1e-13 * p00 * p11 or logs[l] != logs[l]:
                             evidence[i, f, g] = NAN
                             continue
                         b0 = (p11 * q0 - p01 * q1) / determinant

@@ -6,10 +6,15 @@ the background's where it is a strong effect. Out come the log of the marginal l
 integrated out), the squares that are left, and the mean and the variance of what is asked for.
 """
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Share of a law that must be told apart from a constant: less is rounding.
+ALIKE = 1e-13
 
 
 def mixture(
@@ -50,15 +55,17 @@ def mixture(
         whole = scale[rows, None, None] * types[kind[rows]] + np.where(kind[rows, None, None] > 0, types[0], 0.0)
         if len(doubt):
             whole = whole + rise[i, f] * doubt[i, :wide, :wide]
-        try:
-            factor = np.linalg.cholesky(whole[:, :m, :m] + np.diag(noise[i]))
-        except np.linalg.LinAlgError:
-            continue
+        factor, solved = _factors(whole[:, :m, :m] + np.diag(noise[i]))
+        whole, rows = whole[solved], rows[solved]
         known = np.stack([reading[i, f], ones[:m], law[i, f, :m]], axis=1)
         right = np.concatenate([np.broadcast_to(known, (len(rows), m, 3)), whole[:, :m, m:]], axis=2)
         white = np.linalg.solve(factor, right)
         y, x, cross = white[..., 0], white[..., 1:3], white[..., 3:]
         normal = np.einsum("hmi,hmj->hij", x, x)
+        square = normal[:, 0, 0] * normal[:, 1, 1]
+        good = square - normal[:, 0, 1] ** 2 > ALIKE * square
+        if not good.all():  # the law cannot be told from a constant
+            rows, whole, factor, x, y, cross, normal = (a[good] for a in (rows, whole, factor, x, y, cross, normal))
         beta = np.linalg.solve(normal, np.einsum("hmi,hm->hi", x, y)[..., None])[..., 0]
         left = y - np.einsum("hmi,hi->hm", x, beta)
         squares[i, f, rows] = (left**2).sum(axis=1)
@@ -72,6 +79,18 @@ def mixture(
         own = np.diagonal(whole[:, m:, m:], axis1=1, axis2=2) - (cross**2).sum(axis=1)
         spread = np.einsum("hti,hij,htj->ht", rest, np.linalg.inv(normal), rest)
         variance[i, f, rows] = np.maximum(own + spread, 0.0)
+
+
+def _factors(matrices: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Lower Cholesky factors (k, m, m) of those of the matrices (H, m, m) that are positive definite, and which these are (k,)."""
+    try:
+        return np.linalg.cholesky(matrices), np.arange(len(matrices))
+    except np.linalg.LinAlgError:
+        found = {}
+        for k, matrix in enumerate(matrices):
+            with suppress(np.linalg.LinAlgError):
+                found[k] = np.linalg.cholesky(matrix)
+        return np.array(list(found.values())).reshape(len(found), *matrices.shape[1:]), np.array(list(found), dtype=np.intp)
 
 
 def quantiles(weight: Array, mean: Array, deviation: Array, level: Array, out: Array) -> None:

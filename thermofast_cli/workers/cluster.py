@@ -180,11 +180,14 @@ class Mpi(Given):
 
     def submit(self, work: Callable[[Any], Any], task: Any) -> "Future[Any]":
         """Hand a task over."""
+        if self._own is not None:
+            return self._own.submit(work, task)
         future: Future[Any] = self._pool.submit(checked, build(), work, task)
         return future
 
     def close(self) -> None:
-        """Ends the workers."""
+        """Ends the workers, and those that took their place."""
+        super().close()
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
