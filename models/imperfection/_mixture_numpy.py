@@ -7,6 +7,7 @@ integrated out), the squares that are left, and the mean and the variance of wha
 """
 
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,10 +82,10 @@ def mixture(
         variance[i, f, rows] = np.maximum(own + spread, 0.0)
 
 
-def _factors(matrices: Array) -> tuple[Array, NDArray[np.intp]]:
+def _factors(matrices: Array) -> tuple[Array, Any]:
     """Lower Cholesky factors (k, m, m) of those of the matrices (H, m, m) that are positive definite, and which these are (k,)."""
     try:
-        return np.linalg.cholesky(matrices), np.arange(len(matrices))
+        return np.asarray(np.linalg.cholesky(matrices), dtype=float), np.arange(len(matrices))
     except np.linalg.LinAlgError:
         found = {}
         for k, matrix in enumerate(matrices):

@@ -2,9 +2,9 @@
 
 The deviation is a Gaussian process that is smooth once (Matern 3/2), as a temperature that heat flows change is; the noise is white
 or an AR(1) whose memory is short beside the machine's. Both are states of one Kalman filter (Hartikainen & Sarkka 2010, IEEE MLSP)
-with a smoother behind it (Bierman 1973, Automatica 9), as the paper on a gyroscope's drift takes a filter for what an ARMA model
-leaves (``residual_noise``). The deviation's size and speed and the noise's memory are averaged over a grid by their likelihoods;
-the model's own parameters stay free beside them.
+with a smoother behind it (Bierman 1973, Int. J. Control 18), as the paper on a gyroscope's drift takes a filter for what an ARMA
+model leaves (``residual_noise``). The deviation's size and speed and the noise's memory are averaged over a grid by their
+likelihoods; the model's own parameters stay free beside them.
 """
 
 import math
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ..core.kernel import Array
 
-#: Sizes of the deviation that are tried, in standard deviations of a reading's noise; nought is not among them, since of a
-#: deviation a fifth as large as the noise no test of a record knows anything.
+#: Sizes of the deviation that are tried, in standard deviations of a reading's noise; nought is not among them, since of a small
+#: share of the noise no record knows anything.
 SIZES = (0.05, 0.2, 0.5, 1.0, 2.0, 5.0, 15.0)
 #: Speeds of the deviation that are tried, in rates of the machine: slower is what its parameters take up, faster is noise.
 SPEEDS = (0.7, 2.5, 8.0)
@@ -31,13 +31,15 @@ LEAST_SHARE = 1e-3
 @dataclass(frozen=True)
 class Smoothed:
     """Deviation (N,) and its standard deviation (N,) [unit]; of the most likely point the whitened innovations (n,) and the
-    standard deviation [unit] of the noise of weight one; how much of the posterior has the longest memory that counts as noise.
+    standard deviation [unit] of the noise of weight one, and the directions (n, m) of the whitened readings that the model's
+    parameters took; the odds of the longest memory that counts as noise over those before the readings.
     """
 
     mean: Array
     deviation: Array
     innovation: Array
     noise: float
+    taken: Array
     longest: float
 
 
@@ -45,7 +47,8 @@ def smoothed(time: Array, residual: Array, weight: Array, tangent: Array, rate: 
     """What is slow in the residual (N,) [unit] of a fit, nan in gaps, at time (N,) [min].
 
     weight (N,) is how many readings a value stands for; tangent (N, m) the fit's Jacobian, whose directions the deviation may take
-    at no cost; rate [1/min] the machine's. Deviations of the size of nothing come with the band that says so.
+    at no cost; rate [1/min] the machine's. Deviations of the size of nothing come with the band that says so. There must be more
+    readings than parameters, and some of them other than the model's.
     """
     seen = np.isfinite(residual)
     free = _orthonormal(tangent, seen)
@@ -56,7 +59,8 @@ def smoothed(time: Array, residual: Array, weight: Array, tangent: Array, rate: 
     grid = _Grid(step, 1.0 / np.sqrt(weight), rate * speed, size, longest * memory, float(np.median(step[1:])))
     white, half_log_s = grid.filtered(columns)
     fits = [_regressed(white[:, k], float(half_log_s[k])) for k in range(len(size))]
-    share = np.exp([f.log_likelihood - max(g.log_likelihood for g in fits) for f in fits])
+    likelihood = np.array([f.log_likelihood for f in fits])
+    share = np.exp(likelihood - likelihood.max())
     share /= share.sum()
     kept = np.flatnonzero(share >= LEAST_SHARE)
     slow, spread = grid.only(kept).smoothed(columns)
@@ -71,18 +75,25 @@ def smoothed(time: Array, residual: Array, weight: Array, tangent: Array, rate: 
     whole = share[kept].sum()
     mean, second = mean / whole, second / whole
     best = fits[int(np.argmax(share))]
-    edge = float(share[memory == SHARES[-1]].sum())
-    return Smoothed(mean, np.sqrt(np.maximum(second - mean**2, 0.0)), best.innovation, math.sqrt(best.variance), edge)
+    edge = memory == SHARES[-1]
+    before = edge.sum() / max((~edge).sum(), 1)
+    odds = float(share[edge].sum() / max(share[~edge].sum(), 1e-300) / before)
+    deviation = np.sqrt(np.maximum(second - mean**2, 0.0))
+    return Smoothed(mean, deviation, best.innovation, math.sqrt(best.variance), best.taken, odds)
 
 
 @dataclass(frozen=True)
 class _Regressed:
-    """Whitened residual (n,) on whitened tangent: parameters (m,), a root (m, m) of their covariance over the variance."""
+    """Whitened residual (n,) on whitened tangent: parameters (m,), a root (m, m) of their covariance over the variance.
+
+    innovation (n,) is what is left over its deviation, taken (n, m) what of it the parameters took.
+    """
 
     parameters: Array
     root: Array
     variance: float
     innovation: Array
+    taken: Array
     log_likelihood: float
 
 
@@ -95,7 +106,7 @@ def _regressed(white: Array, half_log_s: float) -> _Regressed:
     variance = float(left @ left) / free
     likelihood = -0.5 * free * np.log(variance) - half_log_s - float(np.log(np.abs(np.diag(r))).sum())
     root = np.linalg.solve(r, np.eye(len(along)))
-    return _Regressed(root @ along, root, variance, left / np.sqrt(variance), float(likelihood))
+    return _Regressed(root @ along, root, variance, left / np.sqrt(variance), q, float(likelihood))
 
 
 def _orthonormal(tangent: Array, seen: Array) -> Array:
