@@ -18,6 +18,8 @@ HORIZON, AFTER = 12.0, 800
 LEAST_RISE = 1e-3
 #: What nothing determines moves no further than this, in search coordinates.
 MOST_DOUBT = 2.0
+#: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
+ROUNDS, AT_REST = 400, 1e-6
 
 
 def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, Rise]:
@@ -32,8 +34,8 @@ def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, R
     end = float(whole.time[-1])
     horizon = end + HORIZON / min(slowest(fit, i) for i in range(fit.run.sensors))
     later = np.linspace(end, horizon, AFTER + 1)[1:]
-    seen = _extended(fit, whole, len(whole.time) - 1, later)
-    held = _extended(fit, whole, last, later)
+    seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
+    held = together(fit, _extended(fit, whole, last, last, later), last, lasting(fit))
     return {channel: _rise(fit, i, seen, held, nodes) for i, channel in enumerate(fit.run.channels)}
 
 
@@ -85,8 +87,28 @@ def lasting(fit: Fit) -> list[int]:
     return [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
 
 
-def _extended(fit: Fit, whole: Observations, last: int, later: Array) -> Observations:
-    """The record and beyond it, what is logged held as it was about reading `last` from then on."""
+def together(fit: Fit, over: Observations, last: int, keep: "range | list[int]") -> Observations:
+    """A record in which, after reading `last`, each sensor is where the parts `keep` of the model take it among the others.
+
+    What is read of a neighbour later is not known to somebody who foretells it. A sensor that warms another is warmed by it in
+    turn, so that all are run again and again, each beside what the others did in the round before (waveform relaxation; Lelarasmee
+    et al. 1982, IEEE Trans. CAD 1).
+    """
+    if not any(fit.model.parts[k].effect.reads_sensors for k in keep):
+        return over
+    curves, sensors = over.filled.copy(), np.arange(fit.run.sensors)
+    size = np.maximum(np.ptp(curves, axis=1), LEAST_RISE)
+    for _ in range(ROUNDS):
+        found = free_runs(fit, replace(over, reading=curves), fit.local, np.tile(fit.shared, (len(sensors), 1)), sensors, keep)
+        moved = np.abs(found[:, last + 1 :] - curves[:, last + 1 :]).max(axis=1, initial=0.0)
+        curves[:, last + 1 :] = found[:, last + 1 :]
+        if np.all(moved <= AT_REST * size):
+            break
+    return replace(over, reading=curves)
+
+
+def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array) -> Observations:
+    """The record and beyond it, what is logged held as it was about reading `last` from then on, sensors as read up to `read`."""
     tenth = max(1, last // 20)
     count = len(whole.time)
 
@@ -98,8 +120,8 @@ def _extended(fit: Fit, whole: Observations, last: int, later: Array) -> Observa
     time = np.concatenate([whole.time, later])
     values = fit.values
     level, rate = values[LEVEL][:, None], values[RATE][:, None]
-    known = whole.filled[:, : last + 1]
-    since = time[last + 1 :] - time[last]
+    known = whole.filled[:, : read + 1]
+    since = time[read + 1 :] - time[read]
     neighbours = np.concatenate([known, level + (known[:, -1:] - level) * np.exp(-rate * since)], axis=1)
     return replace(
         whole,
@@ -114,13 +136,20 @@ def _extended(fit: Fit, whole: Observations, last: int, later: Array) -> Observa
 
 def free_run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:
     """Curves (R, N) of one sensor over another record with the parts `keep` of the model."""
+    return free_runs(fit, over, rows, shared, np.full(len(rows), sensor), keep)
+
+
+def free_runs(
+    fit: Fit, over: Observations, rows: Array, shared: Array, sensors: NDArray[np.intp], keep: "range | list[int]"
+) -> Array:
+    """The same of a sensor for each row (R,)."""
     own = [j for j, c in enumerate(fit.model.local) if c.part < 0 or c.part in keep]
     common = [j for j, c in enumerate(fit.model.shared) if c.part < 0 or c.part in keep]
     model = Model(over, [fit.model.parts[k] for k in keep], fit.model.active[:, own])
     local = rows[:, own].copy()
     if fit.run.sink_c is not None:  # the level stands against the mean of what was logged, which is another over another record
         local[:, model.column(LEVEL)] += model.sink_guess - fit.model.sink_guess
-    curves: Array = model.forward(local, shared[:, common], np.full(len(rows), sensor))
+    curves: Array = model.forward(local, shared[:, common], sensors)
     return curves
 
 
