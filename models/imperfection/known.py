@@ -27,7 +27,8 @@ class Known:
 
     log_rate (s, 2): log rate and its deviation; curve (s, L, n): the rise over its law's own, 0 at first, of rates whose logarithms
     are `nodes` (L,) off the known one, one node where it does not depend on the rate but through x; held (s, L, n): the same with
-    what is logged held as it was at the last reading used, which leads to the limit. doubt (s, J, n): columns whose amplitudes are
+    what is logged held as it was at the last reading used, which leads to the limit; whole (s, L, n): with that held, all that the
+    sensor does over where it ends, what is not proportional to the rise too. doubt (s, J, n): columns whose amplitudes are
     standard normal, relative to the rise, in which the curve may be wrong. beside (s, k) [K] at beside_time (k,) [min after the
     first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit. guessed: log_rate is no
     knowledge, but a guess from the record itself.
@@ -37,6 +38,7 @@ class Known:
     x: Array
     curve: Array
     held: Array
+    whole: Array
     doubt: Array
     nodes: Array = field(default_factory=lambda: np.zeros(1))
     beside_time: Array = field(default_factory=lambda: np.array([0.0, 1.0]))
@@ -46,9 +48,9 @@ class Known:
 
     @cached_property
     def turns(self) -> Array:
-        """Time constants until 95 % of each rise are done for good (s, L)."""
-        end = self.held[..., -1:]
-        left = np.abs(self.held - end) - 0.05 * np.abs(end)
+        """Time constants until 95 % of all that each sensor does are done for good (s, L)."""
+        end = self.whole[..., -1:]
+        left = np.abs(self.whole - end) - 0.05 * np.abs(end)
         count = left.shape[-1]
         last = np.minimum(count - 1 - np.argmax((left > 0.0)[..., ::-1], axis=-1), count - 2)
         here, there = (np.take_along_axis(left, (last + k)[..., None], -1)[..., 0] for k in (0, 1))
@@ -62,7 +64,7 @@ class Known:
         """How fast the 5 % that are left at `turns` fall there (s, L), over the rate."""
         found = np.ones_like(self.turns)
         for place in np.ndindex(found.shape):
-            line, near = self.held[place], self.turns[place] * np.array([0.9, 1.1])
+            line, near = self.whole[place], self.turns[place] * np.array([0.9, 1.1])
             left = np.abs(line[-1] - np.interp(near, self.x, line))
             if left.min() > 0.0:
                 found[place] = np.log(left[0] / left[1]) / (near[1] - near[0])

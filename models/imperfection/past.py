@@ -98,27 +98,28 @@ class SensorShape:
 class Rise:
     """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
 
-    curve, held (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt (J, n), beside (k,) [K] at
-    beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
+    curve, held, whole (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt (J, n), beside (k,) [K]
+    at beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
     """
 
     log_rate: float
     curve: Array
     held: Array
+    whole: Array
     doubt: Array
     beside_time: Array
     beside: Array
     beside_end: float
     nodes: Array = field(default_factory=lambda: NODES)
 
-    def about(self, log_rate: float) -> tuple[Array, Array]:
-        """Both curves (L, n) at nodes about another rate."""
+    def about(self, log_rate: float) -> tuple[Array, Array, Array]:
+        """The three curves (L, n) at nodes about another rate."""
         step = self.nodes[1] - self.nodes[0]
         at = np.clip((self.nodes + log_rate - self.log_rate - self.nodes[0]) / step, 0.0, len(self.nodes) - 1.000001)
         node = at.astype(int)
         share = (at - node)[:, None]
-        curve, held = ((1.0 - share) * v[node] + share * v[node + 1] for v in (self.curve, self.held))
-        return curve, held
+        curve, held, whole = ((1.0 - share) * v[node] + share * v[node + 1] for v in (self.curve, self.held, self.whole))
+        return curve, held, whole
 
 
 @dataclass(frozen=True)
@@ -171,15 +172,17 @@ class Past:
         rises = [self.rises[c] for c in channels if c in self.rises]
         if not rises:
             curve = np.array([law + more for more in own])
-            return Known(log_rate, GRID, curve, curve, np.array(doubt))
+            return Known(log_rate, GRID, curve, curve, curve, np.array(doubt))
         about = [r.about(s.log_rate) for r, s in zip(rises, shapes, strict=True)]
+        curve, held, whole = (np.array([three[k] + more for three, more in zip(about, own, strict=True)]) for k in range(3))
         doubt = [np.concatenate([d, r.doubt]) for d, r in zip(doubt, rises, strict=True)]
         most = max(len(d) for d in doubt)
         return Known(
             log_rate,
             GRID,
-            np.array([curve + more for (curve, _), more in zip(about, own, strict=True)]),
-            np.array([held + more for (_, held), more in zip(about, own, strict=True)]),
+            curve,
+            held,
+            whole,
             np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in doubt]),
             rises[0].nodes,
             rises[0].beside_time,

@@ -57,11 +57,18 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, about: Array
     time, middle = seen.time - fit.run.time[fit.run.used[i]][0], nodes // 2
     over = [GRID / np.exp(log_rate + off) for off in about]
     unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
+    whole = kept[:nodes] - kept[:nodes, :1]
+    whole = np.where(np.abs(whole[:, -1:]) > LEAST_RISE, whole / np.where(whole[:, -1:] == 0.0, 1.0, whole[:, -1:]), of_end)
     wrong = [np.interp(over[middle], time, (c - curves[middle]) / rise) for c in curves[2 * nodes :]]
+
+    def on_grid(lines: Array) -> Array:
+        return np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, lines, strict=True)])
+
     return Rise(
         log_rate,
-        np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, unit, strict=True)]),
-        np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, of_end, strict=True)]),
+        on_grid(unit),
+        on_grid(of_end),
+        on_grid(whole),
         np.array(wrong).reshape(-1, len(GRID)),
         time,
         curves[nodes + middle] - start,

@@ -17,7 +17,7 @@ from ..estimation.sweep import Swept, sweep_records, sweep_sensors
 from ..records import SweepRecord
 from .learnt import carry
 from .past import followers, knowledge
-from .rise import HORIZON, free_run, lasting, slowest
+from .rise import HORIZON, free_run, lasting, slowest, together
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def _far(fit: Fit, horizon: float, reference: float | None) -> Observations:
     )
     values = fit.values
     curves = values[LEVEL][:, None] + (values[START] - values[LEVEL])[:, None] * np.exp(-values[RATE][:, None] * time)
-    return replace(alone, reading=curves, weight=np.ones_like(curves))
+    return together(fit, replace(alone, reading=curves, weight=np.ones_like(curves)), 0, lasting(fit))
 
 
 def sweep_with_model(
