@@ -36,10 +36,33 @@ def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, R
     later = np.linspace(end, horizon, AFTER + 1)[1:]
     seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
     held = together(fit, _extended(fit, whole, last, last, later), last, lasting(fit))
-    return {channel: _rise(fit, i, seen, held, nodes) for i, channel in enumerate(fit.run.channels)}
+    of_others = _of_others(fit, seen, last)
+    return {channel: _rise(fit, i, seen, held, of_others[:, i], nodes) for i, channel in enumerate(fit.run.channels)}
 
 
-def _rise(fit: Fit, i: int, seen: Observations, held: Observations, about: Array) -> Rise:
+def _of_others(fit: Fit, over: Observations, last: int) -> Array:
+    """What each sensor of a record may move (J, S, N) [K] because another one's end is not known, by a deviation each."""
+    every, sensors = range(len(fit.model.parts)), np.arange(fit.run.sensors)
+    if not any(part.effect.reads_sensors for part in fit.model.parts):
+        return np.zeros((0, len(sensors), len(over.time)))
+    found = []
+    for s in range(fit.run.sensors):
+        roots = covariance_root(fit.joint_covariance(s)).T
+        roots *= np.minimum(1.0, MOST_DOUBT / np.maximum(np.linalg.norm(roots, axis=1, keepdims=True), 1e-300))
+        kl = fit.local.shape[1]
+        rows = np.concatenate([fit.local[s][None], fit.local[s] + roots[:, :kl]])
+        ends = free_run(fit, over, rows, np.concatenate([fit.shared[None], fit.shared + roots[:, kl:]]), s, every)[:, -1]
+        moved = ends[1:] - ends[0]
+        move = moved @ roots / max(float(np.linalg.norm(moved)), 1e-300)
+        local = fit.local.copy()
+        local[s] += move[:kl]
+        other = together(replace(fit, local=local), over, last, every).reading - over.reading
+        other[s] = 0.0
+        found.append(other)
+    return np.array(found)
+
+
+def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: Array, about: Array) -> Rise:
     level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
     log_rate = float(np.log(fit.values[RATE][i]))
     rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
@@ -59,7 +82,7 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, about: Array
     unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
     whole = kept[:nodes] - kept[:nodes, :1]
     whole = np.where(np.abs(whole[:, -1:]) > LEAST_RISE, whole / np.where(whole[:, -1:] == 0.0, 1.0, whole[:, -1:]), of_end)
-    wrong = [np.interp(over[middle], time, (c - curves[middle]) / rise) for c in curves[2 * nodes :]]
+    wrong = [np.interp(over[middle], time, c / rise) for c in (*(curves[2 * nodes :] - curves[middle]), *of_others)]
 
     def on_grid(lines: Array) -> Array:
         return np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, lines, strict=True)])
