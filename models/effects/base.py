@@ -80,6 +80,15 @@ class Choice:
     by_sensor: tuple[str, ...] = ()
     coupled: tuple[str, ...] = ()
 
+    def acts_as(self, other: "Choice") -> bool:
+        """Whether it is the same way to act; constants may be arrays."""
+        alike = self.constants.keys() == other.constants.keys()
+        return (
+            alike
+            and all(np.array_equal(v, other.constants[k]) for k, v in self.constants.items())
+            and replace(self, constants={}) == replace(other, constants={})
+        )
+
     @staticmethod
     def composed(choices: "Sequence[Choice]") -> "Choice":
         """Each sensor's own choice of several: choices (S,)."""

@@ -90,7 +90,7 @@ def _with(runs: Sequence[OneOf], stage: Stage, effect: Effect) -> Stage | None:
     parts: tuple[Part, ...] = best.parts
     fits = []
     for own, run in zip(found, runs, strict=True):
-        if own.parts[-1].choice == parts[-1].choice and own.parts[-1].concerned == parts[-1].concerned:
+        if own.parts[-1].choice.acts_as(parts[-1].choice) and own.parts[-1].concerned == parts[-1].concerned:
             fits.append(own.fit)
         else:
             fits.append(fit_model(run.prepared.seen, parts, {**with_parts(best.fit, parts), **with_parts(own.fit, own.parts[:-1])}))

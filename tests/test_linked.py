@@ -1,0 +1,64 @@
+"""Sensors that warm each other: where all of them settle, together, and when."""
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from benchmarks.linked import MINUTES, machine, settled
+
+
+@pytest.fixture(scope="module")
+def linked():
+    (first, _, _), second = machine(503, 2)
+    return tf.improve(first, add=["neighbour_heat"]).model, *second
+
+
+def test_linked_sensors_settle_where_both_balance(linked):
+    model, record, limits, curves = linked
+    for until in (60.0, 160.0):
+        for i, r in enumerate(tf.identify(record, until=until, model=model, at=400)):
+            assert r.status == "ok"
+            assert r.steady_state_lo_c <= limits[i] <= r.steady_state_hi_c
+            assert r.steady_state_c == pytest.approx(limits[i], abs=0.3)
+            assert r.t95_min == pytest.approx(settled(curves[:, i], limits[i]), rel=0.1)
+            assert r.at_lo_c <= curves[-1, i] <= r.at_hi_c
+    # Each by itself would settle elsewhere: the link matters.
+    assert abs(tf.identify(record, until=160, imperfection="none")[0].steady_state_c - limits[0]) > 0.3
+
+
+def test_nothing_read_of_a_neighbour_after_until_is_used(linked):
+    model, record, *_ = linked
+    other = {k: np.where(MINUTES <= 80.0, v, v + 5.0 * (k == "T2")) for k, v in record.items() if k != "time_min"}
+    for more in ({"model": model}, {"auto": True}):
+        one, two = (tf.identify(r, until=80, at=400, **more) for r in (record, {"time_min": MINUTES} | other))
+        for a, b in zip(one, two, strict=True):
+            assert (a.steady_state_c, a.at_c, a.t95_min) == pytest.approx((b.steady_state_c, b.at_c, b.t95_min), abs=1e-3)
+
+
+def test_runs_of_linked_sensors_are_learnt_from_together():
+    runs = [tf.read(record, name=f"run {k}") for k, (record, _, _) in enumerate(machine(504, 3, runs=3))]
+    found = tf.improve(runs[:2], together=True, add=["neighbour_heat"])
+    _, limits, _ = machine(504, 3, runs=3)[2]
+    for i, r in enumerate(tf.identify(runs[2], until=80, model=found.model)):
+        assert r.steady_state_lo_c <= limits[i] <= r.steady_state_hi_c
+
+
+def test_a_load_that_fell_reaches_the_neighbour_too():
+    """Two linked bodies of which one's heat falls at 100 min: with what was found, both settle where the load is now."""
+    rng = np.random.default_rng(5)
+    flow, heat = np.array([[-0.03, 0.015], [0.012, -0.025]]), np.array([0.35, 0.1])
+    before, after = np.linalg.solve(-flow, heat), np.linalg.solve(-flow, heat * [0.6, 1.0])
+    values, vectors = np.linalg.eig(flow)
+
+    def towards(start, end, time):
+        return end + (vectors @ (np.linalg.solve(vectors, start - end)[:, None] * np.exp(values[:, None] * time))).T
+
+    start = np.zeros(2)
+    early = towards(start, before, MINUTES[:101])
+    late = towards(early[-1], after, MINUTES[1:201])
+    curve = 20.0 + np.concatenate([early, late])
+    readings = curve + 0.03 * rng.standard_normal(curve.shape)
+    found = tf.identify({"time_min": MINUTES[:301], "T1": readings[:, 0], "T2": readings[:, 1]}, auto=True)
+    for r, end in zip(found, 20.0 + after, strict=True):
+        assert r.steady_state_lo_c <= end <= r.steady_state_hi_c
+        assert r.steady_state_c == pytest.approx(end, abs=0.4)
