@@ -62,3 +62,17 @@ def test_a_load_that_fell_reaches_the_neighbour_too():
     for r, end in zip(found, 20.0 + after, strict=True):
         assert r.steady_state_lo_c <= end <= r.steady_state_hi_c
         assert r.steady_state_c == pytest.approx(end, abs=0.4)
+
+
+def test_a_logged_load_counts_as_it_was_last_and_one_that_cycles_as_its_mean():
+    """A power that jumps is what it is now; one that switches within the time constant is its mean over whole cycles."""
+    rng = np.random.default_rng(1)
+    for every, until, level in ((50.0, 155.0, 200.0), (50.0, 203.0, 600.0), (4.0, 200.0, 400.0)):
+        power = np.where((MINUTES // every) % 2 == 0, 600.0, 200.0)
+        rise = [0.0]
+        for p in power[:-1]:
+            rise.append(0.05 * p + (rise[-1] - 0.05 * p) * np.exp(-1.0 / 30.0))
+        record = {"time_min": MINUTES, "T": 20.0 + np.array(rise) + 0.03 * rng.standard_normal(len(MINUTES)), "power [W]": power}
+        (found,) = tf.identify(record, until=until, drive="power [W]")
+        assert found.steady_state_lo_c <= 20.0 + 0.05 * level <= found.steady_state_hi_c
+        assert found.steady_state_c == pytest.approx(20.0 + 0.05 * level, abs=0.5)

@@ -27,6 +27,11 @@ class UsageError(ThermofastError):
     """An option or a setting that cannot be used."""
 
 
+def rounded(value: float, digits: int = 2) -> str:
+    """A number in a sentence, of so many significant digits and without powers of ten where it is large: 110, not 1.1e+02."""
+    return f"{float(f'{value:.{digits}g}'):.15g}" if 1.0 <= abs(value) < 1e15 else f"{value:.{digits}g}"
+
+
 def listed(names: Iterable[str], most: int = 12) -> str:
     """Names in a row, shortened where there are many."""
     names = list(names)

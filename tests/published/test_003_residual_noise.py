@@ -34,6 +34,7 @@ from statsmodels.tsa.arima.model import ARIMA
 from statsmodels.tsa.arima_process import ArmaProcess
 from statsmodels.tsa.stattools import acf, adfuller, pacf
 
+import thermofast as tf
 from thermofast.models.noise.residual_noise import (
     NoiseModel,
     _kalman,
@@ -347,3 +348,14 @@ def test_a_factor_and_a_fit_refuse_what_they_cannot_know():
                 lambda: correlogram(holes, 5), lambda: stationarity(np.arange(5.0))):  # fmt: skip
         with pytest.raises(ValueError, match=r"needs|beyond"):
             bad()
+
+
+def test_a_probe_that_fell_off_is_no_noise_however_slow_the_fit():
+    """Of a record for which the law has no shape the fitted rate goes to nought, and a tenth of its time constant to anything."""
+    rng, time = np.random.default_rng(3), np.arange(300.0)
+    for at, tau in ((150, 3.0), (100, 3.0), (200, 3.0), (150, 10.0)):
+        reading = 21.0 - 8.0 * np.expm1(-time / 70.0)
+        reading = np.where(time < at, reading, 22.0 + (reading[at] - 22.0) * np.exp(-np.maximum(time - at, 0.0) / tau))
+        (found,) = tf.compare({"time_min": time, "T": reading + 0.03 * rng.standard_normal(300)})
+        assert found.status == "model_doubtful"
+        assert "the noise is" not in found.message

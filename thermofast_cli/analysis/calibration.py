@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from thermofast.models import t_quantile
 from thermofast.models.imperfection import NONE, TYPICAL, Imperfection
 
+from ..errors import rounded
 from ..estimation.identify import Method, identify_sensors
 from ..records import CalibrateRecord
 from ..workers.engine import Started
@@ -74,7 +75,7 @@ def past_run(started: Started, method: Method) -> Past | str:
     tau = 1.0 / float(np.median(rates))
     length = float(minutes[-1]) - start
     if length < COMPLETE * tau:
-        return f"it ends after {length / tau:.2g} time constants; a complete run has {COMPLETE:g}"
+        return f"it ends after {rounded(length / tau)} time constants; a complete run has {COMPLETE:g}"
     count = min(LAST, max(3, len(minutes) // 20))
     end, at = values[:, -count:].mean(axis=1), float(minutes[-count:].mean()) - start
     foretold = np.full((len(CANDIDATES), len(TURNS), len(channels), 3), np.nan)

@@ -13,7 +13,7 @@ from thermofast.models.search.judge import widening
 from thermofast.models.uncertainty.changes import Change, RunNumbers, changes
 
 from ..discovery.observe import FEWEST_READINGS, observe
-from ..errors import UsageError
+from ..errors import UsageError, rounded
 from ..machine.learnt import as_learnt
 from ..machine.model import Model
 from ..records import ChangedRecord
@@ -140,7 +140,7 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
     if c.size is not None and c.deviation is not None:
         size, low, high = (math.exp(c.size + k * c.deviation) for k in (0.0, -1.96, 1.96))
     sensor = channels[c.sensor] if c.sensor is not None else ""
-    percent = "" if size is None else f"by {abs(100.0 * (size - 1.0)):.2g} %"
+    percent = "" if size is None else f"by {rounded(abs(100.0 * (size - 1.0)))} %"
     up = size is None or size > 1.0
     said = WORDS[c.kind].format(
         more=f"{'more' if up else 'less'} {percent}",
@@ -167,7 +167,9 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
 def _visible(found: Sequence[Change]) -> str:
     """How large a change would most likely have shown."""
     sizes = [
-        f"{c.kind} by {100.0 * math.expm1(SHOWS * c.deviation):.2g} %" for c in found if c.kind in WHOLE and c.deviation is not None
+        f"{c.kind} by {rounded(100.0 * math.expm1(SHOWS * c.deviation))} %"
+        for c in found
+        if c.kind in WHOLE and c.deviation is not None
     ]
     return f"would most likely have shown: {', '.join(sizes)}"
 

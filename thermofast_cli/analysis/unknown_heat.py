@@ -12,6 +12,7 @@ from thermofast.models.joint import Fit
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts, heat_in_watts
 from thermofast.models.uncertainty.unknown_heat import Follows, Lump, UnknownHeat, claims, simplest_rate, smooth_heat
 
+from ..errors import rounded
 from .power import Constants, most_watts
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def in_words(follows: tuple[Follows, ...]) -> str:
         low, high = f.powers
         power = "" if f.power == 1.0 else f"^{f.power:g}"
         near = f" (powers {low:g} to {high:g} do as well)" if low < high else ""
-        late = f", {f.delay_min:.2g} min late" if f.delay_min > 0.0 else ""
+        late = f", {rounded(f.delay_min)} min late" if f.delay_min > 0.0 else ""
         chance = "chance below 1e-6" if f.p < 1e-6 else f"chance {f.p:.1g}"
         told.append(f"{f.column}{power}{near}{late}: correlation {f.correlation:.2f} on blocks left out, {chance}")
     return "the unknown heat follows " + ", and with it ".join(told) if told else ""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import spike_weights
 
+from ..errors import rounded
 from ..estimation.sensor import logger_step
 from ..reading import Run
 from ..records import IdentifyRecord
@@ -59,7 +60,7 @@ class Look:
         widest = max(known, key=lambda c: known[c])
         doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
         doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
-        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{known[widest]:.2g} K for all at once{doubt}"
+        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{rounded(known[widest])} K for all at once{doubt}"
 
 
 def half_width(record: IdentifyRecord) -> float | None:

@@ -11,6 +11,8 @@ from thermofast.models.noise.residual_noise import NoiseModel, long_run_factor, 
 from thermofast.models.noise.whiteness import pattern_p_value
 from thermofast.models.search.rules import RULES
 
+from ..errors import rounded
+
 #: Above this p value a residual is taken for white and no model of its colour is looked for.
 PLAIN = 0.05
 #: Noise of a sensor and its logger has died away within this share of the lump's time constant; slower is a misfit.
@@ -68,12 +70,16 @@ def colour_of(fit: Fit, sensor: int, whiteness_p: float, own: Array | None = Non
     if p + q == 0:
         return Colour()
     lasts = _dies_after(model, len(series)) * fit.run.step
-    short = lasts <= SHORT / float(fit.values[RATE][sensor])
+    length = float(np.ptp(fit.run.time[used]))
+    # Of a record that a fit has no shape for, the rate says nothing: no noise lasts a tenth of what was seen.
+    short = lasts <= SHORT * min(1.0 / float(fit.values[RATE][sensor]), length)
     name = f"ARMA({p},{q})"
     lowest = model.autocovariance(max(2, len(series) // 2))
     if float(lowest.min()) < SWINGS * lowest[0] and int(np.argmin(lowest)) > 1:
         period = 2.0 * int(np.argmin(lowest)) * fit.run.step
-        return Colour(name, False, words=f"the residual swings with a period of about {period:.2g} min: a cycle, not noise")
+        if 2.0 * period > length:  # less than two of them were seen
+            return Colour(name, False, words=f"the residual's pattern lasts {lasts:.3g} min: a misfit, not noise")
+        return Colour(name, False, words=f"the residual swings with a period of about {rounded(period)} min: a cycle, not noise")
     if not short:
         return Colour(name, False, words=f"the residual's pattern lasts {lasts:.3g} min: a misfit, not noise")
     tangent = np.concatenate([fit.by_local[:, sensor], fit.by_shared[:, sensor]]).T[span]
@@ -83,7 +89,9 @@ def colour_of(fit: Fit, sensor: int, whiteness_p: float, own: Array | None = Non
     good = np.isfinite(white)
     factor = float(long_run_factor(series * weight))
     times = math.sqrt(factor)
-    told = f"the noise is {name}, gone after {lasts:.3g} min: slow parameters err {times:.2g} times as much as under white noise"
+    told = (
+        f"the noise is {name}, gone after {lasts:.3g} min: slow parameters err {rounded(times)} times as much as under white noise"
+    )
     return Colour(name, True, pattern_p_value(white[good], columns[good]), factor, words=told, model=model)
 
 

@@ -8,6 +8,7 @@ from thermofast.models.noise.spectral import block_means
 from thermofast.models.search.discover import Discovery
 from thermofast.models.search.dominant import misfit, misfit_power
 
+from ..errors import rounded
 from ..records import finite
 from .loop import pooled
 
@@ -71,7 +72,7 @@ def remaining_words(fit: Fit) -> str:
     look += [stretch] if stretch else []
     along = _along(fit)
     look += [f"along {along}"] if along else []
-    return f"{size:.2g} K, {size / max(noise, 1e-12):.2g} times the noise: {', '.join(look)}"
+    return f"{rounded(size)} K, {rounded(size / max(noise, 1e-12))} times the noise: {', '.join(look)}"
 
 
 def _pace(fit: Fit) -> str:

@@ -16,6 +16,7 @@ from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together, pool
 
+from ..errors import rounded
 from ..machine.modelfile import learnt_from, model_file
 from ..machine.past import learnt_past, run_learnt_from
 from ..plugins.effects import chosen_effects, load_effect
@@ -149,7 +150,7 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
     learnt = type(learnt)(**{**{n: getattr(learnt, n) for n in learnt.__struct_fields__}, "also_from": tuple(origins[1:])})
     notes = [
         *notes,
-        f"rates scatter by {100.0 * past.scatter:.2g} % from run to run",
+        f"rates scatter by {rounded(100.0 * past.scatter)} % from run to run",
         *_stretched(past, runs),
         *_differing(last, runs),
     ]
@@ -195,7 +196,7 @@ def _stretched(past: Past, runs: Sequence[OneOf]) -> list[str]:
     """Runs that were much faster or slower than the others, in words."""
     pairs = zip(runs, past.stretches, strict=True)
     return [
-        f"{r.task.run.name} was {100.0 * abs(s):.2g} % {'faster' if s > 0.0 else 'slower'} than the others"
+        f"{r.task.run.name} was {rounded(100.0 * abs(s))} % {'faster' if s > 0.0 else 'slower'} than the others"
         for r, s in pairs
         if abs(s) > STRETCHED * SCATTER
     ]
@@ -209,6 +210,6 @@ def _differing(stage: Stage, runs: Sequence[OneOf]) -> list[str]:
         owner = "" if d.column.part < 0 else f"{model.parts[d.column.part].id}."
         whose = "" if d.sensor is None else f"{channels[d.sensor]} "
         p = d.column.parameter
-        size = f"{100.0 * d.scatter:.2g} %" if p.log else f"{d.scatter:.2g} {p.unit}"
+        size = f"{rounded(100.0 * d.scatter)} %" if p.log else f"{rounded(d.scatter)} {p.unit}"
         said.append(f"{whose}{owner}{p.name} differs from run to run, by {size}")
     return said

@@ -15,6 +15,7 @@ from thermofast.models.search.discover import Discovery
 from thermofast.models.search.judge import widening
 from thermofast.models.search.rules import RULES
 
+from ..errors import rounded
 from .loop import pooled
 from .remains import remaining_words, shares
 from .stretches import steps_near
@@ -67,7 +68,7 @@ def fails_beyond(found: Discovery, seen: Observations, until: float | None) -> s
     if not worst > BEYOND:
         return ""
     return (
-        f"nothing is missing in the first {until:g} min, and the readings after them leave the model by {worst:.2g} times the "
+        f"nothing is missing in the first {until:g} min, and the readings after them leave the model by {rounded(worst)} times the "
         "noise: they tell more, say a longer --until"
     )
 
@@ -119,7 +120,7 @@ def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         told.append(
             f"{part.id}{rival}: {_described(named.fit, named.parts.index(part), seen, times)}; it explains "
             f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit, and the error on readings not fitted falls "
-            f"from {before:.2g} to {after:.2g} K"
+            f"from {rounded(before)} to {rounded(after)} K"
         )
         before = after
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
@@ -154,7 +155,7 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
         value, error = fit.values[key], fit.deviations[key]
         unit = "" if name.unit == "1" else f" {name.unit}"
         if name.each == "sensor" and int(who.sum()) > 1:
-            numbers.append(f"{name.name} {value[who].min():.2g} to {value[who].max():.2g}{unit}")
+            numbers.append(f"{name.name} {rounded(value[who].min())} to {rounded(value[who].max())}{unit}")
             continue
         if name.each == "sensor":
             i = int(np.flatnonzero(who)[0])
@@ -177,8 +178,8 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     noise = pooled(named.fit.noise[concerned])
     evidence = (
         f"{'; and '.join(parts)}. {_seen_as(named)}Adding {' and '.join(named.ids)} cuts the error on readings not fitted "
-        f"from {before:.2g} to {after:.2g} K; "
-        f"noise {noise:.2g} K"
+        f"from {rounded(before)} to {rounded(after)} K; "
+        f"noise {rounded(noise)} K"
     )
     also, ways = rivals(found), other_ways(found)
     if also:
@@ -231,7 +232,7 @@ def _listed(names: list[str]) -> str:
 
 def _where(found: Discovery, seen: Observations) -> str:
     worst = _worst(found, seen)
-    return f"(most from {worst[0]:.4g} to {worst[1]:.4g} min, by {worst[2]:.2g} K)" if worst else ""
+    return f"(most from {worst[0]:.4g} to {worst[1]:.4g} min, by {rounded(worst[2])} K)" if worst else ""
 
 
 def _worst(found: Discovery, seen: Observations) -> tuple[float, float, float] | None:
@@ -277,5 +278,5 @@ def visible_sizes(found: Discovery) -> list[str]:
         if size > max(abs(low - (main.null or 0.0)), abs(high - (main.null or 0.0))):
             continue
         unit = "" if main.unit == "1" else f" {main.unit}"
-        sizes.append(f"{effect.id} {main.name} {size:.2g}{unit}")
+        sizes.append(f"{effect.id} {main.name} {rounded(size)}{unit}")
     return sizes

@@ -14,6 +14,7 @@ from thermofast.models import bridged, spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
 from thermofast.models.standards import Criterion
 
+from ..errors import rounded
 from ..standards.stopping import DRAWS, asked_ahead, foretold_trips
 from .estimate import Estimates
 from .rules import RULES
@@ -231,7 +232,7 @@ def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
     if not math.isfinite(size) or not abs(rise) > 0.0 or size < 0.25 * width:
         return ""
     share = 100.0 * size / abs(rise)
-    return f"a second mass slower than {claimed.unseen_from[i]:.2g} min, up to {min(share, 999.0):.2g} % of the rise"
+    return f"a second mass slower than {rounded(claimed.unseen_from[i])} min, up to {rounded(min(share, 999.0))} % of the rise"
 
 
 def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import rounded
 from .rules import RULES
 
 Array = NDArray[np.float64]
@@ -80,4 +81,5 @@ def contradiction(residual: Array, half_width: Array, noise: float) -> float | N
 
 def words(size: float, until_min: float) -> str:
     """What to say of a contradiction of `size` [K]."""
-    return f"the readings after {until_min:.4g} min leave the prediction's band, by up to {size:.2g} K: the interval does not hold"
+    after = f"the readings after {until_min:.4g} min leave the prediction's band"
+    return f"{after}, by up to {rounded(size)} K: the interval does not hold"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Track
 from thermofast.models import growth, spike_weights
 
+from ..errors import rounded
 from ..records import SweepRecord
 from .closing import (
     Progress,
@@ -97,7 +98,7 @@ def _with_machine(swept: list[Swept], half_widths: Callable[[float], Array], tol
             continue
         low, high = int(np.abs(times - head.tolerance_time_min).argmin()), len(times) - 1
         if half(high)[i] >= tolerance_c:
-            narrowest = f"{half(high)[i]:.2g} K at {times[high]:g} min" if np.isfinite(half(high)[i]) else "no bound yet"
+            narrowest = f"{rounded(half(high)[i])} K at {times[high]:g} min" if np.isfinite(half(high)[i]) else "no bound yet"
             limits = f"the machine is the limit, not the readings, which alone would do at {head.tolerance_time_min:g} min"
             why = f"the steady state is not known to +-{tolerance_c:g} K at any of these times ({narrowest}): {limits}"
             message = "; ".join(m for m in (why, head.message) if m)
@@ -302,7 +303,7 @@ def sweep_records(
             continue
         if narrow[s] < 0:
             finite = width[s][np.isfinite(width[s])]
-            reached = f" (narrowest {0.5 * finite.min():.2g} K)" if len(finite) and finite.min() > 2.0 * tolerance_c else ""
+            reached = f" (narrowest {rounded(0.5 * finite.min())} K)" if len(finite) and finite.min() > 2.0 * tolerance_c else ""
             told.insert(0, f"the steady state is not known to +-{tolerance_c:g} K at any of these times{reached}: measure longer")
         shortest, agreed = None, None
         if serves[s].all():

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
 
+from ..errors import rounded
 from ..records import IdentifyRecord
 from .estimate import Estimate, Estimates
 from .imperfect import Claims
@@ -150,7 +151,7 @@ def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:
     largest = float(np.abs(sensor.reading).max())
     if _misfits(estimate.pattern_p, estimate.too_large, estimate.misfit, sensor.resolution, largest):
         return [
-            f"the readings leave the base model in a pattern ({estimate.misfit:.2g} K rms): "
+            f"the readings leave the base model in a pattern ({rounded(estimate.misfit)} K rms): "
             "the interval does not cover what the model lacks"
         ]
     return []

@@ -21,6 +21,8 @@ from thermofast.models.search.discover import Discovery, Spread, discover, disco
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
+from ..errors import rounded
+
 #: Runs simulated for each cause and experiment; causes that are told apart; sweeps until sensors that heat each other agree.
 DRAWS, MOST_CAUSES, SWEEPS = 8, 3, 12
 #: An experiment that settles so large a share is good enough: the least effort among such is proposed.
@@ -116,7 +118,7 @@ def _heat_one(seen: Observations, open_: Sequence[Candidate]) -> list[Experiment
     if rise[most] < 2.0 * SEEN_RISE:
         return []
     links = " and ".join(sorted(p.id for p in linked[0].parts if p.effect.reads_sensors))
-    return [replace(offer, name=f"{offer.name}: by {links} {seen.channels[most]} rises {rise[most]:.2g} K, else not")]
+    return [replace(offer, name=f"{offer.name}: by {links} {seen.channels[most]} rises {rounded(rise[most])} K, else not")]
 
 
 def rises(run: Observations, heated: int) -> Array:

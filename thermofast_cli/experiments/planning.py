@@ -11,6 +11,7 @@ from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Part, Pa
 from thermofast.models.imperfection.draw import draw_record
 
 from ..analysis.watching import TOGETHER
+from ..errors import rounded
 from ..records import PlanRecord
 
 Array = NDArray[np.float64]
@@ -171,7 +172,7 @@ def needed(time: Array, half_width: Array, tolerance_c: float) -> float | None:
 
 
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
-    reached = f"it comes to +-{best:.2g} K at best" if math.isfinite(best) else "no side is ever closed"
+    reached = f"it comes to +-{rounded(best)} K at best" if math.isfinite(best) else "no side is ever closed"
     alone = needed(law.time, law.half_width, tolerance)
     if curve.name != law.name and alone is not None:
         return f"{reached}: the machine is the limit, not the readings, which alone would do after {alone:.3g} min"

@@ -26,7 +26,7 @@ from thermofast.models.search.dominant import misfit_power
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
-from ..errors import ThermofastError, UsageError
+from ..errors import ThermofastError, UsageError, rounded
 from ..estimation.imperfect import follows_machine
 from ..plugins.effects import chosen_effects
 from .learnt import carry, changed_files
@@ -137,7 +137,7 @@ def _guessed(task: LoopTask) -> Knowledge:
         seen, whole = seen.only(mine), whole.only(mine)
         notes.append(f"with {task.drive} as the heat, as last logged")
         missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
-        notes += [f"{100.0 * missing:.2g} % of {task.drive} is missing and was filled by straight lines"] if missing else []
+        notes += [f"{rounded(100.0 * missing)} % of {task.drive} is missing and was filled by straight lines"] if missing else []
     fit = fit_model(seen)
     if task.auto:
         found = discover(seen, chosen_effects((), task.extra))

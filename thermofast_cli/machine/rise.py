@@ -18,6 +18,8 @@ HORIZON, AFTER = 12.0, 800
 LEAST_RISE = 1e-3
 #: What nothing determines moves no further than this, in search coordinates.
 MOST_DOUBT = 2.0
+#: Share of a logged column's range that is a jump.
+JUMP = 0.3
 #: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
 ROUNDS, AT_REST = 400, 1e-6
 
@@ -139,12 +141,11 @@ def together(fit: Fit, over: Observations, last: int, keep: "range | list[int]")
 
 def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array) -> Observations:
     """The record and beyond it, what is logged held as it was about reading `last` from then on, sensors as read up to `read`."""
-    tenth = max(1, last // 20)
-    count = len(whole.time)
+    count, tau = len(whole.time), 1.0 / float(np.median(fit.values[RATE]))
 
     def on(column: Array) -> Array:
         known = column[: last + 1]
-        held = float(np.mean(known[-tenth:]))
+        held = last_level(whole.time[: last + 1], known, tau)
         return np.concatenate([known, np.full(count - len(known) + len(later), held)])
 
     time = np.concatenate([whole.time, later])
@@ -162,6 +163,20 @@ def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array)
         inputs={n: on(c) for n, c in whole.inputs.items()},
         heat=None if whole.heat is None else on(whole.heat),
     )
+
+
+def last_level(time: Array, column: Array, tau: float) -> float:
+    """What a logged column (n,) is at its end, its noise averaged out; one that switches on and off within tau [min] is its mean.
+
+    After a jump only what came since counts: the machine will follow that, not what was before.
+    """
+    first = len(column) - max(1, len(column) // 20)
+    jumped = np.append(np.abs(np.diff(column)) > JUMP * max(float(np.ptp(column)), 1e-300), False)
+    jumps = np.flatnonzero(jumped[:-1] & ~jumped[1:]) + 1  # one that takes two readings is one
+    recent = jumps[time[jumps] > time[-1] - tau].tolist()
+    if len(recent) > 2:  # over whole cycles
+        return float(np.mean(column[recent[(len(recent) - 1) % 2] : recent[-1]]))
+    return float(np.mean(column[max(first, *recent[-1:]) :])) if recent else float(np.mean(column[first:]))
 
 
 def free_run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:

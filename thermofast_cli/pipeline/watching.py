@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..analysis.watching import FEWEST, Look, Watch, first_readings
-from ..errors import InputError, ThermofastError, UsageError
+from ..errors import InputError, ThermofastError, UsageError, rounded
 from ..estimation.identify import Method
 from ..reading import Run, read_runs
 from ..reading.follow import Follower, Piped
@@ -115,7 +115,7 @@ def watch_run(
             silent = time.monotonic() - clock.seen
             if not clock.said and silent > SILENT * max(clock.interval, poll_s):
                 clock.said = True
-                tell(None, (trouble or f"no reading since {silent / 60.0:.2g} min",))
+                tell(None, (trouble or f"no reading since {rounded(silent / 60.0)} min",))
             if give_up_min is not None and silent > 60.0 * give_up_min:
                 break
             time.sleep(poll_s)

@@ -12,6 +12,7 @@ from thermofast.models import bridged, spike_weights
 from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
+from ..errors import rounded
 from ..estimation.measured import measured_equilibrium
 from ..reading import Run
 from ..records import IdentifyRecord, SweepRecord
@@ -216,9 +217,9 @@ def in_words(records: Sequence[IdentifyRecord]) -> list[str]:
             continue
         band = f" ({last.trip_lo_min:.0f} to {last.trip_hi_min:.0f})" if None not in (last.trip_lo_min, last.trip_hi_min) else ""
         holds = "holds" if last.trip_from == "readings" else "will hold"
-        there = "" if last.missing_k is None else f"; {last.missing_k:.2g} K are still missing there then"
-        if None not in (last.missing_k, last.missing_lo_k, last.missing_hi_k):
-            there += f" ({last.missing_lo_k:.2g} to {last.missing_hi_k:.2g})"
+        there = "" if last.missing_k is None else f"; {rounded(last.missing_k)} K are still missing there then"
+        if last.missing_k is not None and last.missing_lo_k is not None and last.missing_hi_k is not None:
+            there += f" ({rounded(last.missing_lo_k)} to {rounded(last.missing_hi_k)})"
         left = [r.channel for r in records if r.run == run and not r.criterion]
         every = f"on all sensors but {', '.join(left)}, which could not be read" if left else "on all sensors"
         where = "" if len(mine) < 2 and not left else f" {every}, on {last.channel} last"
