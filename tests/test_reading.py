@@ -273,3 +273,21 @@ def test_a_member_is_unpacked_from_where_its_own_head_ends(method):
     with zipfile.ZipFile(packed) as archive:
         for member in archive.infolist():
             assert b"".join(inflated(packed.getvalue(), member, "run.zip", Limits())) == text
+
+
+@pytest.mark.parametrize("name", ["T1_F", "T1F", "T1 F", "bearing_F", "temp_f", "TF1"])
+def test_an_f_behind_a_column_that_begins_at_a_room_in_degf_is_its_unit_and_a_guess(name):
+    time = np.arange(0.0, 60.0)
+    warm = 20.0 + 15.0 * -np.expm1(-time / 60.0)
+    (run,) = read_runs(pd.DataFrame({"time_min": time, name: 1.8 * warm + 32.0}))
+    assert next(iter(run.channels.values())) == pytest.approx(warm)
+    assert any("read as degF, by the letter behind the name" in g.text for g in run.guesses)
+    beside = {"T1_F": "T1_R", "bearing_F": "bearing_R"}.get(name)
+    if beside:  # front and rear
+        (run,) = read_runs(pd.DataFrame({"time_min": time, name: 40.0 + warm, beside: 40.0 + warm}))
+        assert next(iter(run.channels.values())) == pytest.approx(40.0 + warm)
+
+
+def test_a_column_without_unit_that_begins_where_a_room_would_be_in_degf_is_told():
+    (run,) = read_runs(pd.DataFrame({"time_min": np.arange(60.0), "T1": 68.0 + np.arange(60.0) / 10.0}))
+    assert any("no unit, taken for degC: T1 begins at 68" in g.text for g in run.guesses)

@@ -350,7 +350,7 @@ def _with_words(
     if unsure and origin != "long":
         what = "no header" if origin == "none" else "neither name nor unit says so"
         guesses.append(
-            Guess("role", f"temperatures in degC, though {what}: {listed(unsure, 6)}", "--channels and --units confirm it")
+            Guess("role", f"taken for temperatures, though {what}: {listed(unsure, 6)}", "--channels and --units confirm it")
         )
     references = [n for n in roles["input"] if n not in options.inputs and set(words(n)) & REFERENCE]
     if references:

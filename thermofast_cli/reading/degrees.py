@@ -22,7 +22,7 @@ ROOM_F = (55.0, 95.0)
 #: Names and values of platinum resistors that were logged in ohms.
 RESISTORS = frozenset(["pt", "rtd"])
 OHMS = ((100.0, 130.0), (1000.0, 1300.0))
-#: A column without unit that begins above this [degC] is told.
+#: A column without unit that begins above this [degC], or at a room in degF, is told.
 HOT_C = 120.0
 
 
@@ -61,6 +61,9 @@ class Temperatures:
             if unit is None and self._common is not None and not is_input:
                 symbol = self._common
                 self._by_letter.setdefault(symbol, []).append(name)
+            if symbol is None and not is_input and self._begins_as_degf(name, values):
+                symbol = "F"
+                self._by_letter.setdefault(symbol, []).append(name)
             if symbol is None and not is_input:
                 self._plausible(name, values, sign.kind == "ambient")
         if symbol in ("K", "F"):
@@ -72,6 +75,18 @@ class Temperatures:
         if not re.fullmatch(r"[Tt][ _][CKF]\d*", name):
             return False
         return any(re.fullmatch(r"[Tt][ _][A-Z]\d*", n) and n[2] not in "CKF" for n in self._table.names)
+
+    def _begins_as_degf(self, name: str, values: Array) -> bool:
+        """Whether an F ends the name (T1_F, bearing_F) of a column that begins at a room in degF; beside T1_R it is no unit."""
+        ends = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
+        found = ends.fullmatch(name)
+        if found is None or found[2] not in "Ff" or self._is_place(name):
+            return False
+        places = [o for o in map(ends.fullmatch, self._table.names) if o is not None and o[2].upper() not in "FC"]
+        if any(o[1].rstrip("0123456789") == found[1].rstrip("0123456789") for o in places):
+            return False
+        good = values[np.isfinite(values)][:3]
+        return bool(len(good) and ROOM_F[0] <= float(np.median(good)) <= ROOM_F[1])
 
     def _plausible(self, name: str, values: Array, ambient: bool) -> None:
         """Refuses a column without unit that begins where only another unit makes sense; tells one that begins very hot."""
@@ -95,7 +110,7 @@ class Temperatures:
                 do="say --units K, F or C"
                 + ("" if self._table.header or self._channels else " (and --channels with the columns that are temperatures)"),
             )
-        if first > HOT_C:
+        if first > HOT_C or ROOM_F[0] <= first <= ROOM_F[1]:
             self._hot.append(f"{name} begins at {first:g}")
 
     def notes(self) -> list[str]:
