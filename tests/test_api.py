@@ -291,3 +291,21 @@ def test_the_catalogues_are_tables():
     filters = tf.filter_catalogue().set_index("name")
     assert {"afukf", "ukf", "crpf"} <= set(filters.index)
     assert filters.loc["afukf", "settings"]
+
+
+def test_results_compare_slice_and_refuse_in_words():
+    record = {"time_min": np.arange(100.0), "a": 30.0 - 10.0 * np.exp(-np.arange(100.0) / 30.0)}
+    record["b"] = record["a"] + 1.0
+    one, two = tf.identify(record), tf.identify(record)
+    assert one == two
+    assert one != tf.identify(record, until=60)
+    assert one != tf.compare(record)
+    assert [r.channel for r in one[0:2]] == ["a", "b"]
+    assert len(tf.sweep(record, windows=60)) == 2
+    for call, words in (
+        (lambda: tf.sweep(record, windows="an hour"), "windows: not a list of minutes"),
+        (lambda: tf.identify(record, rates="OWN"), "rates: not one of what sensors may share"),
+        (lambda: tf.identify(record, jobs=0), "jobs: not a number of processes"),
+    ):
+        with pytest.raises(tf.UsageError, match=words):
+            call()

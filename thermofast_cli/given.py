@@ -51,7 +51,16 @@ def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str
 
 
 def work_of(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
-    """Who works, and who hears of it."""
+    """Who works, and who hears of it.
+
+    Raises
+    ------
+    UsageError: jobs is no whole number above zero.
+    """
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise UsageError(
+            "jobs: not a number of processes", found=repr(jobs), allowed="a whole number above zero, or None for all cores"
+        )
     return Work(jobs, executor, progress or (lambda _steps: None))
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .machine.model import Model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """Records in the order of the runs and their sensors; `interrupted` where the user stopped the work and the rest is missing."""
 
@@ -60,14 +60,20 @@ class Result:
     def __iter__(self) -> Iterator[Any]:
         return iter(self.records)
 
-    def __getitem__(self, key: int | str) -> Any:
-        """The record at a place, or the first one of a sensor.
+    def __eq__(self, other: object) -> bool:
+        """Whether the records are the same; runs and curves behind them are not compared."""
+        return type(self) is type(other) and isinstance(other, Result) and self.records == other.records
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getitem__(self, key: int | slice | str) -> Any:
+        """The record at a place, those of a slice, or the first one of a sensor.
 
         Raises
         ------
         KeyError: no sensor of that name; the message lists those there are.
         """
-        if isinstance(key, int):
+        if isinstance(key, int | slice):
             return self.records[key]
         for record in self.records:
             if record.channel == key:
@@ -147,7 +153,7 @@ def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
     return figure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inspection(Result):
     """What ``inspect`` found: a record for each column of each run."""
 
@@ -178,7 +184,7 @@ def _layout(run: Run) -> dict[str, Any]:
     return told | {"notes": list(run.notes), "guesses": [g.as_dict() for g in run.guesses]}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Identification(Result):
     """What ``identify`` found; `curves` and `traces` only where details were asked for."""
 
@@ -203,7 +209,7 @@ class Identification(Result):
         return _drawn(draw_prediction(self.curves, trace), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sweeping(Result):
     """What ``sweep`` found; `curves` only where they were asked for."""
 
@@ -218,7 +224,7 @@ class Sweeping(Result):
         return _drawn(draw_sweep(self.curves), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration(Result):
     """What ``calibrate`` learnt: how it held, and the prior for ``imperfection=``."""
 
@@ -237,7 +243,7 @@ class Calibration(Result):
             super().save(path, excel_csv, made)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Changes(Result):
     """What ``changed`` found, the likeliest kind first; `difference` is what its picture shows."""
 
@@ -257,7 +263,7 @@ class Changes(Result):
         return _drawn(draw_change(self.difference), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan(Result):
     """How long a test must run; `curves` are half-widths against the time measured."""
 
@@ -272,7 +278,7 @@ class Plan(Result):
         return _drawn(draw_plan(self.curves, sorted({r.tolerance_c for r in self.records})), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison(Result):
     """What ``compare`` found; `panels` only where details were asked for, `denoised` runs where that was."""
 
@@ -288,7 +294,7 @@ class Comparison(Result):
         return _drawn(draw_comparison(self.panels), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Diagnosis(Result):
     """What ``diagnose`` found."""
 
@@ -296,7 +302,7 @@ class Diagnosis(Result):
     kind: ClassVar[type[Row]] = DiagnoseRecord
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Watching(Identification):
     """What ``watch`` knew at its last look, `looked`, which says whether the test can be stopped."""
 
@@ -309,7 +315,7 @@ class Watching(Identification):
         return self.looked is not None and self.looked.stop
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Improvement(Result):
     """What ``improve`` found: a record for each step and sensor, and the model learnt of each run."""
 
@@ -337,7 +343,7 @@ class Improvement(Result):
         return _drawn(draw_staircase(self.steps), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Bench(Result):
     """What ``filters bench`` found."""
 
@@ -345,7 +351,7 @@ class Bench(Result):
     kind: ClassVar[type[Row]] = BenchRecord
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sensitivity(Result):
     """What ``sensitivity`` found."""
 
@@ -359,7 +365,7 @@ class Sensitivity(Result):
         return _drawn(draw_shares(self.records), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Validation(Result):
     """What ``validate`` found."""
 
@@ -374,7 +380,7 @@ class Validation(Result):
         return _drawn(draw_areas(self.areas), path)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Displacement(Result):
     """What ``displacement`` found."""
 

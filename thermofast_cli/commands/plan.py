@@ -44,7 +44,7 @@ def command(
     from ..shell.options import numbers
     from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all
 
-    wishes = numbers(tolerance, "--tolerance")
+    wishes = numbers(tolerance, "--tolerance", "kelvin")
     check_outputs([output], save_plot)
     prior = load_imperfection(imperfection)
     given = {"sensors": sensors, "interval_s": seconds(every), "noise_c": noise, "rise_c": rise, "tau_min": tau}

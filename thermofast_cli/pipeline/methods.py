@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, get_args
 
 from thermofast.filters import PRINTED, Filter
 from thermofast.models import Lump, PrintedLump
@@ -24,6 +24,8 @@ def choose(
     ------
     UsageError: an unknown filter, preset, setting or value; the message lists the known ones.
     """
+    if rates not in get_args(Rates):
+        raise UsageError("rates: not one of what sensors may share", found=repr(rates), allowed=", ".join(get_args(Rates)))
     known = known_filters()
     kind = filter_class(name, known)
     if kind is None:
@@ -107,14 +109,18 @@ def paces(text: str | None) -> tuple[Pace, ...]:
     return tuple(found)
 
 
-def minutes_of(values: Iterable[float], name: str) -> tuple[float, ...]:
-    """Ascending minutes, each once; `name` is what the caller called them.
+def minutes_of(values: Iterable[float] | float, name: str) -> tuple[float, ...]:
+    """Ascending minutes, each once, of one or several; `name` is what the caller called them.
 
     Raises
     ------
     UsageError: none, or one that is not above zero.
     """
-    found = tuple(sorted({round(float(v), 9) for v in values}))
+    given = (values,) if isinstance(values, int | float) else values
+    try:
+        found = tuple(sorted({round(float(v), 9) for v in given}))
+    except (TypeError, ValueError):
+        raise UsageError(f"{name}: not a list of minutes", found=repr(values)[:60], allowed="numbers above zero") from None
     if not found or not all(0.0 < v < 1e7 for v in found):
         raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero")
     return found

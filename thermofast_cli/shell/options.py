@@ -287,8 +287,8 @@ false_alarm_option = click.option(
 model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve': where to start from.")
 
 
-def numbers(text: str, option: str) -> tuple[float, ...]:
-    """'40,45' or '5:55:1' (ends included) as ascending numbers.
+def numbers(text: str, option: str, of: str = "minutes") -> tuple[float, ...]:
+    """'40,45' or '5:55:1' (ends included) as ascending numbers of something.
 
     Raises
     ------
@@ -308,7 +308,7 @@ def numbers(text: str, option: str) -> tuple[float, ...]:
             raise ValueError
     except (ValueError, IndexError):
         raise UsageError(
-            f"{option}: not a list of minutes", found=repr(text), allowed="numbers above zero as 40,45,50 or FIRST:LAST:STEP"
+            f"{option}: not a list of {of}", found=repr(text), allowed="numbers above zero as 40,45,50 or FIRST:LAST:STEP"
         ) from None
     return tuple(sorted({round(v, 9) for v in found}))
 
