@@ -406,3 +406,18 @@ def test_a_slow_mass_that_may_hide_outside_the_interval_is_seen():
     assert 0.002 < few.hides[0] < 0.05
     assert few.unseen[0] > 2.0 * np.diff(few.steady[0, ::2])[0] / 2
     assert np.diff(many.steady[0, ::2]) > 3.0 * np.diff(few.steady[0, ::2])
+
+
+def test_a_probe_that_fell_off_does_not_make_its_neighbours_unsure():
+    rng, time = np.random.default_rng(4), np.arange(300.0)
+    rises = np.array([12.0, 8.0, 5.0])
+    reading = 21.0 - rises[:, None] * np.expm1(-time / 70.0)
+    fallen = time >= 150.0
+    reading[1, fallen] = 22.0 + (reading[1, 150] - 22.0) * np.exp(-(time[fallen] - 150.0) / 3.0)
+    reading += 0.03 * rng.standard_normal(reading.shape)
+    found = tf.identify({"time_min": time} | {f"T{i}": line for i, line in enumerate(reading)})
+    assert found["T1"].status != "ok"
+    for i in (0, 2):
+        assert found[i].status == "ok"
+        assert found[i].steady_state_lo_c <= 21.0 + rises[i] <= found[i].steady_state_hi_c
+        assert found[i].steady_state_hi_c - found[i].steady_state_lo_c < 0.3

@@ -42,6 +42,8 @@ SLOWER = 2.0
 COUNTED_OTHERS = 2.0
 #: Rates of a machine that is known, or guessed, are looked at within so many deviations.
 AROUND_KNOWN, AROUND_GUESSED = 6.0, 4.0
+#: Log evidence of one sensor that counts with others, at most: a probe that fell off says much, and nothing of its neighbours.
+MOST_SAID = 20.0
 #: Degrees of freedom of a variance that is known.
 ENDLESS = 10**9
 #: A posterior this near to the slowest rate looked at knows no bound on that side.
@@ -237,7 +239,8 @@ class _Run:
         level = log_sum(kinds[:, self.base] + background, 1)
         relative = np.maximum(kinds - level[:, None], -60.0)
         weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
-        weight += counted * (relative.sum(axis=0) - relative)
+        said = np.clip(relative, -MOST_SAID, MOST_SAID)
+        weight += counted * (said.sum(axis=0) - said)
         found: Array = own + weight[:, None]
         return found
 
