@@ -64,6 +64,23 @@ def test_a_load_that_fell_reaches_the_neighbour_too():
         assert r.steady_state_c == pytest.approx(end, abs=0.4)
 
 
+def test_a_load_that_jumps_at_a_logged_time_jumps_there_however_fast_the_machine_is():
+    """A machine of eight minutes read once a minute: the grid of a fit is finer than the file, the load is not."""
+    rng = np.random.default_rng(2)
+    power = np.where((MINUTES // 50.0) % 2 == 0, 600.0, 200.0)
+    rise = [0.0]
+    for p in power[:-1]:
+        rise.append(0.05 * p + (rise[-1] - 0.05 * p) * np.exp(-1.0 / 8.0))
+    for shift, column in ((0, power), (1, np.concatenate([power[:1], power[:-1]]))):  # held until the next, or told afterwards
+        record = {"time_min": MINUTES, "T": 20.0 + np.array(rise) + 0.03 * rng.standard_normal(len(MINUTES)), "power [W]": column}
+        (found,) = tf.compare(record, drive="power [W]")
+        assert found.status == "ok", shift
+        assert found.rmse_fit_c == pytest.approx(0.03, rel=0.15)
+        (found,) = tf.identify(record, until=157, drive="power [W]")
+        assert found.steady_state_lo_c <= 30.0 <= found.steady_state_hi_c
+        assert found.steady_state_c == pytest.approx(30.0, abs=0.1)
+
+
 def test_a_logged_load_counts_as_it_was_last_and_one_that_cycles_as_its_mean():
     """A power that jumps is what it is now; one that switches within the time constant is its mean over whole cycles."""
     rng = np.random.default_rng(1)

@@ -126,7 +126,9 @@ def _driven(seen: Observations, drive: str) -> Observations:
     ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
     fits = [fit_model(way) for way in ways]
     column = seen.inputs[drive]
-    jumps = np.abs(np.diff(column))
+    there = np.arange(len(column)) if seen.logged is None else np.flatnonzero(seen.logged)
+    # An interval of the grid jumps as that of the file in which it lies.
+    jumps = np.abs(np.diff(column[there]))[np.clip(np.searchsorted(there, np.arange(1, len(column))) - 1, 0, len(there) - 2)]
     jumped = jumps > JUMP * float(np.ptp(column))
     best = int(np.argmin([float((fit.rss / way.noise**2).sum()) for fit, way in zip(fits, ways, strict=True)]))
     if jumped.any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
@@ -220,6 +222,7 @@ def _gridded(
         {n: np.interp(grid, time, c) for n, c in ambient.items()},
         {n: np.interp(grid, time, c) for n, c in inputs.items()},
         ambient_noise,
+        logged=None if len(grid) == len(time) else np.isin(np.arange(len(grid)), at),
     )
     return seen, note
 
