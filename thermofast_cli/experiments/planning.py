@@ -127,8 +127,9 @@ def plan(
     for option, curve in zip(options, curves, strict=True):
         one = option.design
         for tolerance in tolerances_c:
-            time = needed(curve.time, curve.half_width, tolerance)
             each = [needed(curve.time, line, tolerance) for line in curve.draws]
+            # Of half of the machines drawn it is no longer. A half-width that rises again is known only from when it stays.
+            time = sorted(each, key=lambda t: math.inf if t is None else t)[len(each) // 2]
             told = [t for t in each if t is not None]
             best = float(np.nanmin(curve.half_width)) if np.isfinite(curve.half_width).any() else math.nan
             rows.append(
