@@ -168,3 +168,13 @@ def test_logarithms_of_rate_and_rise_have_the_errors_of_rate_level_and_start():
     bent = np.sqrt(np.diag(own)) * np.repeat([1.0, -1.0], 3)
     assert numbers.values == pytest.approx(np.log([*fit.values[RATE], *(fit.values[LEVEL] - fit.values[START])]))
     assert numbers.covariance == pytest.approx(own + np.outer(bent, bent), rel=1e-5)
+
+
+def test_a_sensor_that_begins_elsewhere_than_before_is_told():
+    rng = np.random.default_rng(1)
+    new = run(rng, "new")
+    high = tf.read({"time_min": new.time_s / 60.0} | {c: v + 2.0 * (c == "b") for c, v in new.channels.items()}, name="high")
+    told = tf.changed([run(rng, "one"), run(rng, "two")], high)
+    assert told.verdict == "nothing"
+    assert "b began 2 K higher against the others than before: warmer than they were, or its probe reads high" in told[0].message
+    assert "began" not in tf.changed([run(rng, "one"), run(rng, "two")], new)[0].message

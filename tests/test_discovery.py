@@ -1,5 +1,7 @@
 """A small sample of the proof (``make proof`` runs the whole): verdicts on records of an independent simulator."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from machines import EFFECTS
@@ -9,6 +11,7 @@ from test_effects_contract import record
 from benchmarks.coarse_readings import trial
 from benchmarks.proof import Job, guarded
 from thermofast.discovery.compare import failing_stretches
+from thermofast.discovery.diagnose import own_verdict
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.noise.rounding import _in_cell
 from thermofast.models.search.discover import discover
@@ -78,3 +81,13 @@ def test_the_mean_in_a_cell_is_that_of_the_normal_law_cut_off_by_it():
         mean, _ = _in_cell(reading, curve, 1.0, noise)
         assert mean[:3] == pytest.approx(truncnorm.mean(low, high, curve, noise)[:3], abs=2e-3)
         assert mean[3] == pytest.approx(24.5, abs=0.05)
+
+
+def test_a_sensor_that_no_named_effect_concerns_may_still_be_unexplained():
+    link = SimpleNamespace(id="neighbour_heat", effect=SimpleNamespace(scope="sensor"), concerns=lambda n: [True, False, False])
+    found = SimpleNamespace(
+        named=SimpleNamespace(parts=[link]),
+        base=SimpleNamespace(run=SimpleNamespace(sensors=3)),
+        base_floor=np.array([1e-9, 1e-9, 0.5]),
+    )
+    assert [own_verdict(found, i) for i in range(3)] == ["neighbour_heat", "unexplained", "none"]

@@ -30,6 +30,8 @@ STRAIGHT = 0.25
 SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
 #: Rooms that differ by more [K] are said.
 ROOM = 0.5
+#: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
+APART = 1.0
 #: What each kind says in words.
 WORDS = {
     "nothing": "the new runs are as the old ones",
@@ -88,7 +90,7 @@ def compare_runs(
     deviation = np.sqrt(np.diag(noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
     names = ", ".join(run.name for run, _ in new)
-    notes = _rooms(many, seen) if model is None else []
+    notes = [*_rooms(many, seen), *_apart(many, [s.only(channels) for s in seen])] if model is None else []
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     left = sorted({c for s in seen for c in s.channels} - set(channels))
@@ -179,3 +181,21 @@ def _rooms(old: int, seen: Sequence[Observations]) -> list[str]:
     first = [float(np.nanmedian([row[u][0] for row, u in zip(s.reading, s.used, strict=True)])) for s in seen]
     before, after = float(np.mean(first[:old])), float(np.mean(first[old:]))
     return [f"they began at {after:.3g} degC, the old ones at {before:.3g}"] if abs(after - before) > ROOM else []
+
+
+def _apart(old: int, seen: Sequence[Observations]) -> list[str]:
+    """What to say of sensors that began the new runs elsewhere against the others than the `old` ones before them."""
+    first = np.array([[row[u][0] for row, u in zip(s.reading, s.used, strict=True)] for s in seen])
+    first -= np.median(first, axis=1, keepdims=True)
+    before, after = first[:old], first[old:].mean(axis=0)
+    moved = after - before.mean(axis=0)
+    far = np.abs(moved) > np.maximum(APART, 4.0 * before.std(axis=0))
+    words = {True: ("higher", "warmer than they were", "high"), False: ("lower", "colder than they were", "low")}
+    found = []
+    for i in np.flatnonzero(far).tolist():
+        side, was, reads = words[bool(moved[i] > 0.0)]
+        size = rounded(abs(float(moved[i])))
+        found.append(
+            f"{seen[0].channels[i]} began {size} K {side} against the others than before: {was}, or its probe reads {reads}"
+        )
+    return found

@@ -13,6 +13,7 @@ from thermofast.models.search.candidates import Candidate
 from thermofast.models.search.discover import Discovery, Spread, discover, discover_together, total_likelihood_ratio
 from thermofast.models.search.dominant import misfit
 from thermofast.models.search.judge import widening
+from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
 from ..experiments.next_experiment import Experiment, causes, experiment_words, next_experiments
@@ -207,7 +208,7 @@ def _records(
                 ranking=ranking,
                 next_experiment=[e.as_dict() for e in after],
                 advice=advice,
-                status=status,
+                status="model_doubtful" if verdict == "unexplained" else status,
                 message=message,
             )
         )
@@ -241,12 +242,14 @@ def _next(
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:
-    """The verdict as it concerns one sensor: shared causes, and its own effects."""
+    """The verdict as it concerns one sensor: shared causes, its own effects; one that none concerns may fail all the same."""
     if found.named is None:
         return found.verdict
     n = found.base.run.sensors
     mine = [p.id for p in found.named.parts if p.effect.scope == "run" or p.concerns(n)[sensor]]
-    return "+".join(mine) if mine else "none"
+    if mine:
+        return "+".join(mine)
+    return "unexplained" if found.base_floor[sensor] < RULES.pattern else "none"
 
 
 def event_of(fit: Fit, sensor: int) -> float | None:
