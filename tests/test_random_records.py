@@ -12,7 +12,7 @@ def test_records_of_no_machine_get_a_status(first):
     assert {s: t for s, t in told.items() if t not in ("a status each", "refused")} == {}
 
 
-@pytest.mark.parametrize("seed", [503_504, 505_728, 506_797])
+@pytest.mark.parametrize("seed", [503_504, 505_728, 506_797, 713_982, 718_700, 722_610, 724_312])
 def test_those_that_once_warned(seed):
     assert outcome(seed) == "a status each"
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Interval, Lump, PrintedLump, growth, growth_slope, interval
+from thermofast.models.arrow import covariance_root
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from .measured import contradiction
@@ -51,7 +52,12 @@ class Estimate:
         if not np.isfinite(self.covariance).all():
             return np.full(len(times), np.nan), np.full(len(times), np.nan)
         rng = np.random.default_rng(1)
-        root = np.linalg.cholesky(self.covariance + 1e-12 * np.diag(np.diag(self.covariance) + 1e-12))
+        try:
+            root = np.linalg.cholesky(self.covariance + 1e-12 * np.diag(np.diag(self.covariance) + 1e-12))
+        except np.linalg.LinAlgError:  # a direction of which all is known, of states of very unlike sizes
+            size = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+            whole = np.where(size > 0.0, size, 1.0)
+            root = size[:, None] * covariance_root(np.clip(self.covariance / whole / whole[:, None], -1.0, 1.0))
         states = self.state + rng.standard_normal((draws, 3)) @ root.T
         dt = times - self.time
         curves = states[:, :1] + states[:, 1:2] * growth(states[:, 2:], dt)
@@ -174,7 +180,8 @@ class Estimates:
         dt = times - self.time
         rate = self.state[:, 2:]
         tangent = np.stack([np.ones((len(rate), len(dt))), growth(rate, dt), self.state[:, 1:2] * growth_slope(rate, dt)], axis=1)
-        half: Array = 1.96 * np.sqrt(np.maximum(((self.covariance @ tangent) * tangent).sum(axis=1), 0.0))
+        with np.errstate(all="ignore"):  # beyond all bounds where the filter knows nothing
+            half: Array = 1.96 * np.sqrt(np.maximum(((self.covariance @ tangent) * tangent).sum(axis=1), 0.0))
         return half
 
 

@@ -45,7 +45,8 @@ def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
     """Minutes (S,) after the first reading before which 95 % of the least rise claimed had not been read."""
     used = sensors.time <= law.time
     time, reading = sensors.time[used], sensors.reading[:, used]
-    done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
+    with np.errstate(all="ignore"):  # what does not rise is done where it begins
+        done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
     first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
     found: Array = time[first] - time[0]
     return found
