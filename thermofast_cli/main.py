@@ -36,7 +36,7 @@ TASKS = {
     },
     "Judge the result": {
         "sensitivity": "Which uncertain thing makes the result spread.",
-        "displacement": "Thermal displacement from temperatures, and which way to trust.",
+        "displacement": "Thermal displacement from temperatures, and which method to trust.",
     },
     "Look things up, make records": {
         "inspect": "What is read of a file: columns, units, times, guesses.",

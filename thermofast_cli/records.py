@@ -354,7 +354,7 @@ class SensitivityRecord(Record):
 
 @dataclass(frozen=True)
 class DisplacementRecord(Record):
-    """One way to tell a displacement from the temperatures; errors in um on readings not used: contiguous blocks of one run, or
+    """One method to tell a displacement from the temperatures; errors in um on readings not used: contiguous blocks of one run, or
     whole runs of several, as left_out says.
 
     channel is the displacement column; baseline_um the error of the better of its mean and a straight line in time, or the other

@@ -138,7 +138,7 @@ class Chaos:
 
 
 def _ranks(sizes: Array) -> NDArray[np.int64]:
-    """Places (k, g) of sizes (k, g) in their row, 1 the largest."""
+    """Ranks (k, g) of sizes (k, g) in their row, 1 the largest."""
     return np.argsort(np.argsort(-sizes, axis=1, kind="stable"), axis=1) + 1
 
 

@@ -246,7 +246,7 @@ def displacement_runs(
     ------
     UsageError: a name that is no column or no method, an order without arx, columns that not all runs have together.
     """
-    from ..displacements.report import displacement_runs as told_together
+    from ..displacements.report import displacement_runs as of_runs
     from ..displacements.report import methods_of
 
     tried = methods_of(methods, order, together)
@@ -263,7 +263,7 @@ def displacement_runs(
     if together and chosen and chosen[0] and not common:
         raise UsageError("no displacement column is in all runs", found=", ".join(chosen[0]), do="name it with --displacements")
     found = [
-        told_together(group, common if together else mine, tried, bool(methods) or order is not None)
+        of_runs(group, common if together else mine, tried, bool(methods) or order is not None)
         for group, mine in zip(groups, chosen, strict=False)
     ]
     return Displacement(

@@ -1,4 +1,4 @@
-"""The picture of ``validate``: distributions of the least and the largest temperature of each run, measured and foretold."""
+"""The picture of ``validate``: distributions of the least and the largest temperature of each run, measured and by the model."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
