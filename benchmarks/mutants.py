@@ -8,6 +8,7 @@ cosmic-ray (extra ``mutation``).
 
 import argparse
 import ast
+import hashlib
 import os
 import random
 import shutil
@@ -64,17 +65,20 @@ def environment(folder: Path) -> dict[str, str]:
 
 
 def mapped(kept: Path) -> Suite:
-    """The suite run once under coverage; a second call reads what the first kept."""
+    """The suite run once under coverage; a second call reads what the first kept, while the code is the same."""
     from coverage import CoverageData
 
     data, report = kept / "coverage", kept / "tests.xml"
-    if not report.exists():
+    sources = sorted(f for folder in ("tests", "thermofast_cli", *MUTATED[:2]) for f in (ROOT / folder).rglob("*.py"))
+    state = hashlib.sha256(b"".join(f.read_bytes() for f in sources)).hexdigest()
+    if not (kept / "state").exists() or (kept / "state").read_text() != state:
         with tempfile.TemporaryDirectory() as scratch:
             folder = copied(Path(scratch) / "copy")
             more = ("--cov", "--cov-context=test", "--cov-report=", "--cov-fail-under=0", f"--junitxml={report.resolve()}")
             subprocess.run([sys.executable, "-m", "pytest", "-q", *more], cwd=folder, env=environment(folder), check=False)
             shutil.copy(folder / ".coverage", data)
             (kept / "root").write_text(str(folder.resolve()))
+            (kept / "state").write_text(state)
     root = (kept / "root").read_text()
     seconds = {}
     for case in Tree.parse(report).iter("testcase"):
@@ -98,14 +102,14 @@ def mapped(kept: Path) -> Suite:
     return Suite(passing, seconds, reach)
 
 
-def annotations(source: str) -> set[int]:
-    """Lines on which a type is written: to change one is an error at import, or nothing at all."""
-    lines: set[int] = set()
-    for node in ast.walk(ast.parse(source)):
-        for part in (getattr(node, "annotation", None), getattr(node, "returns", None)):
-            if part is not None:
-                lines |= set(range(part.lineno, (part.end_lineno or part.lineno) + 1))
-    return lines
+def annotations(source: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """From where to where (line, column) types are written: to change one is an error at import, or nothing at all."""
+    parts = [getattr(node, kind, None) for node in ast.walk(ast.parse(source)) for kind in ("annotation", "returns")]
+    return [
+        ((part.lineno, part.col_offset), (part.end_lineno or part.lineno, part.end_col_offset or 0))
+        for part in parts
+        if isinstance(part, ast.expr)
+    ]
 
 
 def places(file: Path) -> Iterator[list[Mutant]]:
@@ -122,7 +126,7 @@ def places(file: Path) -> Iterator[list[Mutant]]:
         rule, count = get_operator(operator)(), 0
         for node in ast_nodes(tree):
             for start, _end in rule.mutation_positions(node):
-                if start[0] not in typed:
+                if not any(a <= start < b for a, b in typed):
                     found[start].append(Mutant(name, operator, count, start[0]))
                 count += 1
     yield from found.values()

@@ -75,7 +75,7 @@ def of_machine(name: str, seed: int, runs: int) -> tuple[list[tf.Run], list[tf.R
         return bare[:3], bare[3:]
     factor = factor_of(np.random.default_rng([seed, 5]))
     new = [
-        changed(run, record, kind, np.random.default_rng([seed, k]), factor, f"new {k} of {seed}")
+        changed(run, record, kind, np.random.default_rng([seed, 5, k]), factor, f"new {k} of {seed}")
         for k, (run, record) in enumerate(zip(every[3:], machine.runs[3:], strict=True))
     ]
     return bare[:3], new

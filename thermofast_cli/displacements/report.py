@@ -67,7 +67,9 @@ def methods_of(methods: Sequence[str], order: tuple[int, int] | None, together: 
         if name not in METHODS:
             known = ", ".join(w.replace(" ", "_") for w in METHODS)
             raise UsageError(
-                f"--methods: {word!r} is not one", allowed=known, do=nearest(word, [w.replace(" ", "_") for w in METHODS])
+                f"--methods: {word!r} is no method",
+                allowed=known,
+                do=nearest(word, [w.replace(" ", "_") for w in METHODS]) or "see thermofast displacement --help",
             )
     names = [n for n in METHODS if n in asked] or list(TOGETHER if together else LONE)
     if order is not None and "arx" not in names:
