@@ -77,8 +77,8 @@ def command(
 
     --denoise keeps what the model says and what deviates from it smoothly, and leaves the noise out: white, or a colour that dies
     away within a tenth of the time constant. What jumps, remembers longer, or fits neither leaves the sensor as it is, and so does
-    a logger's step of more than twice the noise. What a sensor itself adds slowly, as a drift, stays. The file has the denoised sensors alone, each
-    with its band (_lo, _hi); of a long record it has means over the steps that the model is fitted to.
+    a logger's step of more than twice the noise. What a sensor itself adds slowly, as a drift, stays. The file has the denoised
+    sensors alone, each with its band (_lo, _hi); of a long record it has means over the steps that the model is fitted to.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
