@@ -15,6 +15,7 @@ from thermofast.reading import Options, read_runs
 from thermofast.reading.stamps import parse_stamps
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
+from thermofast.reading.tables.workbook import _cell
 from thermofast.reading.times import unit_of
 from thermofast.reading.vocabulary import words
 
@@ -291,3 +292,47 @@ def test_an_f_behind_a_column_that_begins_at_a_room_in_degf_is_its_unit_and_a_gu
 def test_a_column_without_unit_that_begins_where_a_room_would_be_in_degf_is_told():
     (run,) = read_runs(pd.DataFrame({"time_min": np.arange(60.0), "T1": 68.0 + np.arange(60.0) / 10.0}))
     assert any("no unit, taken for degC: T1 begins at 68" in g.text for g in run.guesses)
+
+
+@pytest.mark.parametrize(
+    ("cells", "seconds"),
+    [
+        (["12:00:00.5", "12:00:01.25", "12:00:03"], [0.0, 0.75, 2.5]),
+        (["05:32.5", "05:33.0", "05:34.25"], [0.0, 0.5, 1.75]),
+        (["2026-03-01 115959.75", "2026-03-01 120000.25", "2026-03-01 120001.00"], [0.0, 0.5, 1.25]),
+        (["20:38:07,250", "20:38:07,750", "20:38:09,000"], [0.0, 0.5, 1.75]),
+    ],
+)
+def test_fractions_of_seconds_wherever_they_stand(cells, seconds):
+    assert stamps_to_seconds(cells, "run.csv") == pytest.approx(seconds, abs=1e-6)
+
+
+def test_moments_written_as_one_number():
+    start = datetime(2026, 5, 3, 20, 38, 7)
+    cells = [int((start + timedelta(seconds=90 * k)).strftime("%Y%m%d%H%M%S")) for k in range(5)]
+    (run,) = read_runs(pd.DataFrame({"time": cells, "T1 [degC]": np.arange(5.0) + 20.0}))
+    assert run.time_s == pytest.approx(90.0 * np.arange(5))
+
+
+@pytest.mark.parametrize(
+    ("cell", "text"),
+    [
+        (timedelta(seconds=3661.5), "1:01:01.500"),
+        (timedelta(seconds=-59.25), "-0:00:59.250"),
+        (timedelta(hours=100), "100:00:00.000"),
+        (datetime(2026, 3, 1, 8, 0, 5), "2026-03-01 08:00:05"),
+        (20.1, "20.1"),
+        (3.0, "3"),
+        (None, ""),
+    ],
+)
+def test_cells_of_a_workbook_as_a_logger_would_write_them(cell, text):
+    assert _cell(cell) == text
+
+
+def test_a_last_line_that_is_cut_short_is_named_by_its_line():
+    text = b"time_min,T1,T2\n" + b"".join(b"%d,20.%d,21.%d\n" % (i, i, i) for i in range(9)) + b"9,20.9\n"
+    table = read_text(text, "run.csv", Options())
+    assert any("the last line (11) is cut short and was left out" in note for note in table.notes)
+    with pytest.raises(InputError, match="line 5"):
+        read_text(text.replace(b"3,20.3,21.3", b"3,20.3"), "run.csv", Options())
