@@ -18,8 +18,8 @@ class Observations:
     noise (S,) [K] of one reading of weight 1, a first guess; resolution (S,) [K] the logger's step, 0 if none shows.
     ambient name -> (N,) [degC] and inputs name -> (N,) are logged columns without holes. sink_c is the temperature of the
     surroundings where it is logged, else None. heat (N,) is the heat of the base model, mean over the interval that ends at each
-    reading, where a logged column drives it; drive names that column. logged (N,) are the times that stand in the file, where the
-    grid is finer than that.
+    reading, where a logged column drives it; drive names that column, driven (N,) are its values in the unit of the heat. logged
+    (N,) are the times that stand in the file, where the grid is finer than that.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Observations:
     drive: str | None = None
     heat: Array | None = None
     logged: NDArray[np.bool_] | None = None
+    driven: Array | None = None
 
     @property
     def sensors(self) -> int:
@@ -95,14 +96,17 @@ class Observations:
         values = self.inputs[column]
         share = values / max(float(np.abs(values).max()), 1e-300)
         last, following = np.concatenate([share[:1], share[:-1]]), share
-        if self.logged is not None and ending != 0.5:
+        level = share
+        if self.logged is not None:
             # Between two times of the file the column is as at the one or the other, not on the line between them.
             there = np.flatnonzero(self.logged)
             after = np.clip(np.searchsorted(there, np.arange(len(share))), 0, len(there) - 1)
-            last, following = share[there[np.maximum(after - 1, 0)]], share[there[after]]
+            level = share[there[after]]
+            if ending != 0.5:
+                last, following = share[there[np.maximum(after - 1, 0)]], level
         heat = ending * following + (1.0 - ending) * last
         rest = {n: c for n, c in self.inputs.items() if n != column}
-        return replace(self, inputs=rest, drive=column, heat=heat)
+        return replace(self, inputs=rest, drive=column, heat=heat, driven=level)
 
     def before(self, time: Array | float) -> Array:
         """Start of each reading's interval relative to `time`, broadcast to (..., N) [min]."""

@@ -84,7 +84,7 @@ def test_a_load_that_jumps_at_a_logged_time_jumps_there_however_fast_the_machine
 def test_a_logged_load_counts_as_it_was_last_and_one_that_cycles_as_its_mean():
     """A power that jumps is what it is now; one that switches within the time constant is its mean over whole cycles."""
     rng = np.random.default_rng(1)
-    for every, until, level in ((50.0, 155.0, 200.0), (50.0, 203.0, 600.0), (4.0, 200.0, 400.0)):
+    for every, until, level in ((50.0, 150.0, 200.0), (50.0, 155.0, 200.0), (50.0, 203.0, 600.0), (4.0, 200.0, 400.0)):
         power = np.where((MINUTES // every) % 2 == 0, 600.0, 200.0)
         rise = [0.0]
         for p in power[:-1]:

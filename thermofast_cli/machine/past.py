@@ -135,7 +135,7 @@ def _guessed(task: LoopTask) -> Knowledge:
         if not mine:
             return Knowledge(name, Past({}, guessed=True), strange=tuple(strange))
         seen, whole = seen.only(mine), whole.only(mine)
-        notes.append(f"with {task.drive} as the heat, as last logged")
+        notes.append(f"with {task.drive} as the heat, as last logged (the mean of whole cycles where it cycles)")
         missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
         notes += [f"{rounded(100.0 * missing)} % of {task.drive} is missing and was filled by straight lines"] if missing else []
     fit = fit_model(seen)
@@ -149,7 +149,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
-    rises = rises_of(fit, whole, GUESSED_NODES)
+    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min)
     uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
     return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
@@ -216,7 +216,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
     notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *carried.notes]
-    rises = rises_of(carried.fit, prepared.whole)
+    rises = rises_of(carried.fit, prepared.whole, until_min=_until(task).until_min)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
     return Knowledge(name, replace(past, shapes=known, rises=rises), tuple(notes), uses_room)

@@ -24,12 +24,12 @@ JUMP = 0.3
 ROUNDS, AT_REST = 400, 1e-6
 
 
-def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, Rise]:
+def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES, until_min: float | None = None) -> dict[str, Rise]:
     """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
 
     Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
     the rise; the uncertainty of an effect's parameters, level, start and rate given, is its doubt. nodes (L,) are the log rates
-    about that of the fit at which it is worked out.
+    about that of the fit at which it is worked out. What is logged counts up to until_min, as long as the record without.
     """
     used = np.flatnonzero(fit.run.used.any(axis=0))
     last = int(used[-1])
@@ -37,7 +37,8 @@ def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES) -> dict[str, R
     horizon = end + HORIZON / min(slowest(fit, i) for i in range(fit.run.sensors))
     later = np.linspace(end, horizon, AFTER + 1)[1:]
     seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
-    held = together(fit, _extended(fit, whole, last, last, later), last, lasting(fit))
+    told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, until_min * (1.0 + 1e-12) + 1e-9, "right"))
+    held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
     of_others = _of_others(fit, seen, last)
     return {channel: _rise(fit, i, seen, held, of_others[:, i], nodes) for i, channel in enumerate(fit.run.channels)}
 
@@ -143,9 +144,9 @@ def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array)
     """The record and beyond it, what is logged held as it was about reading `last` from then on, sensors as read up to `read`."""
     count, tau = len(whole.time), 1.0 / float(np.median(fit.values[RATE]))
 
-    def on(column: Array) -> Array:
+    def on(column: Array, levels: Array | None = None) -> Array:
         known = column[: last + 1]
-        held = last_level(whole.time[: last + 1], known, tau)
+        held = last_level(whole.time[: last + 1], known if levels is None else levels[: last + 1], tau)
         return np.concatenate([known, np.full(count - len(known) + len(later), held)])
 
     time = np.concatenate([whole.time, later])
@@ -161,7 +162,7 @@ def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array)
         weight=np.ones_like(neighbours),
         ambient={n: on(c) for n, c in whole.ambient.items()},
         inputs={n: on(c) for n, c in whole.inputs.items()},
-        heat=None if whole.heat is None else on(whole.heat),
+        heat=None if whole.heat is None else on(whole.heat, whole.driven),
     )
 
 
