@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.joint import fit_model
+from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
 from thermofast.models.uncertainty.changes import Change, RunNumbers, changes
 
@@ -30,6 +30,8 @@ STRAIGHT = 0.25
 SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
 #: Rooms that differ by more [K] are said.
 ROOM = 0.5
+#: Share of the rise by which runs may begin elsewhere and still tell the heat, where no room is logged.
+WARM = 0.1
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
 APART = 1.0
 #: What each kind says in words.
@@ -85,12 +87,22 @@ def compare_runs(
             do="give runs of one machine, their sensors named alike",
         )
     span = min(s.span for s in seen)
-    numbers = [_numbers(s.only(channels), span) for s in seen]
+    mine = [s.only(channels) for s in seen]
+    if any(s.sink_c is None for s in mine):
+        mine = [replace(s, ambient={}) for s in mine]  # rises of all runs above the same thing
+    fits = [fit_model(s.until(float(s.time[0]) + span)) for s in mine]
+    _same_way(fits, many)
+    usual = np.mean([np.asarray(f.values[START], dtype=float) for f in fits[:many]], axis=0)
+    numbers = [_numbers(fit, usual) for fit in fits]
     found, difference, noise = changes(numbers[:many], numbers[many:])
     deviation = np.sqrt(np.diag(noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
+    hidden = _hidden(fits, many, usual)
+    if hidden and verdict == "nothing":
+        status = "not_determined"
     names = ", ".join(run.name for run, _ in new)
     notes = [*_rooms(many, seen), *_apart(many, [s.only(channels) for s in seen])] if model is None else []
+    notes += hidden
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     left = sorted({c for s in seen for c in s.channels} - set(channels))
@@ -111,12 +123,35 @@ def _observed(one: Started) -> Observations:
     return seen
 
 
-def _numbers(seen: Observations, span: float) -> RunNumbers:
-    fit = fit_model(seen.until(float(seen.time[0]) + span))
-    found = RunNumbers.of(fit, widening(fit))
+def _same_way(fits: Sequence[Fit], old: int) -> None:
+    """Raises UsageError where the new runs cool down and the `old` ones warm up, or the other way round."""
+    moves = [np.asarray(f.values[LEVEL], dtype=float) - np.asarray(f.values[START], dtype=float) for f in fits]
+    before, after = np.mean(moves[:old], axis=0), np.mean(moves[old:], axis=0)
+    against = before * after < 0.0
+    if against.mean() > 0.5:
+        way = ("warms up", "cools down") if float(np.median(before)) > 0.0 else ("cools down", "warms up")
+        raise UsageError(
+            "what changed cannot be told from runs that go opposite ways",
+            found=f"{fits[0].run.name} {way[0]}, {fits[-1].run.name} {way[1]}",
+            do="compare a warm-up with a warm-up",
+        )
+
+
+def _hidden(fits: Sequence[Fit], old: int, usual: Array) -> list[str]:
+    """What to say where the new runs began so far from the `usual` (S,) [degC] that a warm start would hide another heat."""
+    if fits[0].run.sink_c is not None:
+        return []
+    level, start = (np.mean([np.asarray(f.values[k], dtype=float) for f in fits[old:]], axis=0) for k in (LEVEL, START))
+    share = float(np.median(np.abs((start - usual) / (level - start))))
+    said = "whether the room was another or they began warm is not known, nor so the heat: log the room, name it with --ambient"
+    return [said] if share > WARM else []
+
+
+def _numbers(fit: Fit, usual: Array) -> RunNumbers:
+    found = RunNumbers.of(fit, widening(fit), usual)
     if found is None or not np.all(np.isfinite(found.covariance)):
         raise UsageError(
-            f"{seen.name}: a sensor does not move", found=", ".join(seen.channels[:8]), do="choose others with --channels"
+            f"{fit.run.name}: a sensor does not move", found=", ".join(fit.run.channels[:8]), do="choose others with --channels"
         )
     return found
 
@@ -151,6 +186,7 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
         quicker=f"{'sooner' if up else 'later'}, {percent}",
         sensor=sensor,
     )
+    said = said if status == "ok" else f"likeliest: {said}"
     message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
     return ChangedRecord(
         names,
