@@ -49,10 +49,11 @@ class Denoised:
         UsageError: a sensor has the name of another's band.
         """
         found = {"time_min": self.time}
-        taken = [(c, c + end) for c in self.sensors for end in ("_lo", "_hi") if c + end in self.sensors]
-        for channel, band in taken:
+        taken = next((c + end for c in self.sensors for end in ("_lo", "_hi") if c + end in self.sensors), "")
+        if taken:
             raise UsageError(
-                f"the band of {channel!r} would be called as the sensor {band!r}", do=f"rename it: --rename '{band}=another name'"
+                f"the band of {taken[:-3]!r} would be called as the sensor {taken!r}",
+                do=f"rename it: --rename '{taken}=another name'",
             )
         for channel, three in self.sensors.items():
             found |= {f"{channel}{end}": values for end, values in zip(("", "_lo", "_hi"), three, strict=True)}

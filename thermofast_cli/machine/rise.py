@@ -177,7 +177,7 @@ def last_level(time: Array, column: Array, tau: float) -> float:
     recent = jumps[time[jumps] > time[-1] - tau].tolist()
     if len(recent) > 2:  # over whole cycles
         return float(np.mean(column[recent[(len(recent) - 1) % 2] : recent[-1]]))
-    return float(np.mean(column[max(first, *recent[-1:]) :])) if recent else float(np.mean(column[first:]))
+    return float(np.mean(column[max([first, *recent[-1:]]) :]))
 
 
 def free_run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:

@@ -19,6 +19,8 @@ COLDEST_K = 170.0
 ROOM_K = (278.0, 318.0)
 #: A room in degF.
 ROOM_F = (55.0, 95.0)
+#: A name and the letter that ends it, which may be a unit or a place.
+ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
 #: Names and values of platinum resistors that were logged in ohms.
 RESISTORS = frozenset(["pt", "rtd"])
 OHMS = ((100.0, 130.0), (1000.0, 1300.0))
@@ -37,6 +39,8 @@ class Temperatures:
         self._hot: list[str] = []
         self._channels = frozenset(options.channels)
         self._common = _common_letter(names)
+        ends = [m for m in map(ENDS.fullmatch, table.names) if m is not None and m[2].upper() not in "FC"]
+        self._places = {m[1].rstrip("0123456789") for m in ends}
 
     def of(self, name: str, values: Array, is_input: bool = False) -> Array:
         """The column (N,) in degC.
@@ -78,12 +82,8 @@ class Temperatures:
 
     def _begins_as_degf(self, name: str, values: Array) -> bool:
         """Whether an F ends the name (T1_F, bearing_F) of a column that begins at a room in degF; beside T1_R it is no unit."""
-        ends = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
-        found = ends.fullmatch(name)
-        if found is None or found[2] not in "Ff" or self._is_place(name):
-            return False
-        places = [o for o in map(ends.fullmatch, self._table.names) if o is not None and o[2].upper() not in "FC"]
-        if any(o[1].rstrip("0123456789") == found[1].rstrip("0123456789") for o in places):
+        found = ENDS.fullmatch(name)
+        if found is None or found[2] not in "Ff" or found[1].rstrip("0123456789") in self._places or self._is_place(name):
             return False
         good = values[np.isfinite(values)][:3]
         return bool(len(good) and ROOM_F[0] <= float(np.median(good)) <= ROOM_F[1])
