@@ -5,6 +5,11 @@ import pytest
 
 import thermofast as tf
 from benchmarks.linked import MINUTES, machine, settled
+from thermofast.discovery.observe import observe
+from thermofast.machine.rise import _extended, _of_others, free_run, together
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.joint import RATE, Key, fit_model
+from thermofast.models.search.candidates import try_add
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +46,27 @@ def test_runs_of_linked_sensors_are_learnt_from_together():
     _, limits, _ = machine(504, 3, runs=3)[2]
     for i, r in enumerate(tf.identify(runs[2], until=80, model=found.model)):
         assert r.steady_state_lo_c <= limits[i] <= r.steady_state_hi_c
+
+
+def test_what_is_not_known_of_one_end_moves_the_other_through_the_link():
+    """Ends of two linked bodies: own move m of the one is m / (1 - r0 r1) there and r1 m / (1 - r0 r1) here, r = kappa / (b + kappa)."""
+    seen = observe(tf.read(machine(503, 2)[1][0])).seen.until(80.0)
+    link = next(effect() for effect in BUILT_IN if effect.id == "neighbour_heat")
+    fit = try_add(fit_model(seen), link).fit
+    last, every = 80, range(1)
+    over = _extended(fit, seen, len(seen.time) - 1, last, seen.time[-1] + np.linspace(1.0, 3000.0, 600))
+    over = together(fit, over, last, every)
+    moved = _of_others(fit, over, last)
+    share = fit.values[Key(0, "kappa")] / (fit.values[Key(0, "kappa")] + fit.values[RATE])
+    for one, other in ((0, 1), (1, 0)):
+        steps = 1e-4 * np.eye(fit.local.shape[1])
+        rows = np.concatenate([fit.local[one] + steps, fit.local[one] - steps])
+        ends = free_run(fit, over, rows, np.tile(fit.shared, (len(rows), 1)), one, every)[:, -1]
+        slope = (ends[: len(steps)] - ends[len(steps) :]) / 2e-4
+        own = np.sqrt(slope @ fit.joint_covariance(one)[: len(slope), : len(slope)] @ slope)
+        assert abs(moved[one, other, -1]) == pytest.approx(share[other] * own / (1.0 - share.prod()), rel=0.1)
+        assert np.all(moved[one, one] == 0.0)
+        assert np.all(moved[one, other, : last + 1] == 0.0)  # what was read of a neighbour is known
 
 
 def test_a_load_that_fell_reaches_the_neighbour_too():
