@@ -39,31 +39,29 @@ class RunNumbers:
     covariance: Array
 
     @classmethod
-    def of(cls, fit: Fit, wider: float, usual: Array | None = None) -> "RunNumbers | None":
+    def of(cls, fit: Fit, wider: float, warm: Array | None = None) -> "RunNumbers | None":
         """Of a fit of the base law; `wider` multiplies its errors. None where a sensor does not rise.
 
-        The rise is that above the surroundings where these are logged. Where not it is that above the start, and a run that began
-        elsewhere than the `usual` (S,) [degC] may have begun warm, or in another room: by so much its rises are not known.
+        warm (S,) [K] is how much warmer, beside its room, a run may have begun than usual: by so much its rises are not known.
         """
         n, model = fit.run.sensors, fit.model
         rate, level, start = (np.asarray(fit.values[key], dtype=float) for key in (RATE, LEVEL, START))
-        rise = level - (start if fit.run.sink_c is None else fit.run.sink_c)
+        rise = level - start
         if not np.all(np.isfinite(rise)) or np.any(rise == 0.0):
             return None
         values, covariance = np.concatenate([np.log(rate), np.log(np.abs(rise))]), np.zeros((2 * n, 2 * n))
         at = [model.column(key) for key in (RATE, LEVEL, START)]
         for i in range(n):
-            of_start = 0.0 if fit.run.sink_c is not None else -1.0 / rise[i]
-            slopes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0 / rise[i], of_start]])
+            slopes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0 / rise[i], -1.0 / rise[i]]])
             own = slopes @ fit.joint_covariance(i)[np.ix_(at, at)] @ slopes.T * wider**2
             covariance[np.ix_([i, n + i], [i, n + i])] = own
         # What bends a fit bends those of all sensors alike, along the ridge on which a short record leaves rate and rise.
         errors = np.sqrt(np.diag(covariance))
         bent = np.concatenate([errors[:n], -errors[n:]])
         covariance += np.outer(bent, bent)
-        if usual is not None and fit.run.sink_c is None:
-            warm = np.concatenate([np.zeros(n), (start - usual) / rise])
-            covariance += np.outer(warm, warm)
+        if warm is not None:
+            hidden = np.concatenate([np.zeros(n), warm / rise])
+            covariance += np.outer(hidden, hidden)
         return cls(values, covariance)
 
 

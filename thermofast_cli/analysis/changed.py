@@ -89,15 +89,16 @@ def compare_runs(
     span = min(s.span for s in seen)
     mine = [s.only(channels) for s in seen]
     if any(s.sink_c is None for s in mine):
-        mine = [replace(s, ambient={}) for s in mine]  # rises of all runs above the same thing
+        mine = [replace(s, ambient={}) for s in mine]
     fits = [fit_model(s.until(float(s.time[0]) + span)) for s in mine]
     _same_way(fits, many)
-    usual = np.mean([np.asarray(f.values[START], dtype=float) for f in fits[:many]], axis=0)
-    numbers = [_numbers(fit, usual) for fit in fits]
+    begun = np.array([np.asarray(f.values[START], dtype=float) - (f.run.sink_c or 0.0) for f in fits])
+    warm = begun - begun[:many].mean(axis=0)
+    numbers = [_numbers(fit, line) for fit, line in zip(fits, warm, strict=True)]
     found, difference, noise = changes(numbers[:many], numbers[many:])
     deviation = np.sqrt(np.diag(noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
-    hidden = _hidden(fits, many, usual)
+    hidden = _hidden(fits, warm[many:].mean(axis=0))
     if hidden and verdict == "nothing":
         status = "not_determined"
     names = ", ".join(run.name for run, _ in new)
@@ -137,18 +138,18 @@ def _same_way(fits: Sequence[Fit], old: int) -> None:
         )
 
 
-def _hidden(fits: Sequence[Fit], old: int, usual: Array) -> list[str]:
-    """What to say where the new runs began so far from the `usual` (S,) [degC] that a warm start would hide another heat."""
-    if fits[0].run.sink_c is not None:
+def _hidden(fits: Sequence[Fit], warm: Array) -> list[str]:
+    """What to say where the new runs began so much warmer (S,) [K] than the old ones that it would hide another heat."""
+    level, start = (np.asarray(fits[-1].values[k], dtype=float) for k in (LEVEL, START))
+    if float(np.median(np.abs(warm / (level - start)))) <= WARM:
         return []
-    level, start = (np.mean([np.asarray(f.values[k], dtype=float) for f in fits[old:]], axis=0) for k in (LEVEL, START))
-    share = float(np.median(np.abs((start - usual) / (level - start))))
-    said = "whether the room was another or they began warm is not known, nor so the heat: log the room, name it with --ambient"
-    return [said] if share > WARM else []
+    if fits[0].run.sink_c is not None:
+        return ["they began warmer or colder beside the room than the old ones, which hides a change of the heat"]
+    return ["whether the room was another or they began warm is not known, nor so the heat: log the room, name it with --ambient"]
 
 
-def _numbers(fit: Fit, usual: Array) -> RunNumbers:
-    found = RunNumbers.of(fit, widening(fit), usual)
+def _numbers(fit: Fit, warm: Array) -> RunNumbers:
+    found = RunNumbers.of(fit, widening(fit), warm)
     if found is None or not np.all(np.isfinite(found.covariance)):
         raise UsageError(
             f"{fit.run.name}: a sensor does not move", found=", ".join(fit.run.channels[:8]), do="choose others with --channels"
