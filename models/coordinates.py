@@ -14,12 +14,15 @@ from .noise.discrepancy import Columns
 class Prior:
     """What is known of the parameters before the fit, in search coordinates: means like the parameters, and the inverse of
     their covariance, per sensor local_precision (S, kl, kl) and shared_precision (ks, ks); 0 where nothing is known.
+
+    before (S, kl + ks, kl + ks): the covariance of each sensor's own and the shared together, which a fit does not use; 0 as above.
     """
 
     local: Array
     local_precision: Array
     shared: Array
     shared_precision: Array
+    before: Array | None = None
 
     @classmethod
     def nothing(cls, sensors: int, kl: int, ks: int) -> "Prior":

@@ -32,6 +32,8 @@ SHAPE_WEIGHTS = np.array([0.25, 0.5, 0.25])
 #: Share of the typical structure (slow modes, loss exponent) that a shape learnt leaves open: the modes are few. Fast modes stay
 #: as they are: each run starts from its own uneven temperatures.
 LEFT_OPEN = 0.15
+#: Share of each amplitude, and of all together, by which it is another one in a run of another load (a loss that is not linear).
+SHAPE_AGAIN = 0.25
 #: Deviation of the log rate from run to run, and between the sensors of a run, before runs were compared; counts as so many runs.
 SCATTER, SPREAD, RUNS_ASSUMED = 0.06, 0.02, 4.0
 #: Blocks of a complete run.
@@ -86,6 +88,13 @@ class SensorShape:
     amplitudes: Array
     covariance: Array
 
+    @property
+    def in_another_run(self) -> Array:
+        """Covariance (k, k) of the amplitudes of a run of another load: what was large may be otherwise by a share of itself."""
+        again = SHAPE_AGAIN**2 * self.amplitudes
+        found: Array = self.covariance + np.diag(again * self.amplitudes) + np.outer(again, self.amplitudes)
+        return found
+
     @classmethod
     def unseen(cls, log_rate: float, deviation: float, prior: Imperfection) -> "SensorShape":
         """Of a sensor whose rate is known and whose shape is only as near to its law as that of machines in general."""
@@ -129,7 +138,8 @@ class Past:
 
     stretches (runs,) are those of the runs learnt from; factors those on half-widths that the runs ask for, as in
     :class:`Imperfection`; rises are those of the run at hand, where a model of it has more than the law. guessed: there were no
-    runs, and what stands here of rates is a guess from the run at hand.
+    runs, and what stands here of rates is a guess from the run at hand. unexplained: sensors whose readings the model leaves in a
+    pattern: its effects stand for what is missing in it, too, and are others in another run.
     """
 
     shapes: dict[str, SensorShape]
@@ -142,6 +152,7 @@ class Past:
     factors: tuple[tuple[float, float], ...] = ()
     guessed: bool = False
     rises: dict[str, Rise] = field(default_factory=dict)
+    unexplained: tuple[str, ...] = ()
 
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt."""
@@ -166,7 +177,7 @@ class Past:
         """For the sensors of a part, in its order; all of them have a shape, and all or none a rise of this run."""
         columns, law = modes(GRID), -np.expm1(-GRID)[None]
         shapes = [self.shapes[c] for c in channels]
-        doubt = [(columns @ covariance_root(s.covariance)).T for s in shapes]
+        doubt = [(columns @ covariance_root(s.in_another_run)).T for s in shapes]
         own = [columns @ s.amplitudes for s in shapes]
         log_rate = np.array([[s.log_rate, np.hypot(s.deviation, self.scatter)] for s in shapes])
         rises = [self.rises[c] for c in channels if c in self.rises]
@@ -200,6 +211,7 @@ class PastRun:
     parts: tuple[Part, ...]
     log_rates: Array
     rises: dict[str, Rise] = field(default_factory=dict)
+    unexplained: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -254,7 +266,9 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         seen = int(np.isfinite(one.stretch[0]).sum())
         shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance)
     spread_of_scale = float(np.hypot(deviation, SCALE_AGAIN / np.sqrt(len(runs))))
-    return Past(shapes, len(runs), scatter, spread, float(np.exp(middle)), spread_of_scale, tuple(stretches.tolist()))
+    unexplained = tuple(c for c in names if any(c in r.unexplained for r in runs))
+    told = float(np.exp(middle)), spread_of_scale, tuple(stretches.tolist())
+    return Past(shapes, len(runs), scatter, spread, *told, unexplained=unexplained)
 
 
 @dataclass(frozen=True)

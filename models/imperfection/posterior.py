@@ -80,7 +80,8 @@ class Settled:
     (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work, one
     that is more than fast modes or a start, which die out; unseen (S,) [K]: what a slow second mass may add after the last
     reading, where there is one (95 %); unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes
-    add more than the half-width of the interval; agrees (S, S): whose rates were shared.
+    add more than the half-width of the interval; agrees (S, S): whose rates were shared; evidence (S,): log likelihood of a
+    sensor's own readings under the prior, up to a constant that every prior of the same readings and tau has.
     """
 
     steady: Array
@@ -94,6 +95,7 @@ class Settled:
     unseen_from: Array
     hides: Array
     agrees: NDArray[np.bool_]
+    evidence: Array
     drawn: Drawn | None = None
 
 
@@ -159,13 +161,13 @@ class _Run:
         self._known = np.zeros(0), np.zeros(0)
 
     def log_rate_prior(self, off: Array, sensor: int | None = None) -> Array:
-        """Log prior, up to a constant, of log rates (S, F) less the centres; of one sensor, (F,)."""
+        """Log prior, up to a constant that all have, of log rates (S, F) less the centres; of one sensor, (F,)."""
         if self.known is None:
             spread = self.prior.log_rate_spread
             slow, fast = np.asarray(SLOWER * spread), np.asarray(spread)
         else:
             slow = fast = self.known[:, 1:] if sensor is None else self.known[sensor, 1]
-        found: Array = -0.5 * (off / np.where(off > 0.0, fast, slow)) ** 2
+        found: Array = -0.5 * (off / np.where(off > 0.0, fast, slow)) ** 2 - np.log(slow + fast)
         return found
 
     def evaluate(self, log_rate: Array, active: NDArray[np.bool_], asked: int) -> tuple[Array, Array, Array, Array, Array]:
@@ -244,6 +246,12 @@ class _Run:
         found: Array = own + weight[:, None]
         return found
 
+    def evidence_of(self, log_rate: Array) -> Array:
+        """Log evidence (S,) of what was worked out last at log rates (S, F)."""
+        of_rate = self.log_rate_prior(log_rate - self.centre[:, None]) + np.log(np.maximum(cells(log_rate), 1e-12))
+        each = np.where(np.isnan(self._known[0]), -np.inf, self._known[0])
+        return log_sum(log_sum(each + self.log_prior, 2) + of_rate, 1)
+
     def told(self, log_rate: Array, marginal: Array) -> tuple[Array, Array, Array]:
         """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing.
 
@@ -312,7 +320,7 @@ class _Run:
         agrees = self.agrees(log_rate, marginal, dense, agreeing)
         weight = np.exp(posterior - posterior.max(axis=(1, 2), keepdims=True))
         weight /= weight.sum(axis=(1, 2), keepdims=True)
-        return self._predicted(log_rate, weight, squares, agrees)
+        return self._predicted(log_rate, weight, squares, agrees, self.evidence_of(log_rate))
 
     def _spread(self, low: Array, high: Array, count: int) -> Array:
         """Log rates (S, F) from low to high (S,), evenly, and those about the law's own."""
@@ -340,7 +348,7 @@ class _Run:
         strong = [np.flatnonzero(self.kind == k)[1] for k in range(1, len(self.relative))]
         return np.concatenate([base, np.array(strong, dtype=np.intp)])
 
-    def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_]) -> Settled:
+    def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_], evidence: Array) -> Settled:
         asked = self.asked[0].count
         active = weight > LEAST_WEIGHT
         _, _, mean, variance, rise = self.evaluate(log_rate, active, asked)
@@ -410,6 +418,7 @@ class _Run:
             unseen_from=1.0 / (max(SLOW) * rate[:, 1]),
             hides=hides,
             agrees=agrees,
+            evidence=evidence,
             drawn=drawn,
         )
 

@@ -37,6 +37,7 @@ class Pooled:
     """Constants of the machine in search coordinates, local (S, kl) and shared (ks,): mean, error of the mean, scatter.
 
     nan where a parameter is the run's own. differing: those on which the runs disagree beyond what their readings leave open.
+    correlation (S, kl + ks, kl + ks): how what is known of a next run goes together, of each sensor's own and the shared constants.
     """
 
     mean: Array
@@ -45,6 +46,7 @@ class Pooled:
     shared_mean: Array
     shared_error: Array
     shared_scatter: Array
+    correlation: Array
     differing: tuple[Differing, ...] = ()
 
     def prior(self) -> Prior:
@@ -80,7 +82,22 @@ def pool(fits: Sequence[Fit]) -> Pooled:
         np.where(kept_shared, v, np.nan) for v in (shared_mean, shared_error, shared_scatter)
     )
     differing = tuple(sorted(found, key=lambda d: d.p))
-    return Pooled(mean, error, scatter, shared_mean, shared_error, shared_scatter, differing)
+    spread = np.concatenate([scatter, np.tile(shared_scatter, (len(scatter), 1))], axis=1)
+    together = np.array([_together(fits, i, [w[i] for w in inflated], spread[i]) for i in range(len(spread))])
+    return Pooled(mean, error, scatter, shared_mean, shared_error, shared_scatter, together, differing)
+
+
+def _together(fits: Sequence[Fit], sensor: int, inflated: Sequence[float], scatter: Array) -> Array:
+    """Correlations (kl + ks, kl + ks) of one sensor's and the shared constants in a next run, over fits whose constants scatter."""
+    found, at = np.eye(len(scatter)), np.flatnonzero(np.isfinite(scatter))
+    between = np.diag(scatter[at] ** 2)
+    each = [
+        w * np.clip(f.joint_covariance(sensor)[np.ix_(at, at)], -1e6, 1e6) + between for f, w in zip(fits, inflated, strict=True)
+    ]
+    whole = np.linalg.pinv(np.sum([np.linalg.pinv(c, hermitian=True) for c in each], axis=0), hermitian=True) + between
+    deviation = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+    found[np.ix_(at, at)] = whole / np.outer(deviation, deviation)
+    return found
 
 
 def dependence(residual: Array) -> float:

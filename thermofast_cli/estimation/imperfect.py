@@ -65,6 +65,7 @@ class Claims:
     unseen: Array
     unseen_from: Array
     hides: Array
+    evidence: Array
     shared_with: tuple[str, ...]
     times: Array
     ahead: NDArray[np.bool_]
@@ -131,7 +132,7 @@ def claims(
                 past,
                 criterion,
             )
-            _let_go(closed, members, empty, prior, rates, name)
+            _let_go(closed, members, empty, prior, rates, name, past)
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
@@ -144,16 +145,27 @@ def _let_go(
     prior: Imperfection,
     rates: Rates,
     name: Callable[[int], str],
+    past: Past,
 ) -> None:
-    """Marks sensors whose readings contradict the past: beyond all it allows, or by an effect that is not there without it."""
-    strange = [m & e.known & (~(e.check_p >= RULES.unfit) | (e.strong > RULES.strong)) for m, e in zip(members, told, strict=True)]
-    if not any(s.any() for s in strange):
+    """Marks sensors whose readings contradict the past: beyond all it allows, by an effect that is not there without it, or because
+    they are far likelier without it, each or all of the run together.
+    """
+    mine = [m & e.known for m, e in zip(members, told, strict=True)]
+    if not any(m.any() for m in mine):
+        return
+    strange = [m & (~(e.check_p >= RULES.unfit) | (e.strong > RULES.strong)) for m, e in zip(mine, told, strict=True)]
+    looked = strange if past.guessed else mine
+    if not any(m.any() for m in looked):
         return
     alone = [_empty(c, e.times, e.ahead, prior) for c, e in zip(closed, told, strict=True)]
-    _claim(closed, strange, alone, prior, rates, name)
-    for one, other, some in zip(told, alone, strange, strict=True):
+    _claim(closed, looked, alone, prior, rates, name, scale=past)
+    for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
+    whole = not past.guessed and sum(float(f.sum()) for f in for_none) > RULES.contradicted
+    for one, other, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
         plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
-        one.let_go[:] |= some & (plain | ~(one.check_p >= RULES.unfit))
+        one.let_go[:] |= odd & (plain | ~(one.check_p >= RULES.unfit))
+        if not past.guessed:
+            one.let_go[:] |= m & (whole | (likelier > RULES.contradicted))
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
 
@@ -167,8 +179,9 @@ def _claim(
     name: Callable[[int], str],
     past: Past | None = None,
     criterion: Criterion | None = None,
+    scale: Past | None = None,
 ) -> None:
-    """What the members (S,) of each block, taken together, may claim."""
+    """What the members (S,) of each block, taken together, may claim; scale: whose rates set that of the prior, past by default."""
     some = [(i, np.flatnonzero(mine)) for i, mine in enumerate(members) if mine.any()]
     if not some:
         return
@@ -177,10 +190,12 @@ def _claim(
     rises = past.rises if past is not None else {}
     other = [np.array([n in rises for n in block]) for block in of_block]
     parts = [_part(closed[i], rows, strange) for (i, rows), strange in zip(some, other, strict=True)]
-    if past is None:
+    of_rates = past or scale
+    if of_rates is None:
         tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
     else:
-        tau = float(np.exp(-np.median([past.shapes[n].log_rate for n in names])))
+        tau = float(np.exp(-np.median([of_rates.shapes[n].log_rate for n in names])))
+    if past is not None:
         parts = [replace(part, known=past.known(block)) for part, block in zip(parts, of_block, strict=True)]
     found = settle(parts, tau, prior, into[0].times, rates)
     trips = _trips(criterion, parts, tau, prior, rates, found)
@@ -285,7 +300,9 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
 
 def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
     count = len(closed.sensors)
-    numbers = {n: np.full(count, np.nan) for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides")}
+    numbers = {
+        n: np.full(count, np.nan) for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence")
+    }
     threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing")}
     return Claims(
         **numbers,
@@ -301,7 +318,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
 
 
 def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: slice, names: Sequence[str]) -> None:
-    for name in ("steady", "t95", "at", "rate", "rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides"):
+    for name in ("steady", "t95", "at", "rate", "rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence"):
         getattr(into, name)[rows] = getattr(found, name)[of]
     for row, agrees in zip(rows.tolist(), found.agrees[of], strict=True):
         those = [names[j] for j in np.flatnonzero(agrees).tolist()]

@@ -20,6 +20,9 @@ class EstimationRules:
         0.01, "1", "a machine of the prior's kind leaves the law this far with this probability", "once in a hundred records"
     )
     strong: float = rule(0.6, "1", "probability of an effect beside the law from which a row is doubtful", BY_HAND)
+    contradicted: float = rule(
+        3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
+    )
     hides: float = rule(0.1, "1", "probability that a slow second mass moves the limit out of the interval", BY_HAND)
     room_share: float = rule(0.4, "rise so far", "a logged room that moves by more is warmed by the machine: not used", BY_HAND)
     room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)

@@ -12,6 +12,7 @@ from thermofast.models.effects.base import Choice, Effect
 from thermofast.models.greybox import Column
 from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, Prior, search, start_values
 from thermofast.models.search.candidates import try_add
+from thermofast.models.uncertainty.pooled import SCATTER
 
 from ..errors import UsageError
 from ..plugins.effects import known_effects, named_effect
@@ -20,6 +21,9 @@ from .modelfile import EffectEntry, ModelFile, Number, constants_of
 
 #: A machine's constant is held no tighter than this share of itself: two runs of one machine are not exactly alike.
 LEAST_SHARE = 1e-3
+#: Share of itself by which an effect's parameter is another one in another run, where the model leaves a pattern in those it was
+#: learnt from: then the effect stands for what is missing, too. Of one run that is explained it is the scatter that machines have.
+EFFECT_AGAIN = 0.25
 #: Gain that an event must bring to be believed in another run.
 EVENT_GAIN = 30.0
 
@@ -250,7 +254,37 @@ def _prior(layout: Model, model: ModelFile, entries: list[EffectEntry], known: K
             (LEAST_SHARE * np.maximum(1.0, np.abs(local[i, at]))) ** 2 * 1e-2
         )
         precision[np.ix_([i], at, at)] = np.linalg.inv(covariance)
-    return Prior(local, precision, shared, shared_precision)
+    return Prior(local, precision, shared, shared_precision, _before(layout, model, known, names, entries))
+
+
+def _before(layout: Model, model: ModelFile, known: Known, names: list[str], entries: list[EffectEntry]) -> np.ndarray:
+    """Covariance (S, kl + ks, kl + ks) of the machine's constants of each sensor with those that all share."""
+    columns = [*layout.local, *layout.shared]
+    names = [*names, *(_full_name(c, entries) for c in layout.shared)]
+    count = len(columns)
+    pattern = model.past is not None and bool(model.past.unexplained)
+    again = EFFECT_AGAIN if pattern else SCATTER if not model.also_from else 0.0
+    found = np.zeros((layout.run.sensors, count, count))
+    for i, channel in enumerate(layout.run.channels):
+        told = next((m for m in model.correlations if m.channel == channel), None)
+        active = [*layout.active[i], *(True for _ in layout.shared)]
+        at = []
+        for j, c in enumerate(columns):
+            if c.key in known and active[j]:
+                value, error = (float(v[i]) for v in known[c.key])
+                if np.isfinite(value):
+                    at.append(j)
+                    found[i, j, j] = _searched(c, value, error)[1]
+                    if c.part >= 0:
+                        found[i, j, j] = np.hypot(found[i, j, j], again * (1.0 if c.parameter.log else abs(value)))
+        spreads = np.diagonal(found[i])[at]
+        together = np.eye(len(at))
+        if told is not None:
+            of_file = [(k, told.names.index(names[j])) for k, j in enumerate(at) if names[j] in told.names]
+            here, there = [k for k, _ in of_file], [k for _, k in of_file]
+            together[np.ix_(here, here)] = np.array(told.matrix)[np.ix_(there, there)]
+        found[np.ix_([i], at, at)] = together * np.outer(spreads, spreads)
+    return found
 
 
 def _full_name(column: Column, entries: list[EffectEntry]) -> str:

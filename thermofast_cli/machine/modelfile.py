@@ -15,7 +15,7 @@ from thermofast.models.greybox import Column
 from thermofast.models.greybox import Model as FitModel
 from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape
 from thermofast.models.joint import Fit
-from thermofast.models.uncertainty.pooled import Pooled
+from thermofast.models.uncertainty.pooled import Pooled, dependence
 
 from .. import __version__
 from ..errors import UsageError
@@ -97,6 +97,7 @@ class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     fast_modes: tuple[float, ...]
     stretches: tuple[float, ...] = ()
     factors: tuple[tuple[float, float], ...] = ()
+    unexplained: tuple[str, ...] = ()
     shapes: tuple[ShapeEntry, ...] = ()
 
 
@@ -144,8 +145,9 @@ def model_file(
     run, model = fit.run, fit.model
     deviations = fit.covariance
     local, shared = fit.local, fit.shared
-    local_error = np.sqrt(np.maximum(np.diagonal(deviations[0], axis1=1, axis2=2), 0.0))
-    shared_error = np.sqrt(np.maximum(np.diagonal(deviations[1]), 0.0))
+    more = np.array([dependence(r[u]) for r, u in zip(fit.residual, run.used, strict=True)])
+    local_error = np.sqrt(np.maximum(np.diagonal(deviations[0], axis1=1, axis2=2), 0.0) * more[:, None])
+    shared_error = np.sqrt(np.maximum(np.diagonal(deviations[1]), 0.0) * float(np.mean(more)))
     if pooled is not None:
         both, common = np.hypot(pooled.error, pooled.scatter), np.hypot(pooled.shared_error, pooled.shared_scatter)
         local, local_error = (np.where(np.isnan(pooled.mean), a, b) for a, b in ((local, pooled.mean), (local_error, both)))
@@ -192,7 +194,7 @@ def model_file(
         channels=run.channels,
         base=numbers(-1),
         effects=tuple(effects),
-        correlations=tuple(_correlations(fit, i) for i in range(run.sensors)) if pooled is None else (),
+        correlations=tuple(_correlations(fit, i, pooled) for i in range(run.sensors)),
         past=None if past is None else past_entry(past),
     )
 
@@ -227,6 +229,7 @@ def past_entry(past: Past) -> PastEntry:
         fast_modes=FAST_MODES,
         stretches=tuple(short(v) for v in past.stretches),
         factors=tuple((turn, short(factor)) for turn, factor in past.factors),
+        unexplained=past.unexplained,
         shapes=tuple(shapes),
     )
 
@@ -260,15 +263,18 @@ def past_of(entry: PastEntry) -> Past:
             )
         shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, np.array(s.amplitudes), covariance)
     scale = entry.disturbance, entry.disturbance_log_deviation
-    return Past(shapes, entry.runs, entry.log_rate_scatter, entry.log_rate_spread, *scale, entry.stretches, entry.factors)
+    scatter = entry.log_rate_scatter, entry.log_rate_spread
+    return Past(shapes, entry.runs, *scatter, *scale, entry.stretches, entry.factors, unexplained=entry.unexplained)
 
 
-def _correlations(fit: Fit, sensor: int) -> Correlations:
-    """Of the machine's constants of one sensor, in search coordinates."""
+def _correlations(fit: Fit, sensor: int, pooled: Pooled | None) -> Correlations:
+    """Of the machine's constants of one sensor and those that all share, in search coordinates."""
     model = fit.model
-    at = [j for j, c in enumerate(model.local) if c.parameter.belongs == "machine" and model.active[sensor, j]]
-    names = [model.local[j].parameter.name if model.local[j].part < 0 else _named(fit, j) for j in at]
-    block = fit.covariance[0][sensor][np.ix_(at, at)]
+    columns = [*model.local, *model.shared]
+    active = [*model.active[sensor], *(True for _ in model.shared)]
+    at = [j for j, c in enumerate(columns) if model.of_machine(c) and active[j]]
+    names = [columns[j].parameter.name if columns[j].part < 0 else _named(fit, columns[j]) for j in at]
+    block = (fit.joint_covariance(sensor) if pooled is None else pooled.correlation[sensor])[np.ix_(at, at)]
     deviation = np.sqrt(np.maximum(np.diag(block), 1e-300))
     with np.errstate(all="ignore"):  # of a sensor without readings nothing is known
         matrix = np.nan_to_num(block / np.outer(deviation, deviation))
@@ -277,8 +283,7 @@ def _correlations(fit: Fit, sensor: int) -> Correlations:
     return Correlations(channel=fit.run.channels[sensor], names=tuple(names), matrix=rounded)
 
 
-def _named(fit: Fit, j: int) -> str:
-    column = fit.model.local[j]
+def _named(fit: Fit, column: Column) -> str:
     return f"{fit.model.parts[column.part].id}.{column.parameter.name}"
 
 

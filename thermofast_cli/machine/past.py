@@ -23,6 +23,8 @@ from thermofast.models.imperfection import (
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
 from thermofast.models.search.discover import Discovery, discover
 from thermofast.models.search.dominant import misfit_power
+from thermofast.models.search.judge import sensor_p_values
+from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
@@ -78,7 +80,9 @@ def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
         rate, span = float(fit.values[RATE][i]), float(time[-1] - time[0])
         known = not plain or RATES[0] < rate * span < RATES[1]
         log_rates.append(np.log(rate if known else 1.0 / float(pilot(time, reading)[0])))
-    return PastRun(tuple(run.channels[i] for i in read), tuple(parts), np.array(log_rates), rises)
+    left = np.ones(run.sensors) if plain else sensor_p_values(fit)
+    unexplained = tuple(run.channels[i] for i in read if left[i] < RULES.pattern)
+    return PastRun(tuple(run.channels[i] for i in read), tuple(parts), np.array(log_rates), rises, unexplained)
 
 
 def learnt_past(runs: Sequence[PastRun]) -> Past:
@@ -216,6 +220,10 @@ def _knowledge(task: LoopTask) -> Knowledge:
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
     notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *carried.notes]
+    if past.unexplained:
+        notes.append(
+            f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
+        )
     rises = rises_of(carried.fit, prepared.whole, until_min=_until(task).until_min)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)

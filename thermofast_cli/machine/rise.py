@@ -200,19 +200,44 @@ def free_runs(
 
 
 def _doubtful(fit: Fit, sensor: int) -> Array:
-    """Moves (J, kl + ks) of an effect's parameters by a deviation each, the base model's given."""
+    """Moves (J, kl + ks) by a deviation each of what is not known of a sensor's shape before its readings are counted.
+
+    Of a machine learnt before that is what is known of its constants; of the rest, what the readings leave open given them.
+    """
     kl = fit.local.shape[1]
     base = [fit.model.column(key) for key in (RATE, LEVEL, START)]
     active = np.concatenate([fit.model.active[sensor], np.ones(len(fit.shared), dtype=bool)])
-    others = [j for j in np.flatnonzero(active).tolist() if j not in base]
-    if not others:
-        return np.zeros((0, kl + len(fit.shared)))
-    whole = fit.joint_covariance(sensor)
-    given = whole[np.ix_(base, base)]
-    cross = whole[np.ix_(others, base)]
-    left = whole[np.ix_(others, others)] - cross @ np.linalg.pinv(given) @ cross.T
-    roots = covariance_root(0.5 * (left + left.T))
-    roots /= np.maximum(np.linalg.norm(roots, axis=0) / MOST_DOUBT, 1.0)
-    moves = np.zeros((len(others), kl + len(fit.shared)))
-    moves[:, others] = roots.T
-    return moves
+    known, learnt = _learnt_before(fit, sensor)
+    others = [j for j in np.flatnonzero(active).tolist() if j not in base and j not in known]
+    blocks = [(known, learnt)] if known else []
+    if others:
+        whole = fit.joint_covariance(sensor)
+        given = list(dict.fromkeys([*base, *known]))
+        cross = whole[np.ix_(others, given)]
+        left = whole[np.ix_(others, others)] - cross @ np.linalg.pinv(whole[np.ix_(given, given)]) @ cross.T
+        blocks.append((others, 0.5 * (left + left.T)))
+    moves = [np.zeros((0, kl + len(fit.shared)))]
+    for columns, covariance in blocks:
+        roots = covariance_root(covariance)
+        roots /= np.maximum(np.linalg.norm(roots, axis=0) / MOST_DOUBT, 1.0)
+        one = np.zeros((len(columns), kl + len(fit.shared)))
+        one[:, columns] = roots.T
+        moves.append(one)
+    return np.concatenate(moves)
+
+
+def _learnt_before(fit: Fit, sensor: int) -> tuple[list[int], Array]:
+    """Places of the parameters of which something was known before the fit, and their covariance, in search coordinates."""
+    if fit.prior is None:
+        return [], np.zeros((0, 0))
+    if fit.prior.before is not None:
+        covariance = fit.prior.before[sensor]
+    else:
+        kl, ks = fit.local.shape[1], len(fit.shared)
+        covariance = np.zeros((kl + ks, kl + ks))
+        for part, of in ((fit.prior.local_precision[sensor], slice(0, kl)), (fit.prior.shared_precision, slice(kl, kl + ks))):
+            told = np.flatnonzero(np.diagonal(part) > 0.0)
+            at = np.arange(kl + ks)[of][told]
+            covariance[np.ix_(at, at)] = np.linalg.inv(part[np.ix_(told, told)])
+    known = np.flatnonzero(np.diagonal(covariance) > 0.0).tolist()
+    return known, covariance[np.ix_(known, known)]
