@@ -1,4 +1,4 @@
-"""A model that knows one of two effects: do its limits hold in the next run? ``python -m benchmarks.half_explained [--machines 24]``.
+"""A model that knows one of two effects: do its limits hold in the next run? `python -m benchmarks.half_explained [--machines 24]`.
 
 Machines by an ODE solver with two effects each (a second mass, a loss that grows with the temperature, friction that dies out, a
 probe that lags), three runs at loads 1.0, 0.7 and 1.2. A model is learnt from the first run alone or from the first two together,

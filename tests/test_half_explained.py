@@ -1,0 +1,154 @@
+"""What is not known of a learnt model, and what speaks against it, in the next run."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+import thermofast as tf
+from benchmarks.half_explained import machine
+from thermofast.discovery.observe import observe
+from thermofast.machine.learnt import EFFECT_AGAIN, carry
+from thermofast.machine.model import Model
+from thermofast.machine.modelfile import read_model
+from thermofast.machine.rise import _doubtful
+from thermofast.models.imperfection import NONE, Part, SensorShape
+from thermofast.models.imperfection.known import Known
+from thermofast.models.imperfection.past import GRID, SHAPE_AGAIN
+from thermofast.models.imperfection.posterior import settle
+from thermofast.models.joint import LEVEL, RATE, START, Key
+from thermofast.models.uncertainty.pooled import SCATTER
+
+LACKING = 720  # a second mass and a loss that grows, of which the model is told the mass
+
+
+@pytest.fixture(scope="module")
+def lacking():
+    runs, limits, tau, _ = machine(LACKING)
+    return tf.improve(runs[0], add=["second_mode"]).model, runs[2], limits, tau
+
+
+def width(found):
+    return np.array([r.steady_state_hi_c - r.steady_state_lo_c for r in found])
+
+
+def test_a_model_that_lacks_an_effect_says_so_and_its_intervals_make_room_for_it(lacking):
+    model, run, limits, tau = lacking
+    assert [e.id for e in model.file.effects] == ["second_mode"]
+    assert model.file.past.unexplained == ("T1", "T2", "T3")
+    told = tf.identify(run, until=4 * tau, model=model)
+    for r, limit in zip(told, limits, strict=True):
+        assert r.status == "ok"
+        assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c
+        assert "it leaves a pattern in T1, T2, T3" in r.message
+    # The same model taken for the whole truth is surer, and wrong.
+    whole = Model(replace_struct(model.file, past=replace_struct(model.file.past, unexplained=())), model.source)
+    surer = tf.identify(run, until=4 * tau, model=whole)
+    assert np.all(width(surer) < 0.8 * width(told))
+    assert sum(r.steady_state_lo_c <= limit <= r.steady_state_hi_c for r, limit in zip(surer, limits, strict=True)) < 3
+    # It still knows more than nothing does.
+    assert np.all(width(told) < width(tf.identify(run, until=4 * tau)))
+
+
+def replace_struct(struct, **changed):
+    return type(struct)(**{**{n: getattr(struct, n) for n in struct.__struct_fields__}, **changed})
+
+
+def test_a_model_of_both_effects_leaves_nothing_unexplained():
+    runs, limits, tau, effects = machine(LACKING)
+    model = tf.improve(runs[0], add=list(effects)).model
+    assert model.file.past.unexplained == ()
+    for r, limit in zip(tf.identify(runs[2], until=2 * tau, model=model), limits, strict=True):
+        assert r.status == "ok"
+        assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c
+
+
+def test_the_doubt_of_a_rise_is_what_was_known_before_the_readings_at_hand(tmp_path):
+    runs, _, tau, _ = machine(703)  # a second mass and friction, whose constants the sensors share
+    learnt = tf.improve(runs[0], add=["second_mode", "friction_decay"])
+    path = tmp_path / "machine.toml"
+    learnt.model.save(path)
+    file = read_model(str(path))
+    of = {c.channel: c for c in file.correlations}
+    assert {"rate", "second_mode.kappa", "friction_decay.extra", "friction_decay.time_constant"} <= set(of["T1"].names)
+    seen = observe(runs[2], 0.0).seen.until(2 * tau)
+    fit = carry(file, seen, "run", str(path)).fit
+    moves = _doubtful(fit, 0)
+    columns = [c.key for c in (*fit.model.local, *fit.model.shared)]
+    assert not moves[:, [columns.index(LEVEL), columns.index(START)]].any()  # the run's own: its readings tell them
+    covariance = moves.T @ moves
+    ids = {p.id: k for k, p in enumerate(fit.model.parts)}
+    numbers = {("rate", -1): next(n for n in file.base if n.name == "rate" and n.channel == "T1")}
+    for e in file.effects:
+        numbers |= {(n.name, ids[e.id]): n for n in e.parameters if n.channel in (None, "T1")}
+    log = {c.key: c.parameter.log for c in (*fit.model.local, *fit.model.shared)}
+
+    def deviation(key, share):
+        """Of a constant in the coordinate that is searched, from the file and a share of it beside."""
+        n = numbers[key.name, key.part]
+        return np.hypot(n.standard_error, share * n.value) / (n.value if log[key] else 1.0)
+
+    for name, part in numbers:
+        key = RATE if part < 0 else Key(part, name)
+        at = columns.index(key)
+        assert np.sqrt(covariance[at, at]) == pytest.approx(deviation(key, SCATTER if part >= 0 else 0.0), rel=0.02)
+    # The correlation of a sensor's own with what all share comes through the file.
+    one, two = Key(ids["second_mode"], "kappa"), Key(ids["friction_decay"], "extra")
+    told = of["T1"].matrix[of["T1"].names.index("second_mode.kappa")][of["T1"].names.index("friction_decay.extra")]
+    found = covariance[columns.index(one), columns.index(two)]
+    assert found == pytest.approx(told * deviation(one, SCATTER) * deviation(two, SCATTER), rel=0.02)
+    assert abs(told) > 0.3
+    # The same model with a pattern left doubts each constant by a quarter of it.
+    doubted = replace_struct(file, past=replace_struct(file.past, unexplained=("T1",)))
+    more = _doubtful(carry(doubted, seen, "run", str(path)).fit, 0)
+    at = columns.index(one)
+    assert np.sqrt((more.T @ more)[at, at]) == pytest.approx(deviation(one, EFFECT_AGAIN), rel=0.02)
+
+
+def test_what_a_shape_had_to_be_bent_by_is_open_by_a_share_of_itself():
+    bend = np.zeros(11)
+    bend[1], bend[-1] = 0.2, -0.1
+    shape = SensorShape(-4.0, 0.05, bend, 1e-6 * np.eye(11))
+    found = shape.in_another_run - shape.covariance
+    assert found[1, 1] == pytest.approx(2 * (SHAPE_AGAIN * 0.2) ** 2)
+    assert found[1, -1] == pytest.approx(SHAPE_AGAIN**2 * 0.2 * -0.1)
+    assert not found[0].any()
+
+
+def test_evidence_is_that_of_a_normal_distribution_over_rate_and_levels():
+    """Two guesses of the rate: how much likelier the readings are with one is told as by brute force."""
+    time, rate, sigma = np.arange(0.0, 61.0, 2.0), 1 / 40, 0.05
+    reading = 20.0 + 8.0 * -np.expm1(-rate * time) + sigma * np.random.default_rng(2).standard_normal(len(time))
+    law = -np.expm1(-GRID)[None, None]
+    wide = 100.0  # variance of start and slope, which are not known: the same for both
+
+    def told(guess, deviation):
+        known = Known(np.array([[np.log(guess), deviation]]), GRID, law, law, law, np.zeros((1, 1, len(GRID))))
+        part = Part(time, reading[None], np.array([sigma]), np.zeros(1), known=known)
+        return settle([part], 40.0, NONE, [], "own").evidence[0]
+
+    def brute(guess, deviation):
+        off = np.linspace(-6, 6, 241) * deviation
+        columns = [np.stack([np.ones_like(time), -np.expm1(-b * time) / b]) for b in guess * np.exp(off)]
+        like = [
+            multivariate_normal(np.zeros(len(time)), sigma**2 * np.eye(len(time)) + wide * c.T @ c).logpdf(reading - 20.0)
+            for c in columns
+        ]
+        return np.log(np.trapezoid(np.exp(like) * norm.pdf(off, 0, deviation), off))
+
+    for one, two in (((1 / 40, 0.05), (1 / 60, 0.05)), ((1 / 40, 0.05), (1 / 42, 0.3))):
+        assert told(*one) - told(*two) == pytest.approx(brute(*one) - brute(*two), rel=0.05, abs=0.2)
+
+
+def test_a_model_of_another_machine_is_let_go_by_evidence_and_its_own_is_not():
+    runs, limits, tau, _ = machine(806)
+    model = tf.improve(runs[0]).model
+    for r in tf.identify(runs[2], until=2 * tau, model=model):
+        assert "do not fit" not in r.message
+    # Another machine, half as fast: well within what a discrepancy could do to a sensor, far likelier without the model.
+    time, rate = np.arange(0.0, 121.0), 0.5 / tau
+    rng = np.random.default_rng(1)
+    other = {f"T{i}": 20.0 + 9.0 * -np.expm1(-rate * time) + 0.02 * rng.standard_normal(len(time)) for i in (1, 2, 3)}
+    for r in tf.identify({"time_min": time} | other, until=60, model=model):
+        assert "do not fit" in r.message
+        assert r.steady_state_lo_c is None or r.steady_state_lo_c <= 29.0
+        assert r.steady_state_hi_c is None or r.steady_state_hi_c >= 29.0
