@@ -140,7 +140,7 @@ def test_evidence_is_that_of_a_normal_distribution_over_rate_and_levels():
 
 
 def test_a_model_of_another_machine_is_let_go_by_evidence_and_its_own_is_not():
-    runs, limits, tau, _ = machine(806)
+    runs, _, tau, _ = machine(806)
     model = tf.improve(runs[0]).model
     for r in tf.identify(runs[2], until=2 * tau, model=model):
         assert "do not fit" not in r.message
