@@ -15,7 +15,7 @@ from thermofast.models.greybox import Column
 from thermofast.models.greybox import Model as FitModel
 from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape
 from thermofast.models.joint import Fit
-from thermofast.models.uncertainty.pooled import Pooled, dependence
+from thermofast.models.uncertainty.pooled import Pooled
 
 from .. import __version__
 from ..errors import UsageError
@@ -145,9 +145,8 @@ def model_file(
     run, model = fit.run, fit.model
     deviations = fit.covariance
     local, shared = fit.local, fit.shared
-    more = np.array([dependence(r[u]) for r, u in zip(fit.residual, run.used, strict=True)])
-    local_error = np.sqrt(np.maximum(np.diagonal(deviations[0], axis1=1, axis2=2), 0.0) * more[:, None])
-    shared_error = np.sqrt(np.maximum(np.diagonal(deviations[1]), 0.0) * float(np.mean(more)))
+    local_error = np.sqrt(np.maximum(np.diagonal(deviations[0], axis1=1, axis2=2), 0.0))
+    shared_error = np.sqrt(np.maximum(np.diagonal(deviations[1]), 0.0))
     if pooled is not None:
         both, common = np.hypot(pooled.error, pooled.scatter), np.hypot(pooled.shared_error, pooled.shared_scatter)
         local, local_error = (np.where(np.isnan(pooled.mean), a, b) for a, b in ((local, pooled.mean), (local_error, both)))
