@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 from .coordinates import Prior
 from .core.kernel import Array
 
+#: No temperature, residual or derivative of a trial is taken for larger [K].
+BEYOND = 1e9
+
 
 def assemble(
     by_local: Array,
@@ -40,8 +43,10 @@ def assemble(
 
 
 def finite_slopes(values: Array) -> Array:
-    """Derivatives with 0 where a trial was beyond all numbers."""
-    return values if np.isfinite(values.sum()) else np.nan_to_num(values)
+    """Derivatives with 0 where a trial was beyond all numbers, and none so large that its square is."""
+    with np.errstate(all="ignore"):
+        fine = abs(values.sum()) < BEYOND
+    return values if fine else np.clip(np.nan_to_num(values), -BEYOND, BEYOND)
 
 
 def _scaled(blocks: Array, corner: Array) -> tuple[Array, Array]:

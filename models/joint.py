@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrow import arrow_inverse, arrow_step, assemble, finite_slopes
+from .arrow import BEYOND, arrow_inverse, arrow_step, assemble, finite_slopes
 from .coordinates import Prior, SearchSpace
 from .core.kernel import Array
 from .decay import fit_decay
@@ -344,6 +344,8 @@ def search(
             if prior is not None:
                 cost = cost + prior.cost(at_local, at_shared)
         bad = ~np.isfinite(cost)
+        if bad.any():
+            curve, residual = (np.clip(np.nan_to_num(v), -BEYOND, BEYOND) for v in (curve, residual))
         return curve, dl, ds, residual, np.where(bad, np.inf, cost)
 
     # Rows that are searched apart and have ended are worked out no more.
@@ -367,7 +369,8 @@ def search(
         trial_shared = np.clip(shared + move_shared, whole.low_shared, whole.high_shared) if together else shared
         after = evaluate(trial, trial_shared, on)
         total, new = (cost, after[4]) if not together else (np.full(rows, v.sum()) for v in (cost, after[4]))
-        gain = total[on] - new
+        with np.errstate(invalid="ignore"):  # from one that was beyond all numbers to another
+            gain = total[on] - new
         better = new < total[on]
         done = better & (gain < ends_at[0] + ends_at[1] * total[on])
         damping[on] = np.where(better, damping[on] * 0.2, damping[on] * 8.0)

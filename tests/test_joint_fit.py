@@ -8,6 +8,7 @@ from test_effects_contract import record
 
 from thermofast.discovery.observe import observe
 from thermofast.models import Observations
+from thermofast.models.arrow import BEYOND, finite_slopes
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import LEVEL, RATE, Model, Part, Prior, fit_model, search
 from thermofast.reading import Run
@@ -100,3 +101,11 @@ def test_a_gap_and_thinning_change_no_answer():
     thinned = observe(Run("f", fine * 60.0, fast)).seen
     assert len(thinned.time) < 1000
     assert thinned.weight.max() > 5
+
+
+def test_slopes_beyond_all_numbers_are_no_step_and_no_warning():
+    found = finite_slopes(np.array([np.inf, np.nan, -1e200, 3.0]))
+    assert found.tolist() == [BEYOND, 0.0, -BEYOND, 3.0]
+    assert np.isfinite((found**2).sum())
+    plain = np.array([[1.0, -2.0]])
+    assert finite_slopes(plain) is plain
