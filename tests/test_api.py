@@ -13,6 +13,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
+from thermofast.reading.tables.frames import table_of
 
 SPINDLE, HIDDEN = ROOT / "sample_runs" / "spindle.csv", ROOT / "sample_runs" / "hidden.csv"
 
@@ -116,6 +117,24 @@ BAD = {
     "complex": ({"time_min": np.arange(4.0), "T1": np.arange(4.0) * 1j}, "not a number"),
     "no file": ("nowhere.csv", "no such file"),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("cells", "numbers"),
+    [
+        (["19,984", "20,5", "", "n/a", "-1,0"], [19.984, 20.5, np.nan, np.nan, -1.0]),
+        (["19.984", "20.5", "21", "1e1", "-3"], [19.984, 20.5, 21.0, 10.0, -3.0]),
+        (["1,019.5", "20.5", "21", "22", "23"], [1019.5, 20.5, 21.0, 22.0, 23.0]),
+    ],
+)
+def test_numbers_kept_as_text_are_numbers(cells, numbers):
+    table = table_of({"time_min": ["0", "0,5", "1", "1,5", "2"], "T1": cells, "note": ["19,9", "start", "", "", ""]})
+    assert table.columns["time_min"].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert table.columns["T1"].tolist() == pytest.approx(numbers, nan_ok=True)
+    assert isinstance(table.columns["note"], list)
+    arrow = table_of(pa.table({"T1": cells}))
+    assert arrow.columns["T1"].tolist() == pytest.approx(numbers, nan_ok=True)
+    assert table_of({"day": ["20260131"] * 5}).columns["day"] == ["20260131"] * 5
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import InputError
 from ..run import Array
 from .dialect import is_missing
-from .table import Table, from_arrow
+from .table import Table, from_arrow, words_or_numbers
 
 NAME = "in memory"
 
@@ -110,7 +110,7 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     if array.dtype.kind == "M":
         return ["" if np.isnat(v) else str(v) for v in array.astype("datetime64[us]")], ""
     if array.dtype.kind == "U":
-        return array.tolist(), ""
+        return words_or_numbers(array.tolist()), ""
     return _objects(key, array.tolist(), name), ""
 
 
@@ -140,7 +140,7 @@ def _objects(key: str, cells: list[Any], name: str) -> Array | list[str]:
     if all(hasattr(c, "isoformat") for c in told):
         return ["" if none else _stamp(c) for c, none in zip(cells, missing, strict=True)]
     if all(isinstance(c, str) for c in told):
-        return ["" if none else str(c) for c, none in zip(cells, missing, strict=True)]
+        return words_or_numbers(["" if none else str(c) for c, none in zip(cells, missing, strict=True)])
     first = next(i for i, c in enumerate(cells) if not missing[i] and not isinstance(c, int | float | np.number))
     raise InputError(
         f"{name}, row {first + 1}, column {key!r}: not a number",

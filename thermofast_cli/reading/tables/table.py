@@ -10,10 +10,14 @@ import pyarrow.compute as pc
 
 from ...errors import InputError
 from ..run import Array, Guess
+from .dialect import is_missing, is_number, to_number
 from .limits import Limits
 
 if TYPE_CHECKING:
     from .dialect import Dialect
+
+#: Digits of a date without signs between them.
+DATE = 8
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
         elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
             columns[column_name] = to_floats(column.cast(pa.float64(), safe=False))
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
-            columns[column_name] = _words_or_numbers([str(v) if v is not None else "" for v in column.to_pylist()])
+            columns[column_name] = words_or_numbers([str(v) if v is not None else "" for v in column.to_pylist()])
         else:
             notes.append(f"column {column_name!r} of type {kind} left out")
     if not columns:
@@ -132,9 +136,16 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
     return Table(name, list(columns), columns, {**dict.fromkeys(columns, ""), **units}, range(table.num_rows), tuple(notes))
 
 
-def _words_or_numbers(cells: list[str]) -> Array | list[str]:
-    """Numbers that were kept as text, as numbers."""
-    try:
-        return np.array([float(c) if c.strip() else np.nan for c in cells])
-    except ValueError:
+def words_or_numbers(cells: list[str]) -> Array | list[str]:
+    """Numbers that were kept as text, as numbers; the comma is the decimal sign where cells have commas and no points."""
+    first = next((c for c in cells if not is_missing(c)), None)
+    if first is None or not (is_number(first, ".") or is_number(first, ",")):
         return cells
+    told = [c for c in cells if not is_missing(c)]
+    # Digits alone, as many as a date has, are taken for no number: 20260131 is a day.
+    if all(c.strip().isdigit() and len(c.strip()) >= DATE for c in told):
+        return cells
+    decimal = "," if any("," in c for c in told) and not any("." in c for c in told) else "."
+    if not all(is_number(c, decimal) for c in told):
+        return cells
+    return np.array([np.nan if is_missing(c) else to_number(c, decimal) for c in cells])
