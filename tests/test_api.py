@@ -135,6 +135,9 @@ def test_numbers_kept_as_text_are_numbers(cells, numbers):
     arrow = table_of(pa.table({"T1": cells}))
     assert arrow.columns["T1"].tolist() == pytest.approx(numbers, nan_ok=True)
     assert table_of({"day": ["20260131"] * 5}).columns["day"] == ["20260131"] * 5
+    for build in (dict, pa.table):
+        epochs = tf.read(build({"timestamp": [str(1700000000 + 60 * i) for i in range(5)], "T1": numbers}))
+        assert epochs.time_s.tolist() == [0.0, 60.0, 120.0, 180.0, 240.0]
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from scipy.stats import multivariate_normal, norm
 
 import thermofast as tf
@@ -41,16 +42,12 @@ def test_a_model_that_lacks_an_effect_says_so_and_its_intervals_make_room_for_it
         assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c
         assert "it leaves a pattern in T1, T2, T3" in r.message
     # The same model taken for the whole truth is surer, and wrong.
-    whole = Model(replace_struct(model.file, past=replace_struct(model.file.past, unexplained=())), model.source)
+    whole = Model(replace(model.file, past=replace(model.file.past, unexplained=())), model.source)
     surer = tf.identify(run, until=4 * tau, model=whole)
     assert np.all(width(surer) < 0.8 * width(told))
     assert sum(r.steady_state_lo_c <= limit <= r.steady_state_hi_c for r, limit in zip(surer, limits, strict=True)) < 3
     # It still knows more than nothing does.
     assert np.all(width(told) < width(tf.identify(run, until=4 * tau)))
-
-
-def replace_struct(struct, **changed):
-    return type(struct)(**{**{n: getattr(struct, n) for n in struct.__struct_fields__}, **changed})
 
 
 def test_a_model_of_both_effects_leaves_nothing_unexplained():
@@ -98,7 +95,7 @@ def test_the_doubt_of_a_rise_is_what_was_known_before_the_readings_at_hand(tmp_p
     assert found == pytest.approx(told * deviation(one, SCATTER) * deviation(two, SCATTER), rel=0.02)
     assert abs(told) > 0.3
     # The same model with a pattern left doubts each constant by a quarter of it.
-    doubted = replace_struct(file, past=replace_struct(file.past, unexplained=("T1",)))
+    doubted = replace(file, past=replace(file.past, unexplained=("T1",)))
     more = _doubtful(carry(doubted, seen, "run", str(path)).fit, 0)
     at = columns.index(one)
     assert np.sqrt((more.T @ more)[at, at]) == pytest.approx(deviation(one, EFFECT_AGAIN), rel=0.02)

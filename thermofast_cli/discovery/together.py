@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -147,7 +148,7 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
     files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
     origins = [learnt_from(r.prepared.seen, r.task.run.name, r.prepared.readings, r.task.until_min) for r in runs]
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
-    learnt = type(learnt)(**{**{n: getattr(learnt, n) for n in learnt.__struct_fields__}, "also_from": tuple(origins[1:])})
+    learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
     notes = [
         *notes,
         f"rates scatter by {rounded(100.0 * past.scatter)} % from run to run",

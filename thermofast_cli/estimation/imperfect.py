@@ -157,7 +157,7 @@ def _let_go(
     looked = strange if past.guessed else mine
     if not any(m.any() for m in looked):
         return
-    alone = [_empty(c, e.times, e.ahead, prior) for c, e in zip(closed, told, strict=True)]
+    alone = [_empty(c, e.times[:0], e.ahead[:0], prior) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)
     for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
     whole = not past.guessed and sum(float(f.sum()) for f in for_none) > RULES.contradicted

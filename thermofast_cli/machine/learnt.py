@@ -224,67 +224,47 @@ def _levels(layout: Model, local: np.ndarray, shared: np.ndarray) -> np.ndarray:
 
 def _prior(layout: Model, model: ModelFile, entries: list[EffectEntry], known: Known) -> Prior:
     """The machine's constants with their covariance, in search coordinates; nothing of the rest."""
-    n = layout.run.sensors
-    local, precision = np.zeros((n, len(layout.local))), np.zeros((n, len(layout.local), len(layout.local)))
-    shared, shared_precision = np.zeros(len(layout.shared)), np.zeros((len(layout.shared),) * 2)
-    for j, c in enumerate(layout.shared):
-        if c.key in known:
-            value, error = (float(v[0]) for v in known[c.key])
-            shared[j], spread = _searched(c, value, error)
-            shared_precision[j, j] = spread**-2
-    names = [_full_name(c, entries) for c in layout.local]
-    for i, channel in enumerate(layout.run.channels):
-        told = next((m for m in model.correlations if m.channel == channel), None)
-        at, spreads = [], []
-        for j, c in enumerate(layout.local):
-            if c.key not in known or not layout.active[i, j]:
-                continue
-            value, error = (float(v[i]) for v in known[c.key])
-            if np.isfinite(value):
-                local[i, j], spread = _searched(c, value, error)
-                at.append(j)
-                spreads.append(spread)
-        if not at:
-            continue
-        together = np.eye(len(at))
-        if told is not None and all(names[j] in told.names for j in at):
-            pick = [told.names.index(names[j]) for j in at]
-            together = np.array(told.matrix)[np.ix_(pick, pick)]
-        covariance = together * np.outer(spreads, spreads) + np.diag(
-            (LEAST_SHARE * np.maximum(1.0, np.abs(local[i, at]))) ** 2 * 1e-2
-        )
-        precision[np.ix_([i], at, at)] = np.linalg.inv(covariance)
-    return Prior(local, precision, shared, shared_precision, _before(layout, model, known, names, entries))
-
-
-def _before(layout: Model, model: ModelFile, known: Known, names: list[str], entries: list[EffectEntry]) -> np.ndarray:
-    """Covariance (S, kl + ks, kl + ks) of the machine's constants of each sensor with those that all share."""
-    columns = [*layout.local, *layout.shared]
-    names = [*names, *(_full_name(c, entries) for c in layout.shared)]
-    count = len(columns)
+    n, kl = layout.run.sensors, len(layout.local)
+    mean, as_told = _constants(layout, model, entries, known, 0.0)
+    precision = np.zeros((n, kl, kl))
+    for i, covariance in enumerate(as_told):
+        at = np.flatnonzero(np.diagonal(covariance)[:kl] > 0.0)
+        least = np.diag((LEAST_SHARE * np.maximum(1.0, np.abs(mean[i, at]))) ** 2 * 1e-2)
+        precision[i][np.ix_(at, at)] = np.linalg.inv(covariance[np.ix_(at, at)] + least)
+    variance = np.diagonal(as_told[0])[kl:]
+    shared = np.diag(np.where(variance > 0.0, 1.0 / np.where(variance > 0.0, variance, 1.0), 0.0))
     pattern = model.past is not None and bool(model.past.unexplained)
     again = EFFECT_AGAIN if pattern else SCATTER if not model.also_from else 0.0
-    found = np.zeros((layout.run.sensors, count, count))
+    return Prior(mean[:, :kl], precision, mean[0, kl:], shared, _constants(layout, model, entries, known, again)[1])
+
+
+def _constants(
+    layout: Model, model: ModelFile, entries: list[EffectEntry], known: Known, again: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means (S, kl + ks) and covariances (S, kl + ks, kl + ks) of each sensor's and the shared constants as a file tells them.
+
+    0 where it tells nothing; those of effects scatter by `again` of themselves beside.
+    """
+    columns = [*layout.local, *layout.shared]
+    names = [_full_name(c, entries) for c in columns]
+    mean, found = np.zeros((layout.run.sensors, len(columns))), np.zeros((layout.run.sensors, len(columns), len(columns)))
     for i, channel in enumerate(layout.run.channels):
         told = next((m for m in model.correlations if m.channel == channel), None)
         active = [*layout.active[i], *(True for _ in layout.shared)]
-        at = []
+        spread = np.zeros(len(columns))
         for j, c in enumerate(columns):
-            if c.key in known and active[j]:
-                value, error = (float(v[i]) for v in known[c.key])
-                if np.isfinite(value):
-                    at.append(j)
-                    found[i, j, j] = _searched(c, value, error)[1]
-                    if c.part >= 0:
-                        found[i, j, j] = np.hypot(found[i, j, j], again * (1.0 if c.parameter.log else abs(value)))
-        spreads = np.diagonal(found[i])[at]
-        together = np.eye(len(at))
+            value, error = (float(v[i]) for v in known[c.key]) if c.key in known and active[j] else (np.nan, np.nan)
+            if np.isfinite(value):
+                mean[i, j], spread[j] = _searched(c, value, error)
+                if c.part >= 0:
+                    spread[j] = np.hypot(spread[j], again * (1.0 if c.parameter.log else abs(value)))
+        together = np.eye(len(columns))
         if told is not None:
-            of_file = [(k, told.names.index(names[j])) for k, j in enumerate(at) if names[j] in told.names]
-            here, there = [k for k, _ in of_file], [k for _, k in of_file]
+            of_file = [(j, told.names.index(name)) for j, name in enumerate(names) if name in told.names]
+            here, there = [j for j, _ in of_file], [k for _, k in of_file]
             together[np.ix_(here, here)] = np.array(told.matrix)[np.ix_(there, there)]
-        found[np.ix_([i], at, at)] = together * np.outer(spreads, spreads)
-    return found
+        found[i] = together * np.outer(spread, spread)
+    return mean, found
 
 
 def _full_name(column: Column, entries: list[EffectEntry]) -> str:

@@ -227,17 +227,9 @@ def _doubtful(fit: Fit, sensor: int) -> Array:
 
 
 def _learnt_before(fit: Fit, sensor: int) -> tuple[list[int], Array]:
-    """Places of the parameters of which something was known before the fit, and their covariance, in search coordinates."""
-    if fit.prior is None:
+    """Places of the parameters of which a model file tells something, and their covariance, in search coordinates."""
+    if fit.prior is None or fit.prior.before is None:
         return [], np.zeros((0, 0))
-    if fit.prior.before is not None:
-        covariance = fit.prior.before[sensor]
-    else:
-        kl, ks = fit.local.shape[1], len(fit.shared)
-        covariance = np.zeros((kl + ks, kl + ks))
-        for part, of in ((fit.prior.local_precision[sensor], slice(0, kl)), (fit.prior.shared_precision, slice(kl, kl + ks))):
-            told = np.flatnonzero(np.diagonal(part) > 0.0)
-            at = np.arange(kl + ks)[of][told]
-            covariance[np.ix_(at, at)] = np.linalg.inv(part[np.ix_(told, told)])
+    covariance = fit.prior.before[sensor]
     known = np.flatnonzero(np.diagonal(covariance) > 0.0).tolist()
     return known, covariance[np.ix_(known, known)]

@@ -142,8 +142,8 @@ def words_or_numbers(cells: list[str]) -> Array | list[str]:
     if first is None or not (is_number(first, ".") or is_number(first, ",")):
         return cells
     told = [c for c in cells if not is_missing(c)]
-    # Digits alone, as many as a date has, are taken for no number: 20260131 is a day.
-    if all(c.strip().isdigit() and len(c.strip()) >= DATE for c in told):
+    # 20260131 is a day, and stays a stamp.
+    if all(c.strip().isdigit() and len(c.strip()) == DATE for c in told):
         return cells
     decimal = "," if any("," in c for c in told) and not any("." in c for c in told) else "."
     if not all(is_number(c, decimal) for c in told):
