@@ -1,5 +1,8 @@
 """What is not known of a learnt model, and what speaks against it, in the next run."""
 
+from dataclasses import replace as replaced
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -8,16 +11,19 @@ from scipy.stats import multivariate_normal, norm
 import thermofast as tf
 from benchmarks.half_explained import machine
 from thermofast.discovery.observe import observe
+from thermofast.estimation import imperfect
 from thermofast.machine.learnt import EFFECT_AGAIN, carry
 from thermofast.machine.model import Model
-from thermofast.machine.modelfile import read_model
+from thermofast.machine.modelfile import model_file, read_model
 from thermofast.machine.rise import _doubtful
-from thermofast.models.imperfection import NONE, Part, SensorShape
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.imperfection import NONE, TYPICAL, Part, Past, SensorShape
 from thermofast.models.imperfection.known import Known
-from thermofast.models.imperfection.past import GRID, SHAPE_AGAIN
+from thermofast.models.imperfection.past import GRID, SHAPE_AGAIN, modes
 from thermofast.models.imperfection.posterior import settle
-from thermofast.models.joint import LEVEL, RATE, START, Key
-from thermofast.models.uncertainty.pooled import SCATTER
+from thermofast.models.joint import LEVEL, RATE, START, Key, fit_model
+from thermofast.models.search.candidates import try_add
+from thermofast.models.uncertainty.pooled import SCATTER, dependence, pool
 
 LACKING = 720  # a second mass and a loss that grows, of which the model is told the mass
 
@@ -109,6 +115,51 @@ def test_what_a_shape_had_to_be_bent_by_is_open_by_a_share_of_itself():
     assert found[1, 1] == pytest.approx(2 * (SHAPE_AGAIN * 0.2) ** 2)
     assert found[1, -1] == pytest.approx(SHAPE_AGAIN**2 * 0.2 * -0.1)
     assert not found[0].any()
+
+
+def test_the_bends_left_open_are_in_what_a_past_knows():
+    bend = np.linspace(-0.1, 0.1, 11)
+    shape = SensorShape(-4.0, 0.05, bend, 1e-4 * np.eye(11))
+    doubt = Past({"a": shape}).known(["a"]).doubt[0]
+    wanted = np.einsum("xi,ij,xj->x", modes(GRID), shape.in_another_run, modes(GRID))
+    assert (doubt**2).sum(axis=0) == pytest.approx(wanted, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("without", "let_go"),
+    [([4.0, -9.0], [True, False]), ([2.0, 2.0], [True, True]), ([2.0, -9.0], [False, False]), ([2.9, 0.0], [False, False])],
+)
+def test_past_runs_are_let_go_of_one_sensor_or_of_all_by_evidence(monkeypatch, without, let_go):
+    closed = [SimpleNamespace(sensors=range(2))]
+    told = imperfect._empty(closed[0], np.zeros(0), np.zeros(0, dtype=bool), TYPICAL)
+    for name, value in (("known", True), ("check_p", 0.5), ("strong", 0.0), ("evidence", 0.0)):
+        getattr(told, name)[:] = value
+
+    def claim(closed, members, into, *rest, **more):
+        into[0].evidence[:], into[0].check_p[:], into[0].strong[:] = without, 0.5, 0.0
+
+    monkeypatch.setattr(imperfect, "_claim", claim)
+    imperfect._let_go(closed, [np.ones(2, dtype=bool)], [told], TYPICAL, "auto", str, Past({}))
+    assert told.let_go.tolist() == let_go
+    assert told.known.tolist() == [not gone for gone in let_go]
+
+
+def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():
+    runs, *_ = machine(LACKING)
+    seen = observe(runs[0], 0.0).seen
+    mass = next(e for e in BUILT_IN if e.id == "second_mode")
+    fit = try_add(fit_model(seen), mass).fit
+    pooled = pool([fit, fit])
+    joint = dependence(fit.residual[0][seen.used[0]]) * fit.joint_covariance(0)
+    kept = np.flatnonzero(np.isfinite(np.concatenate([pooled.scatter[0], pooled.shared_scatter])))
+    assert len(kept) == 3  # rate, and the second mass's two
+    scatter = np.diag(np.concatenate([pooled.scatter[0], pooled.shared_scatter])[kept] ** 2)
+    whole = (joint[np.ix_(kept, kept)] + scatter) / 2.0 + scatter  # two runs alike know twice as much; the next one scatters again
+    size = np.sqrt(np.diag(whole))
+    assert pooled.correlation[0][np.ix_(kept, kept)] == pytest.approx(whole / np.outer(size, size), rel=1e-6)
+    told = replaced(pooled, correlation=np.tile(np.full_like(pooled.correlation[0], 0.5), (seen.sensors, 1, 1)))
+    matrix = np.array(model_file(fit, "run.csv", 400, None, {}, pooled=told).correlations[0].matrix)
+    assert matrix == pytest.approx(np.where(np.eye(len(matrix)) > 0, 1.0, 0.5))
 
 
 def test_evidence_is_that_of_a_normal_distribution_over_rate_and_levels():
