@@ -147,7 +147,7 @@ def test_past_runs_are_let_go_of_one_sensor_or_of_all_by_evidence(monkeypatch, w
 def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():
     runs, *_ = machine(LACKING)
     seen = observe(runs[0], 0.0).seen
-    mass = next(e for e in BUILT_IN if e.id == "second_mode")
+    mass = next(effect() for effect in BUILT_IN if effect.id == "second_mode")
     fit = try_add(fit_model(seen), mass).fit
     pooled = pool([fit, fit])
     joint = dependence(fit.residual[0][seen.used[0]]) * fit.joint_covariance(0)
