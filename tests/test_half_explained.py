@@ -157,9 +157,10 @@ def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():
     whole = (joint[np.ix_(kept, kept)] + scatter) / 2.0 + scatter  # two runs alike know twice as much; the next one scatters again
     size = np.sqrt(np.diag(whole))
     assert pooled.correlation[0][np.ix_(kept, kept)] == pytest.approx(whole / np.outer(size, size), rel=1e-6)
-    told = replaced(pooled, correlation=np.tile(np.full_like(pooled.correlation[0], 0.5), (seen.sensors, 1, 1)))
+    half = 0.5 + 0.5 * np.eye(len(pooled.correlation[0]))
+    told = replaced(pooled, correlation=np.tile(half, (seen.sensors, 1, 1)))
     matrix = np.array(model_file(fit, "run.csv", 400, None, {}, pooled=told).correlations[0].matrix)
-    assert matrix == pytest.approx(np.where(np.eye(len(matrix)) > 0, 1.0, 0.5))
+    assert matrix == pytest.approx(0.5 + 0.5 * np.eye(3))
 
 
 def test_evidence_is_that_of_a_normal_distribution_over_rate_and_levels():
