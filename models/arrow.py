@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from .coordinates import Prior
 from .core.kernel import Array
 
-#: No temperature, residual or derivative of a trial is taken for larger [K].
-BEYOND = 1e9
+#: No temperature, residual or derivative of a trial is taken for larger [K]: its square and a sum of such are numbers still.
+BEYOND = 1e100
 
 
 def assemble(
