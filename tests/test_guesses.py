@@ -572,3 +572,26 @@ def test_every_command_tells_the_guess_in_its_rows(command, tmp_path, tool):
     document = json.loads(done.out)
     assert all("'Time' has no unit, taken as min" in r["message"] for r in document["records"])
     assert document["input"][0]["guesses"][0]["option"] == "--time-unit min confirms it"
+
+
+@pytest.mark.parametrize(
+    ("header", "first", "unit"),
+    [
+        ("date,time,front", ("%Y%m%d", "%H%M%S"), "stamp"),
+        ("date,time,front", ("%Y%m%d", "%H:%M:%S"), "stamp"),
+        ("date,min,front", ("%Y%m%d", None), "min"),  # counted minutes, not seconds since midnight
+        ("datetime,front", ("%Y%m%d%H%M%S",), "stamp"),
+    ],
+)
+def test_a_date_written_as_a_number(tmp_path, header, first, unit):
+    columns = [stamps(form=form) if form else MINUTES.astype(int) for form in first]
+    run = read_runs(written(tmp_path, table(header, *columns, values(FRONT))), Options())[0]
+    assert list(run.channels) == ["front"]
+    assert np.array_equal(run.time_s, MINUTES * 60.0)
+    assert run.seen.time_unit == unit
+
+
+def test_a_number_that_is_no_time_in_any_unit(tmp_path):
+    times = [*range(N - 1), 1e303]
+    with pytest.raises(InputError, match="line 242, column 'time_min': no time in this row"):
+        read_runs(written(tmp_path, table("time_min,front", times, values(FRONT))), Options())

@@ -31,7 +31,8 @@ _UNIT_WORDS = {
 EPOCH_S = (9.466848e8, 4.102448e9)
 SERIAL_DAYS = (36526.0, 73051.0)
 FEWEST_ROWS = 2
-
+#: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
+NO_TIME = 1e30
 
 #: Zones change their clocks at multiples of this [s].
 CELL_S = 900.0
@@ -122,8 +123,9 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     stamps = {n: c for n, c in full.items() if looks_like_stamp(c)}
     dates = [n for n in stamps if ":" not in stamps[n] and (n in named or n == table.names[0])]
     clocks = [n for n in stamps if ":" in stamps[n] and n in named and not re.search(r"\d[-/.]\d{1,2}[-/.]\d|\d{8}", stamps[n])]
-    if dates and clocks:
-        return dates[0], clocks[0]
+    days = dates or [n for n in numeric if n in named and _is_date_number(table.columns[n])]
+    if days and clocks:
+        return days[0], clocks[0]
     dated = [n for n in stamps if n not in clocks and n not in dates]
     ordered = [n for n in dated if n in named] + [n for n in dated if n not in named and ":" in stamps[n]]
     if len(ordered) == 1:
@@ -163,7 +165,9 @@ def _values(table: Table, name: str) -> Array:
 def _convert(table: Table, name: str, clock: str | None, options: Options) -> Time:
     column = table.columns[name]
     if isinstance(column, np.ndarray):
-        return _numeric(table, name, column, options)
+        if clock is None:
+            return _numeric(table, name, column, options)
+        column = [f"{v:08.0f}" for v in column]
     cells = column
     if clock is not None:
         second = table.columns[clock]
@@ -191,12 +195,12 @@ def _halves_of_day(table: Table) -> str | None:
 
 
 def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
-    bad = np.flatnonzero(~np.isfinite(column))
+    bad = np.flatnonzero(~(np.abs(column) < NO_TIME))
     if len(bad):
         raise InputError(
             f"{table.name}, line {table.lines[int(bad[0])] + 1}, column {name!r}: no time in this row",
-            found=f"{len(bad)} rows without a time",
-            allowed="a number in every row",
+            found=f"{len(bad)} rows without a time, the first {column[bad[0]]:g}",
+            allowed="a number in every row, up to 1e30",
             do="mend or remove the rows",
         )
     unit = options.time_unit or unit_of(name, table.units.get(name, ""))
@@ -226,7 +230,8 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
         cells, used = [f"{v:014.0f}" for v in column], frozenset({name})
     else:
         date = next((n for n in table.names if n != name and is_time_name(n) and _is_date_number(table.columns[n])), None)
-        if date is None or not is_time_name(name) or column.min() < 0 or column.max() >= 240000:
+        elapsed = unit_of(name, table.units.get(name, "")) is not None  # a column 'min' beside a date counts minutes
+        if date is None or elapsed or not is_time_name(name) or column.min() < 0 or column.max() >= 240000:
             return None
         cells = [f"{d:08.0f}{v:06.0f}" for d, v in zip(table.columns[date], column, strict=True)]
         used = frozenset({name, date})
