@@ -2,7 +2,7 @@
 
 python -m benchmarks.fuzz TARGET [--runs 10000] tries what hypothesis makes of bytes around a sound file; where atheris is installed
 (pip install atheris), python -m benchmarks.fuzz TARGET --atheris [its options] lets it search by coverage. TARGET: text, parquet,
-workbook, packed, tdms, matlab, settings, model, prior.
+workbook, packed, tdms, matlab, matlab_plain, settings, model, prior.
 """
 
 import argparse
@@ -49,11 +49,11 @@ def _tdms() -> bytes:
     return out.getvalue()
 
 
-def _matlab() -> bytes:
+def _matlab(packed: bool = True) -> bytes:
     from scipy.io import savemat
 
     out = io.BytesIO()
-    savemat(out, columns(), do_compression=True)
+    savemat(out, columns() if packed else {"run": columns(), "note": "text"}, do_compression=packed)
     return out.getvalue()
 
 
@@ -78,6 +78,7 @@ TARGETS: dict[str, tuple[Callable[[], bytes], Callable[[bytes], None]]] = {
     "packed": (gz, _with_file(".csv.gz", tf.read_all)),
     "tdms": (_tdms, _with_file(".tdms", tf.read_all)),
     "matlab": (_matlab, _with_file(".mat", tf.read_all)),
+    "matlab_plain": (lambda: _matlab(packed=False), _with_file(".mat", tf.read_all)),
     "settings": (lambda: b'[input]\ntime = "t"\n[identify]\nuntil = 30\n', _with_file(".toml", _settings)),
     "model": (lambda: MODEL, _with_file(".toml", tf.Model.load)),
     "prior": (lambda: b"[imperfection]\nwander = 0.1\n", _with_file(".toml", _prior)),

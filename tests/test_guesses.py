@@ -501,8 +501,8 @@ def test_segments_of_a_labview_file_are_joined(tmp_path):
         )
 
 
-def test_two_clocks_are_refused(tmp_path):
-    path = written(tmp_path, table("Time (s),a [°C],Time (s),b [°C]", 10 * MINUTES, values(FRONT), 30 * MINUTES, values(REAR)))
+def test_two_clocks_are_refused_where_nobody_can_tell_whose_they_are(tmp_path):
+    path = written(tmp_path, table("Time (s),Time (s),a [°C],b [°C]", 10 * MINUTES, 30 * MINUTES, values(FRONT), values(REAR)))
     with pytest.raises(InputError, match="two clocks") as refused:
         read_runs(path)
     assert "--time 'Time (s) (2)'" in str(refused.value)
@@ -595,3 +595,97 @@ def test_a_number_that_is_no_time_in_any_unit(tmp_path):
     times = [*range(N - 1), 1e303]
     with pytest.raises(InputError, match="line 242, column 'time_min': no time in this row"):
         read_runs(written(tmp_path, table("time_min,front", times, values(FRONT))), Options())
+
+
+EAST = {
+    "gb18030": "序号,采集时间,主轴前轴承(℃),环境温度(℃)",
+    "cp932": "番号,日時,(1)CH1[℃],周囲温度[℃]",
+    "big5": "編號,時間,主軸前軸承(℃),環境溫度(℃)",
+    "euc_kr": "번호,시간,스핀들 앞(℃),실내 온도(℃)",
+}
+
+
+@pytest.mark.parametrize("encoding", EAST)
+def test_a_file_in_an_encoding_of_east_asia(tmp_path, encoding):
+    told = table(EAST[encoding], range(1, N + 1), stamps(), values(FRONT), ["21.0"] * N)
+    run = read_runs(written(tmp_path, told, encoding))[0]
+    assert list(run.channels) == [EAST[encoding].split(",")[2]]
+    assert list(run.ambient) == [EAST[encoding].split(",")[3]]
+    assert np.array_equal(run.time_s, MINUTES * 60.0)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "latin-1", "utf-8"])
+def test_western_letters_stay_western(tmp_path, encoding):
+    told = table("Zeit [min];Lager für Ø20 [°C];Gehäuse [°C]", MINUTES, values(FRONT), values(REAR), delimiter=";")
+    run = read_runs(written(tmp_path, told, encoding))[0]
+    assert list(run.channels) == ["Lager für Ø20 [°C]", "Gehäuse [°C]"]
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%Y年%m月%d日 %H时%M分%S秒",
+        "%Y年%m月%d日 %H:%M:%S",
+        "%Y/%m/%d %p %I:%M:%S",
+        "%d/%m/%Y %Hh%M",
+        "%Hh%Mm%Ss",
+        "%a %b %d %H:%M:%S %Y",
+        "%a %b %d %H:%M:%S CET %Y",
+    ],
+)
+def test_stamps_of_other_forms(tmp_path, form):
+    start = "2026-05-13 10:38:00" if "%d/" in form or "%Hh" in form else "2026-05-13 11:38:00"  # over noon and, once, not
+    written_so = [s.replace("AM", "上午").replace("PM", "下午") for s in stamps(start, form=form)]
+    run = read_runs(written(tmp_path, table("time,front [°C]", written_so, values(FRONT))))[0]
+    assert np.array_equal(run.time_s, MINUTES * 60.0)
+
+
+def test_readings_and_times_that_all_carry_their_unit(tmp_path):
+    cells = [[f"{i:g} min" for i in MINUTES], [f"{v:.2f} °C".replace(".", ",") for v in FRONT]]
+    (run,) = read_runs(written(tmp_path, table("Zeit;vorn", *cells, delimiter=";")))
+    assert run.channels["vorn"] == pytest.approx(np.round(FRONT, 2))
+    assert run.time_s[-1] == 60.0 * (N - 1)
+
+
+def test_each_sensor_with_a_clock_of_its_own(tmp_path):
+    later = [(datetime.fromisoformat(s) + timedelta(seconds=20)).isoformat(" ") for s in stamps()]
+    text = table("front,,rear,\nTimestamp,Value [°C],Timestamp,Value [°C]", stamps(), values(FRONT), later, values(REAR))
+    (run,) = read_runs(written(tmp_path, text))
+    front, rear = run.channels.values()
+    assert np.array_equal(run.time_s[np.isfinite(front)], MINUTES * 60.0)
+    assert np.array_equal(run.time_s[np.isfinite(rear)], MINUTES * 60.0 + 20.0)
+    assert rear[np.isfinite(rear)] == pytest.approx(np.round(REAR, 2))
+
+
+def test_clocks_a_moment_apart_are_one(tmp_path):
+    header = "Index,Reading 101 [C],Relative Time (s),Reading 102 [C],Relative Time (s)"
+    rows = [range(1, N + 1), values(FRONT), 60.0 * MINUTES, values(REAR), 60.0 * MINUTES + 0.2]
+    (run,) = read_runs(written(tmp_path, table(header, *rows)))
+    assert np.array_equal(run.time_s, 60.0 * MINUTES)
+    assert list(run.channels) == ["Reading 101 [C]", "Reading 102 [C]"]
+    assert any("2 clocks within 0.1 %" in n for n in run.notes)
+
+
+@pytest.mark.parametrize("mark", ["\t", ";", ","])
+def test_an_export_of_twincat_scope(tmp_path, mark):
+    head = [
+        ["Name", "warm-up"],
+        ["Starttime of export", "132959733843760000", "Montag", "15:56:24.376"],
+        [],
+        ["Name", "front", "rear", "Name", "slow"],
+        ["SampleTime[ms]", "60000", "60000", "SampleTime[ms]", "300000"],
+        ["Unit", "°C (Temperature)", "K", "Unit", "°C (Temperature)"],
+        [],
+    ]
+    rows = [
+        [60000 * i, f"{FRONT[i]:.2f}", f"{REAR[i] + 273.15:.2f}", *([300000 * i, f"{FRONT[5 * i]:.2f}"] if 5 * i < N else ["", ""])]
+        for i in range(N)
+    ]
+    (run,) = read_runs(written(tmp_path, "\r\n".join(mark.join(map(str, row)) for row in [*head, *rows, ["EOF"]])))
+    front, rear, slow = run.channels.values()
+    assert list(run.channels) == ["front [°C]", "rear [K]", "slow [°C]"]
+    assert np.array_equal(run.time_s, MINUTES * 60.0)
+    assert front == pytest.approx(FRONT, abs=0.006)
+    assert rear == pytest.approx(REAR, abs=0.006)
+    assert np.array_equal(np.flatnonzero(np.isfinite(slow)), np.arange(0, N, 5))
+    assert slow[::5] == pytest.approx(FRONT[::5], abs=0.006)

@@ -1,5 +1,7 @@
 """TDMS and MATLAB files: channels with their units and clock, and what is refused."""
 
+import zlib
+
 import nptdms
 import numpy as np
 import pytest
@@ -87,3 +89,26 @@ def test_new_and_broken_matlab_files_say_what_to_do(tmp_path):
         new.write_bytes(data[:cut])
         with pytest.raises(tf.InputError, match=r"MATLAB file that cannot be read|no MATLAB structures|no time|no sensor|a header"):
             tf.read(new)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize(
+    ("at", "new", "said"),
+    [
+        (4, 8, "an element of kind 8"),  # of the numbers: 8 is none of the format's kinds
+        (4, 14, "without its numbers"),  # a matrix where numbers belong
+        (-27, 8, "without its numbers"),  # complex, and no second part
+    ],
+)
+def test_matlab_files_of_which_scipy_would_crash_are_refused(tmp_path, packed, at, new, said):
+    path = tmp_path / "run.mat"
+    savemat(path, {"time_s": TIME, "T1": READING})
+    data = bytearray(path.read_bytes())
+    data[data.index(b"T1") + at] = new
+    if packed:
+        first = 128 + 8 + int.from_bytes(data[132:136], "little")
+        parts = [zlib.compress(data[128:first]), zlib.compress(data[first:])]
+        data = data[:128] + b"".join(b"\x0f\0\0\0" + len(p).to_bytes(4, "little") + p for p in parts)
+    path.write_bytes(bytes(data))
+    with pytest.raises(tf.InputError, match=f"(?s)MATLAB file that cannot be read.*{said}"):
+        tf.read(path)

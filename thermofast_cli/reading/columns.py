@@ -31,6 +31,7 @@ from .vocabulary import (
     PLACES,
     REFERENCE,
     TEMPERATURE,
+    TEMPERATURE_PARTS,
     WANTED,
     WARM_INPUTS,
     words,
@@ -190,6 +191,7 @@ def _speaks_of_temperature(name: str, said: set[str]) -> bool:
     bare = name.strip(" _")
     return bool(
         said & TEMPERATURE
+        or (not name.isascii() and any(part in name for part in TEMPERATURE_PARTS))
         or any("temperat" in w or ((w.startswith("temp") or w.endswith("temp")) and w not in NOT_TEMPERATURE) for w in said)
         or any("温度" in w for w in said)
         or (

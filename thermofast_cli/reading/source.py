@@ -28,6 +28,7 @@ from .degrees import Temperatures, winding_temperature
 from .long import Layout, find_long, to_wide
 from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
+from .tables.clocks import with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.limits import Limits
@@ -184,6 +185,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
     UsageError: an option names no column.
     """
+    table = with_one_clock(table, options)
     time = find_time(table, replace(options, time=column_named(options.time, table.names)))
     if options.tz is not None:
         time = in_zone(time, options.tz, table.name)

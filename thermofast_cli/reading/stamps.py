@@ -28,6 +28,13 @@ _CELL = re.compile(
     r"\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?(?:\s*[A-Z]{2,5})?$"
 )
 _ISO = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d(\.\d{1,9})?)?$")
+#: Forms that are written anew before they are read: 2026年3月14日 8时05分00秒, 上午 08:05, 08h05, and Sat Mar 14 08:05:00 CET 2026.
+_EAST = re.compile(r"(\d+)[年년]\s*(\d+)[月월]\s*(\d+)[日일]")
+_EAST_CLOCK = re.compile(r"(\d+)\s*[时時点點시]\s*(?:(\d+)\s*[分분](?:\s*(\d+(?:\.\d+)?)\s*[秒초])?)?")
+_HALF_FIRST = re.compile(r"(上午|下午|午前|午後|오전|오후|[AaPp][Mm](?= *\d))\s*(\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?)")
+_FRENCH_CLOCK = re.compile(r"(?<![:\d])(\d{1,2}) ?h ?(\d{2})(?: ?(?:m|min|mn) ?(?:(\d{2}) ?s?)?)?$")
+_YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
+_OTHER_FORM = re.compile(r"[年년时時点點시午오]|\d ?h ?\d\d|(?i:[ap]m) *\d|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$")
 _FORMAT_IN_NAME = re.compile(r"(?i)\b(h{1,2}:m{2}:s{2}|m{1,2}:s{2}|h{1,2}:m{2})\b")
 _ORDER_IN_NAME = re.compile(r"(?i)(y{2,4}[-/. ]m{1,2}[-/. ]d{1,2}|d{1,2}[-/. ]m{1,2}[-/. ]y{2,4}|m{1,2}[-/. ]d{1,2}[-/. ]y{2,4})")
 ALLOWED = "2026-05-03 20:38:07, 03.05.2026 20:38:07, 5/3/2026 8:38:07 PM, 20:38:07 or a number with a unit"
@@ -46,9 +53,21 @@ class Stamps:
     dated: bool = False
 
 
+def plain(cell: str) -> str:
+    """A stamp of another language's or program's form in one that is known here; other cells as they are."""
+    if not cell.isascii():
+        cell = _EAST.sub(r"\1-\2-\3 ", cell)
+        cell = _EAST_CLOCK.sub(lambda m: f"{m[1]}:{int(m[2] or 0):02d}" + (f":{m[3]:0>2}" if m[3] else ""), cell)
+    cell = _HALF_FIRST.sub(lambda m: f"{m[2]} {'PM' if m[1] in ('下午', '午後', '오후', 'PM', 'pm', 'Pm') else 'AM'}", cell)
+    cell = _FRENCH_CLOCK.sub(lambda m: f"{m[1]}:{m[2]}" + (f":{m[3]}" if m[3] else ""), cell)
+    return _YEAR_LAST.sub(lambda m: f"{m[2]} {m[1]} {m[5]} {m[3]} {m[4] or ''}", cell).strip()
+
+
 def looks_like_stamp(cell: str) -> bool:
     """Whether a cell is a date, a clock time, or both."""
     cell = cell.strip()
+    if cell[:1].isalnum() and len(cell) > 3 and _OTHER_FORM.search(cell):
+        cell = plain(cell)
     if (
         not cell
         or not cell[0].isalnum()
@@ -79,6 +98,8 @@ def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: s
             seconds = (whole - whole[0]).astype(np.float64) / 1e6
             return Stamps(seconds, (float(whole[0].astype(np.int64)) / 1e6,), None, True)
     cells = [c.strip() for c in cells]
+    if _OTHER_FORM.search(cells[0]):
+        cells = [plain(c) for c in cells]
     found = [_CELL.match(c) if c else None for c in cells]
     bad = next((i for i, m in enumerate(found) if m is None or not _holds(m)), None)
     if bad is not None:

@@ -13,9 +13,9 @@ from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import check_names
 from .run import Array, Guess
-from .stamps import DAY_S, looks_like_stamp, parse_stamps, plausible
+from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
 from .tables.table import Table
-from .vocabulary import TIME, TIME_NAMES, words
+from .vocabulary import TIME, TIME_NAMES, TIME_PARTS, words
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
 _UNIT_WORDS = {
@@ -70,6 +70,8 @@ def is_time_name(name: str) -> bool:
     told = words(name)
     if any(w in ("temp", "temperature", "temperatur") for w in told):
         return False
+    if not name.isascii() and any(part in name for part in TIME_PARTS):
+        return True
     if name[-1:].isdigit():
         return any(w in TIME for w in told)
     if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name):
@@ -155,7 +157,7 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
 
 
 def _first(table: Table, name: str) -> str:
-    return next((c.strip() for c in table.columns[name] if isinstance(c, str) and c.strip()), "")
+    return plain(next((c.strip() for c in table.columns[name] if isinstance(c, str) and c.strip()), ""))
 
 
 def _values(table: Table, name: str) -> Array:

@@ -87,8 +87,8 @@ INPUT_ENDINGS = (
     "stunden",
 )
 #: Parts of words of languages that are written without blanks.
-AMBIENT_PARTS = ("环境", "室温", "室内", "周囲", "실내")
-INPUT_PARTS = ("转速", "回転", "电流", "电压", "功率", "湿度", "压力")
+AMBIENT_PARTS = ("环境", "環境", "室温", "室溫", "室内", "室內", "周囲", "周围", "실내", "주위")
+INPUT_PARTS = ("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力")
 #: Names that begin so are no temperature though "temp" stands in them.
 NOT_TEMPERATURE = _set("attempts attempt template templates tempo tempus contempt temporary temporal")
 #: Names that name nothing: a column called so beside columns that say they are temperatures is none.
@@ -115,6 +115,9 @@ TIME = _set(
     "time times timestamp timestamps datetime date elapsed clock zeit uhrzeit datum zeitstempel stamp zeitpunkt temps heure "
     "fecha hora 时间 日期 tiempo czas время 経過時間 時刻 시간 millis uptime"
 )
+#: The same in languages that are written without blanks; and a temperature.
+TIME_PARTS = ("时间", "時間", "时刻", "時刻", "日期", "日時", "日付", "시간", "날짜")
+TEMPERATURE_PARTS = ("温度", "溫度", "온도")
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
 TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
 

@@ -45,7 +45,7 @@ _NUMBER = {".": _number(".", ","), ",": _number(",", ".")}
 #: A word in a header's units line that is no unit of a quantity: a form of stamps, or nothing.
 _FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
 #: What a Campbell logger says of how a column was made, in the line under the units.
-_PROCESS = frozenset(["smp", "avg", "max", "min", "tot", "std", "med", "tmn", "tmx", "wvc", ""])
+_PROCESS = frozenset(["smp", "avg", "max", "min", "tot", "std", "med", "tmn", "tmx", "wvc", "ave", "mean", "act", "rms", ""])
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,12 @@ def _data_like(cells: list[str], decimal: str) -> bool:
     numbers = sum(is_number(c, decimal) for c in told)
     stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
     # Cells as "21.3 °C" hold readings too, but a row of them alone decides nothing.
-    carried = sum(number_within(c, decimal) is not None for c in told) if numbers + stamps else 0
-    # A row of a long table may name plant, machine and sensor between its moment and its one number.
-    share = 0.3 if numbers and told and looks_like_stamp(told[0]) and not is_number(told[0], decimal) else 0.5
+    within = [number_within(c, decimal) for c in told]
+    carried = sum(w is not None for w in within) if numbers + stamps else 0
+    if not numbers + stamps and len(told) > 1 and all(w and not w[0] and parse_unit(w[2]) for w in within):
+        return True  # but one of numbers that all carry a known unit does: "5 min", "21.3 °C"
+    # A row of a long table may name plant, machine and sensor beside its moment and its one number.
+    share = 0.3 if numbers and stamps and len(told) > 3 else 0.5
     return numbers + stamps > 0 and numbers + stamps + carried >= share * len(told)
 
 

@@ -17,6 +17,14 @@ KINDS: tuple[tuple[bytes, str, str], ...] = (
     (b"ARROW1", "an Arrow (Feather) file", "save it as Parquet"),
 )
 
+#: Encodings of East Asia, with words of a logger by which a file is known to be in one: read otherwise they do not appear.
+EAST_ASIAN: dict[str, tuple[str, ...]] = {
+    "gb18030": ("温度", "时间", "日期", "℃", "通道", "序号", "采集", "环境", "主轴", "轴承", "记录"),
+    "cp932": ("温度", "時間", "時刻", "日時", "日付", "℃", "経過", "測定", "データ", "チャン"),
+    "big5": ("溫度", "時間", "日期", "℃", "通道", "主軸", "軸承", "環境"),
+    "euc_kr": ("온도", "시간", "날짜", "℃", "측정"),
+}
+
 
 def kind_of(data: bytes) -> tuple[str, str] | None:
     """(what, do) of a file of a known kind that is no text table, by its first bytes."""
@@ -35,7 +43,7 @@ def binary(name: str, data: bytes = b"") -> InputError:
 
 
 def detect_encoding(data: bytes, name: str) -> str:
-    """BOM, then the pattern of NULs, then strict UTF-8, then Windows-1252.
+    """BOM, then the pattern of NULs, then strict UTF-8, then an encoding of East Asia by its words, then Windows-1252.
 
     Raises
     ------
@@ -61,8 +69,21 @@ def detect_encoding(data: bytes, name: str) -> str:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
-        return "cp1252"
+        return _east_asian(data) or "cp1252"
     return "utf-8"
+
+
+def _east_asian(data: bytes) -> str | None:
+    """The encoding in which the beginning of a file has most of its words, where all of the file is in it."""
+    head = data[:65536].rpartition(b"\n")[0] or data
+    found = {}
+    for encoding, known in EAST_ASIAN.items():
+        if _decodes(head, encoding):
+            text = head.decode(encoding)
+            found[encoding] = sum(word in text for word in known)
+    best = max(found, key=lambda e: found[e], default=None)
+    mixed = any(not line.isascii() and _decodes(line, "utf-8") for line in head.split(b"\n"))
+    return best if best and found[best] and not mixed and _decodes(data, best) else None
 
 
 def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[str]]:
@@ -74,7 +95,7 @@ def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[
     """
     notes: list[str] = []
     encoding = told or detect_encoding(data, name)
-    if told or encoding.startswith("utf-16"):
+    if told or encoding.startswith("utf-16") or encoding in EAST_ASIAN:
         try:
             text = data.decode(encoding)
         except (UnicodeError, LookupError) as error:

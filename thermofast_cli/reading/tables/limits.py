@@ -4,7 +4,7 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -151,18 +151,22 @@ def inflate(packed: memoryview, name: str, limits: Limits, window: int = zlib.MA
         raise zlib.error("it ends before the end of what is packed")
 
 
-def check_matlab(data: bytes, name: str, limits: Limits) -> None:
-    """What the packed variables of a MATLAB file unpack to.
+def matlab_elements(data: bytes, name: str, limits: Limits) -> Iterator[memoryview]:
+    """The variables of a MATLAB file with their tags, unpacked one after the other.
 
     Raises
     ------
-    InputError: as :meth:`Limits.check_unpacked`.
+    InputError: as :meth:`Limits.check_unpacked`. zlib.error: one is damaged.
     """
-    order = "<" if data[126:128] == b"IM" else ">"
+    order, whole = matlab_order(data), memoryview(data)
     at = MATLAB_HEAD
     while at + 8 <= len(data):
         kind, size = struct.unpack(f"{order}II", data[at : at + 8])
-        if kind == PACKED_VARIABLE:
-            for _ in inflate(memoryview(data)[at + 8 : at + 8 + size], name, limits):
-                pass
+        held = whole[at : at + 8 + size]
+        yield memoryview(b"".join(inflate(held[8:], name, limits))) if kind == PACKED_VARIABLE else held
         at += 8 + size
+
+
+def matlab_order(data: bytes) -> str:
+    """The order of bytes in a MATLAB file, as struct writes it."""
+    return "<" if data[126:128] == b"IM" else ">"

@@ -2,9 +2,9 @@
 
 import io
 import logging
+import struct
 import zlib
 from collections.abc import Iterable
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -12,10 +12,14 @@ import numpy as np
 
 from ...errors import InputError, UsageError, listed
 from .frames import table_of
-from .limits import Limits, check_matlab
+from .limits import Limits, matlab_elements, matlab_order
 from .table import Table
 
 TDMS, MATLAB, NEW_MATLAB = b"TDSm", b"MATLAB 5.0", b"MATLAB 7.3"
+#: Kinds of the elements of a MATLAB file that hold numbers or text, that of a matrix, and how deep those may stand in each other.
+MATLAB_KINDS, MATLAB_MATRIX, MATLAB_DEPTH = frozenset([1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18]), 14, 20
+#: Of a matrix: the kind of its flags, the bit that says it is complex, and its class.
+FLAGS_KIND, COMPLEX, CHARACTERS, SPARSE, LAST_NUMERIC = 6, 0x800, 4, 5, 15
 #: Kinds of scales that npTDMS applies; of another kind it would hand on the raw numbers.
 SCALES = frozenset(
     ["Linear", "Polynomial", "RTD", "Strain", "Table", "Thermistor", "Thermocouple", "Add", "Subtract", "AdvancedAPI"]
@@ -37,9 +41,57 @@ def measured_table(data: bytes, name: str, group: str | None, limits: Limits) ->
     """
     if data.startswith(TDMS):
         return _tdms(data, name, group)
-    with suppress(zlib.error):  # told below
-        check_matlab(data, name, limits)
+    if data.startswith(MATLAB):
+        try:
+            for element in matlab_elements(data, name, limits):
+                _check_tags(element, matlab_order(data), 0)
+        except (zlib.error, ValueError) as error:
+            raise _damaged(name, error) from None
     return _matlab(data, name, group)
+
+
+def _check_tags(held: memoryview, order: str, depth: int) -> None:
+    """Raises ValueError where something else stands in place of numbers: scipy (1.17) then looks its kind up beyond a table.
+
+    Elements follow each other, each with a tag of its kind and size, or of up to four bytes within the tag. A matrix holds its
+    flags, its size, its name, and then its numbers or, of cells and structures, matrices.
+    """
+    if depth > MATLAB_DEPTH:
+        raise ValueError(f"more than {MATLAB_DEPTH} structures within each other")
+    for kind, inside in _elements(held, order):
+        if kind != MATLAB_MATRIX or not len(inside):
+            continue
+        parts = _elements(inside, order)
+        if len(parts) < 3 or parts[0][0] != FLAGS_KIND or len(parts[0][1]) != 8:
+            raise ValueError("a variable without its flags, size and name")
+        flags = struct.unpack(f"{order}I", parts[0][1][:4])[0]
+        numbers = _numbers_in(flags & 0xFF) + (1 if flags & COMPLEX and _numbers_in(flags & 0xFF) else 0)
+        if len(parts) < 3 + numbers or any(k not in MATLAB_KINDS for k, _ in parts[3 : 3 + numbers]):
+            raise ValueError("a variable without its numbers")
+        _check_tags(inside, order, depth + 1)
+
+
+def _numbers_in(of: int) -> int:
+    """How many elements of numbers a matrix of a class has: sparse ones rows, columns and values, others their values."""
+    return 3 if of == SPARSE else 1 if of == CHARACTERS or (of > SPARSE and of <= LAST_NUMERIC) else 0
+
+
+def _elements(held: memoryview, order: str) -> list[tuple[int, memoryview]]:
+    """(kind, content) of what stands one after the other; raises ValueError where a kind is none or a size cannot be."""
+    found, at = [], 0
+    while at + 8 <= len(held):
+        kind, size = struct.unpack(f"{order}II", held[at : at + 8])
+        small, kind = kind >> 16, kind & 0xFFFF
+        if (kind != MATLAB_MATRIX and kind not in MATLAB_KINDS) or small > 4:
+            raise ValueError(f"an element of kind {kind} and {small or size} bytes")
+        begin = at + 4 if small else at + 8
+        found.append((kind, held[begin : begin + (small or size)]))
+        at += 8 if small else 8 + -(-size // 8) * 8
+    return found
+
+
+def _damaged(name: str, error: Exception) -> InputError:
+    return InputError(f"{name}: a MATLAB file that cannot be read", found=str(error)[:120], do="save it again, or as CSV")
 
 
 def _tdms(data: bytes, name: str, group: str | None) -> Table:
@@ -101,9 +153,7 @@ def _matlab(data: bytes, name: str, group: str | None) -> Table:
     try:
         held = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=True)
     except Exception as error:
-        raise InputError(
-            f"{name}: a MATLAB file that cannot be read", found=str(error)[:120], do="save it again, or as CSV"
-        ) from None
+        raise _damaged(name, error) from None
     whole: list[tuple[str, Any]] = []
     groups: dict[str, list[tuple[str, Any]]] = {}
     for key, value in held.items():

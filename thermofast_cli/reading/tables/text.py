@@ -16,8 +16,8 @@ from ..stamps import looks_like_stamp
 from ..units import parse_unit
 from .dialect import Dialect, detect_dialect, is_missing, is_number, is_unit_line, number_within, split, to_number
 from .encoding import to_utf8
-from .labview import joined_segments
 from .table import Table, to_floats
+from .vendors import joined_segments, plain_scope
 
 SAMPLE_BYTES = 1 << 18
 LINE_END = re.compile(r"\r\n|\n|\r")
@@ -42,7 +42,8 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         notes.append(f"the last {options.skip_footer} lines left out, as told")
     data, separator = _without_separator_line(data)
     data, segments = joined_segments(data, name)
-    notes += segments
+    data, scope = plain_scope(data)
+    notes += segments + scope
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
     dialect = detect_dialect(head, encoding, name, told)

@@ -1,0 +1,143 @@
+"""Tables in which each sensor has a column of time of its own."""
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...reading_options import Options
+from ..run import Array
+from ..stamps import parse_stamps
+from ..times import is_time_name, unit_of
+from ..vocabulary import words
+from .table import Table
+
+#: Clocks that are never further apart than this share of the record are one: a time constant is not known so well.
+ALIKE = 1e-3
+
+
+def with_one_clock(table: Table, options: Options) -> Table:
+    """Columns that each have a clock beside them, as rows of one clock: nan where a row is another's.
+
+    The table as it is where there is one clock, where the user says which, or where it cannot be told whose a column is.
+    """
+    if options.time is not None or options.interval_s is not None or options.long or options.channels:
+        return table
+    clocks = _clocks(table)
+    owned = _owners(table, clocks) if len(clocks) > 1 else None
+    if owned is None:
+        return table
+    seconds = _seconds(table, clocks)
+    if seconds is None:
+        return table
+    good = [np.isfinite(s) for s in seconds]
+    if any(np.unique(s[g]).size < max(2, g.sum()) for s, g in zip(seconds, good, strict=True)):
+        return table  # no clock: it stands still, or tells a moment twice
+    main, length = seconds[0], float(np.ptp(seconds[0][good[0]]))
+    apart = [np.abs(s - main) if np.array_equal(g, good[0]) else np.inf for s, g in zip(seconds, good, strict=True)]
+    if max(float(np.nanmax(a)) for a in apart) <= ALIKE * length:
+        columns = {n: c for n, c in table.columns.items() if n not in clocks[1:]}
+        note = f"{len(clocks)} clocks within {100 * ALIKE:g} % of the record of each other, read as {clocks[0]!r}"
+        return replace(table, names=list(columns), columns=columns, notes=(*table.notes, note))
+    moments, first = np.unique(np.concatenate([s[g] for s, g in zip(seconds, good, strict=True)]), return_index=True)
+    rows = np.concatenate([np.flatnonzero(g) for g in good])[first]
+    source = np.concatenate([np.full(int(g.sum()), k) for k, g in enumerate(good)])[first]
+    columns = {clocks[0]: _picked([table.columns[n] for n in clocks], source, rows)}
+    for k, members in enumerate(owned):
+        places = np.searchsorted(moments, seconds[k][good[k]])
+        for n in members:
+            columns[n] = _spread_over(table.columns[n], good[k], places, len(moments))
+    note = f"{len(clocks)} clocks, each of the columns beside it: {len(moments)} moments in all"
+    lines = np.asarray(table.lines)[rows].tolist()
+    return replace(table, names=list(columns), columns=columns, lines=lines, notes=(*table.notes, note))
+
+
+def _clocks(table: Table) -> list[str]:
+    """Columns of time of one name and kind, of which some differ."""
+    for name in table.names:
+        if not is_time_name(name):
+            continue
+        kind = isinstance(table.columns[name], np.ndarray)
+        same = [
+            n
+            for n in table.names
+            if _stem(n) == _stem(name)
+            and isinstance(table.columns[n], np.ndarray) == kind
+            and unit_of(n, table.units.get(n, "")) == unit_of(name, table.units.get(name, ""))
+        ]
+        if len(same) > 1 and any(not _equal(table.columns[n], table.columns[name]) for n in same):
+            return same
+    return []
+
+
+def _stem(name: str) -> list[str]:
+    return words(re.sub(r" \(\d+\)$", "", name))
+
+
+def _equal(one: Array | list[str], other: Array | list[str]) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return list(one) == list(other)
+
+
+def _owners(table: Table, clocks: list[str]) -> list[list[str]] | None:
+    """Of each clock its columns: those that follow it, or stand before it; None where neither is so of all."""
+    at = [table.names.index(n) for n in clocks]
+    others = [i for i, n in enumerate(table.names) if n not in clocks]
+    lead = [i for i in others if i < at[0]]
+    if all(b - a > 1 for a, b in zip(at, [*at[1:], len(table.names)], strict=True)) and all(_counts(table, i) for i in lead):
+        edges = [*at, len(table.names)]
+    elif not [i for i in others if i > at[-1]] and all(b - a > 1 for a, b in zip([-1, *at], at, strict=False)):
+        edges = [-1, *at]
+    else:
+        return None
+    return [[table.names[i] for i in others if a < i < b] for a, b in pairwise(edges)]
+
+
+def _counts(table: Table, at: int) -> bool:
+    """Whether a column numbers the rows."""
+    column = table.columns[table.names[at]]
+    return isinstance(column, np.ndarray) and len(column) > 1 and bool((np.diff(column) == 1.0).all())
+
+
+def _seconds(table: Table, clocks: list[str]) -> list[Array] | None:
+    """Of each clock its times (n,) in one unit, nan where it has ended; None where they have no origin in common."""
+    columns = [table.columns[n] for n in clocks]
+    if all(isinstance(c, np.ndarray) for c in columns):
+        return [np.asarray(c, dtype=float) for c in columns]
+    cells = [[str(c).strip() for c in column] for column in columns]
+    told = [[i for i, c in enumerate(column) if c] for column in cells]
+    try:
+        stamps = parse_stamps(
+            [column[i] for column, rows in zip(cells, told, strict=True) for i in rows], table.name, range(sum(map(len, told)))
+        )
+    except InputError:
+        return None
+    if not stamps.dated:
+        return None  # past midnight each goes on by itself
+    found, begin = [], 0
+    for column, rows in zip(cells, told, strict=True):
+        seconds = np.full(len(column), np.nan)
+        seconds[rows] = stamps.seconds[begin : begin + len(rows)]
+        begin += len(rows)
+        found.append(seconds)
+    return found
+
+
+def _picked(columns: list[Array | list[str]], source: NDArray[np.intp], rows: NDArray[np.intp]) -> Array | list[str]:
+    cells = [columns[k][i] for k, i in zip(source.tolist(), rows.tolist(), strict=True)]
+    return np.array(cells, dtype=float) if isinstance(columns[0], np.ndarray) else [str(c) for c in cells]
+
+
+def _spread_over(column: Array | list[str], good: NDArray[np.bool_], places: NDArray[np.intp], count: int) -> Array | list[str]:
+    if isinstance(column, np.ndarray):
+        values = np.full(count, np.nan)
+        values[places] = column[good]
+        return values
+    cells = [""] * count
+    for place, row in zip(places.tolist(), np.flatnonzero(good).tolist(), strict=True):
+        cells[place] = column[row]
+    return cells

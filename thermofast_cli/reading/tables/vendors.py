@@ -1,0 +1,73 @@
+"""Text files of a layout of their own: LabVIEW measurement files of several segments, exports of TwinCAT Scope."""
+
+import re
+
+from ...errors import InputError
+
+#: Lines above the readings of each segment of a LabVIEW measurement file.
+_SEGMENT_HEAD = re.compile(
+    rb"(Channels|Samples|Date|Time|X_Dimension|X0|Delta_X|Y_Dimension|Y_Unit_Label|Notes|Test_\w+|UUT_\w+|Units_\w+)\t"
+)
+_SEGMENT_END = b"***End_of_Header***"
+#: What the first lines of an export say, whatever the language of the machine.
+_EXPORT = re.compile(rb"Name[\t;, ][^\n]*\n(?:[^\n]*\n){0,3}?Starttime of export")
+_NAMES = re.compile(rb"(?m)^Name([\t;,])")
+
+
+def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
+    """A LabVIEW measurement file of several segments with the readings of all of them under the first header.
+
+    Raises
+    ------
+    InputError: the segments have different channels.
+    """
+    if not data.startswith(b"LabVIEW Measurement") or data.count(_SEGMENT_END) <= 2:
+        return data, []
+    ending = b"\r\n" if b"\r\n" in data else b"\n"
+    lines = data.split(ending)
+    ends = [i for i, line in enumerate(lines) if line.startswith(_SEGMENT_END)]
+    head, names = lines[: ends[1] + 2], lines[ends[1] + 1]
+    rows = list(head)
+    for number, end in enumerate(ends[1:]):
+        if lines[end + 1] != names:
+            raise InputError(
+                f"{name}, line {end + 2}: segment {number + 1} has other channels than the first",
+                found=lines[end + 1].decode("latin-1")[:80],
+                allowed="the same channels in all segments",
+                do="export each segment to a file of its own",
+            )
+        until = ends[number + 2] if number + 2 < len(ends) else len(lines)
+        rows += [b""] * (end + 2 - len(rows))  # lines that are left out stay as empty ones: line numbers hold
+        rows += [b"" if _SEGMENT_HEAD.match(r) else r for r in lines[end + 2 : until]]
+    return ending.join(rows) + ending, [f"{len(ends) - 1} segments joined"]
+
+
+def plain_scope(data: bytes) -> tuple[bytes, list[str]]:
+    """(text, notes): an export with one line of names, clocks called ``Time [ms]``; other text as it is.
+
+    Lines that go leave empty ones, so that errors name the lines of the file.
+    """
+    if not _EXPORT.match(data[:4096]):
+        return data, []
+    start = next((m.start() for m in _NAMES.finditer(data) if m.start() > 0), -1)
+    end = re.compile(rb"\r?\n[\t;, ]*\r?\n").search(data, start) if start > 0 else None
+    if end is None:
+        return data, []
+    rows = [line.rstrip("\r").split("\t") for line in data[start : end.start()].decode("utf-8", errors="replace").split("\n")]
+    mark = data[start + 4 : start + 5].decode()
+    rows = rows if mark == "\t" else [mark.join(row).split(mark) for row in rows]
+    told = {row[0].strip(): row for row in rows}
+    names = rows[0]
+    units = told.get("Unit", [])
+    header = [_titled(name, units[i] if i < len(units) else "") for i, name in enumerate(names)]
+    before, between = data[:start].count(b"\n"), data[start : end.end()].count(b"\n")
+    text = b"\n" * before + mark.join(header).encode() + b"\n" * between + data[end.end() :]
+    return text, [f"TwinCAT Scope export: {sum(n.strip() != 'Name' for n in names)} channels"]
+
+
+def _titled(name: str, unit: str) -> str:
+    """``Time [ms]`` for a clock, whose cells repeat the titles of the lines; else the channel's name with its unit."""
+    if name.strip() == "Name":
+        return "Time [ms]"
+    first = unit.strip().split(" ")[0]
+    return name.strip() if first in ("", "(None)", "Unit") else f"{name.strip()} [{first}]"
