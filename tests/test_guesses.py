@@ -689,3 +689,58 @@ def test_an_export_of_twincat_scope(tmp_path, mark):
     assert rear == pytest.approx(REAR, abs=0.006)
     assert np.array_equal(np.flatnonzero(np.isfinite(slow)), np.arange(0, N, 5))
     assert slow[::5] == pytest.approx(FRONT[::5], abs=0.006)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "header"),
+    [
+        ("cp1250", "Datum;Čas;Ložisko přední;Teplota okolí"),
+        ("cp1250", "Data;Czas;Łożysko przód;Temperatura otoczenia"),
+        ("cp1251", "Дата;Время;Подшипник передний;Температура среды"),
+        ("cp1252", "Data;Ora;Cuscinetto anteriore;Temperatura ambiente"),
+        ("cp1252", "Date;Heure;Palier avant;Température ambiante"),
+        ("cp1252", "Fecha;Hora;Rodamiento delantero;Temperatura ambiente"),
+        ("cp1252", "Datum;Tid;Lager främre;Omgivning"),
+        ("cp1252", "Dato;Tid;Støy på lager;Omgivelser"),
+        ("cp1254", "Tarih;Saat;Ön yatak;Ortam sıcaklık"),
+        ("utf-8", "Datum;Tijd;Lager voor;Omgeving"),
+    ],
+)
+@pytest.mark.parametrize("clock", ["%H:%M:%S", "%H.%M.%S"])
+def test_headers_in_other_languages(tmp_path, encoding, header, clock):
+    cells = [[f"{v:.2f}".replace(".", ",") for v in column] for column in (FRONT, np.full(N, 21.0))]
+    text = table(header, stamps(form="%d.%m.%Y"), stamps(form=clock), *cells, delimiter=";")
+    run = read_runs(written(tmp_path, text, encoding))[0]
+    assert list(run.channels) == [header.split(";")[2]]
+    assert list(run.ambient) == [header.split(";")[3]]
+    assert np.array_equal(run.time_s, 60.0 * MINUTES)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"t": 0, "T1": 20.0}\n{"t": 1, "T1": 20.1}\n', "JSON.*lines=True"),
+        ('[{"t": 0, "T1": 20.0}]', "JSON.*read_json"),
+        ("<?xml version='1.0'?><rows/>", "XML"),
+    ],
+)
+def test_markup_is_refused_with_the_way_out(tmp_path, text, said):
+    with pytest.raises(InputError, match=f"(?s){said}"):
+        read_runs(written(tmp_path, text))
+
+
+def test_clocks_of_a_spreadsheet_are_days(tmp_path):
+    half = N // 2
+    run = read_runs(written(tmp_path, table("Elapsed,front [°C]", MINUTES[:half] / 1440.0, values(FRONT[:half]))))[0]
+    assert run.time_s == pytest.approx(60.0 * MINUTES[:half])
+    assert about(run) == ["time"]
+    with pytest.raises(InputError, match=r"(?s)does not say its unit.*in h 10 min, in d 4 h"):
+        read_runs(written(tmp_path, table("Elapsed,front [°C]", MINUTES / 1440.0, values(FRONT))))
+
+
+def test_speeds_beside_temperatures_and_tables_that_lie_on_their_side(tmp_path):
+    run = read_runs(written(tmp_path, table("time_min,TEMP_1,N_ACT", MINUTES, values(FRONT), ["6000"] * N)))[0]
+    assert list(run.channels) == ["TEMP_1"]
+    lying = "\n".join(["sensor," + ",".join(map(str, MINUTES)), "front," + ",".join(values(FRONT))])
+    with pytest.raises(InputError, match=r"(?s)2 rows of 242 columns.*turn the table"):
+        read_runs(written(tmp_path, lying))

@@ -40,6 +40,8 @@ from .vocabulary import (
 #: Units of one letter in brackets that may also be the name of a place (phase A, side N).
 _PLACES = frozenset(["A", "N", "W", "J", "m", "g", "h", "d"])
 #: Channels of a data acquisition board that nobody named: they are volts until a unit says otherwise.
+#: Where other columns say that they are temperatures, one that does not say so is none if its readings are above this [degC].
+HOTTEST = 1000.0
 _BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
 HOTTEST_C = 5000.0
 COLDEST_C = -273.15
@@ -293,7 +295,7 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     if (
         sign.kind == "other"
         or (sign.kind == "nameless" and (said_somewhere or _code(column)))
-        or (sign.kind == "named" and by_unit)
+        or (sign.kind == "named" and (by_unit or (said_somewhere and float(np.median(np.abs(readings))) > HOTTEST)))
     ):
         return "silent"
     if said_somewhere and not empty and not readings.any():

@@ -19,7 +19,7 @@ PLAUSIBLE_INTERVAL_S = (0.04, 900.0)
 _MONTHS = dict(zip(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], range(1, 13), strict=True))
 _MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12, "fév": 2, "avr": 4, "juin": 6, "juil": 7, "aoû": 8, "déc": 12}
 _CELL = re.compile(
-    r"(?:[A-Za-z]{3,9},?\s+)?"  # a day of the week
+    r"(?:[A-Za-z]{2,9}[,.]?\s+)?"  # a day of the week
     r"(?:(?P<a>\d{1,4})(?P<sep>[-/.])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{1,4})\.?|(?P<compact>\d{8})|"
     r"(?P<da>\d{1,2})[-/. ]+(?P<mon>[^\W\d_]{3,9})\.?[-/. ,]+(?P<yr>\d{2,4})|"
     r"(?P<mon2>[^\W\d_]{3,9})\.?[ ]+(?P<da2>\d{1,2}),?[ ]+(?P<yr2>\d{4})|(?P<days>\d+)\s*d(?:ays?)?,?)?"
@@ -34,7 +34,7 @@ _EAST_CLOCK = re.compile(r"(\d+)\s*[时時点點시]\s*(?:(\d+)\s*[分분](?:\s*
 _HALF_FIRST = re.compile(r"(上午|下午|午前|午後|오전|오후|[AaPp][Mm](?= *\d))\s*(\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?)")
 _FRENCH_CLOCK = re.compile(r"(?<![:\d])(\d{1,2}) ?h ?(\d{2})(?: ?(?:m|min|mn) ?(?:(\d{2}) ?s?)?)?$")
 _YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
-_OTHER_FORM = re.compile(r"[年년时時点點시午오]|\d ?h ?\d\d|(?i:[ap]m) *\d|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$")
+_OTHER_FORM = re.compile(r"(?i:uhr|hrs)$|[年년时時点點시午오]|\d ?h ?\d\d|(?i:[ap]m) *\d|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$")
 _FORMAT_IN_NAME = re.compile(r"(?i)\b(h{1,2}:m{2}:s{2}|m{1,2}:s{2}|h{1,2}:m{2})\b")
 _ORDER_IN_NAME = re.compile(r"(?i)(y{2,4}[-/. ]m{1,2}[-/. ]d{1,2}|d{1,2}[-/. ]m{1,2}[-/. ]y{2,4}|m{1,2}[-/. ]d{1,2}[-/. ]y{2,4})")
 ALLOWED = "2026-05-03 20:38:07, 03.05.2026 20:38:07, 5/3/2026 8:38:07 PM, 20:38:07 or a number with a unit"
@@ -60,6 +60,7 @@ def plain(cell: str) -> str:
         cell = _EAST_CLOCK.sub(lambda m: f"{m[1]}:{int(m[2] or 0):02d}" + (f":{m[3]:0>2}" if m[3] else ""), cell)
     cell = _HALF_FIRST.sub(lambda m: f"{m[2]} {'PM' if m[1] in ('下午', '午後', '오후', 'PM', 'pm', 'Pm') else 'AM'}", cell)
     cell = _FRENCH_CLOCK.sub(lambda m: f"{m[1]}:{m[2]}" + (f":{m[3]}" if m[3] else ""), cell)
+    cell = re.sub(r"(?<=\d) ?(?i:uhr|hrs)$", "", cell)
     return _YEAR_LAST.sub(lambda m: f"{m[2]} {m[1]} {m[5]} {m[3]} {m[4] or ''}", cell).strip()
 
 

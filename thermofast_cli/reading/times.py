@@ -31,6 +31,8 @@ _UNIT_WORDS = {
 EPOCH_S = (9.466848e8, 4.102448e9)
 SERIAL_DAYS = (36526.0, 73051.0)
 FEWEST_ROWS = 2
+#: A clock as Italy and Finland write it.
+_DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
 
@@ -97,16 +99,34 @@ def find_time(table: Table, options: Options) -> Time:
     if options.time is not None:
         check_names([options.time], table.names, "--time", table.name)
         return _convert(table, options.time, None, options)
+    table = _with_colons(table)
     found = _candidates(table)
     if found:
         name, clock = found
         return _convert(table, name, clock, options)
+    if len(table.names) > 20 * rows:
+        raise InputError(
+            f"{table.name}: {rows} rows of {len(table.names)} columns, and no time column",
+            allowed="a row for each moment, a column for each sensor",
+            do="turn the table (rows become columns), then name the time",
+        )
     raise InputError(
         f"{table.name}: no time column",
         found=listed(table.names),
         allowed="a column named time_s, time_min, elapsed, timestamp, ... or of wall-clock stamps",
         do="name it with --time NAME (and --time-unit), or say --interval SECONDS if rows are evenly spaced",
     )
+
+
+def _with_colons(table: Table) -> Table:
+    """The table with 20.38.07 as 20:38:07, where another column holds the dates."""
+    texts = {n: c for n, c in table.columns.items() if not isinstance(c, np.ndarray) and c}
+    if not any(re.match(r"(\d{4}([-/.])\d{1,2}\2\d{1,2}|\d{1,2}([-/.])\d{1,2}\3\d{4})$", c[0].strip()) for c in texts.values()):
+        return table
+    clocks = [n for n, c in texts.items() if is_time_name(n) and all(_DOTTED.match(cell.strip()) for cell in c)]
+    if not clocks:
+        return table
+    return replace(table, columns=table.columns | {n: [c.strip().replace(".", ":") for c in texts[n]] for n in clocks})
 
 
 def _candidates(table: Table) -> tuple[str, str | None] | None:
@@ -274,7 +294,10 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
         if known:
             return Time(column * UNITS[known], frozenset({name}), f"time: {name!r} in {known}, as {other!r} shows", unit=known)
     likely = [u for u in ("s", "min", "h") if plausible(column * UNITS[u])]
-    lengths = ", ".join(f"in {u} {_length(float(np.ptp(column)) * UNITS[u])}" for u in ("s", "min", "h"))
+    if float(np.abs(column).max()) < 1.0 and plausible(column * DAY_S):
+        likely.append("d")  # as a spreadsheet keeps clocks
+    asked = ("s", "min", "h", "d") if "d" in likely else ("s", "min", "h")
+    lengths = ", ".join(f"in {u} {_length(float(np.ptp(column)) * UNITS[u])}" for u in asked)
     if len(likely) != 1:
         raise InputError(
             f"{table.name}: column {name!r} does not say its unit of time",

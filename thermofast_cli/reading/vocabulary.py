@@ -22,7 +22,8 @@ def _set(text: str) -> frozenset[str]:
 AMBIENT = _set(
     "lab labor shop ambiance ambiant ambiante ambiente werkstatt outdoor outside klima surr tsurr otoczenie oat tumg tamb tu "
     "ambient amb room air surroundings surrounding environment env umgebung umg raum raumluft luft hall halle hallen troom "
-    "tair 环境 室温"
+    "tair 环境 室温 okoli okolí otoczenia omgeving omgivning omgivningen omgivelser ympäristö ortam környezet prostredi prostředí "
+    "окружающая окружающей среда среды воздух помещение raumtemp umgebungstemp"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
 AMBIENT_STEMS = ("umgebung", "raum", "hallen", "luft", "aussen", "außen")
@@ -56,14 +57,14 @@ OTHER = _set(
 )
 TEMPERATURE = _set(
     "temp temps temperature temperatures temperatur temperaturen tmp tc thermocouple thermo pt rtd ntc thermistor therm dewpt "
-    "dewpoint probe fühler 温度"
+    "dewpoint probe fühler 温度 temperatura temperaturas teplota lämpötila hőmérséklet sıcaklık температура"
 )
 #: Words that a name may have beside the one that decides, and is still that.
 BESIDE = _set("t c f k degc temp temps temperature temperatur avg ave average mean last max min inside indoor")
 #: Places on a machine, which have a temperature whatever stands beside them.
 PLACES = _set(
     "bearing lager motor housing gehäuse winding wicklung casing stator rotor coil spule nut flange block body outlet inlet "
-    "pipe rohr"
+    "pipe rohr rodamiento cuscinetto rolamento palier roulement łożysko łożyska ložisko ložiska подшипник подшипника"
 )
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(
@@ -113,7 +114,7 @@ UNITS = _set("unit units einheit")
 
 TIME = _set(
     "time times timestamp timestamps datetime date elapsed clock zeit uhrzeit datum zeitstempel stamp zeitpunkt temps heure "
-    "fecha hora 时间 日期 tiempo czas время 経過時間 時刻 시간 millis uptime"
+    "fecha hora ora orario saat tarih tid tijd čas idő aika время дата tiempo czas 时间 日期 経過時間 時刻 시간 millis uptime"
 )
 #: The same in languages that are written without blanks; and a temperature.
 TIME_PARTS = ("时间", "時間", "时刻", "時刻", "日期", "日時", "日付", "시간", "날짜")

@@ -17,12 +17,15 @@ KINDS: tuple[tuple[bytes, str, str], ...] = (
     (b"ARROW1", "an Arrow (Feather) file", "save it as Parquet"),
 )
 
-#: Encodings of East Asia, with words of a logger by which a file is known to be in one: read otherwise they do not appear.
-EAST_ASIAN: dict[str, tuple[str, ...]] = {
+#: Encodings, with words of a logger by which a file is known to be in one: read otherwise they do not appear.
+BY_WORDS: dict[str, tuple[str, ...]] = {
     "gb18030": ("温度", "时间", "日期", "℃", "通道", "序号", "采集", "环境", "主轴", "轴承", "记录"),
     "cp932": ("温度", "時間", "時刻", "日時", "日付", "℃", "経過", "測定", "データ", "チャン"),
     "big5": ("溫度", "時間", "日期", "℃", "通道", "主軸", "軸承", "環境"),
     "euc_kr": ("온도", "시간", "날짜", "℃", "측정"),
+    "cp1251": ("время", "Время", "дата", "Дата", "емператур", "одшипник", "среда", "корпус", "Корпус"),
+    "cp1250": ("Čas", "čas", "ożysk", "ředn", "tył", "őmérséklet"),
+    "cp1254": ("Sıcaklık", "sıcaklık", "ortamı", "dış"),
 }
 
 
@@ -43,7 +46,7 @@ def binary(name: str, data: bytes = b"") -> InputError:
 
 
 def detect_encoding(data: bytes, name: str) -> str:
-    """BOM, then the pattern of NULs, then strict UTF-8, then an encoding of East Asia by its words, then Windows-1252.
+    """BOM, then the pattern of NULs, then strict UTF-8, then another one by its words, then Windows-1252.
 
     Raises
     ------
@@ -69,15 +72,15 @@ def detect_encoding(data: bytes, name: str) -> str:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
-        return _east_asian(data) or "cp1252"
+        return _by_words(data) or "cp1252"
     return "utf-8"
 
 
-def _east_asian(data: bytes) -> str | None:
-    """The encoding in which the beginning of a file has most of its words, where all of the file is in it."""
+def _by_words(data: bytes) -> str | None:
+    """The encoding in which the beginning of a file has most of its words, where all of the file can be in it."""
     head = data[:65536].rpartition(b"\n")[0] or data
     found = {}
-    for encoding, known in EAST_ASIAN.items():
+    for encoding, known in BY_WORDS.items():
         if _decodes(head, encoding):
             text = head.decode(encoding)
             found[encoding] = sum(word in text for word in known)
@@ -95,7 +98,7 @@ def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[
     """
     notes: list[str] = []
     encoding = told or detect_encoding(data, name)
-    if told or encoding.startswith("utf-16") or encoding in EAST_ASIAN:
+    if told or encoding.startswith("utf-16") or encoding in BY_WORDS:
         try:
             text = data.decode(encoding)
         except (UnicodeError, LookupError) as error:

@@ -40,6 +40,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if options.skip_footer:
         data = _without_last(data, options.skip_footer)
         notes.append(f"the last {options.skip_footer} lines left out, as told")
+    _refuse_markup(data, name)
     data, separator = _without_separator_line(data)
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
@@ -82,6 +83,18 @@ def _without_last(data: bytes, count: int) -> bytes:
         data = data.rstrip(b"\r\n")
         data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
     return data
+
+
+def _refuse_markup(data: bytes, name: str) -> None:
+    """Raises InputError for JSON and XML, which are text and no table."""
+    head = data[:200].lstrip()
+    if re.match(rb"\[?\s*\{\s*\"", head):
+        lines = ", lines=True" if head.startswith(b"{") and data.count(b"\n{") else ""
+        raise InputError(
+            f"{name}: JSON, not a table", allowed="CSV text, Parquet, ...", do=f"in Python: tf.read(pandas.read_json(path{lines}))"
+        )
+    if head.startswith((b"<?xml", b"<html", b"<!DOCTYPE")):
+        raise InputError(f"{name}: XML or a page, not a table", allowed="CSV text, Parquet, ...", do="export the record as CSV")
 
 
 def _without_separator_line(data: bytes) -> tuple[bytes, str]:
