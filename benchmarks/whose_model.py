@@ -75,18 +75,18 @@ def main() -> None:
     jobs = [(simulator, given.seed + k) for simulator in SIMULATORS for k in range(given.machines)]
     with ProcessPoolExecutor() as pool:
         rows = [row for one in pool.map(judged, jobs) for row in one]
-    print("| machines | model of | runs | minutes used | `ok` | held | median width over that without a model | let go |")
-    print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    minutes = ", ".join(f"{t:g}" for t in TIMES)
+    print(f"| machines | model of | runs | `ok` | held at {minutes} min | median width over that without a model | let go |")
+    print("| --- | --- | ---: | ---: | ---: | ---: | ---: |")
     for simulator in SIMULATORS:
         for whose in ("this", "another's"):
             for count in (1, 2):
-                for until in TIMES:
-                    mine = [r for r in rows if r[:4] == (simulator, whose, count, until)]
-                    ok = [r for r in mine if r[4] == "ok"]
-                    held = f"{100 * np.mean([r[5] for r in ok]):.0f} %" if ok else "-"
-                    share = np.median([r[6] for r in ok if np.isfinite(r[6])] or [np.nan])
-                    cells = (f"{len(ok)} of {len(mine)}", held, f"{share:.2f}", f"{sum(r[7] for r in mine)} of {len(mine)}")
-                    print(f"| {simulator} | {whose} | {count} | {until:g} | {' | '.join(cells)} |", flush=True)
+                mine = [r for r in rows if r[:3] == (simulator, whose, count)]
+                ok = [[r for r in mine if r[3] == until and r[4] == "ok"] for until in TIMES]
+                held = ", ".join(f"{100 * np.mean([r[5] for r in some]):.0f}" if some else "-" for some in ok)
+                wide = ", ".join(f"{np.median([r[6] for r in some if np.isfinite(r[6])] or [np.nan]):.2f}" for some in ok)
+                counts = f"{sum(map(len, ok))} of {len(mine)}", f"{sum(r[7] for r in mine)} of {len(mine)}"
+                print(f"| {simulator} | {whose} | {count} | {counts[0]} | {held} % | {wide} | {counts[1]} |", flush=True)
 
 
 if __name__ == "__main__":

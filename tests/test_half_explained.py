@@ -21,6 +21,7 @@ from thermofast.models.imperfection import NONE, TYPICAL, Part, Past, SensorShap
 from thermofast.models.imperfection.known import Known
 from thermofast.models.imperfection.past import GRID, SHAPE_AGAIN, modes
 from thermofast.models.imperfection.posterior import settle
+from thermofast.models.imperfection.shapes import Asked
 from thermofast.models.joint import LEVEL, RATE, START, Key, fit_model
 from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import SCATTER, dependence, pool
@@ -201,3 +202,18 @@ def test_a_model_of_another_machine_is_let_go_by_evidence_and_its_own_is_not():
         assert "do not fit" in r.message
         assert r.steady_state_lo_c is None or r.steady_state_lo_c <= 29.0
         assert r.steady_state_hi_c is None or r.steady_state_hi_c >= 29.0
+
+
+def test_an_effect_that_grows_without_end_leaves_the_rest_as_it_was():
+    x = np.linspace(0.0, 20.0, 401)
+    law = 1.0 - np.exp(-x)[None, None]
+    small, wild = 0.05 * x / (1.0 + x), 0.01 * np.expm1(4.0 * x)  # 1e32 rises at the end
+    time, asked = np.array([5.0, 30.0, 300.0]), Asked(np.array([60.0, 600.0]))
+    doubts = [
+        Known(np.array([[np.log(1.0 / 30.0), 0.1]]), x, law, law, law, np.array([columns])).doubts(time, asked)[0]
+        for columns in ([small], [small, wild])
+    ]
+    assert np.isfinite(doubts[1]).all()
+    assert np.diagonal(doubts[1]).max() == pytest.approx(100.0**2)
+    assert np.linalg.eigvalsh(doubts[1]).min() > -1e-9 * 100.0**2
+    assert doubts[1][0, 0] == pytest.approx(doubts[0][0, 0] + (0.01 * np.expm1(4.0 * 5.0 / 30.0)) ** 2, rel=0.05)

@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 #: Points of a block at which a curve with corners is averaged.
 POINTS = 8
 
+#: A past leaves a temperature open by so many rises at most, which is open to all that matters.
+MOST_DOUBTED = 100.0
+
 
 def within(time: Array, spread: Array) -> Array:
     """Times (m, POINTS) inside blocks of mean time (m,) whose times have the variance (m,)."""
@@ -101,6 +104,8 @@ class Known:
             rate, turns = float(np.exp(self.log_rate[i, 0])), self.turns[i, middle]
             late = [float(np.interp(turns, self.x, c)) - 0.95 * c[-1] - 0.05 * c[0] for c in columns]
             rows = np.array([self._rows(c, c[-1], at, rate, time[:, None], asked) for c, at in zip(columns, late, strict=True)])
+            # An effect that would grow without end says nothing there; numbers beyond all scales would spoil what it does say.
+            rows *= np.minimum(1.0, MOST_DOUBTED / np.maximum(np.sqrt((rows**2).sum(axis=0)), 1.0))
             found.append(rows.T @ rows)
         return np.array(found)
 
