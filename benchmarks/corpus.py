@@ -1,7 +1,8 @@
 """Files as loggers write them, made by rule: is every one read exactly, or refused in words?
 
-python -m benchmarks.corpus [--files 2000] [--seed 0] [--show 5] makes files of seventeen forms (BenchLink, Graphtec, Yokogawa,
-Hioki, LabVIEW, HOBO, TOA5, Testo, WinCC archives, Home Assistant and other long tables, Excel, and plain ones) times encodings,
+python -m benchmarks.corpus [--files 2000] [--seed 0] [--show 5] makes files of twenty-two forms (BenchLink, Graphtec,
+Yokogawa, Hioki, LabVIEW, HOBO, TOA5, Testo, WinCC archives, TwinCAT Scope, UaExpert, Home Assistant and other long tables, Excel,
+headers in other languages, a clock for each sensor, and plain ones) times encodings,
 decimal marks, delimiters, line ends, clocks and marks of missing readings, and prints by form how many were read exactly,
 refused, or read WRONG. A refusal is right where its message says what to do. --show prints the beginnings of files that were
 not read exactly.
@@ -41,6 +42,7 @@ class Truth:
     decimal: str
     missing: str
     lines: list[str] = field(default_factory=list)
+    encoding: str = ""
 
     def number(self, value: float) -> str:
         """A reading as text."""
@@ -279,6 +281,80 @@ def repeated(t: Truth) -> None:
         t.lines.insert(at, head)
 
 
+def twincat(t: Truth) -> None:
+    """An export of TwinCAT Scope: one clock in front of all channels, or of each; a line for each thing that is known of them."""
+    each = t.rng.random() < 0.5
+    t.lines += [f"Name{t.delimiter}scope", f"Starttime of export{t.delimiter}132959733843760000", ""]
+    titles = ("Name", "SampleTime[ms]", "Unit")
+    told = (t.names, [f"{1000 * t.time[1]:g}"] * len(t.names), ["°C (Temperature)"] * len(t.names))
+    for title, cells in zip(titles, told, strict=True):
+        t.row(*([c for cell in cells for c in (title, cell)] if each else [title, *cells]))
+    t.lines.append("")
+    for k, s in enumerate(t.time):
+        cells, clock = t.readings(k), f"{1000 * s:.0f}"
+        t.row(*([c for cell in cells for c in (clock, cell)] if each else [clock, *cells]))
+    t.lines += t.rng.choice([[], ["EOF"]])
+
+
+def uaexpert(t: Truth) -> None:
+    """A log of an OPC UA client: a row for each value, numbered, with the clocks of server and source."""
+    t.row("#", "Server", "DisplayName", "Value", "Datatype", "SourceTimestamp", "ServerTimestamp", "Statuscode")
+    number = 0
+    for k in range(len(t.time)):
+        for name, v in zip(t.names, t.values[:, k], strict=True):
+            if np.isfinite(v):
+                at = t.clock(k).strftime("%d.%m.%Y %H:%M:%S")
+                t.row(str(number := number + 1), "PLC", f"{name} Temp", t.number(v), "Double", f"{at}.000", f"{at}.010", "Good")
+
+
+EASTERN = {
+    "gb18030": ("采集时间", "主轴轴承{}(℃)", "%Y年%m月%d日 %H时%M分%S秒"),
+    "cp932": ("日時", "軸受{}[℃]", "%Y/%m/%d %H:%M:%S"),
+    "big5": ("時間", "主軸軸承{}(℃)", "%Y/%m/%d %H:%M:%S"),
+    "euc_kr": ("시간", "온도{}(℃)", "%Y-%m-%d %H:%M:%S"),
+}
+
+
+def eastern(t: Truth) -> None:
+    """Headers in Chinese, Japanese and Korean, in their own encodings."""
+    t.encoding = t.rng.choice([*EASTERN])
+    head, name, form = EASTERN[t.encoding]
+    t.missing = t.missing if t.missing.isascii() else ""
+    t.row(head, *(name.format(i + 1) for i in range(len(t.names))))
+    for k in range(len(t.time)):
+        t.row(t.clock(k).strftime(form), *t.readings(k))
+
+
+LANGUAGES = {
+    "cp1250": ("Datum", "Čas", "Ložisko {}"),
+    "cp1251": ("Дата", "Время", "Подшипник {}"),
+    "cp1252": ("Data", "Ora", "Cuscinetto {}"),
+    "cp1254": ("Tarih", "Saat", "Sıcaklık {}"),
+    "latin-1": ("Fecha", "Hora", "Rodamiento {}"),
+    "utf-8": ("Datum", "Tijd", "Temperatuur {}"),
+}
+
+
+def languages(t: Truth) -> None:
+    """Headers in languages of Europe, dates and clocks in columns of their own, clocks with dots among them."""
+    t.encoding = t.rng.choice([*LANGUAGES])
+    date, clock, name = LANGUAGES[t.encoding]
+    t.missing = t.missing if t.missing.isascii() else ""
+    t.row(date, clock, *(name.format(i + 1) for i in range(len(t.names))))
+    form = t.rng.choice(["%H:%M:%S", "%H.%M.%S"])
+    for k in range(len(t.time)):
+        t.row(t.clock(k).strftime("%d.%m.%Y"), t.clock(k).strftime(form), *t.readings(k))
+
+
+def own_clocks(t: Truth) -> None:
+    """A clock for each sensor, all alike or each some way behind the one before."""
+    behind = t.rng.choice([0.0, 0.0002]) * t.time[-1]
+    t.row(*(c for name in with_unit(t) for c in ("Time [s]", name)))
+    for k, s in enumerate(t.time):
+        cells = ((f"{s + i * behind:.3f}".replace(".", t.decimal), v) for i, v in enumerate(t.readings(k)))
+        t.row(*(c for pair in cells for c in pair))
+
+
 FORMS: dict[str, Callable[[Truth], None]] = {
     f.__name__: f
     for f in (
@@ -299,6 +375,11 @@ FORMS: dict[str, Callable[[Truth], None]] = {
         omega,
         excel_sep,
         repeated,
+        twincat,
+        uaexpert,
+        eastern,
+        languages,
+        own_clocks,
     )
 }
 
@@ -309,7 +390,7 @@ def file_of(number: int) -> tuple[str, bytes, Truth]:
     form = list(FORMS)[number % len(FORMS)]
     truth = truth_of(rng)
     FORMS[form](truth)
-    encoding = rng.choice(ENCODINGS)
+    encoding = truth.encoding or rng.choice(ENCODINGS)
     text = rng.choice(ENDS).join(truth.lines) + rng.choice(["", "\n"])
     if encoding == "utf-16-le-bom":
         return form, b"\xff\xfe" + text.encode("utf-16-le"), truth

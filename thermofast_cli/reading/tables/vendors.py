@@ -3,6 +3,7 @@
 import re
 
 from ...errors import InputError
+from .dialect import split
 
 #: Lines above the readings of each segment of a LabVIEW measurement file.
 _SEGMENT_HEAD = re.compile(
@@ -47,19 +48,21 @@ def plain_scope(data: bytes) -> tuple[bytes, list[str]]:
 
     Lines that go leave empty ones, so that errors name the lines of the file.
     """
+    if data.startswith(b"Name") and data.count(b"\n") < 2:
+        data = data.replace(b"\r", b"\n")  # line ends of old Macintoshes
     if not _EXPORT.match(data[:4096]):
         return data, []
     start = next((m.start() for m in _NAMES.finditer(data) if m.start() > 0), -1)
     end = re.compile(rb"\r?\n[\t;, ]*\r?\n").search(data, start) if start > 0 else None
     if end is None:
         return data, []
-    rows = [line.rstrip("\r").split("\t") for line in data[start : end.start()].decode("utf-8", errors="replace").split("\n")]
     mark = data[start + 4 : start + 5].decode()
-    rows = rows if mark == "\t" else [mark.join(row).split(mark) for row in rows]
-    told = {row[0].strip(): row for row in rows}
+    lines = data[start : end.start()].decode("utf-8", errors="replace").split("\n")
+    rows = [split(line.rstrip("\r"), mark) for line in lines]
     names = rows[0]
-    units = told.get("Unit", [])
+    units = next((row for row in rows if row[0].strip() == "Unit"), [])
     header = [_titled(name, units[i] if i < len(units) else "") for i, name in enumerate(names)]
+    header = [f'"{cell}"' if mark in cell else cell for cell in header]
     before, between = data[:start].count(b"\n"), data[start : end.end()].count(b"\n")
     text = b"\n" * before + mark.join(header).encode() + b"\n" * between + data[end.end() :]
     return text, [f"TwinCAT Scope export: {sum(n.strip() != 'Name' for n in names)} channels"]
