@@ -57,13 +57,12 @@ def with_one_clock(table: Table, options: Options) -> Table:
 
 def _clocks(table: Table) -> list[str]:
     """Columns of time of one name and kind, of which some differ."""
-    for name in table.names:
-        if not is_time_name(name):
-            continue
+    timed = [n for n in table.names if is_time_name(n)]
+    for name in timed if len(timed) > 1 else []:
         kind = isinstance(table.columns[name], np.ndarray)
         same = [
             n
-            for n in table.names
+            for n in timed
             if _stem(n) == _stem(name)
             and isinstance(table.columns[n], np.ndarray) == kind
             and unit_of(n, table.units.get(n, "")) == unit_of(name, table.units.get(name, ""))
