@@ -26,6 +26,8 @@ MISSING = frozenset(
         "#ref!", "#div/0", "*.*",
     ]
 )  # fmt: skip
+#: A line that begins so is a comment, or the names.
+COMMENT = frozenset("#%")
 DELIMITERS = ("\t", ";", ",", "|", " ")
 SAMPLE_LINES = 400
 csv.field_size_limit(1 << 30)  # a row of thirty thousand cells, read with the wrong delimiter, is one cell
@@ -46,6 +48,25 @@ _NUMBER = {".": _number(".", ","), ",": _number(",", ".")}
 _FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
 #: What a Campbell logger says of how a column was made, in the line under the units.
 _PROCESS = frozenset(["smp", "avg", "max", "min", "tot", "std", "med", "tmn", "tmx", "wvc", "ave", "mean", "act", "rms", ""])
+#: What a program says of the kinds of the columns, and the rule under the header of a Markdown table.
+_KINDS = frozenset(
+    [
+        "float",
+        "double",
+        "real",
+        "lreal",
+        "int",
+        "integer",
+        "string",
+        "str",
+        "datetime",
+        "timestamp",
+        "date",
+        "bool",
+        "dateTime:RFC3339".lower(),
+    ]
+)
+_RULE = re.compile(r":?-{2,}:?$")
 
 
 @dataclass(frozen=True)
@@ -82,6 +103,11 @@ def split(line: str, delimiter: str) -> list[str]:
         return line.split()
     # A carriage return within a line is no more than a gap; the csv module would raise.
     return next(csv.reader([line.replace("\r", " ")], delimiter=delimiter), [])
+
+
+def header_cells(line: str, delimiter: str) -> list[str]:
+    """Cells of a line of names, which may stand behind a sign of a comment."""
+    return split(line.lstrip("".join(COMMENT)) if line[:1] in COMMENT and delimiter == " " else line, delimiter)
 
 
 def to_number(cell: str, decimal: str) -> float:
@@ -149,7 +175,7 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
 
 
 def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, options: Options) -> tuple[float, Dialect] | None:
-    rows = [split(line, delimiter) if line.strip() and not line.startswith("#") else [] for line in lines]
+    rows = [split(line, delimiter) if line.strip() and line[:1] not in COMMENT else [] for line in lines]
     labels = next((i for i, row in enumerate(rows) if row and row[0].strip() == "Y_Unit_Label"), None)
     # A LabVIEW measurement file says where its header ends; the numbers above are settings.
     ends = max((i for i, line in enumerate(lines) if line.startswith("***End_of_Header***")), default=-1)
@@ -168,20 +194,22 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         header, units = _header([[] if i <= ends else row for i, row in enumerate(rows)], first, width, decimal)
     if header is None and options.header_line is None:
         header = next(
-            (i for i in range(first - 1, -1, -1) if lines[i].startswith("#") and len(split(lines[i], delimiter)) == width), None
+            (i for i in range(first - 1, -1, -1) if lines[i][:1] in COMMENT and len(header_cells(lines[i], delimiter)) == width),
+            None,
         )
     if labels is not None and not units:
         units = (labels,)
     if header is not None:  # rows of another width between the names and the block are readings all the same
+        below = range(max((header, *units)) + 1, first)
         first = next(
-            (i for i in range(max((header, *units)) + 1, first) if len(rows[i]) > 1 and _data_like(rows[i], decimal)), first
+            (i for i in below if len(rows[i]) > 1 and (_data_like(rows[i], decimal) or _starts(rows[i], width, decimal))), first
         )
     explained = len(data) / max(sum(1 for row in rows if row), 1)
     cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
     told_cells = [c for c in cells if not is_missing(c)]
     numbers = sum(is_number(c, decimal) or looks_like_stamp(c) or number_within(c, decimal) is not None for c in told_cells)
     share = numbers / max(len(told_cells), 1)
-    fits = header is not None and len(split(lines[header], delimiter)) == width
+    fits = header is not None and len(header_cells(lines[header], delimiter)) == width
     score = share * explained * min(width, 1000) ** 0.25 + (0.1 if fits else 0.0)
     if delimiter == " " and ((header is not None and not fits) or all("\t" in lines[i] for i in data)):
         score *= 0.8  # a blank stands within stamps and names too
@@ -211,6 +239,10 @@ def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tupl
     above = [i for i in range(first) if rows[i]]
     while above and len(rows[above[-1]]) > 1 and _data_like(rows[above[-1]], decimal):
         above.pop()  # readings too, though of another width
+    while len(above) > 1 and _begins_as_data(rows[above[-1]], decimal) and len(rows[above[-1]]) == width:
+        if not any(len(rows[i]) == width and not _begins_as_data(rows[i], decimal) for i in above[:-1]):
+            break
+        above.pop()  # words where readings will be: "init", "no sensor"
     near = above[-4:]
     named = [i for i in near if abs(len(rows[i]) - width) <= 1 and not _data_like(rows[i], decimal)]
     if above and above[-1] not in named and len(rows[above[-1]]) > 1 and not _data_like(rows[above[-1]], decimal):
@@ -231,6 +263,16 @@ def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tupl
     return header, tuple(units)
 
 
+def _starts(cells: list[str], width: int, decimal: str) -> bool:
+    return len(cells) == width and _begins_as_data(cells, decimal)
+
+
+def _begins_as_data(cells: list[str], decimal: str) -> bool:
+    """Whether a line begins with a number or a stamp, as rows of readings do and names do not."""
+    first = cells[0].strip()
+    return first[:1].isdigit() and (is_number(first, decimal) or looks_like_stamp(first))
+
+
 def is_unit_line(cells: list[str]) -> bool:
     """Whether half of the cells of a line or more are units."""
     known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
@@ -245,4 +287,6 @@ def _repeats_units(cells: list[str], above: list[str]) -> bool:
 
 
 def _is_process_line(cells: list[str]) -> bool:
-    return all(c.strip().lower() in _PROCESS for c in cells) and sum(bool(c.strip()) for c in cells) >= 0.5 * len(cells)
+    told = [c.strip().lower() for c in cells]
+    known = all(c in _PROCESS for c in told) or all(not c or c in _KINDS or _RULE.match(c) for c in told)
+    return known and sum(map(bool, told)) >= 0.5 * len(cells)

@@ -14,7 +14,7 @@ from ...reading_options import Options
 from ..run import Array, Guess
 from ..stamps import looks_like_stamp
 from ..units import parse_unit
-from .dialect import Dialect, detect_dialect, is_missing, is_number, is_unit_line, number_within, split, to_number
+from .dialect import Dialect, detect_dialect, header_cells, is_missing, is_number, is_unit_line, number_within, split, to_number
 from .encoding import to_utf8
 from .table import Table, to_floats
 from .vendors import joined_segments, plain_scope
@@ -35,6 +35,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if not data or data.isspace():
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     data, encoding, notes = to_utf8(data, name, options.encoding)
+    data = data.replace(b"\xe2\x88\x92", b"-")  # the minus of typesetters, as some countries' programs write it
     if b"\r\r\n" in data:
         data = data.replace(b"\r\r\n", b"\r\n")  # written twice through a text layer
     if options.skip_footer:
@@ -226,7 +227,7 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
     delimiter = dialect.delimiter
     if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
         delimiter = ","
-    cells = split(header, delimiter) if header else []
+    cells = header_cells(header, delimiter) if header else []
     rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
     if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
         cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
@@ -249,7 +250,7 @@ def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], lis
     names: list[str] = []
     taken: set[str] = set()
     for i in range(width):
-        cell = cells[i].strip().lstrip("#").strip() if i < len(cells) else ""
+        cell = cells[i].strip().lstrip("#%").strip() if i < len(cells) else ""
         if i < len(cells) and not cell and cells[i].strip():
             cell = cells[i].strip()  # the name is the sign itself: "#"
         base = unique = cell or f"column {i + 1}"
