@@ -137,7 +137,13 @@ def _sign(name: str, unit_cell: str) -> Sign:
     temperature = degrees or (spoken and unit is None)
     if said & FLAGS and unit is None:
         kind = "other"
-    elif _wanted(name, first) or first & DERIVED or re.match(r"[dDΔ]_?T(?![a-z])|u\(", name) or _is_reference(first):
+    elif (
+        _wanted(name, first)
+        or first & DERIVED
+        or _over_the_room(core)
+        or re.match(r"[dDΔ]_?T(?![a-z])|u\(", name)
+        or _is_reference(first)
+    ):
         kind = "input"
     elif (said | set(words(unit_cell))) & DISPLACEMENTS and (unit is None or unit.kind == "length"):
         kind = "displacement"
@@ -181,6 +187,8 @@ def _is_reference(said: set[str]) -> bool:
 
 def _is_ambient(name: str, said: set[str], spoken: bool) -> bool:
     """Whether a name is that of the surroundings; air and hall only where no part of the machine is named beside them."""
+    if said & PLACES:
+        return False  # the room side of a bearing
     if _names_the_room(said) or any(part in name for part in AMBIENT_PARTS):
         return True
     loose = {"air", "luft", "hall", "tu", "outside", "klima"}
@@ -201,6 +209,12 @@ def _speaks_of_temperature(name: str, said: set[str]) -> bool:
             and not said & (INPUTS | OTHER) - WARM_INPUTS
         )
     )
+
+
+def _over_the_room(core: str) -> bool:
+    """Whether a name is that of a difference to the surroundings: front - room, rise over ambient."""
+    apart = re.split(r"\s*[-\u2013]\s*|\s+(?:over|above|minus)\s+", core.strip())
+    return len(apart) == 2 and all(apart) and bool(set(words(apart[1])) & AMBIENT) and not set(words(apart[0])) <= TEMPERATURE
 
 
 def _names_the_room(said: set[str]) -> bool:
@@ -250,6 +264,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         check_names([options.ambient], names, "--ambient", run)
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(n, units.get(n, "")) for n in names}
+    signs |= {n: replace(signs[n], kind="input") for n in _differences(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
     roles: dict[str, list[str]] = {
@@ -260,6 +275,17 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
             continue
         roles[_role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)].append(n)
     return _with_words(roles, signs, values, options, origin)
+
+
+def _differences(names: list[str]) -> list[str]:
+    """Columns whose names are made of those of two others, as T1-T2."""
+    made = {n: re.split(r"\s*-\s*", _core(n)) for n in names if "-" in n}
+    cores = {_core(n) for n in names} if made else set()
+    return [n for n, apart in made.items() if len(apart) == 2 and set(apart) <= cores]
+
+
+def _core(name: str) -> str:
+    return re.sub(r"\s*[\[(].*$", "", name).strip().casefold()
 
 
 def _bare(name: str, sign: Sign) -> bool:

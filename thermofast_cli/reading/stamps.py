@@ -17,6 +17,35 @@ DAY_S = 86400.0
 PLAUSIBLE_LENGTH_S = (600.0, 4.0 * DAY_S)
 PLAUSIBLE_INTERVAL_S = (0.04, 900.0)
 _MONTHS = dict(zip(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], range(1, 13), strict=True))
+_MONTHS |= {
+    "мар": 3,
+    "апр": 4,
+    "май": 5,
+    "мая": 5,
+    "июн": 6,
+    "июл": 7,
+    "авг": 8,
+    "сен": 9,
+    "окт": 10,
+    "ноя": 11,
+    "дек": 12,
+    "янв": 1,
+    "фев": 2,
+}
+_MONTHS |= {
+    "mrt": 3,
+    "mei": 5,
+    "ago": 8,
+    "ene": 1,
+    "abr": 4,
+    "dic": 12,
+    "gen": 1,
+    "mag": 5,
+    "giu": 6,
+    "lug": 7,
+    "set": 9,
+    "ott": 10,
+}
 _MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12, "fév": 2, "avr": 4, "juin": 6, "juil": 7, "aoû": 8, "déc": 12}
 _CELL = re.compile(
     r"(?:[A-Za-z]{2,9}[,.]?\s+)?"  # a day of the week
@@ -34,7 +63,10 @@ _EAST_CLOCK = re.compile(r"(\d+)\s*[时時点點시]\s*(?:(\d+)\s*[分분](?:\s*
 _HALF_FIRST = re.compile(r"(上午|下午|午前|午後|오전|오후|[AaPp][Mm](?= *\d))\s*(\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?)")
 _FRENCH_CLOCK = re.compile(r"(?<![:\d])(\d{1,2}) ?h ?(\d{2})(?: ?(?:m|min|mn) ?(?:(\d{2}) ?s?)?)?$")
 _YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
-_OTHER_FORM = re.compile(r"(?i:uhr|hrs)$|[年년时時点點시午오]|\d ?h ?\d\d|(?i:[ap]m) *\d|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$")
+_OTHER_FORM = re.compile(
+    r"(?i:uhr|hrs)$|[年년时時点點시午오]|\d ?h ?\d\d|(?i:[ap]m) *\d|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$|(?i:[ap]\. ?m\.)"
+    r"|^\d+\. \d|\.\d\d\.\d\d$|^\d{4}(?:\.\d\d?){2}\. |^\d{1,3}[. ]\d\d?:\d\d:"
+)
 _FORMAT_IN_NAME = re.compile(r"(?i)\b(h{1,2}:m{2}:s{2}|m{1,2}:s{2}|h{1,2}:m{2})\b")
 _ORDER_IN_NAME = re.compile(r"(?i)(y{2,4}[-/. ]m{1,2}[-/. ]d{1,2}|d{1,2}[-/. ]m{1,2}[-/. ]y{2,4}|m{1,2}[-/. ]d{1,2}[-/. ]y{2,4})")
 ALLOWED = "2026-05-03 20:38:07, 03.05.2026 20:38:07, 5/3/2026 8:38:07 PM, 20:38:07 or a number with a unit"
@@ -61,12 +93,19 @@ def plain(cell: str) -> str:
     cell = _HALF_FIRST.sub(lambda m: f"{m[2]} {'PM' if m[1] in ('下午', '午後', '오후', 'PM', 'pm', 'Pm') else 'AM'}", cell)
     cell = _FRENCH_CLOCK.sub(lambda m: f"{m[1]}:{m[2]}" + (f":{m[3]}" if m[3] else ""), cell)
     cell = re.sub(r"(?<=\d) ?(?i:uhr|hrs)$", "", cell)
+    cell = re.sub(r"(?i)\b([ap])\. ?m\.", r"\1m", cell)
+    cell = re.sub(r"^(\d{1,4})\. (\d{1,2})\. (\d{1,4})\.?(?= |$)", r"\1.\2.\3", cell)
+    cell = re.sub(r"^(\d{4})\.(\d{1,2})\.(\d{1,2})\.(?= )", r"\1.\2.\3", cell)
+    cell = re.sub(r"(?<=\d) ([01]?\d|2[0-3])\.([0-5]\d)\.([0-5]\d)$", r" \1:\2:\3", cell)
+    cell = re.sub(r"^(\d{1,3})(?:[. ]|d )(\d{1,2}):(\d{2}:\d{2}(?:\.\d+)?)$", r"\1 d \2:\3", cell)
     return _YEAR_LAST.sub(lambda m: f"{m[2]} {m[1]} {m[5]} {m[3]} {m[4] or ''}", cell).strip()
 
 
 def looks_like_stamp(cell: str) -> bool:
     """Whether a cell is a date, a clock time, or both."""
     cell = cell.strip()
+    if re.match(r"[A-Za-z_]\w*:\d", cell):
+        return False  # a name with its reading, T1:21.70
     if cell[:1].isalnum() and len(cell) > 3 and _OTHER_FORM.search(cell):
         cell = plain(cell)
     if (
@@ -99,7 +138,7 @@ def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: s
             seconds = (whole - whole[0]).astype(np.float64) / 1e6
             return Stamps(seconds, (float(whole[0].astype(np.int64)) / 1e6,), None, True)
     cells = [c.strip() for c in cells]
-    if _OTHER_FORM.search(cells[0]):
+    if any(_OTHER_FORM.search(c) for c in (cells[0], cells[-1])):
         cells = [plain(c) for c in cells]
     found = [_CELL.match(c) if c else None for c in cells]
     bad = next((i for i, m in enumerate(found) if m is None or not _holds(m)), None)

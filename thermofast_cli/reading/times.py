@@ -33,6 +33,8 @@ SERIAL_DAYS = (36526.0, 73051.0)
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
+#: Of a date written without signs, 20260131.
+DATE_DIGITS = 8
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
 
@@ -187,9 +189,10 @@ def _values(table: Table, name: str) -> Array:
 def _convert(table: Table, name: str, clock: str | None, options: Options) -> Time:
     column = table.columns[name]
     if isinstance(column, np.ndarray):
-        if clock is None:
+        if clock is None and not (options.time_format and (column % 1.0 == 0.0).all()):
             return _numeric(table, name, column, options)
-        column = [f"{v:08.0f}" for v in column]
+        width = len(datetime(2026, 1, 1).strftime(options.time_format)) if clock is None and options.time_format else DATE_DIGITS
+        column = [f"{v:0{width}.0f}" for v in column]
     cells = column
     if clock is not None:
         second = table.columns[clock]

@@ -34,6 +34,7 @@ _EXACT = {symbol: kind for kind, symbols in QUANTITIES.items() for symbol in sym
 _LOWER = {symbol.lower(): kind for symbol, kind in _EXACT.items() if len(symbol) > 1}
 _MARK = r"(?:°|º|˚|\*|'|�|Â°|deg(?:rees?|\.)?|grad|degr)"
 _MARKED = re.compile(rf"{_MARK}[ _]?(c|k|f|celsius|kelvin|fahrenheit)$", re.IGNORECASE)
+_BEHIND = re.compile(r"(?:o|O)?([cfk])(?:°|º)|o([cf])", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
 _SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s*[x×*]?\s*(.+)$")
 #: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
@@ -67,6 +68,9 @@ def parse_unit(text: str) -> Unit | None:
         return None
     if text in ("C", "K", "F"):
         return Unit(text, "temperature")
+    behind = _BEHIND.fullmatch(text)
+    if behind:
+        return Unit((behind.group(1) or behind.group(2)).upper(), "temperature")
     marked = _MARKED.fullmatch(text) or _WORD.fullmatch(text)
     if marked:
         letter = marked.group(1).lower()

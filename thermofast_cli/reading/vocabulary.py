@@ -23,12 +23,16 @@ AMBIENT = _set(
     "lab labor shop ambiance ambiant ambiante ambiente werkstatt outdoor outside klima surr tsurr otoczenie oat tumg tamb tu "
     "ambient amb room air surroundings surrounding environment env umgebung umg raum raumluft luft hall halle hallen troom "
     "tair 环境 室温 okoli okolí otoczenia omgeving omgivning omgivningen omgivelser ympäristö ortam környezet prostredi prostředí "
-    "окружающая окружающей среда среды воздух помещение raumtemp umgebungstemp"
+    "окружающая окружающей среда среды воздух воздуха помещение помещении окр raumtemp umgebungstemp umgebungsluft hallenluft "
+    "messraum "
+    "prüfraum klimaraum omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
+    "laborraum inf"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
 AMBIENT_STEMS = ("umgebung", "raum", "hallen", "luft", "aussen", "außen")
 INPUTS = _set(
-    "vibration feedrate override drehmoment torque betriebsstunden auslastung zyklus vbat soc level accel acceleration strain "
+    "dehnung weg mass kwh vibration feedrate override drehmoment torque betriebsstunden auslastung zyklus vbat soc level "
+    "accel acceleration strain "
     "summe sum pos axis tool uptime heap relais relay relays pumpe heizung feedback angle winkel conductivity leitwert gas "
     "gps altitude rotation spindel_drehzahl turns travel position stroke debit vitesse couple enthalpy conc concentration "
     "dust noise pm ph orp turbidity irradiance radiation speed rpm load power duty heater voltage current curr coolant fan "
@@ -40,7 +44,8 @@ INPUTS = _set(
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
 #: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.
 WANTED = _set(
-    "tset tsoll tsp preset grenzwert limit limits threshold schwelle führungsgröße offset tolerance uncertainty alarm set "
+    "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
+    "führungsgröße offset tolerance uncertainty alarm set "
     "setpoint setpt sp sv soll sollwert solltemperatur target command cmd"
 )
 REFERENCE = _set(
@@ -50,7 +55,8 @@ REFERENCE = _set(
 COUNTERS = _set("sweep frame place part no nr index idx sample scan record count counter row number id rec anz point")
 #: Words of what is logged beside temperatures and means nothing for them.
 OTHER = _set(
-    "relay program segment loop frame sweep place part free ok valid sign bit bits sum checksum battery_low output index idx "
+    "flags heartbeat relay program segment loop frame sweep place part free ok valid sign bit bits sum checksum battery_low "
+    "output index idx "
     "id serial status state code alarm flag error crc counter cycle cyc step rssi signal lat lon latitude longitude altitude "
     "depth seq sequence quality validity marker mode result table millisecond millitm msec position cell rack shelf test lot "
     "batch tvoc tds type"
@@ -68,7 +74,8 @@ PLACES = _set(
 )
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(
-    "delta std stdev stddev sigma diff difference differenz deviation abweichung gradient rate slope deltat dt spread uncertainty"
+    "rise overtemperature übertemperatur anstieg erwärmung delta std stdev stddev sigma diff difference differenz deviation "
+    "abweichung gradient rate slope deltat dt spread uncertainty"
 )
 #: Marks of a reading, one for each row, whatever else the name says.
 FLAGS = _set("ok valid validity status state error quality flag")
@@ -88,7 +95,7 @@ INPUT_ENDINGS = (
     "stunden",
 )
 #: Parts of words of languages that are written without blanks.
-AMBIENT_PARTS = ("环境", "環境", "室温", "室溫", "室内", "室內", "周囲", "周围", "실내", "주위")
+AMBIENT_PARTS = ("気温", "雰囲気", "T∞", "环境", "環境", "室温", "室溫", "室内", "室內", "周囲", "周围", "실내", "주위")
 INPUT_PARTS = ("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力")
 #: Names that begin so are no temperature though "temp" stands in them.
 NOT_TEMPERATURE = _set("attempts attempt template templates tempo tempus contempt temporary temporal")
@@ -114,7 +121,8 @@ UNITS = _set("unit units einheit")
 
 TIME = _set(
     "time times timestamp timestamps datetime date elapsed clock zeit uhrzeit datum zeitstempel stamp zeitpunkt temps heure "
-    "fecha hora ora orario saat tarih tid tijd čas idő aika время дата tiempo czas 时间 日期 経過時間 時刻 시간 millis uptime"
+    "laufzeit messdauer duración durata zaman fecha hora ora orario saat tarih tid tijd čas idő aika время дата tiempo czas "
+    "时间 日期 経過時間 時刻 시간 millis uptime"
 )
 #: The same in languages that are written without blanks; and a temperature.
 TIME_PARTS = ("时间", "時間", "时刻", "時刻", "日期", "日時", "日付", "시간", "날짜")

@@ -97,6 +97,9 @@ def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[
     InputError: binary, or not in the encoding that the user told.
     """
     notes: list[str] = []
+    if len(tail := data.rstrip(b"\0")) < len(data) - 1 and tail.endswith(b"\n"):  # of UTF-16 the last byte may be one
+        notes.append(f"{len(data) - len(tail)} NUL bytes at the end left out (the logger lost power?)")
+        data = tail
     encoding = told or detect_encoding(data, name)
     if told or encoding.startswith("utf-16") or encoding in BY_WORDS:
         try:

@@ -1,0 +1,118 @@
+"""Files of a third stranger: read wrong without a word before, or refused though a careful reader would know."""
+
+import numpy as np
+import pytest
+
+from tests.test_guesses import FRONT, MINUTES, REAR, N, about, stamps, table, values, written
+from thermofast.errors import InputError
+from thermofast.reading import Options, read_runs
+
+ROOM = ["21.0"] * N
+
+
+@pytest.mark.parametrize("word", ["init", "no sensor", "O/L", "k.A."])
+def test_words_in_the_first_rows_are_no_header(tmp_path, word):
+    cells = [word] * 5 + values(FRONT)[5:], [word] * 5 + values(REAR)[5:]
+    path = written(tmp_path, table("time,front [°C],room [°C]", stamps(), *cells))
+    with pytest.raises(InputError, match=rf"(?s)line 2, column 'front \[°C\]': not a number.*--missing '{word}'"):
+        read_runs(path)
+    run = read_runs(path, Options(missing=(word,)))[0]
+    assert list(run.channels) == ["front [°C]"]
+    assert np.isfinite(run.channels["front [°C]"]).sum() == N - 5
+
+
+def test_the_minus_of_typesetters(tmp_path):
+    cold = [f"{v - 30.0:.2f}".replace("-", "\u2212") for v in FRONT]
+    run = read_runs(written(tmp_path, table("time,front [°C]", stamps(), cold)))[0]
+    assert run.channels["front [°C]"] == pytest.approx(FRONT - 30.0, abs=0.006)
+
+
+@pytest.mark.parametrize(
+    ("head", "names"),
+    [
+        ("# time(min) front(C) room(C)", ["front(C)"]),
+        ("% time_min front room", ["front"]),
+        ("time_min front room\nfloat float float", ["front"]),
+    ],
+)
+def test_names_behind_a_sign_of_a_comment_or_over_a_line_of_types(tmp_path, head, names):
+    run = read_runs(written(tmp_path, table(head, 0.1 * MINUTES, values(FRONT), ROOM, delimiter=" ")))[0]
+    assert list(run.channels) == names
+    assert len(run.ambient) == 1
+    assert run.time_s == pytest.approx(6.0 * MINUTES)
+
+
+def test_a_table_of_markdown(tmp_path):
+    rows = [f"| {t} | {v} |" for t, v in zip(stamps(), values(FRONT), strict=True)]
+    run = read_runs(written(tmp_path, "\n".join(["| time | front °C |", "|---|---:|", *rows])))[0]
+    assert list(run.channels) == ["front °C"]
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("front - room", "inputs"),
+        ("front-room [K]", "inputs"),
+        ("Rise over ambient [K]", "inputs"),
+        ("Übertemperatur Wicklung [K]", "inputs"),
+        ("Temperature rise [K]", "inputs"),
+        ("front-rear [K]", "inputs"),
+        ("Dehnung", "inputs"),
+        ("Börvärde [°C]", "inputs"),
+        ("bearing room side [°C]", "channels"),
+        ("Umgebungsluft [°C]", "ambient"),
+        ("Omgevingstemperatuur", "ambient"),
+        ("Температура воздуха", "ambient"),
+        ("雰囲気温度", "ambient"),
+        ("front [C°]", "channels"),
+        ("front [oC]", "channels"),
+    ],
+)
+def test_what_a_column_is(tmp_path, name, role):
+    run = read_runs(written(tmp_path, table(f"time_min,front [°C],rear [°C],{name}", MINUTES, values(FRONT), values(REAR), ROOM)))[
+        0
+    ]
+    assert list(getattr(run, role))[-1].startswith(name)
+
+
+@pytest.mark.parametrize(
+    ("form", "minutes"),
+    [
+        ("%d.%m.%Y %H.%M.%S", 1),
+        ("%d. %m. %Y %H:%M:%S", 1),
+        ("%Y. %m. %d. %H:%M:%S", 1),
+        ("%d/%m/%Y %I:%M:%S p. m.", 1),
+        ("elapsed 0 %H:%M:%S", 1),
+    ],
+)
+def test_stamps_of_other_countries(tmp_path, form, minutes):
+    cells = stamps("2026-05-13 13:38:00" if "p. m." in form else "2026-05-13 00:00:00", form=form.removeprefix("elapsed "))
+    run = read_runs(written(tmp_path, table("time,front [°C]", cells, values(FRONT))))[0]
+    assert np.array_equal(run.time_s, 60.0 * MINUTES * minutes)
+
+
+def test_elapsed_days_of_net(tmp_path):
+    cells = [(f"{m // 144}." if m >= 144 else "") + f"{m % 144 // 6:02d}:{m % 6}0:00" for m in range(N)]
+    run = read_runs(written(tmp_path, table("Elapsed,front [°C]", cells, values(FRONT))))[0]
+    assert np.array_equal(run.time_s, 600.0 * MINUTES)
+
+
+def test_a_clock_of_numbers_in_the_users_own_format(tmp_path):
+    cells = [int(s) for s in stamps("2026-05-13 08:15:00", form="%H%M%S")]
+    run = read_runs(
+        written(tmp_path, table("hhmmss,front [°C]", cells, values(FRONT))), Options(time="hhmmss", time_format="%H%M%S")
+    )[0]
+    assert np.array_equal(run.time_s, 60.0 * MINUTES)
+
+
+def test_names_with_readings_are_no_clocks(tmp_path):
+    with pytest.raises(InputError, match=r"no row of readings|no time column"):
+        read_runs(written(tmp_path, "\n".join(f"T1:{v},T2:{v}" for v in values(FRONT))))
+
+
+def test_a_block_of_nuls_at_the_end(tmp_path):
+    data = table("time_min,front [°C]", MINUTES, values(FRONT)).encode() + b"\0" * 4096
+    run = read_runs(written(tmp_path, data))[0]
+    assert len(run.time_s) == N
+    assert any("4096 NUL bytes at the end" in n for n in run.notes)
+    assert about(run) == []
