@@ -116,3 +116,46 @@ def test_a_block_of_nuls_at_the_end(tmp_path):
     assert len(run.time_s) == N
     assert any("4096 NUL bytes at the end" in n for n in run.notes)
     assert about(run) == []
+
+
+@pytest.mark.parametrize("start", ["2026-05-13 00:15:00", "2026-05-13 00:00:00"])
+def test_clocks_that_a_spreadsheet_saved_as_minutes_go_on_past_the_hour(tmp_path, start):
+    cells = stamps(start, form="%M:%S.0")
+    (run,) = read_runs(written(tmp_path, table("Time,front [°C],rear [°C]", cells, values(FRONT), values(REAR))))
+    assert np.array_equal(run.time_s, 60.0 * MINUTES)
+    assert about(run) == ["time"]
+
+
+def test_two_runs_of_an_hour_stay_two(tmp_path):
+    cells = [f"{int(m) % 60:02d}:00.0" for m in MINUTES[:120]]
+    twice = [*values(FRONT[:60]), *values(FRONT[:60])]
+    assert len(read_runs(written(tmp_path, table("Time,front [°C]", cells, twice)))) == 2
+
+
+def test_milliseconds_in_a_column_of_their_own(tmp_path):
+    seconds = 0.3 * MINUTES
+    clock = [f"08:{15 + int(s // 60):02d}:{int(s) % 60:02d}" for s in seconds]
+    cells = ["05/13/2026"] * N, clock, [f"{1000 * (s % 1):.0f}" for s in seconds]
+    run = read_runs(written(tmp_path, table("Date,Time,Millitm,front [°C]", *cells, values(FRONT))))[0]
+    assert run.time_s == pytest.approx(seconds)
+    assert list(run.channels) == ["front [°C]"]
+
+
+def test_bad_qualities_the_end_of_a_log_and_codes_of_broken_probes(tmp_path):
+    rows = [(f"{s},{name},{v},{q}") for s, v in zip(stamps(), values(FRONT), strict=True) for name, q in (("a", 192), ("b", 192))]
+    rows[20] = rows[20].rsplit(",", 2)[0] + ",0,0"
+    rows[31] = rows[31].rsplit(",", 2)[0] + ",3276.7,192"
+    rows[41] = rows[41].rsplit(",", 2)[0] + ",-127,192"
+    rows.append(f"{stamps()[-1]},$RT_OFF$,0,192")
+    run = read_runs(written(tmp_path, "\n".join(["time,tag,value,quality", *rows])))[0]
+    assert list(run.channels) == ["a", "b"]
+    assert np.flatnonzero(np.isnan(run.channels["a"])).tolist() == [10]
+    assert np.flatnonzero(np.isnan(run.channels["b"])).tolist() == [15, 20]
+    assert any("1 reading of bad quality left out" in n for n in run.notes)
+
+
+def test_rows_of_nothing_but_delimiters_are_empty(tmp_path):
+    lines = table("time,front [°C],rear [°C]", stamps(), values(FRONT), values(REAR)).splitlines()
+    lines.insert(5, ",,")
+    run = read_runs(written(tmp_path, "\n".join([*lines, ",,", '"",,'])))[0]
+    assert np.array_equal(run.time_s, 60.0 * MINUTES)

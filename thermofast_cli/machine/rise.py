@@ -18,6 +18,8 @@ HORIZON, AFTER = 12.0, 800
 LEAST_RISE = 1e-3
 #: What nothing determines moves no further than this, in search coordinates.
 MOST_DOUBT = 2.0
+#: An effect that grows without end moves a temperature by so much at most [K].
+MOST_MOVED = 1e6
 #: Share of a logged column's range that is a jump.
 JUMP = 0.3
 #: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
@@ -55,13 +57,13 @@ def _of_others(fit: Fit, over: Observations, last: int) -> Array:
         kl = fit.local.shape[1]
         rows = np.concatenate([fit.local[s][None], fit.local[s] + roots[:, :kl]])
         ends = free_run(fit, over, rows, np.concatenate([fit.shared[None], fit.shared + roots[:, kl:]]), s, every)[:, -1]
-        moved = ends[1:] - ends[0]
+        moved = np.clip(np.nan_to_num(ends[1:] - ends[0]), -MOST_MOVED, MOST_MOVED)
         move = moved @ roots / max(float(np.linalg.norm(moved)), 1e-300)
         local = fit.local.copy()
         local[s] += move[:kl]
         other = together(replace(fit, local=local), over, last, every).reading - over.reading
         other[s] = 0.0
-        found.append(other)
+        found.append(np.clip(np.nan_to_num(other), -MOST_MOVED, MOST_MOVED))
     return np.array(found)
 
 

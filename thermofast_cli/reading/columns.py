@@ -45,6 +45,8 @@ HOTTEST = 1000.0
 _BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
 HOTTEST_C = 5000.0
 COLDEST_C = -273.15
+#: What probes and their inputs write where they are broken: DS18B20, and sixteen bits of tenths.
+FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8)
 
 
 @dataclass(frozen=True)
@@ -351,11 +353,10 @@ def _code(column: Array) -> bool:
 
 def _whole(column: Array) -> bool:
     """Whether all numbers of a column are whole; most that are not show it at once."""
-    with np.errstate(invalid="ignore"):
-        for part in (column[:8], column):
-            rest = part % 1.0
-            if ((rest != 0.0) & np.isfinite(part)).any():
-                return False
+    for part in (column[:8], column):
+        good = part[np.isfinite(part)]
+        if (np.floor(good) != good).any():
+            return False
     return True
 
 
@@ -403,9 +404,9 @@ def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str
 
 
 def without_impossible(values: Array) -> tuple[Array, int]:
-    """Overload values (9.9E+37) and temperatures below absolute zero become nan; and how many there were."""
+    """Overload values (9.9E+37), codes of broken probes and what is below absolute zero become nan; and how many there were."""
     with np.errstate(invalid="ignore"):
-        bad = (values <= COLDEST_C) | (values > HOTTEST_C)
+        bad = (values <= COLDEST_C) | (values > HOTTEST_C) | np.isin(values, FAULTS_C)
     if not bad.any():
         return values, 0
     return np.where(bad, np.nan, values), int(bad.sum())

@@ -14,6 +14,9 @@ from .units import parse_unit, to_celsius
 from .vocabulary import READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 
 MOST_LABELS = 5000
+#: OPC's codes of quality: good from, bad below.
+GOOD, BAD_BELOW = 192.0, 64.0
+QUALITIES = frozenset(["quality", "qualität", "statuscode"])
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,8 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
         raise UsageError(f"{table.name}: --long: {layout.value!r} holds no numbers", allowed="a column of readings")
     words_of: dict[str, list[str] | None] = {n: _label_cells(n, table.columns[n]) for n in layout.labels}
     labels = np.array(_joined(words_of, layout.labels))
-    names = list(dict.fromkeys(labels.tolist()))
+    names = [n for n in dict.fromkeys(labels.tolist()) if not n.startswith("$RT_")]  # WinCC tells that its log ended
+    value, bad = _good_only(table, value)
     if len(names) > MOST_LABELS:
         raise UsageError(
             f"{table.name}: {len(names)} sensors in {' and '.join(layout.labels)}",
@@ -193,6 +197,7 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
         if own is not None and own.temperature:
             columns[label], units[label] = to_celsius(column, own.symbol), "°C"
     note = f"long table: {len(names)} columns from {' and '.join(layout.labels)} and {layout.value}"
+    note += f"; {bad} reading{'s' if bad > 1 else ''} of bad quality left out" if bad else ""
     guesses = (*table.guesses, *([layout.guess] if layout.guess else []))
     return replace(
         table,
@@ -204,6 +209,18 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
         faults={},
         header=True,
     )
+
+
+def _good_only(table: Table, value: Array) -> tuple[Array, int]:
+    """Readings with nan where a column of OPC's quality codes (192 is good, below 64 is bad) says so, and how many those are."""
+    for n in table.names:
+        code = table.columns[n]
+        if not set(words(n)) & QUALITIES or not isinstance(code, np.ndarray) or not np.isfinite(code).all():
+            continue
+        if code.min() >= 0.0 and GOOD <= code.max() <= 255.0 and (code % 1.0 == 0.0).all():
+            bad = code < BAD_BELOW
+            return np.where(bad, np.nan, value), int(bad.sum())
+    return value, 0
 
 
 def _label_cells(name: str, column: Array | list[str]) -> list[str]:

@@ -58,6 +58,9 @@ def in_order(
     if starts:
         time, changed = clock_change(time, starts)
         guesses += [changed] if changed else []
+    full, wrapped = unwrapped(time)
+    if wrapped and not dated and _goes_on(columns, np.flatnonzero(np.diff(time) < 0)):
+        time, guesses = full, [*guesses, wrapped]
     begins = restarts(time)
     if not begins and not (np.diff(time) <= 0).all():
         time, wrapped = unwrapped(time)
@@ -192,6 +195,17 @@ def earlier_stretches(time: Array) -> list[int]:
         return []
     parts = [time[a:b] for a, b in pairwise(edges)]
     return back.tolist() if all(float(after.max()) <= float(before.min()) for before, after in pairwise(parts)) else []
+
+
+def _goes_on(columns: dict[str, Array], back: NDArray[np.intp]) -> bool:
+    """Whether the readings go on where the clock falls back: a second run would begin anew, cold."""
+    with np.errstate(invalid="ignore"):
+        for c in columns.values():
+            step, span = np.abs(np.diff(c)), np.ptp(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0
+            usual = float(np.median(step[np.isfinite(step)])) if np.isfinite(step).any() else 0.0
+            if (step[back] > max(5.0 * usual, 0.05 * span)).any():
+                return False
+    return True
 
 
 def unwrapped(time: Array) -> tuple[Array, Guess | None]:

@@ -33,6 +33,8 @@ SERIAL_DAYS = (36526.0, 73051.0)
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
+#: Words of a column that tells parts of the second of a stamp.
+MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
 #: Of a date written without signs, 20260131.
 DATE_DIGITS = 8
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
@@ -207,8 +209,22 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
     label = f"{name} {clock}" if clock else name
     stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.lines, label, options.time_format)
     used = frozenset({name} | ({clock} if clock else set()) | ({halves} if halves else set()))
+    fine = _milliseconds(table, stamps.seconds)
+    if fine is not None:
+        seconds = stamps.seconds + 1e-3 * (table.columns[fine] - table.columns[fine][0])  # type: ignore[operator]
+        stamps, used = replace(stamps, seconds=seconds), used | {fine}
     note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
     return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated, "stamp")
+
+
+def _milliseconds(table: Table, seconds: Array) -> str | None:
+    """A column of milliseconds beside stamps of whole seconds."""
+    for n, column in table.columns.items():
+        if not isinstance(column, np.ndarray) or not set(words(n)) & MILLISECONDS or (seconds % 1.0 != 0.0).any():
+            continue
+        if column.size and column.min() >= 0.0 and column.max() < 1000.0 and (column % 1.0 == 0.0).all():
+            return n
+    return None
 
 
 def _halves_of_day(table: Table) -> str | None:

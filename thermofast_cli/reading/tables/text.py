@@ -57,6 +57,8 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if dialect.delimiter == " ":
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
         body = re.sub(rb"[ \t]+", b"\t", body)
+    if dialect.delimiter != " ":  # rows of nothing but delimiters, as sheets have them, are empty
+        body = re.sub(rb"(?m)^[" + dialect.delimiter.encode() + rb' "]+(?=\r?$)', b"", body)
     guesses: list[Guess] = []
     body, cut = _without_cut_end(body, dialect)
     body, footer = _without_footer(body, head, dialect)
