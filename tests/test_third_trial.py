@@ -1,8 +1,11 @@
 """Files of a third stranger: read wrong without a word before, or refused though a careful reader would know."""
 
+import re
+
 import numpy as np
 import pytest
 
+import thermofast as tf
 from tests.test_guesses import FRONT, MINUTES, REAR, N, about, stamps, table, values, written
 from thermofast.errors import InputError
 from thermofast.reading import Options, read_runs
@@ -159,3 +162,18 @@ def test_rows_of_nothing_but_delimiters_are_empty(tmp_path):
     lines.insert(5, ",,")
     run = read_runs(written(tmp_path, "\n".join([*lines, ",,", '"",,'])))[0]
     assert np.array_equal(run.time_s, 60.0 * MINUTES)
+
+
+def test_the_swings_of_a_load_are_no_outliers():
+    minutes, fine = 0.5 * np.arange(121), 0.01
+    fast, slow, read = 0.0, 0.0, []
+    for k in range(6001):
+        if k % 50 == 0:
+            read.append(20.0 + fast + slow)
+        load = 1.0 if (k * fine) % 10.0 < 6.0 else 0.0
+        fast, slow = fast + fine * (8.0 * load - fast) / 5.0, slow + fine * (12.0 * load - slow) / 60.0
+    noisy = np.array(read) + 0.03 * np.random.default_rng(7).standard_normal(121)
+    record = tf.identify(tf.read({"time_min": minutes, "A [°C]": noisy, "B [°C]": 0.8 * noisy + 4.0}), jobs=1).records[0]
+    assert record.status != "ok"
+    left_out = re.search(r"(\d+) outliers left out of 121 readings: too many", record.message or "")
+    assert record.status == "not_determined" or (left_out and int(left_out[1]) > 12)

@@ -66,7 +66,8 @@ def claimed_verdicts(
     out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
     faded = found.faded & ~claimed.other_rise
     undetermined = ~bounded | too_wide
-    doubted = unfit | strong | hides
+    swings = _too_many(out, found)
+    doubted = unfit | strong | hides | swings
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(undetermined | doubted | faded | (out > 0)).tolist():
@@ -87,7 +88,7 @@ def claimed_verdicts(
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:
-            said.append(f"{out[i]} outlier{'s' if out[i] > 1 else ''} left out")
+            said.append(_left_out(int(out[i]), found))
         messages[i] = said
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
@@ -106,12 +107,13 @@ def law_verdicts(
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
     out = (found.weights == 0.0).sum(axis=1)
+    doubted = doubted | _too_many(out, found)
     status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
         said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
         if out[i]:
-            said.append(f"{out[i]} outlier{'s' if out[i] > 1 else ''} left out")
+            said.append(_left_out(int(out[i]), found))
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
@@ -122,6 +124,20 @@ def law_verdicts(
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
         messages[i] = [words(size, until), *messages.get(i, [])]
     return status, messages
+
+
+def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
+    """Whether so many readings (S,) were left out that they are no outliers."""
+    many: NDArray[np.bool_] = out >= max(RULES.outlying * found.weights.shape[1], RULES.fewest_outside)
+    return many
+
+
+def _left_out(out: int, found: Estimates) -> str:
+    said = f"{out} outlier{'s' if out > 1 else ''} left out"
+    if out >= max(RULES.outlying * found.weights.shape[1], RULES.fewest_outside):
+        total = found.weights.shape[1]
+        said += f" of {total} readings: too many for a probe; a load that swings looks so, see thermofast diagnose"
+    return said
 
 
 def _open_side(estimate: Estimate) -> str:
