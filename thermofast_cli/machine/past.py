@@ -153,7 +153,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
-    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min)
+    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, other_modes=task.drive is not None)
     uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
     return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))

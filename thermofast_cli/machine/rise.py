@@ -20,13 +20,17 @@ LEAST_RISE = 1e-3
 MOST_DOUBT = 2.0
 #: An effect that grows without end moves a temperature by so much at most [K].
 MOST_MOVED = 1e6
+#: A body with a faster or slower part follows a drive at these log rates beside its own, of which each takes such a share (1 sd).
+DRIVEN_MODES, MODE_SHARE = np.log([0.2, 0.45, 2.0, 5.0, 12.0]), 0.08
 #: Share of a logged column's range that is a jump.
 JUMP = 0.3
 #: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
 ROUNDS, AT_REST = 400, 1e-6
 
 
-def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES, until_min: float | None = None) -> dict[str, Rise]:
+def rises_of(
+    fit: Fit, whole: Observations, nodes: Array = NODES, until_min: float | None = None, other_modes: bool = False
+) -> dict[str, Rise]:
     """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
 
     Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
@@ -42,7 +46,8 @@ def rises_of(fit: Fit, whole: Observations, nodes: Array = NODES, until_min: flo
     told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, until_min * (1.0 + 1e-12) + 1e-9, "right"))
     held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
     of_others = _of_others(fit, seen, last)
-    return {channel: _rise(fit, i, seen, held, of_others[:, i], nodes) for i, channel in enumerate(fit.run.channels)}
+    modes = DRIVEN_MODES if other_modes else np.zeros(0)
+    return {channel: _rise(fit, i, seen, held, of_others[:, i], nodes, modes) for i, channel in enumerate(fit.run.channels)}
 
 
 def _of_others(fit: Fit, over: Observations, last: int) -> Array:
@@ -67,7 +72,7 @@ def _of_others(fit: Fit, over: Observations, last: int) -> Array:
     return np.array(found)
 
 
-def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: Array, about: Array) -> Rise:
+def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: Array, about: Array, modes: Array) -> Rise:
     level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
     log_rate = float(np.log(fit.values[RATE][i]))
     rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
@@ -88,6 +93,9 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
     whole = kept[:nodes] - kept[:nodes, :1]
     whole = np.where(np.abs(whole[:, -1:]) > LEAST_RISE, whole / np.where(whole[:, -1:] == 0.0, 1.0, whole[:, -1:]), of_end)
     wrong = [np.interp(over[middle], time, c / rise) for c in (*(curves[2 * nodes :] - curves[middle]), *of_others)]
+    wrong += [
+        MODE_SHARE * np.interp(over[middle], time, u - unit[middle]) for u in _driven(fit, i, seen, log_rate + modes, start, rise)
+    ]
 
     def on_grid(lines: Array) -> Array:
         return np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, lines, strict=True)])
@@ -103,6 +111,17 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
         float(kept[nodes + middle, -1] - start),
         about,
     )
+
+
+def _driven(fit: Fit, i: int, seen: Observations, log_rates: Array, start: float, rise: float) -> Array:
+    """What the heat alone does (F, N) to a sensor that follows at other rates, over its rise."""
+    count = len(log_rates)
+    rows = np.tile(fit.local[i], (2 * count, 1))
+    rows[:, fit.model.column(RATE)] = np.tile(log_rates, 2)
+    rows[:count, fit.model.column(LEVEL)], rows[count:, fit.model.column(LEVEL)] = start + rise, start
+    curves = free_run(fit, seen, rows, np.tile(fit.shared, (2 * count, 1)), i, range(len(fit.model.parts)))
+    found: Array = (curves[:count] - curves[count:]) / rise
+    return found
 
 
 def slowest(fit: Fit, sensor: int) -> float:
