@@ -126,13 +126,18 @@ def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list
     if not named:
         return "the search names no effect in any run", [base]
     stages, said = [base], []
-    for name, (effect, count) in sorted(named.items(), key=lambda item: -item[1][1]):
+    why = {name: (effect, f"{name} named in {count} of {len(runs)} runs") for name, (effect, count) in named.items()}
+    order = [why[name] for name in sorted(named, key=lambda name: -named[name][1])]
+    # A room that is logged needs no right to be named: the runs left out say whether it is at work.
+    rooms = chosen_effects((), runs[0].task.extra) if all(run.prepared.whole.ambient for run in runs) else ()
+    order = [(e, f"{e.id} is logged") for e in rooms if e.follows_ambient and e.id not in named] + order
+    for effect, told in order:
         more = _with(runs, stages[-1], effect)
         if more is not None and _error(more) < WORTH * _error(stages[-1]):
             stages.append(more)
-            said.append(f"{name} named in {count} of {len(runs)} runs, and runs left out are foretold better with it")
-        else:
-            said.append(f"{name} named in {count} of {len(runs)} runs, but runs left out are foretold no better with it")
+            said.append(f"{told}, and runs left out are foretold better with it")
+        elif effect.id in named:
+            said.append(f"{told}, but runs left out are foretold no better with it")
     return "; ".join(said), stages
 
 

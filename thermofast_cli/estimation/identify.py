@@ -314,7 +314,9 @@ class _Block:
             if i in broken:
                 records.append(replace(self._diverged(i, broken[i]).record, until_min=until))
                 continue
-            message = _joined([*messages.get(i, ()), *sensors.notes[i], self.notes[row]])
+            let_go = claimed is not None and bool(claimed.let_go[i])
+            about = [n for n in self.notes[row].split("; ") if not (let_go and n.startswith("with "))]
+            message = _joined([*messages.get(i, ()), *sensors.notes[i], *about])
             told: dict[str, Any] = dict(zip(numbers, values, strict=True))
             if tripped is not None and self.criterion is not None:
                 told["criterion"] = self.criterion.text

@@ -72,6 +72,7 @@ def unit_of(name: str, unit_cell: str = "") -> str | None:
 
 @lru_cache(maxsize=1 << 16)
 def is_time_name(name: str) -> bool:
+    """Whether a column is called after time."""
     whole = re.sub(r"[\[(/,].*", "", name).strip()
     told = words(name)
     if any(w in ("temp", "temperature", "temperatur") for w in told):

@@ -69,10 +69,12 @@ def read_all(
     sources = choose_sources(runs)
     check_targets([*targets, *more_outputs()], sources)
     if not sources:
+        context = click.get_current_context(silent=True)
+        command = context.info_name if context is not None else "identify"
         raise UsageError(
             "no RUN given",
             allowed="files, - for standard input, a pipe, or runs = [...] in thermofast.toml",
-            do="as in: thermofast identify run.csv",
+            do=f"as in: thermofast {command} {'before.csv --new after.csv' if command == 'changed' else 'run.csv'}",
         )
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))

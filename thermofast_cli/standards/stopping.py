@@ -105,7 +105,8 @@ def asked_ahead(criterion: Criterion, time: Array, level: Array, steady: Array, 
         to_go = np.maximum(np.abs(steady[:, 0] - level), np.abs(steady[:, 2] - level))
         wait = np.log(np.maximum(to_go * grown / criterion.change_k, 1.0)) / slow
     far = criterion.length_min + float(np.nanmax(np.nan_to_num(wait, nan=0.0, posinf=FARTHEST * span), initial=0.0))
-    end = last + min(1.2 * far, max(FARTHEST * span, 2.0 * criterion.length_min))
+    # Rounded: what else is asked for moves the last digits of what is foretold, and with them which curves are drawn.
+    end = last + float(f"{min(1.2 * far, max(FARTHEST * span, 2.0 * criterion.length_min)):.4g}")
     ahead = last + (end - last) * np.linspace(0.0, 1.0, AHEAD) ** 2
     return np.unique(np.concatenate([np.linspace(back, last, BACK), ahead]))
 
