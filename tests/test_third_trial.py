@@ -177,3 +177,19 @@ def test_the_swings_of_a_load_are_no_outliers():
     assert record.status != "ok"
     left_out = re.search(r"(\d+) outliers left out of 121 readings: too many", record.message or "")
     assert record.status == "not_determined" or (left_out and int(left_out[1]) > 12)
+
+
+@pytest.mark.parametrize(
+    ("line", "header", "scale"),
+    [
+        ("Units: °F", "time,front,room", 1.8),
+        ("Temperature Unit;degF;", "time,front,room", 1.8),
+        ("Units: °F", "time,front [°C],room [°C]", 1.0),  # what stands at the readings counts
+        ("Unit: 12", "time,front,room", 1.0),
+    ],
+)
+def test_a_unit_above_the_names(tmp_path, line, header, scale):
+    cells = [[f"{scale * v + (32.0 if scale > 1.0 else 0.0):.3f}" for v in column] for column in (FRONT, np.full(N, 21.0))]
+    run = read_runs(written(tmp_path, f"Logger 7\n{line}\n\n" + table(header, stamps(), *cells)))[0]
+    assert next(iter(run.channels.values())) == pytest.approx(FRONT, abs=0.002)
+    assert next(iter(run.ambient.values())) == pytest.approx(21.0, abs=0.002)

@@ -238,6 +238,10 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     for n in (*roles.sensors, *roles.ambient, *roles.inputs):
         if n in table.faults:
             raise table.faults[n]
+    own = [u for n in roles.sensors if (u := sign_of(n, units.get(n, "")).unit) is not None and u.temperature]
+    if table.unit_above and not options.units and not own:
+        options = replace(options, units=(table.unit_above,))
+        notes.append(f"temperatures in {table.unit_above}, as a line above the names says")
     used = (*roles.sensors, *roles.ambient, *roles.inputs, *roles.displacements)
     degrees, channel_notes = Temperatures(table, units, options, (*roles.sensors, *roles.ambient)), {}
     columns = {n: numbers[n] for n in used}

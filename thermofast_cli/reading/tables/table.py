@@ -38,6 +38,8 @@ class Table:
     header: bool = True
     #: How a text file is laid out.
     dialect: "Dialect | None" = None
+    #: C, K or F where a line above the names says the unit of all.
+    unit_above: str = ""
 
 
 def to_floats(column: pa.ChunkedArray) -> Array:

@@ -21,6 +21,7 @@ from .vendors import joined_segments, plain_scope
 
 SAMPLE_BYTES = 1 << 18
 LINE_END = re.compile(r"\r\n|\n|\r")
+_UNIT_ABOVE = re.compile(r"(?i)\W*(?:temperature |temp\.? )?(?:units?|einheit)\W+?([^\s;,\"]+(?: [cfk])?)[\"\s;,]*$")
 #: Share of a column's cells that must be numbers for it to be one of numbers.
 MOSTLY = 0.5
 
@@ -77,7 +78,16 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     columns, faults, carried, at, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
-    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), dialect.header_line is not None, dialect)
+    above = _unit_above(head[: dialect.header_line or 0])
+    named = dialect.header_line is not None
+    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, above)
+
+
+def _unit_above(lines: list[str]) -> str:
+    """The unit of temperature, C, K or F, that a line above the names says of all of them; empty where none or several do."""
+    told = (_UNIT_ABOVE.match(line) for line in lines)
+    units = {unit.symbol for m in told if m and (unit := parse_unit(m[1])) is not None and unit.temperature}
+    return units.pop() if len(units) == 1 else ""
 
 
 def _without_last(data: bytes, count: int) -> bytes:
