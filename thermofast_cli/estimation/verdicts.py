@@ -88,7 +88,7 @@ def claimed_verdicts(
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:
-            said.append(_left_out(int(out[i]), found))
+            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i])))
         messages[i] = said
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
@@ -107,13 +107,14 @@ def law_verdicts(
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
     out = (found.weights == 0.0).sum(axis=1)
-    doubted = doubted | _too_many(out, found)
+    swings = _too_many(out, found)
+    doubted = doubted | swings
     status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
         said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
         if out[i]:
-            said.append(_left_out(int(out[i]), found))
+            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i])))
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
@@ -132,10 +133,9 @@ def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
     return many
 
 
-def _left_out(out: int, found: Estimates) -> str:
+def _left_out(out: int, total: int, too_many: bool) -> str:
     said = f"{out} outlier{'s' if out > 1 else ''} left out"
-    if out >= max(RULES.outlying * found.weights.shape[1], RULES.fewest_outside):
-        total = found.weights.shape[1]
+    if too_many:
         said += f" of {total} readings: too many for a probe; a load that swings looks so, see thermofast diagnose"
     return said
 

@@ -21,7 +21,7 @@ MOST_DOUBT = 2.0
 #: An effect that grows without end moves a temperature by so much at most [K].
 MOST_MOVED = 1e6
 #: A body with a faster or slower part follows a drive at these log rates beside its own, of which each takes such a share (1 sd).
-DRIVEN_MODES, MODE_SHARE = np.log([0.2, 0.45, 2.0, 5.0, 12.0]), 0.08
+DRIVEN_MODES, MODE_SHARE = np.log([0.2, 0.45, 2.0, 5.0, 12.0]), 0.03
 #: Share of a logged column's range that is a jump.
 JUMP = 0.3
 #: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.

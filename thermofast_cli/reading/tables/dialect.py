@@ -63,7 +63,7 @@ _KINDS = frozenset(
         "timestamp",
         "date",
         "bool",
-        "dateTime:RFC3339".lower(),
+        "datetime:rfc3339",
     ]
 )
 _RULE = re.compile(r":?-{2,}:?$")
