@@ -10,7 +10,10 @@ import numpy as np
 
 from .core import kernel
 from .core.kernel import Array
-from .observations import Observations
+from .observations import Observations, read_only
+
+#: Hidden masses of one row, as the compiled core has room for (``core/_forward.pyx``).
+MOST_HIDDEN = 16
 
 
 @dataclass(slots=True)
@@ -41,7 +44,7 @@ class Drive:
     def plain(cls, run: Observations, sensor: Any, sink_c: Array) -> "Drive":
         """The base model: heat = loss = g = 1, constant surroundings, no links, a perfect probe."""
         zero = np.zeros((len(sensor), 1))
-        one = np.ones((1, len(run.time)))
+        one = read_only(np.ones((1, len(run.time))))
         heat = one if run.heat is None else run.heat[None, :]
         return cls(sensor, sink_c, heat, one, sink_c + 0.0 * one, 0.0 * one, zero, zero.copy(), zero.copy())
 

@@ -11,6 +11,13 @@ from numpy.typing import NDArray
 from .core.kernel import Array
 
 
+def read_only(array: Array) -> Array:
+    """The same numbers (no copy), which nobody can change in place: many share them, and some who read them are foreign code."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 @dataclass(frozen=True)
 class Observations:
     """time (N,) [min]; reading (S, N) [degC], nan for none; weight (S, N), how many readings each is the mean of, 0 leaves it out.
@@ -37,6 +44,17 @@ class Observations:
     logged: NDArray[np.bool_] | None = None
     driven: Array | None = None
 
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                self.__dict__[name] = read_only(value)
+            elif isinstance(value, dict):
+                self.__dict__[name] = {column: read_only(np.asarray(array)) for column, array in value.items()}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        self.__dict__.update(state)
+        self.__post_init__()  # what comes from another process can be written to
+
     @property
     def sensors(self) -> int:
         return len(self.channels)
@@ -56,21 +74,23 @@ class Observations:
         """Middle of the interval that ends at each reading (N,) [min]: the time to take for heat and loss."""
         middle = self.time.copy()
         middle[1:] -= 0.5 * np.diff(self.time)
-        return middle
+        return read_only(middle)
 
     @cached_property
     def used(self) -> NDArray[np.bool_]:
-        return self.weight > 0.0
+        used = self.weight > 0.0
+        used.setflags(write=False)
+        return used
 
     @cached_property
     def known(self) -> Array:
         """Readings (S, N) [degC] with 0 in holes, which carry no weight."""
-        return np.nan_to_num(self.reading)
+        return read_only(np.nan_to_num(self.reading))
 
     @cached_property
     def least_noise(self) -> Array:
         """Standard deviation (S,) [K] of one reading, no less than the logger's rounding leaves."""
-        return np.asarray(np.maximum(self.noise, self.resolution / np.sqrt(12.0)))
+        return read_only(np.asarray(np.maximum(self.noise, self.resolution / np.sqrt(12.0))))
 
     @cached_property
     def filled(self) -> Array:
@@ -80,7 +100,7 @@ class Observations:
             bad = ~np.isfinite(row)
             if bad.any() and not bad.all():
                 row[bad] = np.interp(self.time[bad], self.time[~bad], row[~bad])
-        return whole
+        return read_only(whole)
 
     @cached_property
     def sink_c(self) -> float | None:
@@ -122,7 +142,7 @@ class Observations:
     @cached_property
     def _length(self) -> Array:
         """Length of the interval that ends at each reading (N,) [min]."""
-        return np.concatenate([[self.step], np.diff(self.time)])
+        return read_only(np.concatenate([[self.step], np.diff(self.time)]))
 
     def until(self, minutes: float | None) -> "Observations":
         """The same grid with the readings after `minutes` left out."""

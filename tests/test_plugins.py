@@ -84,7 +84,7 @@ def test_the_check_of_an_effect_says_what_to_write_instead(change, words, tmp_pa
 def test_a_step_written_with_the_share_of_the_interval_is_accepted(tmp_path, tool):
     path = tmp_path / "mine.py"
     path.write_text(
-        EFFECT.replace("np.clip((run.middle - p.begin) / p.length, 0.0, 1.0)", "run.after(p.begin) * (1.0 + 0.0 * p.length)")
+        EFFECT.replace("np.clip((run.middle - p.begin) / p.length, 0.0, 1.0)", "run.after(p.begin) * (1.0 + 0.01 * p.length)")
     )
     assert tool("effects", "--effect", path).code == 0
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from .errors import InputError
+from .errors import InputError, UsageError
 from .given import Source, Start, in_range, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
 from .reading_options import names, options_from
@@ -165,9 +165,13 @@ def plan(
     from .machine.lab import read_imperfection
     from .pipeline.around import design_like, plan_design
 
-    wishes = (tolerance,) if isinstance(tolerance, int | float) else tuple(tolerance)
+    wishes = tuple(tolerance) if isinstance(tolerance, Sequence) and not isinstance(tolerance, str) else (tolerance,)
+    for wish in wishes:
+        in_range(tolerance=wish)
     prior, learnt = read_imperfection(imperfection), model_of(model)
-    base, replayed = design_like(started_of(like, "auto", True, {})[0], prior) if like is not None else (None, None)
+    if like is not None and not (runs := started_of(like, "auto", True, {})):
+        raise UsageError("like: no run", found=repr(like), allowed="one run")
+    base, replayed = design_like(runs[0], prior) if like is not None else (None, None)
     known = replayed if learnt is None else None
     return plan_design(dict(design), wishes, prior, base, work_of(1, None, progress), known, learnt)
 
@@ -199,6 +203,8 @@ def watch(
     from .machine.lab import read_imperfection
     from .pipeline.methods import choose
     from .pipeline.watching import speed_of, watch_run
+
+    in_range(tolerance=tolerance, poll=poll, give_up=give_up)
 
     def tell(look: "Look | None", _notes: tuple[str, ...]) -> None:
         if told is not None and look is not None:
@@ -243,6 +249,7 @@ def sweep(
     from .pipeline.methods import choose, minutes_of, stopping_rule
     from .pipeline.sensors import default_times, from_rise, sweep_runs
 
+    in_range(tolerance=tolerance)
     learnt, spans = model_of(model), minutes_of(windows, "windows")
     method = choose(filter, preset, setting_texts(filter, settings), read_imperfection(imperfection), rates)
     grid = minutes_of(times, "times") if times is not None else default_times(spans)
@@ -258,7 +265,7 @@ def compare(
     effects: str | Iterable[str] = (),
     model: "Model | str | Path | None" = None,
     drive: str | None = None,
-    extra: Iterable[str] = (),
+    extra: str | Iterable[str] = (),
     input_range: Mapping[str, float] | None = None,
     unknown_heat: bool = False,
     denoise: bool = False,
@@ -280,6 +287,7 @@ def compare(
     """
     from .pipeline.loop import compare_runs
 
+    in_range(until=until)
     started = started_of(runs, start, False, reading)
     return compare_runs(
         started,
@@ -290,7 +298,7 @@ def compare(
         unknown_heat,
         denoise,
         until_min=until,
-        extra=tuple(extra),
+        extra=names(extra),
         drive=drive,
         model=model_of(model),
     )
@@ -303,7 +311,7 @@ def diagnose(
     effects: str | Iterable[str] = (),
     model: "Model | str | Path | None" = None,
     drive: str | None = None,
-    extra: Iterable[str] = (),
+    extra: str | Iterable[str] = (),
     false_alarm: float = 0.01,
     together: bool = False,
     next_experiment: bool = False,
@@ -323,13 +331,14 @@ def diagnose(
     """
     from .pipeline.loop import diagnose_runs
 
+    in_range(until=until, false_alarm=false_alarm)
     return diagnose_runs(
         started_of(runs, start, False, reading),
         names(effects),
         work_of(jobs, executor, progress),
         together,
         until_min=until,
-        extra=tuple(extra),
+        extra=names(extra),
         drive=drive,
         model=model_of(model),
         false_alarm=false_alarm,
@@ -355,6 +364,7 @@ def write_effect(
     """
     from .pipeline.loop import write_effect_of
 
+    in_range(until=until)
     return write_effect_of(started_of(run, start, False, reading), str(path), until_min=until, drive=drive, model=model_of(model))
 
 
@@ -366,7 +376,7 @@ def improve(
     auto: bool = False,
     together: bool = False,
     drive: str | None = None,
-    extra: Iterable[str] = (),
+    extra: str | Iterable[str] = (),
     false_alarm: float = 0.01,
     start: Start = "auto",
     jobs: int | None = 1,
@@ -382,6 +392,7 @@ def improve(
     """
     from .pipeline.loop import improve_runs
 
+    in_range(until=until, false_alarm=false_alarm)
     started = started_of(runs, start, False, reading)
     return improve_runs(
         started,
@@ -390,7 +401,7 @@ def improve(
         work_of(jobs, executor, progress),
         together,
         until_min=until,
-        extra=tuple(extra),
+        extra=names(extra),
         drive=drive,
         false_alarm=false_alarm,
     )
@@ -414,8 +425,10 @@ def simulate(
 
     Raises
     ------
-    UsageError: an unknown effect, or more readings than memory should hold.
+    UsageError: an unknown effect, a number out of its range, or more readings than memory should hold.
     """
     from .pipeline.around import simulate_record
 
+    in_range(seed=seed, sensors=sensors, duration=duration, interval=interval, ambient=ambient, rise=rise)
+    in_range(t95=t95, noise=noise, step=step)
     return simulate_record(names(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling)

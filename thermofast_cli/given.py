@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from .errors import UsageError
+from .plugins.files import is_file
+from .plugins.filters import load_filter
 from .reading import Run, read_runs
 from .reading_options import options_from
 from .workers.engine import Started, Work, with_start
@@ -30,6 +32,8 @@ def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str
     """Runs with their starts [min]; those that are read already stay as they are."""
     if runs is NOTHING:
         return []
+    if start != "auto":
+        in_range(start=start)
     several = runs if isinstance(runs, list | tuple) else [runs]
     found: list[Run] = []
     for one in several:
@@ -61,6 +65,10 @@ def work_of(jobs: int | None, executor: Executor | None, progress: Callable[[int
         raise UsageError(
             "jobs: not a number of processes", found=repr(jobs), allowed="a whole number above zero, or None for all cores"
         )
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise UsageError(
+            "executor: nothing that work can be given to", found=repr(executor), allowed="a concurrent.futures.Executor"
+        )
     return Work(jobs, executor, progress or (lambda _steps: None))
 
 
@@ -70,7 +78,9 @@ def keeps_details(details: bool | None, started: Sequence[Started]) -> bool:
 
 
 def setting_texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, ...]:
-    """Settings of a filter as the command line has them."""
+    """Settings of a filter as the command line has them; one in a file is called by the name that it gives itself."""
+    if settings and isinstance(name, str) and is_file(name):
+        name = load_filter(name).name
     return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
 
 
@@ -91,10 +101,28 @@ RANGES = {
     "room": (-100.0, 500.0),
     "limit": (-100.0, 5000.0),
     "switch_off_at": (-1e7, 1e7),
+    "start": (-1e7, 1e7),
+    "false_alarm": (1e-300, 0.5),
+    "tolerance": (1e-9, 1e7),
+    "poll": (0.05, 3600.0),
+    "give_up": (1e-9, 1e9),
+    "duration": (1e-9, 1e9),
+    "interval": (1e-9, 1e9),
+    "ambient": (-100.0, 500.0),
+    "rise": (1e-9, 1e7),
+    "t95": (1e-9, 1e9),
+    "noise": (0.0, 1e7),
+    "step": (0.0, 1e7),
+    "seed": (0, 2**63),
+    "sensors": (1, 100_000),
+    "offset": (0.0, 1e7),
+    "jitter": (0.0, 1e7),
 }
+#: Those of them that count.
+WHOLE = frozenset({"seed", "sensors"})
 
 
-def in_range(**numbers: float | None) -> list[float | None]:
+def in_range(ranges: Mapping[str, tuple[float, float]] = RANGES, /, **numbers: float | None) -> list[float | None]:
     """The numbers as they are; None stays.
 
     Raises
@@ -102,8 +130,10 @@ def in_range(**numbers: float | None) -> list[float | None]:
     UsageError: one is no number, or outside what the command's option takes.
     """
     for name, value in numbers.items():
-        low, high = RANGES[name]
-        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        low, high = ranges[name]
+        kinds = (int, np.integer) if name in WHOLE else (int, float, np.number)
+        number = isinstance(value, kinds) and not isinstance(value, bool)
         if value is not None and not (number and low <= float(value) <= high):
-            raise UsageError(f"{name}: not a number in its range", found=repr(value), allowed=f"{low:g} to {high:g}")
+            whole = "a whole number, " if name in WHOLE else ""
+            raise UsageError(f"{name}: not a number in its range", found=repr(value), allowed=f"{whole}{low:g} to {high:g}")
     return list(numbers.values())

@@ -24,6 +24,7 @@ def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **
     """
     from .pipeline.around import bench_runs
 
+    in_range(until=until)
     return bench_runs(started_of(runs, start, True, reading), until)
 
 
@@ -57,10 +58,17 @@ def sensitivity(
     for key in sizes or {}:
         if key not in known:
             raise UsageError(f"unknown size {key!r}", allowed=", ".join(known))
+    spreads = dict.fromkeys(known, (0.0, 10000000.0))
+    in_range(spreads, **(sizes or {}))
+    in_range(until=until)
     even = names(uniform)
     if wrong := [name for name in even if name not in BOUNDS]:
         raise UsageError(f"uniform: {wrong[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
     learnt = model_of(model)
+    if learnt is not None and (filter != "afukf" or settings):
+        raise UsageError(
+            "a model foretells by itself", found=f"filter {filter!r} beside it", do="leave out the filter, or the model"
+        )
     method = choose(filter, None, setting_texts(filter, settings))
     started = started_of(runs, start, learnt is None, reading)
     return sensitivity_runs(started, method, Sizes(**(sizes or {}), uniform=even), until, learnt, work_of(jobs, executor, None))

@@ -1,10 +1,12 @@
 """What a command found: its records with ways to look at them, save them and draw them. Frozen; nothing is computed here."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from .errors import UsageError
 from .reading import Run, read_runs, told
 from .records import (
     BenchRecord,
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
     from .machine.model import Model
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """Records in the order of the runs and their sensors; `interrupted` where the user stopped the work and the rest is missing."""
 
@@ -65,6 +67,12 @@ class Result:
         return type(self) is type(other) and isinstance(other, Result) and self.records == other.records
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        """How many records of which status: all that stands in them would flood a prompt."""
+        counted = Counter(str(getattr(record, "status", "")) for record in self.records)
+        told = ", ".join(f"{number} {status}".strip() for status, number in counted.most_common())
+        return f"<{type(self).__name__}: {len(self.records)} records ({told}); .to_frame() shows them>"
 
     def __getitem__(self, key: int | slice | str) -> Any:
         """The record at a place, those of a slice, or the first one of a sensor.
@@ -146,6 +154,10 @@ def _with_guesses(row: dict[str, Any], guessed: dict[str, str]) -> dict[str, Any
 
 def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
     """The figure, saved where a path is given."""
+    if path is not None and figure is None:
+        raise UsageError(
+            f"{path}: nothing to draw", found="a result without curves", do="ask for details=True where there are many sensors"
+        )
     if path is not None and figure is not None:
         from .output.pictures.plots import save_figure
 
@@ -153,7 +165,7 @@ def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
     return figure
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Inspection(Result):
     """What ``inspect`` found: a record for each column of each run."""
 
@@ -184,7 +196,7 @@ def _layout(run: Run) -> dict[str, Any]:
     return told | {"notes": list(run.notes), "guesses": [g.as_dict() for g in run.guesses]}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification(Result):
     """What ``identify`` found; `curves` and `traces` only where details were asked for."""
 
@@ -209,7 +221,7 @@ class Identification(Result):
         return _drawn(draw_prediction(self.curves, trace), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sweeping(Result):
     """What ``sweep`` found; `curves` only where they were asked for."""
 
@@ -224,7 +236,7 @@ class Sweeping(Result):
         return _drawn(draw_sweep(self.curves), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Result):
     """What ``calibrate`` learnt: how it held, and the prior for ``imperfection=``."""
 
@@ -243,7 +255,7 @@ class Calibration(Result):
             super().save(path, excel_csv, made)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Changes(Result):
     """What ``changed`` found, the likeliest kind first; `difference` is what its picture shows."""
 
@@ -263,7 +275,7 @@ class Changes(Result):
         return _drawn(draw_change(self.difference), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan(Result):
     """How long a test must run; `curves` are half-widths against the time measured."""
 
@@ -278,7 +290,7 @@ class Plan(Result):
         return _drawn(draw_plan(self.curves, sorted({r.tolerance_c for r in self.records})), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
     """What ``compare`` found; `panels` only where details were asked for, `denoised` runs where that was."""
 
@@ -294,7 +306,7 @@ class Comparison(Result):
         return _drawn(draw_comparison(self.panels), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Result):
     """What ``diagnose`` found."""
 
@@ -302,7 +314,7 @@ class Diagnosis(Result):
     kind: ClassVar[type[Row]] = DiagnoseRecord
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Watching(Identification):
     """What ``watch`` knew at its last look, `looked`, which says whether the test can be stopped."""
 
@@ -315,7 +327,7 @@ class Watching(Identification):
         return self.looked is not None and self.looked.stop
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Improvement(Result):
     """What ``improve`` found: a record for each step and sensor, and the model learnt of each run."""
 
@@ -343,7 +355,7 @@ class Improvement(Result):
         return _drawn(draw_staircase(self.steps), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bench(Result):
     """What ``filters bench`` found."""
 
@@ -351,7 +363,7 @@ class Bench(Result):
     kind: ClassVar[type[Row]] = BenchRecord
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity(Result):
     """What ``sensitivity`` found."""
 
@@ -365,7 +377,7 @@ class Sensitivity(Result):
         return _drawn(draw_shares(self.records), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Validation(Result):
     """What ``validate`` found."""
 
@@ -380,7 +392,7 @@ class Validation(Result):
         return _drawn(draw_areas(self.areas), path)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Displacement(Result):
     """What ``displacement`` found."""
 

@@ -6,7 +6,7 @@ from libc.stdlib cimport free, malloc
 cdef enum:
     MOST_SUBSTEPS = 256
     ABREAST = 4
-    MOST_HIDDEN = 4     # hidden masses of one row
+    MOST_HIDDEN = 16    # hidden masses of one row
 
 
 #: |x / anchor - 1| up to which a power is continued from its anchor by the binomial series, whose seventh term is then below 1e-12.

@@ -117,6 +117,9 @@ class Values:
     def __init__(self, values: dict[str, Any], constants: dict[str, Any]) -> None:
         self.__dict__.update(constants)
         self.__dict__.update(values)
+        for value in values.values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
 
     def __getattr__(self, name: str) -> Any:
         known = ", ".join(sorted(self.__dict__))
@@ -128,7 +131,8 @@ class Effect:
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
     logged: it follows a logged column, so it is tried beside every other effect. follows_ambient: that column is the surroundings'.
-    reads_sensors: it uses other sensors' readings. advice: what a user to whom it is named should know beside.
+    reads_sensors: it uses other sensors' readings. masses: how many hidden masses it appends. advice: what a user to whom
+    it is named should know beside.
     places (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
     choice_costs: what choosing a way of acting costs each sensor, in parameters.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
@@ -150,6 +154,7 @@ class Effect:
     logged: ClassVar[bool] = False
     follows_ambient: ClassVar[bool] = False
     reads_sensors: ClassVar[bool] = False
+    masses: ClassVar[int] = 0
     advice: ClassVar[str] = ""
     places: ClassVar[tuple[float, float]] = (30.0, 0.0)
     choice_costs: ClassVar[float] = 0.0

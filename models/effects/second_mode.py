@@ -18,6 +18,7 @@ class SecondMode(Effect):
     separate = "stop the spindle and watch it cool; measure at a second place"
     reference = "Bacher & Madsen 2011, Energy and Buildings 43, two-state grey-box models"
     scope = "sensor"
+    masses = 1
     places = (4.0, 0.0)
     amplitude = "kappa"
     parameters = (

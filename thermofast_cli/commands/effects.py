@@ -22,6 +22,9 @@ def command(name: str | None, extra: tuple[str, ...]) -> int:
         show_text("".join(f"{b.name:<{width}}  cannot be used: {b.why}\n" for b in broken_effects()))
         return 0
     if name not in known:
+        for broken in broken_effects():
+            if broken.name == name:
+                raise UsageError(f"the effect {name!r} cannot be used", found=broken.why)
         raise UsageError(f"unknown effect {name!r}", allowed=", ".join(known), do=nearest(name, known) or "see thermofast effects")
     effect = known[name]
     scope = {"run": "all sensors share it", "sensor": "each sensor has its own, or none", "one": "it concerns one sensor"}

@@ -50,11 +50,14 @@ def show(name: str) -> int:
 
     from ..errors import UsageError, nearest
     from ..output.screen import show_text
-    from ..plugins.filters import filter_class, known_filters
+    from ..plugins.filters import broken_filters, filter_class, known_filters
 
     known = known_filters()
     kind = filter_class(name, known)
     if kind is None:
+        for broken in broken_filters():
+            if broken.name == name:
+                raise UsageError(f"the filter {name!r} cannot be used", found=broken.why)
         allowed = ", ".join(known) + "; my_filter.py; or bench RUN to try them all"
         raise UsageError(f"unknown filter {name!r}", allowed=allowed, do=nearest(name, known))
     chosen = kind()

@@ -25,8 +25,10 @@ from thermofast.models import (
     variance_inflation,
     widened_intervals,
 )
+from thermofast.models.observations import read_only
 
 from ..plugins.filters import track_problem
+from ..plugins.guard import PATIENCE_EACH_S, PATIENCE_S, PluginError, alarm
 from .estimate import Estimate, Estimates, FilterError, Model
 from .rules import RULES
 
@@ -40,11 +42,15 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
     ------
     FilterError: the filter raises, or what it returns is no track of the record.
     """
+    time, reading = read_only(time), read_only(reading)  # other filters see the same arrays
     try:
-        track = method.track(model, time, reading, resolution)
+        with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * len(time)):
+            track = method.track(model, time, reading, resolution)
+    except PluginError as error:
+        raise FilterError(" ".join(str(error).split())) from None
     except ValueError as error:
         raise FilterError(f"{method.name}: {error}") from None
-    except Exception as error:  # whatever a plug-in does is one sensor's trouble
+    except (Exception, SystemExit) as error:  # whatever a plug-in does is one sensor's trouble
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{last.filename}, line {last.lineno}"
         raise FilterError(f"{method.name} raised {type(error).__name__}: {error} ({place})") from None
@@ -57,8 +63,9 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
 def tracks_of(method: Filter, model: Model, time: Array, reading: Array, resolution: Array) -> Tracks | None:
     """What a filter makes of all records (S, n) in one call, or None where each must be filtered alone."""
     try:
-        return method.tracks(model, time, reading, resolution)
-    except Exception:  # one record's trouble is found, and told, when each is filtered alone
+        with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * reading.size):
+            return method.tracks(model, read_only(time), read_only(reading), resolution)
+    except (Exception, SystemExit):  # one record's trouble is found, and told, when each is filtered alone
         return None
 
 

@@ -34,6 +34,10 @@ def read_imperfection(named: "str | Imperfection") -> Imperfection:
     """
     if isinstance(named, Imperfection):
         return named
+    if not isinstance(named, str | Path):
+        raise UsageError(
+            "imperfection: not a prior", found=repr(named), allowed=f"{', '.join(KNOWN)}, a TOML file, or an Imperfection"
+        )
     if named in KNOWN:
         return KNOWN[named]
     try:

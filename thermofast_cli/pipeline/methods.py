@@ -26,13 +26,15 @@ def choose(
     """
     if rates not in get_args(Rates):
         raise UsageError("rates: not one of what sensors may share", found=repr(rates), allowed=", ".join(get_args(Rates)))
+    if preset not in (None, "paper"):
+        raise UsageError(f"unknown preset {preset!r}", allowed="paper")
     known = known_filters()
-    kind = filter_class(name, known)
+    kind = filter_class(name, known) if isinstance(name, str) else None
     if kind is None:
         raise UsageError(
             f"unknown filter {name!r}",
             allowed=", ".join(known) + "; or a file, as in my_filter.py:MyFilter",
-            do=nearest(name, known) or "see thermofast filters",
+            do=(nearest(name, known) if isinstance(name, str) else "") or "see thermofast filters",
         )
     known = {**known, kind.name: kind}
     if preset == "paper":

@@ -41,6 +41,15 @@ def from_rise(model: "Model | None", drive: str | None = None) -> bool:
     return drive is None and (model is None or not (model.file.effects or model.drive))
 
 
+def _check_closes(method: Method, beyond: bool) -> None:
+    """Raises UsageError where what is known beyond the readings (`beyond`) would be left out without a word."""
+    if beyond and not method.widens:
+        raise UsageError(
+            "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
+            **_not_made(method),
+        )
+
+
 def _not_made(method: Method) -> dict[str, str]:
     """The option for which there is no closing estimate that counts the machine, and what to do."""
     if method.filter.closing != "never":
@@ -86,11 +95,7 @@ def identify_runs(
             "--auto looks for effects beside the base model, and --model tells them",
             do="leave one of them out; thermofast improve --auto learns a model with what is found",
         )
-    if beyond and not method.widens:
-        raise UsageError(
-            "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
-            **_not_made(method),
-        )
+    _check_closes(method, beyond)
     if criterion is not None and not method.widens:
         raise UsageError(
             "--criterion is foretold by the closing estimate that counts the machine, which is not made here",
@@ -202,9 +207,10 @@ def sweep_runs(
 
     Raises
     ------
-    UsageError: no time below a window, or a window longer than a record.
+    UsageError: no time below a window, a window longer than a record, or settings that exclude each other.
     """
     how = how or Work()
+    _check_closes(method, model is not None or drive is not None)
     for window in windows_min:
         if not any(t < window - 1e-9 for t in times_min):
             raise UsageError(

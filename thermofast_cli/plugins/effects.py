@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from thermofast.models import Observations
-from thermofast.models.drive import Drive
+from thermofast.models.drive import MOST_HIDDEN, Drive
 from thermofast.models.effects import BUILT_IN, Effect, Parameter, Values
 from thermofast.models.effects.base import Choice
 
 from ..errors import UsageError, nearest
-from .entrypoints import Broken, installed
+from .entrypoints import Broken, installed, taken
 from .files import class_in, is_file
 from .guard import PluginError, source_of, watched
 
@@ -23,6 +23,10 @@ GUIDE = "docs/add-an-effect.md"
 HOOKS = ("choices", "grid", "starts", "response", "borrowed_noise", "physical", "mirrored", "equivalent", "large_starts")
 GROUP = "thermofast.effects"
 SCOPES = ("run", "sensor", "one")
+#: Hidden masses of one effect: of several together there is room for four such effects.
+MOST_OWN_HIDDEN = 4
+#: Shares of its range by which a parameter of the trial is moved to see whether it does anything, and the least that this is [K].
+MOVES, LEAST_MOVED = (0.2, -0.2, 0.5, -0.5, 0.9, -0.9), 1e-9
 
 
 def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:
@@ -40,7 +44,8 @@ def known_effects(extra: Sequence[str] = ()) -> dict[str, Effect]:
 
 def broken_effects() -> list[Broken]:
     """Installed plug-ins that cannot be used."""
-    return installed(GROUP, checked)[1]
+    good, broken = installed(GROUP, checked)
+    return [*broken, *taken(good, [kind.id for kind in BUILT_IN], "id")]
 
 
 def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
@@ -68,6 +73,9 @@ def chosen_effects(names: Sequence[str], extra: Sequence[str]) -> list[Effect]:
         if effect.id in [e.id for e in found]:
             raise UsageError(f"the effect {effect.id!r} twice", do=f"call the second one {effect.id.partition('.')[0]}.2")
         found.append(effect)
+    masses = sum(effect.masses for effect in found)
+    if masses > MOST_HIDDEN:
+        raise UsageError(f"{masses} hidden masses in one model", allowed=f"{MOST_HIDDEN} at most", do="name fewer of them")
     return found
 
 
@@ -103,11 +111,11 @@ def checked(kind: Any, origin: str, file: str = "") -> Effect:
     problem = declaration_problem(kind)
     if problem:
         raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
-    by_row = check(kind(), origin)
-    return guarded(kind, by_row, file)()
+    by_row, masses = check(kind(), origin)
+    return guarded(kind, by_row, masses, file)()
 
 
-def guarded(kind: type[Effect], by_row: bool, file: str) -> type[Effect]:
+def guarded(kind: type[Effect], by_row: bool, masses: int, file: str) -> type[Effect]:
     """The class of a user with every hook behind the guard: derived from it, so that it keeps all that it says and does."""
 
     def hook(name: str) -> Any:
@@ -133,7 +141,14 @@ def guarded(kind: type[Effect], by_row: bool, file: str) -> type[Effect]:
         return _again, (file, self.id)
 
     own = {name: hook(name) for name in HOOKS if getattr(kind, name) is not getattr(Effect, name)}
-    said = {"file": file, "by_row": by_row, "__guard__": True, "__module__": kind.__module__, "__doc__": kind.__doc__}
+    said = {
+        "file": file,
+        "by_row": by_row,
+        "masses": masses,
+        "__guard__": True,
+        "__module__": kind.__module__,
+        "__doc__": kind.__doc__,
+    }
     return type(kind.__name__, (kind,), {**own, **said, "apply": apply, "__reduce__": reduce})
 
 
@@ -189,12 +204,13 @@ def declaration_problem(kind: Any) -> str | None:
     return None
 
 
-def check(effect: Effect, origin: str) -> bool:
-    """Runs an effect, built in or not, on a small made-up record; True if it must be called row by row.
+def check(effect: Effect, origin: str) -> tuple[bool, int]:
+    """Runs an effect, built in or not, on a small made-up record: (whether it must be called row by row, its hidden masses).
 
     Raises
     ------
-    PluginError: it raises, never ends, or gives arrays of the wrong shape or with nan; or its null changes something.
+    PluginError: it raises, never ends, or gives arrays of the wrong shape or with nan; or its null changes something, or a
+    parameter nothing.
     """
     time = np.linspace(0.0, 120.0, 61)
     reading = np.array([20.0 + 5.0 * (1.0 - np.exp(-0.02 * time)), 20.0 + 3.0 * (1.0 - np.exp(-0.03 * time))])
@@ -221,8 +237,8 @@ def check(effect: Effect, origin: str) -> bool:
                 do="declare the null of the amplitude, or write apply so",
             )
         _has_derivatives(effect, run, choice, values, by_row, origin)
-        return by_row
-    return False
+        return by_row, _masses(effect, run, values, choice.constants, by_row)
+    return False, 0
 
 
 def _either_way(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any]) -> tuple[Any, bool]:
@@ -252,10 +268,17 @@ def _has_derivatives(effect: Effect, run: Observations, choice: Choice, values: 
 
         def moved(share: float, p: Parameter = p, low: float = low, high: float = high) -> float:
             value = float(strong[p.name][0, 0])
-            step = share * (high - low) * (1.0 if value + share * (high - low) <= high else -1.0)
-            changed = {**strong, p.name: np.full((2, 1), value + step)}
+            aside = value + share * (high - low)
+            aside = aside if low <= aside <= high else value - share * (high - low)
+            changed = {**strong, p.name: np.full((2, 1), np.clip(aside, low, high))}
             return float(np.abs(_curves(effect, run, changed, choice.constants, by_row) - at).max())
 
+        if max(map(moved, MOVES)) < LEAST_MOVED:
+            raise PluginError(
+                f"{origin}: parameter {p.name!r} changes nothing, whatever it is",
+                allowed="a parameter that the curve depends on",
+                do=f"use p.{p.name} in apply, assign what it makes to drive.<name>, or leave the parameter out",
+            )
         if moved(0.2) > 1e-3 and moved(1e-4) == 0.0 and moved(2e-4) == 0.0:
             raise PluginError(
                 f"{origin}: parameter {p.name!r} has no derivative: a small change of it changes nothing, a large one does",
@@ -265,7 +288,16 @@ def _has_derivatives(effect: Effect, run: Observations, choice: Choice, values: 
             )
 
 
+def _masses(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> int:
+    return len(_applied(effect, run, values, constants, by_row).hidden)
+
+
 def _curves(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> Any:
+    drive = _applied(effect, run, values, constants, by_row)
+    return drive.forward(run, np.array([0.02, 0.03]), np.array([5.0, 3.0]), np.array([20.0, 20.0]))
+
+
+def _applied(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> Drive:
     drive = Drive.plain(run, np.array([0, 1]), np.full((2, 1), 20.0))
     p = Values(values, constants)
     with _guarded(effect):
@@ -274,7 +306,7 @@ def _curves(effect: Effect, run: Observations, values: dict[str, Any], constants
         else:
             effect.apply(drive, run, p)
     _check_shapes(effect, drive, run)
-    return drive.forward(run, np.array([0.02, 0.03]), np.array([5.0, 3.0]), np.array([20.0, 20.0]))
+    return drive
 
 
 FIELDS = ("heat", "loss", "sink", "offset")
@@ -339,6 +371,13 @@ def _check_pairs(effect: Effect, drive: Drive) -> None:
                 allowed=f"(coupling [1/min], {other}) appended to it",
                 do=f"write drive.{f}.append((p.kappa, ...))",
             )
+    if len(drive.hidden) > MOST_OWN_HIDDEN:
+        raise PluginError(
+            f"effect {effect.id!r} ({source_of(effect)}): too many hidden masses",
+            found=str(len(drive.hidden)),
+            allowed=f"{MOST_OWN_HIDDEN} of one effect",
+            do="make two effects of it",
+        )
 
 
 def _check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:

@@ -1,6 +1,6 @@
 """Plug-ins of installed packages: a broken one is told with its reason and never stops another's work."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
@@ -27,6 +27,18 @@ def installed(group: str, check: Callable[[Any, str], Member]) -> tuple[list[Mem
         except (Exception, SystemExit) as error:
             broken.append(Broken(point.name, _why(point, error)))
     return good, broken
+
+
+def taken(members: Sequence[Any], names: Sequence[str], attribute: str) -> list[Broken]:
+    """Members whose `attribute`, their name, is that of a built-in or of a plug-in before them, and which are not used for it."""
+    seen, found = set(names), []
+    for member in members:
+        name = getattr(member, attribute)
+        if name in seen:
+            kind = member if isinstance(member, type) else type(member)
+            found.append(Broken(name, f"{kind.__module__}:{kind.__qualname__}: its {attribute} {name!r} is taken: rename it"))
+        seen.add(name)
+    return found
 
 
 def _why(point: EntryPoint, error: BaseException) -> str:

@@ -7,8 +7,9 @@ import numpy as np
 
 from thermofast.filters import BUILT_IN, Filter, Track
 from thermofast.models import Lump
+from thermofast.models.observations import read_only
 
-from .entrypoints import Broken, installed
+from .entrypoints import Broken, installed, taken
 from .files import class_in, is_file
 from .guard import PluginError, watched
 
@@ -37,7 +38,8 @@ def known_filters() -> dict[str, type[Filter]]:
 
 def broken_filters() -> list[Broken]:
     """Installed plug-ins that cannot be used."""
-    return installed(GROUP, checked)[1]
+    good, broken = installed(GROUP, checked)
+    return [*broken, *taken(good, [kind.name for kind in BUILT_IN], "name")]
 
 
 _LOADED: dict[str, type[Filter]] = {}
@@ -119,7 +121,7 @@ def check(method: Filter, origin: str) -> None:
     time = np.arange(60.0)
     reading = 20.0 + 5.0 * -np.expm1(-0.03 * time) + 0.01 * np.sin(7.0 * time)
     with watched(method, f"filter {method.name!r}"):
-        track = method.track(Lump(), time, reading, 0.0)
+        track = method.track(Lump(), read_only(time), read_only(reading), 0.0)
     problem = track_problem(track, len(time))
     if problem:
         raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")

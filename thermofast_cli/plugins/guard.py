@@ -16,6 +16,8 @@ from ..errors import ThermofastError, nearest
 
 #: Seconds after which foreign code is taken to loop for ever.
 PATIENCE_S = 10.0
+#: What a filter may take for each reading beside [s].
+PATIENCE_EACH_S = 0.01
 
 
 class PluginError(ThermofastError):
@@ -36,8 +38,8 @@ def watched(member: Any, what: str) -> Any:
 
 
 @contextmanager
-def alarm(what: str) -> Any:
-    """An PluginError after PATIENCE_S seconds, where the system can (not on Windows, not outside the main thread)."""
+def alarm(what: str, patience_s: float = PATIENCE_S) -> Any:
+    """A PluginError after so many seconds, where the system can (not on Windows, not outside the main thread)."""
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -46,10 +48,10 @@ def alarm(what: str) -> Any:
         frames = traceback.extract_stack()
         user = [f for f in frames if "thermofast_user_" in (f.name or "") or f.filename.endswith(".py")]
         line = f"line {user[-2].lineno} of {user[-2].filename}" if len(user) > 1 else ""
-        raise PluginError(f"{what}: did not come back within {PATIENCE_S:g} s", found=line, do="look for a loop without end")
+        raise PluginError(f"{what}: did not come back within {patience_s:g} s", found=line, do="look for a loop without end")
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
+    signal.setitimer(signal.ITIMER_REAL, patience_s)
     try:
         yield
     finally:
@@ -85,6 +87,8 @@ def advice(error: BaseException) -> str:
         isinstance(error, ValueError) and "shapes (0,)" in str(error)
     ):
         return "drive.hidden and drive.links are lists: write drive.hidden.append((coupling, rate))"
+    if isinstance(error, ValueError) and "read-only" in str(error):
+        return "others use these numbers, too: make new ones, as in drive.heat = drive.heat * p.x, in place of *= or [...] ="
     found = re.search(r"'(\w+)' object has no attribute '(\w+)'", str(error))
     if found and found.group(1, 2) == ("Drive", "hidden_rate"):
         return "a hidden mass is a pair: write drive.hidden.append((coupling, rate))"

@@ -22,7 +22,11 @@ def table_of(data: Any, name: str = NAME) -> Table:
     ------
     InputError: another kind of object, columns of different length or more than one dimension, names that are no names.
     """
-    if type(data).__module__.startswith("pyarrow") and hasattr(data, "column_names"):
+    if type(data).__module__.startswith("pyarrow") and hasattr(data, "schema"):
+        import pyarrow as pa
+
+        if isinstance(data, pa.RecordBatch):
+            data = pa.Table.from_batches([data])
         return from_arrow(data, name, [f"Arrow table, {data.num_rows} rows"])
     if type(data).__module__.startswith("pandas"):
         data = _columns_of_frame(data, name)
@@ -56,6 +60,15 @@ def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
         raise InputError(f"{name}: the column {twice!r} twice", allowed="one column of each name", do="rename one of them")
     columns: dict[Any, Any] = {column: frame[column] for column in frame.columns}
     index = frame.index
+    if isinstance(index, pd.PeriodIndex):
+        index = index.to_timestamp()
+    if isinstance(index, pd.MultiIndex):
+        raise InputError(
+            f"{name}: an index of several levels",
+            found=", ".join(str(n) for n in index.names),
+            allowed="an index of time, or none",
+            do="reset_index() makes columns of them",
+        )
     if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
         title = "time" if index.name is None else str(index.name)
         while title in columns:
@@ -63,6 +76,8 @@ def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
         columns = {title: index.to_series(), **columns}
     elif index.name is not None and index.name not in columns:
         columns = {index.name: index.to_series(), **columns}
+    elif index.name is None and pd.api.types.is_float_dtype(index.dtype) and "index" not in columns:
+        columns = {"index": index.to_series(), **columns}
     return columns
 
 
@@ -92,7 +107,13 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     if type(values).__module__.startswith("pandas"):
         return _series(key, values, name)
     if isinstance(values, np.ma.MaskedArray):
-        values = np.ma.filled(values.astype(float), np.nan)
+        holes = np.ma.getmaskarray(values)
+        if values.dtype.kind in "mM":
+            values = np.where(holes, np.array("NaT", dtype=values.dtype), np.asarray(values.data))
+        elif values.dtype.kind in "fiub":
+            values = np.where(holes, np.nan, np.asarray(values.data, dtype=float))
+        else:
+            values = np.where(holes, None, np.asarray(values.data, dtype=object))  # type: ignore[call-overload]
     if isinstance(values, list | tuple) and any(isinstance(v, str) for v in values):
         return _objects(key, list(values), name), ""
     array = np.asarray(values)
@@ -103,8 +124,10 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
             allowed="(N,)",
             do="one name for each column",
         )
-    if array.dtype.kind in "fiub":
-        return np.ascontiguousarray(array, dtype=np.float64), ""
+    if array.dtype.kind == "b":
+        return [str(v) for v in array], ""  # as in a CSV: no temperature
+    if array.dtype.kind in "fiu":
+        return np.array(array, dtype=np.float64, order="C"), ""  # what the caller does with his own later is not ours
     if array.dtype.kind == "m":
         return array / np.timedelta64(1, "s"), "s"
     if array.dtype.kind == "M":
@@ -117,6 +140,7 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
 def _series(key: str, series: Any, name: str) -> tuple[Array | list[str], str]:
     import pandas as pd
 
+    series = pd.Series(series)
     if isinstance(series.dtype, pd.DatetimeTZDtype):
         series = series.dt.tz_convert("UTC")
         return ["" if pd.isna(v) else v.isoformat() for v in series], ""
@@ -124,8 +148,10 @@ def _series(key: str, series: Any, name: str) -> tuple[Array | list[str], str]:
         return series.dt.total_seconds().to_numpy(dtype=np.float64), "s"
     if pd.api.types.is_datetime64_dtype(series.dtype):
         return _column(key, series.to_numpy(), name)
-    if pd.api.types.is_numeric_dtype(series.dtype) or pd.api.types.is_bool_dtype(series.dtype):
-        return series.to_numpy(dtype=np.float64, na_value=np.nan), ""
+    if pd.api.types.is_bool_dtype(series.dtype):
+        return ["" if pd.isna(v) else str(v) for v in series], ""
+    if pd.api.types.is_numeric_dtype(series.dtype):
+        return series.to_numpy(dtype=np.float64, na_value=np.nan, copy=True), ""
     return _objects(key, series.tolist(), name), ""
 
 

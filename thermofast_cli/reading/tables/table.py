@@ -111,6 +111,9 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
     """
     columns: dict[str, Array | list[str]] = {}
     units: dict[str, str] = {}
+    if len(set(table.column_names)) < len(table.column_names):
+        twice = next(c for c in table.column_names if table.column_names.count(c) > 1)
+        raise InputError(f"{name}: the column {twice!r} twice", allowed="one column of each name", do="rename one of them")
     for column_name in table.column_names:
         column = table.column(column_name)
         kind = column.type
@@ -127,7 +130,9 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
             units[column_name] = "s"
         elif pa.types.is_date(kind) or pa.types.is_time(kind):
             columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
-        elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
+        elif pa.types.is_boolean(kind):
+            columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]  # as in a CSV: no temperature
+        elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
             columns[column_name] = to_floats(column.cast(pa.float64(), safe=False))
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
             columns[column_name] = words_or_numbers([str(v) if v is not None else "" for v in column.to_pylist()])

@@ -1,0 +1,203 @@
+"""Code and objects of others: what they may not touch, what is refused of them, and where it is told."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from conftest import ROOT
+
+import thermofast as tf
+from thermofast.models.drive import MOST_HIDDEN
+from thermofast.plugins import effects
+
+SPINDLE, COOL_DOWN = (ROOT / "sample_runs" / name for name in ("spindle.csv", "cool_down.csv"))
+MINUTES = np.arange(120.0)
+RISE = 20.0 + 6.0 * -np.expm1(-MINUTES / 30.0) + 0.01 * np.sin(7.0 * MINUTES)
+
+EFFECT = """
+from thermofast.models.effects import Effect, Parameter
+
+class Mine(Effect):
+    id, summary, equation, tell_tale = "mine", "a heat of mine", "e", "t"
+    uses_sink = True
+    amplitude = "change"
+    parameters = (
+        Parameter("change", "1", -1.0, 4.0, 0.3, "change", null=0.0),
+        Parameter("begin", "min", 0.0, 0.9, 0.3, "begin", belongs="run", share=True),
+    )
+
+    def apply(self, drive, run, p):
+        {body}
+"""
+
+FILTER = """
+import sys
+from dataclasses import dataclass
+from thermofast.filters import GaussianFilter, setting
+from thermofast.filters.moments import ScaledPoints
+
+@dataclass(frozen=True)
+class Mine(GaussianFilter):
+    name, summary, reference, closing = "mine", "s", "r", "never"
+    spread: float = setting(0.1, "of the points", 0.01, 1.0)
+
+    @property
+    def moments(self):
+        return ScaledPoints(self.spread)
+
+    def track(self, model, time, reading, resolution):
+        {body}
+        return super().track(model, time, reading, resolution)
+"""
+
+
+def effect_of(tmp_path, body):
+    path = tmp_path / "mine.py"
+    path.write_text(EFFECT.format(body=body))
+    return path
+
+
+def filter_of(tmp_path, body="pass"):
+    path = tmp_path / "my_filter.py"
+    path.write_text(FILTER.format(body=body))
+    return path
+
+
+@pytest.mark.parametrize("change", ["run.reading[:] = 0.0", "run.middle -= 1.0", "run.used[0] = False"])
+def test_an_effect_that_changes_what_others_read_is_refused_with_its_line(tool, tmp_path, change):
+    path = effect_of(tmp_path, f"{change}; drive.heat = drive.heat * (1.0 + p.change * run.after(p.begin))")
+    refused = tool("effects", "--effect", path)
+    assert refused.code == 2
+    assert "mine.py, line 14" in refused.err
+    assert "read-only" in refused.err
+    assert "make new ones" in refused.err
+
+
+def test_in_place_arithmetic_on_an_input_is_refused_where_it_shows(tool, tmp_path):
+    path = effect_of(tmp_path, 's = run.inputs["speed"]; s /= 2.0; drive.heat = drive.heat + p.change * s * run.after(p.begin)')
+    assert "read-only" in tool("effects", "--effect", path).err
+
+
+@pytest.mark.parametrize("body", ["drive.heat = drive.heat + p.change + 0.0 * p.begin", "drive.loss + p.change * p.begin"])
+def test_a_parameter_that_changes_nothing_is_refused(tool, tmp_path, body):
+    refused = tool("effects", "--effect", effect_of(tmp_path, body))
+    assert refused.code == 2
+    assert "changes nothing, whatever it is" in refused.err
+
+
+def test_as_many_hidden_masses_as_there_is_room_for(tool, tmp_path):
+    names = [f"second_mode.{k}" if k > 1 else "second_mode" for k in range(1, MOST_HIDDEN + 2)]
+    with pytest.raises(tf.UsageError, match=r"17 hidden masses in one model(?s:.*)allowed: 16 at most"):
+        effects.chosen_effects(names, ())
+    assert [e.masses for e in effects.chosen_effects(names[:5], ())] == [1] * 5
+    compared = tool("compare", SPINDLE, "--effects", ",".join(names[:5]), "--channels", "T1", "--until", 60, "--format", "json")
+    assert compared.code in (0, 1)
+    assert "Traceback" not in compared.err
+    five = "[drive.hidden.append((p.change * k, 0.01 + p.begin / 1000.0)) for k in range(5)]"
+    refused = tool("effects", "--effect", effect_of(tmp_path, five))
+    assert refused.code == 2
+    assert "too many hidden masses" in refused.err
+
+
+def test_a_filter_cannot_change_readings_nor_end_the_batch(tool, tmp_path):
+    changing = tool("identify", SPINDLE, "--until", 60, "--filter", filter_of(tmp_path, "reading -= 5.0"))
+    assert changing.code == 2
+    assert "read-only" in changing.err
+    (tmp_path / "leaves").mkdir()
+    path = filter_of(tmp_path / "leaves", "len(time) == 61 and sys.exit(4)")
+    leaving = tool("identify", SPINDLE, COOL_DOWN, "--until", 60, "--filter", path, "--format", "json")
+    assert leaving.code == 1
+    rows = json.loads(leaving.out)["records"]
+    assert len(rows) == 20
+    assert {r["status"] for r in rows} == {"diverged"}
+    assert "raised SystemExit: 4" in rows[0]["message"]
+
+
+def test_settings_of_a_filter_in_a_file(tmp_path):
+    path = str(filter_of(tmp_path))
+    narrow, wide = (tf.identify(SPINDLE, 60, filter=path, settings={"spread": s}, channels="T1") for s in (0.1, 0.9))
+    assert narrow[0].filter == wide[0].filter == "mine"
+    with pytest.raises(tf.UsageError, match="spread"):
+        tf.identify(SPINDLE, 60, filter=path, settings={"spread": 9.0})
+
+
+@pytest.mark.parametrize(("unit", "minute"), [("ns", 60 * 10**9), ("s", 60), ("m", 1)])
+def test_masked_times_keep_their_unit(unit, minute):
+    plain = (MINUTES * minute).astype(f"timedelta64[{unit}]")
+    run = tf.read({"time": np.ma.masked_array(plain, mask=False), "a [°C]": RISE})
+    np.testing.assert_allclose(run.time_s, 60.0 * MINUTES)
+
+
+def test_objects_of_others_are_copied_and_odd_ones_are_read_or_refused(tmp_path):
+    reading = RISE.copy()
+    run = tf.read({"time_min": MINUTES, "a [°C]": reading})
+    reading -= 5.0
+    np.testing.assert_allclose(run.channels["a"] if "a" in run.channels else run.channels["a [°C]"], RISE)
+    batch = pa.record_batch({"time_min": MINUTES, "a [°C]": RISE})
+    assert len(tf.read(batch).time_s) == 120
+    stamps = pd.date_range("2026-05-01", periods=120, freq="min", tz="Europe/Berlin")
+    assert tf.read({"time": stamps, "a [°C]": RISE}).time_s[-1] == 119 * 60.0
+    assert tf.read({"time": stamps - stamps[0], "a [°C]": RISE}).time_s[-1] == 119 * 60.0
+    periods = pd.DataFrame({"a [°C]": RISE}, index=pd.period_range("2026-05-01", periods=120, freq="min"))
+    assert tf.read(periods).time_s[-1] == 119 * 60.0
+    with pytest.raises(tf.ThermofastError, match="index of several levels"):
+        tf.read(pd.DataFrame({"a [°C]": RISE}, index=pd.MultiIndex.from_arrays([MINUTES, MINUTES])))
+    twice = pa.table([MINUTES, RISE, RISE], names=["time_min", "a [°C]", "a [°C]"])
+    pq.write_table(twice, tmp_path / "twice.parquet")
+    with pytest.raises(tf.ThermofastError, match="'a \\[°C\\]' twice"):
+        tf.read(tmp_path / "twice.parquet")
+    for true in (RISE > 21.0, pa.array(RISE > 21.0), pd.Series(RISE > 21.0)):
+        told = {"time_min": MINUTES, "on": true}
+        with pytest.raises(tf.ThermofastError, match="no sensor column"):
+            tf.read(pa.table(told) if isinstance(true, pa.Array) else told)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda run: tf.identify(run, 60, preset="bla"),
+        lambda run: tf.identify(run, 60, start="bla"),
+        lambda run: tf.identify(run, 60, filter=None),
+        lambda run: tf.identify(run, 60, executor=3),
+        lambda run: tf.identify(run, 60, imperfection=3),
+        lambda run: tf.sweep(run, tolerance=-1.0),
+        lambda run: tf.sweep(run, tolerance=float("nan")),
+        lambda run: tf.compare(run, until="60"),
+        lambda run: tf.compare(run, extra="nowhere.py", effects="nowhere.py"),
+        lambda run: tf.diagnose(run, false_alarm=2.0),
+        lambda run: tf.improve(run, false_alarm=float("nan"), auto=True),
+        lambda run: tf.plan(-1.0),
+        lambda run: tf.plan(like=[]),
+        lambda run: tf.watch(run, tolerance=-1.0),
+        lambda run: tf.watch(run, poll=-1.0),
+        lambda run: tf.sensitivity(run, sizes={"offset": -1.0}),
+        lambda run: tf.simulate(duration=-1.0),
+        lambda run: tf.simulate(noise=float("nan")),
+        lambda run: tf.simulate(sensors=1.5),
+        lambda run: tf.simulate(interval=0.0),
+        lambda run: tf.simulate(seed=-1),
+    ],
+)
+def test_the_library_refuses_what_the_command_refuses(call):
+    with pytest.raises(tf.ThermofastError):
+        call(SPINDLE)
+
+
+def test_a_picture_of_a_result_without_curves_is_refused(tmp_path):
+    with pytest.raises(tf.UsageError, match=r"nothing to draw"):
+        tf.identify(SPINDLE, 60, details=False).plot(tmp_path / "none.png")
+
+
+def test_a_model_beside_a_filter_that_does_not_close_is_refused_by_sweep_as_by_identify(tmp_path):
+    hidden = ROOT / "sample_runs" / "hidden.csv"
+    model = tf.improve(hidden, add="second_mode", channels="front_bearing", until=120).model
+    for command in (tf.identify, tf.sweep):
+        with pytest.raises(tf.UsageError, match="enter the closing estimate"):
+            command(hidden, filter="ukf", model=model)
+
+
+def test_what_a_prompt_shows_of_a_result_is_a_line():
+    assert repr(tf.identify(SPINDLE, 60)) == "<Identification: 10 records (10 ok); .to_frame() shows them>"
