@@ -193,7 +193,7 @@ def test_a_picture_of_a_result_without_curves_is_refused(tmp_path):
 
 def test_a_model_beside_a_filter_that_does_not_close_is_refused_by_sweep_as_by_identify(tmp_path):
     hidden = ROOT / "sample_runs" / "hidden.csv"
-    model = tf.improve(hidden, add="second_mode", channels="front_bearing", until=120).model
+    model = tf.improve(hidden, add="second_mode", channels="T1,T2", until=120).model
     for command in (tf.identify, tf.sweep):
         with pytest.raises(tf.UsageError, match="enter the closing estimate"):
             command(hidden, filter="ukf", model=model)

@@ -67,6 +67,14 @@ _KINDS = frozenset(
     ]
 )
 _RULE = re.compile(r":?-{2,}:?$")
+#: First cells of lines above the names that tell units, and other names, so many lines above at most.
+UNIT_WORDS = frozenset(
+    ["unit", "units", "einheit", "einheiten", "unité", "unités", "unità", "unidad", "eenheid", "enhet", "单位", "単位"]
+)
+NAME_WORDS = frozenset(
+    ["tag", "tag name", "tagname", "name", "names", "channel name", "comment", "label", "bezeichnung", "kommentar"]
+)
+ROWS_ABOVE = 6
 
 
 @dataclass(frozen=True)
@@ -184,12 +192,14 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         data = [i for i in data if i >= options.header_line]
     if not data:
         return None
-    first, width = _block(rows, data)
+    first, width = _block(rows, data, decimal)
     data = [i for i in data if i >= first and len(rows[i]) == width]
     header: int | None = None
     units: tuple[int, ...] = ()
     if options.header_line is not None:
         header = options.header_line - 1 if options.header_line > 0 else None
+        below = range(options.header_line, first) if header is not None else range(0)
+        units = tuple(i for i in below if len(rows[i]) == width and is_unit_line(rows[i]) and not _is_process_line(rows[i]))
     else:
         header, units = _header([[] if i <= ends else row for i, row in enumerate(rows)], first, width, decimal)
     if header is None and options.header_line is None:
@@ -199,6 +209,8 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         )
     if labels is not None and not units:
         units = (labels,)
+    if header is not None and not units:
+        units = tuple(i for i in range(max(header - ROWS_ABOVE, 0), header) if len(rows[i]) == width and says(rows[i], UNIT_WORDS))
     if header is not None:  # rows of another width between the names and the block are readings all the same
         below = range(max((header, *units)) + 1, first)
         first = next(
@@ -216,7 +228,12 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
     return score, Dialect(encoding, delimiter, decimal, header, units, first, width)
 
 
-def _block(rows: list[list[str]], data: list[int]) -> tuple[int, int]:
+def says(cells: list[str], words: frozenset[str]) -> bool:
+    """Whether the first cell of a line is one of these words: what the line tells of each column."""
+    return bool(cells) and cells[0].strip().lower().rstrip(":") in words
+
+
+def _block(rows: list[list[str]], data: list[int], decimal: str) -> tuple[int, int]:
     """First row and width of the readings: numbers in a preamble are none, those come in an unbroken block."""
     longest: dict[int, int] = {}
     at = 0
@@ -231,6 +248,9 @@ def _block(rows: list[list[str]], data: list[int]) -> tuple[int, int]:
     mine = [i for i in data if len(rows[i]) == width]
     if len(mine) < 3:
         return mine[0], width
+    begun = [i for i in mine if _begins_as_data(rows[i], decimal)]
+    if len(begun) > 0.9 * len(mine):
+        mine = begun  # numbers in a preamble stand behind a word that says what they are
     return next((a for a, b in pairwise(mine) if b == a + 1 or not any(rows[a + 1 : b])), mine[0]), width
 
 
@@ -290,3 +310,60 @@ def _is_process_line(cells: list[str]) -> bool:
     told = [c.strip().lower() for c in cells]
     known = all(c in _PROCESS for c in told) or all(not c or c in _KINDS or _RULE.match(c) for c in told)
     return known and sum(map(bool, told)) >= 0.5 * len(cells)
+
+
+def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
+    """Names and units of the columns, from the first lines of a file.
+
+    Raises
+    ------
+    InputError: a row has another number of cells than the header.
+    """
+    width = dialect.width
+    header = head[dialect.header_line] if dialect.header_line is not None else ""
+    # Decimal commas that were joined stand under a header of commas.
+    delimiter = dialect.delimiter
+    if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
+        delimiter = ","
+    cells = header_cells(header, delimiter) if header else []
+    rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
+    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
+        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
+    while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
+        cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
+    if cells and len(cells) != width:
+        commas = dialect.delimiter == "," and width > len(cells)
+        raise InputError(
+            f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
+            found="numbers with decimal commas in a comma-separated file?" if commas else "",
+            allowed="as many names as cells",
+            do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
+        )
+    units = [""] * width
+    for line in dialect.unit_lines[::-1]:
+        told = split(head[line], dialect.delimiter)[:width]
+        for i, cell in enumerate(told):
+            if (
+                cell.strip()
+                and not (i == 0 and says(told, UNIT_WORDS))
+                and (parse_unit(cell) or (not units[i] and is_unit_line(told)))
+            ):
+                units[i] = cell.strip()
+    names: list[str] = []
+    taken: set[str] = set()
+    if dialect.header_line is not None and any(not c.strip() for c in cells):
+        above = [split(line, delimiter) for line in head[max(dialect.header_line - ROWS_ABOVE, 0) : dialect.header_line]]
+        tags = next((row for row in above if len(row) == width and says(row, NAME_WORDS)), [""] * width)
+        cells = [c if c.strip() or i == 0 else tag for i, (c, tag) in enumerate(zip(cells, tags, strict=False))]
+    for i in range(width):
+        cell = cells[i].strip().lstrip("#%").strip() if i < len(cells) else ""
+        if i < len(cells) and not cell and cells[i].strip():
+            cell = cells[i].strip()  # the name is the sign itself: "#"
+        base = unique = cell or f"column {i + 1}"
+        count = 2
+        while unique in taken:
+            unique = f"{base} ({count})"
+            count += 1
+        names.append(unique)
+        taken.add(unique)
+    return names, units

@@ -14,7 +14,16 @@ from ...reading_options import Options
 from ..run import Array, Guess
 from ..stamps import looks_like_stamp
 from ..units import parse_unit
-from .dialect import Dialect, detect_dialect, header_cells, is_missing, is_number, is_unit_line, number_within, split, to_number
+from .dialect import (
+    Dialect,
+    detect_dialect,
+    is_missing,
+    is_number,
+    names_and_units,
+    number_within,
+    split,
+    to_number,
+)
 from .encoding import to_utf8
 from .table import Table, to_floats
 from .vendors import joined_segments, plain_scope
@@ -71,7 +80,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         lines = body.decode().splitlines()
         text = "decimal commas in a comma-separated file: every second comma taken for a decimal sign"
         guesses.append(Guess("layout", text, "export with semicolons to be sure"))
-    names, units = _names(head, dialect, name)
+    names, units = names_and_units(head, dialect, name)
     more = frozenset(m.lower() for m in options.missing)
     clean, strangers = _without_strangers(body, head, dialect) if _in_trouble(body, dialect) else (body, [])
     notes += strangers
@@ -230,49 +239,6 @@ def _decimal_commas(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
     rows = [p[:first] + [f"{p[i].strip()},{p[i + 1].strip()}" for i in range(first, len(p) - 1, 2)] for p in parts]
     text = "\n".join(";".join(r) for r in rows) + "\n"
     return text.encode(), replace(dialect, delimiter=";", decimal=",", width=count)
-
-
-def _names(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
-    width = dialect.width
-    header = head[dialect.header_line] if dialect.header_line is not None else ""
-    # Decimal commas that were joined stand under a header of commas.
-    delimiter = dialect.delimiter
-    if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
-        delimiter = ","
-    cells = header_cells(header, delimiter) if header else []
-    rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
-    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
-        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
-    while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
-        cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
-    if cells and len(cells) != width:
-        commas = dialect.delimiter == "," and width > len(cells)
-        raise InputError(
-            f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
-            found="numbers with decimal commas in a comma-separated file?" if commas else "",
-            allowed="as many names as cells",
-            do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
-        )
-    units = [""] * width
-    for line in dialect.unit_lines[::-1]:
-        told = split(head[line], dialect.delimiter)[:width]
-        for i, cell in enumerate(told):
-            if cell.strip() and (parse_unit(cell) or (not units[i] and is_unit_line(told))):
-                units[i] = cell.strip()
-    names: list[str] = []
-    taken: set[str] = set()
-    for i in range(width):
-        cell = cells[i].strip().lstrip("#%").strip() if i < len(cells) else ""
-        if i < len(cells) and not cell and cells[i].strip():
-            cell = cells[i].strip()  # the name is the sign itself: "#"
-        base = unique = cell or f"column {i + 1}"
-        count = 2
-        while unique in taken:
-            unique = f"{base} ({count})"
-            count += 1
-        names.append(unique)
-        taken.add(unique)
-    return names, units
 
 
 Cells = Array | list[str]
