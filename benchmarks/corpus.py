@@ -160,13 +160,18 @@ def graphtec(t: Truth) -> None:
 
 
 def yokogawa(t: Truth) -> None:
-    """Rows of tags and units above the dates."""
-    t.row("Device", "DX1000", *[""] * len(t.names))
-    t.row("Tag", "", *t.names)
-    t.row("Unit", "", *["°C"] * len(t.names))
-    t.row("Date", "Time", *[f"CH{i + 1:03d}" for i in range(len(t.names))])
+    """Rows of tags and units above the dates: degC, degF or K, with or without milliseconds."""
+    unit, scale, zero = t.rng.choice([("°C", 1.0, 0.0), ("C", 1.0, 0.0), ("°F", 1.8, 32.0), ("K", 1.0, 273.15)])
+    written = np.round(scale * t.values + zero, t.digits)
+    t.values = (written - zero) / scale
+    between = t.rng.choice([[], ["msec"]])
+    t.row("Device", "DX1000", *[""] * (len(t.names) + len(between)))
+    t.row("Tag", "", *[""] * len(between), *t.names)
+    t.row("Unit", "", *[""] * len(between), *[unit] * len(t.names))
+    t.row("Date", "Time", *between, *[f"CH{i + 1:03d}" for i in range(len(t.names))])
     for k in range(len(t.time)):
-        t.row(t.clock(k).strftime("%Y/%m/%d"), t.clock(k).strftime("%H:%M:%S"), *t.readings(k))
+        cells = [t.number(v) for v in written[:, k]]
+        t.row(t.clock(k).strftime("%Y/%m/%d"), t.clock(k).strftime("%H:%M:%S"), *["000"] * len(between), *cells)
 
 
 def hioki(t: Truth) -> None:

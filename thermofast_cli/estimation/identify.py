@@ -159,7 +159,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
         closed.append(Closed(job.sensors, job.count, found, usable, job.surroundings))
         if job.want_trace:
             end = float(job.sensors.time[-1])
-            settled = np.nanmedian(np.append(found.t95, end))
+            settled = np.nanmax(np.append(found.t95, end))
             drawn = max(drawn or 0.0, min(1.1 * float(settled), 5.0 * end) if job.count == len(job.sensors.time) else end)
     first = jobs[live[0]]
     at_min = None if first.at_min is None else first.at_min + first.start_min

@@ -49,6 +49,10 @@ COLDEST_C = -273.15
 FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8)
 
 
+#: What an instrument says of its state; constant, it says nothing.
+SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
+
+
 @dataclass(frozen=True)
 class Roles:
     """Column names by what they are; `notes` and `guesses` say what was left out and why."""
@@ -270,7 +274,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
     roles: dict[str, list[str]] = {
-        k: [] for k in ("ambient", "input", "sensor", "displacement", "counter", "empty", "other", "silent")
+        k: [] for k in ("ambient", "input", "sensor", "displacement", "counter", "empty", "constant", "other", "silent")
     }
     for n in names:
         if n in options.exclude:
@@ -307,7 +311,7 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     if sign.kind == "ambient" and not options.ambient:
         return "ambient"
     if sign.kind == "input":
-        return "input"
+        return "constant" if not sign.temperature and set(words(name)) & SIGNALS and _constant(column) else "input"
     if options.channels:
         return "other"
     if unit_told:
@@ -316,8 +320,8 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     empty = not len(readings)
     if sign.kind in ("named", "nameless", "other") and empty:
         return "empty"
-    if sign.kind == "nameless" and len(readings) >= 10 and np.ptp(readings) == 0.0:
-        return "empty"
+    if sign.kind == "nameless" and len(readings) >= 10 and _constant(column):
+        return "constant"
     if _counts(name, sign, column):
         return "counter"
     if (
@@ -327,8 +331,13 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     ):
         return "silent"
     if said_somewhere and not empty and not readings.any():
-        return "empty"
+        return "constant"
     return "sensor"
+
+
+def _constant(column: Array) -> bool:
+    readings = column[np.isfinite(column)]
+    return bool(len(readings)) and float(np.ptp(readings)) == 0.0
 
 
 def _counts(name: str, sign: Sign, column: Array) -> bool:
@@ -368,6 +377,9 @@ def _with_words(
         notes.append(f"row counters left out: {listed(roles['counter'])}")
     if roles["empty"]:
         notes.append(f"columns without readings left out: {listed(roles['empty'], 6)}")
+    if roles["constant"]:
+        held = [f"{n} is {values[n][np.isfinite(values[n])][0]:g}" for n in roles["constant"]]
+        notes.append(f"columns that never change left out: {listed(held, 6)}")
     if roles["other"] and not options.channels:
         notes.append(f"not temperatures: {listed(roles['other'], 6)}")
     if roles["silent"]:

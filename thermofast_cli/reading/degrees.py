@@ -37,6 +37,7 @@ class Temperatures:
         self._turned: dict[str, list[str]] = {}
         self._by_letter: dict[str, list[str]] = {}
         self._hot: list[str] = []
+        self._overruled: dict[str, list[str]] = {}
         self._channels = frozenset(options.channels)
         self._common = _common_letter(names)
         ends = [m for m in map(ENDS.fullmatch, table.names) if m is not None and m[2].upper() not in "FC"]
@@ -50,6 +51,10 @@ class Temperatures:
         InputError: its unit cannot be told.
         """
         symbol, scale = self._own.get(name, self._all), 1.0
+        if symbol is not None:
+            unit = sign_of(name, self._units.get(name, "")).unit
+            if unit is not None and unit.temperature and unit.sure and unit.symbol != symbol:
+                self._overruled.setdefault(symbol, []).append(name)
         if symbol is None:
             sign = sign_of(name, self._units.get(name, ""))
             unit = sign.unit
@@ -116,7 +121,8 @@ class Temperatures:
     def notes(self) -> list[str]:
         """What was turned into degC."""
         names = {"K": "kelvin", "F": "degF"}
-        return [f"{listed(who, 6)}: {names[s]}, turned into degC" for s, who in self._turned.items()]
+        told = [f"{listed(who, 6)}: {names[s]}, turned into degC" for s, who in self._turned.items()]
+        return told + [f"--units {s} overrules what the file says of {listed(who, 6)}" for s, who in self._overruled.items()]
 
     def guesses(self) -> list[Guess]:
         """What had to be guessed of the units."""
@@ -163,3 +169,9 @@ def _told(units: tuple[str, ...], table: Table) -> tuple[str | None, dict[str, s
         else:
             own[name] = unit.symbol
     return whole, own
+
+
+def unit_told(name: str, options: Options, table: Table) -> str:
+    """The unit that the user says a column of temperatures has, if any."""
+    whole, own = _told(options.units, table)
+    return own.get(name, whole) or ""

@@ -24,7 +24,7 @@ from .columns import (
     to_micrometres,
     without_impossible,
 )
-from .degrees import Temperatures, winding_temperature
+from .degrees import Temperatures, unit_told, winding_temperature
 from .long import Layout, find_long, to_wide
 from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
@@ -307,6 +307,8 @@ def _seen(
     for n in table.names:
         role = "time" if n in time.used else {"ambient": "ambient"}.get(of.get(n, ""), of.get(n, "ignored").removesuffix("s"))
         unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
+        if role in ("sensor", "ambient"):
+            unit = unit_told(n, options, table) or unit
         columns.append(SeenColumn(n, role, unit, _why(n, role, table, roles, spare, options)))
     d = table.dialect
     return Seen(

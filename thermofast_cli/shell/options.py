@@ -46,6 +46,32 @@ class RunCommand(click.Command):
                 formatter.write(" " * formatter.current_indent + line + "\n")
 
 
+class Joined(click.Option):
+    """An option that takes several names with commas, and may be given again for more of them."""
+
+    def __init__(self, *names: Any, **settings: Any) -> None:
+        super().__init__(*names, **{**settings, "multiple": True})
+
+    def process_value(self, ctx: click.Context, value: Any) -> Any:
+        """The names with commas, as one such option has them; None without."""
+        several = super().process_value(ctx, (value,) if isinstance(value, str) else value)
+        return ",".join(several) if several else None
+
+
+class Once(click.Option):
+    """An option of which a second one would silently replace the first."""
+
+    def __init__(self, *names: Any, **settings: Any) -> None:
+        super().__init__(*names, **{**settings, "multiple": True})
+
+    def process_value(self, ctx: click.Context, value: Any) -> Any:
+        """The one value, or None."""
+        several = super().process_value(ctx, (value,) if isinstance(value, str) else value)
+        if several and len(several) > 1:
+            raise click.BadParameter(f"given {len(several)} times ({', '.join(several)}); one is allowed", ctx=ctx, param=self)
+        return several[0] if several else None
+
+
 class Real(click.types.FloatParamType):
     """Any number; unlike Click's own it refuses nan and infinity."""
 
@@ -204,10 +230,10 @@ reading_options = _together(
         help="When the rise begins, minutes from the first reading.",
     ),
     _hidden("--ambient", shell_complete=columns, metavar="COLUMN", help="The column of the surroundings."),
-    _hidden("--inputs", shell_complete=columns, metavar="A,B", help="Columns that are inputs, not sensors."),
-    _hidden("--channels", shell_complete=columns, metavar="A,B", help="Use these sensors only."),
-    _hidden("--exclude", shell_complete=columns, metavar="A,B", help="Leave these columns out."),
-    _hidden("--missing", metavar="A,B", help="More words that mean 'no reading'."),
+    _hidden("--inputs", cls=Joined, shell_complete=columns, metavar="A,B", help="Columns that are inputs, not sensors."),
+    _hidden("--channels", cls=Joined, shell_complete=columns, metavar="A,B", help="Use these sensors only."),
+    _hidden("--exclude", cls=Joined, shell_complete=columns, metavar="A,B", help="Leave these columns out."),
+    _hidden("--missing", cls=Joined, metavar="A,B", help="More words that mean 'no reading'."),
     _hidden("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
     _hidden("--decimal", type=click.Choice(CHOICES["decimal"]), help="Decimal sign."),
     _hidden("--encoding", metavar="NAME", help="Text encoding."),
@@ -220,6 +246,7 @@ reading_options = _together(
     ),
     _hidden(
         "--rename",
+        cls=Joined,
         metavar="OLD=NEW,...",
         help="Other names for columns, in all that is told. Options of reading use the old names, --drive the new.",
     ),
@@ -229,7 +256,7 @@ reading_options = _together(
         help="Columns in ohms are windings: their temperature, from the resistance R0 at T0 degC; K 235 for copper.",
     ),
     _hidden("--skip-footer", type=click.IntRange(0), metavar="N", help="Leave the last N lines of a text file out."),
-    _hidden("--units", metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
+    _hidden("--units", cls=Joined, metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F."),
     _hidden(
         "--from", "from_min", type=Finite(0), metavar="MIN", help="Use what was read from MIN minutes on; its clock begins anew."
     ),
@@ -253,6 +280,7 @@ criterion_option = click.option(
 
 drive_option = click.option(
     "--drive",
+    cls=Once,
     shell_complete=columns,
     metavar="COLUMN",
     help="A logged column (power, duty) that the heat follows; one in W tells compare J/K and K/W.",
