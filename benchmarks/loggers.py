@@ -16,7 +16,7 @@ from thermofast.reading import Options, Run, read_runs
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "loggers"
 #: What the message of a refusal says to give, as a user would give it.
 GIVEN = {
-    "influx_annotated_long.csv": Options(header_line=0, long=("column 8+column 10", "column 7")),
+    "influx_annotated_long.csv": Options(long=("column 8+column 10", "column 7")),
     "picolog_calibration.xlsx": Options(time_unit="s"),
     "tclab_apm_kelvin_headerless.csv": Options(units=("K",), time_unit="s", channels=("column 3",)),
 }

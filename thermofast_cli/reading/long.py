@@ -96,11 +96,12 @@ def _of_one_sensor(table: Table, time: Time, words_of: dict[str, list[str] | Non
 
 
 def _ask(table: Table, labels: list[str], values: list[str]) -> InputError:
+    example = f"{'+'.join(labels)!r},{values[-1]!r}"
     return InputError(
         f"{table.name}: this looks like a long table, one row per sensor and time",
         found=f"words that repeat in {listed(labels, 4)}; numbers in {listed(values, 4)}",
         allowed="one column that names the sensor and one with its reading",
-        do=f"say --long SENSOR,VALUE, as in --long {labels[-1]!r},{values[-1]!r} (A+B,VALUE where two columns name it)",
+        do=f"say --long SENSOR,VALUE, as in --long {example} (A+B,VALUE where two columns name it)",
     )
 
 

@@ -366,14 +366,14 @@ def _two_parts(
     )
 
 
-def plausible(seconds: Array) -> bool:
+def plausible(seconds: Array, shortest_s: float | None = None) -> bool:
     """Whether the times (n,) [s] are those of a thermal record: its length and its interval are likely ones."""
     step = np.diff(seconds)
     if not len(step):
         return False
     length, interval = float(np.ptp(seconds)), float(np.median(np.abs(step)))
     return (
-        PLAUSIBLE_LENGTH_S[0] <= length * 1.0001
+        (PLAUSIBLE_LENGTH_S[0] if shortest_s is None else shortest_s) <= length * 1.0001
         and length <= PLAUSIBLE_LENGTH_S[1] * 1.0001
         and PLAUSIBLE_INTERVAL_S[0] <= interval <= PLAUSIBLE_INTERVAL_S[1] * 1.0001
     )

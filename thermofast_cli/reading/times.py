@@ -305,6 +305,10 @@ def _serial(values: Array) -> bool:
     return inside and bool((values % 1.0 != 0.0).any()) and float(np.median(np.abs(np.diff(values)))) < 0.5
 
 
+#: Seconds that jitter, without a name that says so, may be as few as these.
+SHORTEST_S = 120.0
+
+
 def _without_unit(table: Table, name: str, column: Array) -> Time:
     """Numbers without a unit: another column of time tells it, or only one unit makes a likely record; else the user must."""
     for other in table.names:
@@ -313,7 +317,10 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
         known = _same_time(table, other, column)
         if known:
             return Time(column * UNITS[known], frozenset({name}), f"time: {name!r} in {known}, as {other!r} shows", unit=known)
-    likely = [u for u in ("s", "min", "h") if plausible(column * UNITS[u])]
+    # Steps that jitter are a program's that waits a second or so: then a few minutes are as likely as as many hours.
+    jitters = bool((column % 1.0 != 0.0).any()) and float(np.ptp(np.diff(column))) > 1e-3 * float(np.ptp(column)) / len(column)
+    shortest = SHORTEST_S if jitters else None
+    likely = [u for u in ("s", "min", "h") if plausible(column * UNITS[u], shortest if u == "s" else None)]
     if float(np.abs(column).max()) < 1.0 and plausible(column * DAY_S):
         likely.append("d")  # as a spreadsheet keeps clocks
     asked = ("s", "min", "h", "d") if "d" in likely else ("s", "min", "h")
