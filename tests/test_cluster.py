@@ -12,7 +12,7 @@ from conftest import ROOT
 
 import thermofast as tf
 from benchmarks.killed import make_archive, same
-from thermofast.workers.cluster import Dask, build, checked, crew_of
+from thermofast.workers.cluster import STARTED_BY_MPI, Dask, Mpi, build, checked, crew_of
 from thermofast.workers.flow import Flow, Given, Here, Local, in_order
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
@@ -182,3 +182,15 @@ def test_a_cluster_is_given_up_only_where_nobody_is_there_for_some_time(monkeypa
         assert not crew.gone()
     clock[0] = 3625.0
     assert crew.gone()
+
+
+def test_a_place_without_port_and_mpi_without_launcher_are_refused_at_once(monkeypatch):
+    pytest.importorskip("distributed", reason="the extra thermofast[dask] is not installed")
+    with pytest.raises(tf.UsageError, match="--cluster foo: no port"):
+        Dask("foo")
+    pytest.importorskip("mpi4py", reason="the extra thermofast[mpi] is not installed")
+    for name in STARTED_BY_MPI:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(tf.UsageError, match="no launcher that could start some"):
+        Mpi()

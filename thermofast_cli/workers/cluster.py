@@ -3,6 +3,9 @@
 import hashlib
 import logging
 import math
+import os
+import re
+import shutil
 import socket
 import sys
 import time
@@ -73,6 +76,8 @@ class Dask(Crew):
             from distributed import Client
         except ImportError:
             raise UsageError("--cluster runs on Dask, which is not installed", do="pip install 'thermofast[dask]'") from None
+        if not re.search(r":\d+/?$", address):
+            raise UsageError(f"--cluster {address}: no port", allowed="HOST:PORT, as tcp://scheduler:8786", do="say its port")
         logging.getLogger("distributed").setLevel(logging.ERROR)  # that a worker died is told by what becomes of its tasks
         try:
             self._client = Client(address, timeout=PATIENCE_S, set_as_default=False)
@@ -166,6 +171,11 @@ def _importing() -> Any:
     return Importing()
 
 
+#: What launchers of MPI tell the processes that they start, and what they are called.
+STARTED_BY_MPI = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS")
+LAUNCHERS = ("mpiexec", "mpirun", "hydra_pmi_proxy", "orted", "prted")
+
+
 class Mpi(Given):
     """Workers that ``mpiexec`` started."""
 
@@ -174,6 +184,12 @@ class Mpi(Given):
             from mpi4py.futures import MPIPoolExecutor
         except (ImportError, RuntimeError) as error:
             raise UsageError("--mpi runs on mpi4py", found=str(error)[:120], do="pip install 'thermofast[mpi]'") from None
+        if not any(name in os.environ for name in STARTED_BY_MPI) and not any(map(shutil.which, LAUNCHERS)):
+            raise UsageError(
+                "--mpi: no processes of MPI, and no launcher that could start some",
+                found=f"none of {', '.join(LAUNCHERS)} on the path",
+                do="install MPI, and start with mpiexec -n 8 python -m mpi4py.futures -m thermofast ...",
+            )
         self._pool: Any = MPIPoolExecutor()
         self._pool.bootup(wait=True)
         super().__init__(self._pool, max(1, int(getattr(self._pool, "num_workers", 1))))
