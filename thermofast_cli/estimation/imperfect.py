@@ -260,11 +260,23 @@ def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
 
 
 def follows_machine(reading: Array, room: Array) -> bool:
-    """Whether a logged room (n,) moves with the machine read (S, n): a thermometer in its warmth tells nothing of the air."""
+    """Whether a logged room (n,) moves with the machine read (S, n): a thermometer in its warmth tells nothing of the air.
+
+    One that moves much does so in the machine's own shape then, and not as a room that drifts evenly, which machines follow later.
+    """
     ends = max(1, len(room) // 20)
     moved = abs(float(np.median(room[-ends:]) - np.median(room[:ends])))
-    rises = np.abs(np.median(reading[:, -ends:], axis=1) - np.median(reading[:, :ends], axis=1))
-    return moved > RULES.room_share * float(np.median(rises)) and moved > RULES.room_least
+    rises = np.median(reading[:, -ends:], axis=1) - np.median(reading[:, :ends], axis=1)
+    if moved <= RULES.room_share * float(np.median(np.abs(rises))) or moved <= RULES.room_least:
+        return False
+    warmth = ((reading - reading[:, :1]) / np.where(rises == 0.0, 1.0, rises)[:, None]).mean(axis=0)
+    return _left(room, warmth) < _left(room, np.arange(len(room), dtype=float))
+
+
+def _left(column: Array, like: Array) -> float:
+    """Sum of squares (1,) that a column (n,) leaves when another is fitted to it."""
+    design = np.column_stack([np.ones(len(like)), like])
+    return float(np.linalg.lstsq(design, column, rcond=None)[1].sum())
 
 
 def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float, later: Array) -> Array:
