@@ -105,3 +105,19 @@ def test_runs_that_cannot_be_used_are_told_and_one_is_too_few(tmp_path, tool):
     assert "calibrate learns from complete runs, and 1 of 2 is one" in refused.err
     assert "stay with --imperfection typical" in refused.err
     assert "--lab writes TOML" in tool("calibrate", *names, "--lab", tmp_path / "lab.csv").err
+
+
+def test_complete_runs_of_machines_that_are_far_from_the_law_are_used_too():
+    """Two bodies of which the second settles slowly: by the bare law such runs never seemed to end."""
+    time = np.arange(0.0, 400.0, 2.0)
+    runs = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        share = rng.uniform(0.15, 0.3)
+        rise = 9.0 * ((1.0 - share) * -np.expm1(-time / 50.0) + share * -np.expm1(-time / 110.0))
+        wander = np.cumsum(rng.normal(0.0, 0.02, len(time)))
+        made = {f"T{k}": 20.0 + rise * (0.7 + 0.1 * k) + wander + rng.normal(0.0, 0.02, len(time)) for k in range(3)}
+        runs.append(tf.read({"time_min": time, **made}, name=f"past {seed}"))
+    found = tf.calibrate(runs)
+    assert sum(r.status == "not_used" for r in found.records) == 0
+    assert found.records[-1].runs == 6

@@ -383,6 +383,22 @@ def test_a_thermometer_that_moves_with_the_machine_is_no_room():
         assert (a.steady_state_c, a.steady_state_hi_c) == (b.steady_state_c, b.steady_state_hi_c)
 
 
+def test_a_room_that_drifts_further_than_the_machine_rises_is_a_room():
+    """Two bodies' law in a room that drifts by 1 K/h, for long: by its size alone the log was once let go."""
+    time = np.arange(0.0, 300.0, 0.5)
+    room = 20.0 + time / 60.0
+    rng = np.random.default_rng(5)
+    lag = time / 60.0 + 45.0 / 60.0 * np.expm1(-time / 45.0)  # y' = (room - y) / 45
+    rise = 6.0 * -np.expm1(-time / 45.0)
+    columns = {f"T{k}": 20.0 + lag + rise * (1.0 + 0.1 * k) + rng.normal(0.0, 0.02, len(time)) for k in range(2)}
+    logged = tf.identify({"time_min": time, **columns, "ambient": room + rng.normal(0.0, 0.02, len(time))})
+    for k, row in enumerate(logged):
+        limit = 25.0 + 6.0 * (1.0 + 0.1 * k)
+        assert row.status == "ok"
+        assert row.steady_state_lo_c < limit < row.steady_state_hi_c
+        assert row.steady_state_hi_c - row.steady_state_lo_c < 0.6
+
+
 def test_readings_beyond_what_the_prior_holds_widen_the_interval_and_are_told():
     rng, time = np.random.default_rng(9), np.arange(0.0, 120.0, 0.25)
     jagged = (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import t_quantile
-from thermofast.models.imperfection import NONE, TYPICAL, Imperfection
+from thermofast.models.imperfection import TYPICAL, Imperfection
 
 from ..errors import rounded
 from ..estimation.identify import Method, identify_sensors
@@ -67,8 +67,8 @@ def past_run(started: Started, method: Method) -> Past | str:
     run, start = started
     minutes, channels = run.time_s / 60.0, tuple(run.channels)
     values = np.stack([run.channels[c] for c in channels])
-    bare = replace(method, imperfection=NONE, rates="own")
-    whole = [f.record for f in identify_sensors(run.name, channels, minutes, values, bare, None, start)]
+    # The bare law's rate is wrong on just those runs that have most to teach.
+    whole = [f.record for f in identify_sensors(run.name, channels, minutes, values, method, None, start)]
     rates = [r.rate_per_min for r in whole if r.rate_per_min is not None and r.status in ("ok", "model_doubtful")]
     if not rates:
         return "no sensor of it shows where it settles"
@@ -98,12 +98,11 @@ def learn(past: Sequence[Past]) -> Lab:
     Every figure of the rows is of runs that the factors were not learnt from: each is left out in turn.
     """
     before = _scores(past, 0, np.ones((len(past), len(TURNS))))
-    level = np.nanmean(before, axis=0)
+    level = _mean(before)
     best, chosen = np.inf, 0
     for c in range(len(CANDIDATES) if len(past) >= ENOUGH else 1):
         scores = _scores(past, c, _left_out_factors(past, c))
-        with np.errstate(invalid="ignore"):
-            score = float(np.nanmean(np.nanmean(scores, axis=0) / level))
+        score = float(_mean(_mean(scores) / level))
         # A prior other than the typical one has to show its worth, the more the fewer runs there are.
         cost = 0.0 if c == 0 else 0.3 / np.sqrt(len(past))
         if score + cost < best:
@@ -111,6 +110,14 @@ def learn(past: Sequence[Past]) -> Lab:
     factors = _factors(past, chosen, np.arange(len(past)))
     prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)))
     return Lab(prior, tuple(_rows(past, chosen, factors)), tuple(p.name for p in past))
+
+
+def _mean(values: Array) -> Array:
+    """Over the first axis, of what is known; nan of nothing."""
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    found: Array = np.where(count > 0, np.where(known, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+    return found
 
 
 def _parts(one: Past, candidate: int, turn: int) -> tuple[Array, Array, Array]:
