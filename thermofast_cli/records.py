@@ -267,8 +267,8 @@ class DiagnoseRecord(Record):
 class ImproveRecord(Record):
     """One step of adding effects, for one sensor; step 0 is the base model.
 
-    rmse_other_runs_c: of several runs together, the error on this one when the model was learnt from the others and only level,
-    start and events were fitted, to the readings up to --until or the first third; on those after them.
+    rmse_other_runs_c: of several runs together, the error on this one after its readings up to --until or its first third, to
+    which level, start and events were fitted, and the machine's constants as far as the others leave them open.
     """
 
     step: int = 0

@@ -29,6 +29,8 @@ LIMIT, SETTLING, SLOW_AHEAD, FIRST_TIME = 0, 1, 2, 3
 FOREVER = 1e9
 #: Share of the room's wandering that a logged room leaves open, and points by which its record is drawn.
 UNLOGGED, ROOM_POINTS = 0.3, 300
+#: Readings of a room of which no line is drawn.
+ROOM_FEW = 5
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,8 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     step = float(grid[1] - grid[0])
     ends = max(1, len(room) // 50)
     level = np.interp(grid, when, room) - float(np.median(room[:ends]))
-    now = float(np.median(room[-ends:]) - np.median(room[:ends]))
+    last = max(1, len(room) // 20)
+    now = _at_end(when[-last:], room[-last:]) - float(np.median(room[:ends]))
     line = lagged(rate, step, level)
 
     def at(times: Array) -> Array:
@@ -130,6 +133,16 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     late = settles - 0.95 * now
     columns = [at(time), np.full((len(rate), 1), now), late[:, None], np.zeros((len(rate), 1)), at(asked.times)]
     return np.concatenate(columns, axis=1)
+
+
+def _at_end(when: Array, room: Array) -> float:
+    """A room (n,) as it is at the last of its times (n,), on a line through the medians of its halves: one may drift."""
+    if len(room) < ROOM_FEW:
+        return float(np.median(room))
+    half = len(room) // 2
+    early, late = (slice(None, half), slice(half, None))
+    slope = (np.median(room[late]) - np.median(room[early])) / (np.median(when[late]) - np.median(when[early]))
+    return float(np.median(room) + slope * (when[-1] - np.median(when)))
 
 
 def covariances(
