@@ -23,7 +23,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.analysis.unknown_heat import possible_rates, told_rate
+from thermofast.analysis.unknown_heat import possible_rates, told_heat
 from thermofast.models.uncertainty.unknown_heat import Lump, claims, smooth_heat
 
 KINDS = ("column", "ramp", "walk")
@@ -93,7 +93,7 @@ def trial(kind: str, known: bool, seed: int, network: bool = False) -> tuple[flo
     walk = np.cumsum(rng.normal(size=len(column)))
     rates = [told] if known else possible_rates(lump)
     found = claims([lump], [rates], {"speed": column, "other": walk - walk.min()}, lump.time)
-    smooth = smooth_heat(lump, *((told, 0.03) if known else told_rate(lump, found[-1].rates[0] if found else None)))
+    smooth = smooth_heat(lump, told, 0.03) if known else told_heat(lump, 0, found, lump.time)
     truth = np.interp(smooth.time, lump.time, heat)
     held = float(np.mean(np.abs(smooth.heat - truth) <= 1.96 * smooth.deviation))
     if not found:

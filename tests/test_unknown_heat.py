@@ -208,3 +208,25 @@ def test_when_a_power_jumped_between_two_readings_is_left_open():
     told = np.array([power_trial("nothing", seed) for seed in (981_013, 981_021)])
     assert told[:, 0].min() > 0.9
     assert told[:, 2].all()
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_a_column_that_is_held_between_its_readings_tells_the_heat_and_its_power(power):
+    """As loggers write what a controller sets: the exact response of a lump to steps at the readings."""
+    rng = np.random.default_rng(7)
+    time, rate = np.arange(300.0), 0.0375
+    speed = np.repeat(rng.choice([1000.0, 2000.0, 3000.0, 4000.0], 15), 20)
+    heat = 1.5 * (speed / 4000.0) ** power
+    reading = np.full(300, 20.0)
+    for k in range(1, 300):
+        end = 20.0 + heat[k - 1] / rate
+        reading[k] = end + (reading[k - 1] - end) * np.exp(-rate)
+    columns = {"time_min": time, "T1": reading + rng.normal(0.0, 0.02, 300), "speed_rpm": speed, "ambient": np.full(300, 20.0)}
+    told = tf.compare(columns, unknown_heat=True, inputs=["speed_rpm"])[0]
+    assert [(f["column"], f["power"], f["delay_min"]) for f in told.heat_follows] == [("speed_rpm", power, 0.0)]
+    at = np.array([row["time_min"] for row in told.unknown_heat])
+    low, high = (np.array([row[name] for row in told.unknown_heat]) for name in ("lo_k_per_min", "hi_k_per_min"))
+    true = heat[np.minimum(np.floor(at + 1e-9).astype(int), 299)]
+    away = np.abs(at - np.round(at / 20.0) * 20.0) > 1.0  # a knot at a jump lies on one of its sides
+    assert np.mean((low <= true) & (true <= high), where=away) > 0.9
+    assert np.mean(high - low) < 0.1 * heat.mean()

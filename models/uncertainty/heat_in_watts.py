@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ..core.kernel import Array
-from .unknown_heat import KNOTS, NODES, SHARES, TEST_BENDS, TEST_KNOTS, TEST_WALKS, Lump, posteriors
+from .unknown_heat import KNOTS, NODES, SHARES, TEST_BENDS, TEST_KNOTS, TEST_WALKS, Lump, between_readings, moments, posteriors
 
 #: Deviations from nothing of 60 / C from which watts are told.
 DETERMINED = 4.0
@@ -45,21 +45,32 @@ class HeatInWatts:
     resistance: Interval
 
 
-def heat_in_watts(lump: Lump, power: Array, rates: Sequence[float], deviation: float | None = None) -> HeatInWatts | None:
-    """All heat of a lump of which `power` (N,) [W] at its readings is logged; None where the power does not move enough to tell.
+def heat_in_watts(
+    lump: Lump, power: Array, rates: Sequence[float], deviation: float | None = None, when: Array | None = None
+) -> HeatInWatts | None:
+    """All heat of a lump of which `power` (P,) [W] is logged; None where the power does not move enough to tell.
+
+    It is logged at `when` (P,) [min], among which are the times of all readings, or at those.
 
     rates [1/min], evenly spaced in logarithm, are those that are possible; with `deviation`, that of its logarithm, the one given
     is known from elsewhere.
     """
     if not np.ptp(power) > 0.0:
         return None
-    if deviation is not None:
-        told = [float(rates[0] * np.exp(node * deviation)) for node in NODES]
-        prior = np.log(SHARES)
-    else:
-        told = _likely(lump, power, list(rates))
-        prior = np.zeros(len(told))
-    values, means, covariances, of = _at_rates(lump, power, told, KNOTS)
+    when = lump.time if when is None else when
+    grid = moments(when)
+    known = None if deviation is None else [float(rates[0] * np.exp(node * deviation)) for node in NODES]
+    best: tuple[float, Array, list[float]] | None = None
+    for _, way in between_readings(power, when):
+        shape = way(grid)
+        told = known if known is not None else _likely(lump, power, shape, when, list(rates))
+        reached = float(_at_rates(lump, power, shape, when, told, TEST_KNOTS)[0].max())
+        if best is None or reached > best[0]:
+            best = reached, shape, told
+    assert best is not None
+    _, shape, told = best
+    prior = np.log(SHARES) if known is not None else np.zeros(len(told))
+    values, means, covariances, of = _at_rates(lump, power, shape, when, told, KNOTS)
     weight = np.exp(values + prior[of] - np.max(values + prior[of]))
     weight /= weight.sum()
     slope = float(weight @ means[:, -1])
@@ -76,8 +87,8 @@ def heat_in_watts(lump: Lump, power: Array, rates: Sequence[float], deviation: f
     drawn, rate = drawn[good], rate[good]
     capacity = 60.0 / drawn[:, -1]
     at = lump.knots(KNOTS)
-    logged = np.interp(at, lump.time, power)
-    whole = drawn[:, 1 : 1 + len(at)] / drawn[:, -1:] + logged - power.mean()
+    logged = np.interp(at, when, power)
+    whole = drawn[:, 1 : 1 + len(at)] / drawn[:, -1:] + logged - shape.mean()
     low, heat, high = np.quantile(whole, [0.025, 0.5, 0.975], axis=0)
     return HeatInWatts(at, heat, low, high, logged, _interval(capacity), _interval(60.0 / (rate * capacity)))
 
@@ -87,15 +98,17 @@ def _interval(draws: Array) -> Interval:
     return float(middle), float(low), float(high)
 
 
-def _at_rates(lump: Lump, power: Array, rates: Sequence[float], knots: int) -> tuple[Array, Array, Array, Array]:
+def _at_rates(
+    lump: Lump, power: Array, shape: Array, when: Array, rates: Sequence[float], knots: int
+) -> tuple[Array, Array, Array, Array]:
     """Log-likelihoods (H,), means (H, M + J + 2) and covariances of (start, knots, jumps, 60 / C), and the rate of each."""
-    at = lump.knots(knots)
-    shapes = np.vstack([_jumps(power), power])
+    at, grid = lump.knots(knots), moments(when)
+    shapes = np.vstack([*(np.interp(grid, when, jump) for jump in _jumps(power)), shape])
     priors = [p.with_free(len(shapes)) for p in lump.priors(rates[len(rates) // 2], len(at), TEST_WALKS, TEST_BENDS)]
     found = []
     for rate in rates:
         design, z = lump.scaled(rate, at)
-        own = (lump.curves(rate, shapes) / lump.noise).T
+        own = (lump.curves(rate, shapes, grid) / lump.noise).T
         found.append(posteriors(np.hstack([design, own]), z, priors))
     values, means, covariances = (np.concatenate(f) for f in zip(*found, strict=True))
     return values, means, covariances, np.repeat(np.arange(len(rates)), len(priors))
@@ -110,10 +123,10 @@ def _jumps(power: Array) -> Array:
     return shapes
 
 
-def _likely(lump: Lump, power: Array, rates: list[float]) -> list[float]:
+def _likely(lump: Lump, power: Array, shape: Array, when: Array, rates: list[float]) -> list[float]:
     """Rates [1/min], evenly spaced in logarithm, over those that the readings leave possible."""
     for _ in range(6):
-        values, _, _, of = _at_rates(lump, power, rates, TEST_KNOTS)
+        values, _, _, of = _at_rates(lump, power, shape, when, rates, TEST_KNOTS)
         each = np.array([logsumexp(values[of == r]) for r in range(len(rates))])
         kept = np.flatnonzero(each > each.max() + np.log(UNLIKELY))
         if len(kept) >= FEWEST:

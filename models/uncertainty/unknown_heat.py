@@ -9,7 +9,7 @@ readings into q + (b' - b) (T - sink).
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,13 +93,19 @@ class Lump:
         design = np.column_stack([decay, _response(rate, knots, self.time)])
         return design / self.noise[:, None], (self.reading - known) / self.noise
 
-    def curves(self, rate: float, shapes: Array) -> Array:
-        """Rise (C, N) under heat of these shapes (C, N) but for a constant, from the start on."""
-        decay, out = self._decay(rate), np.empty((1, len(self.time)))
-        rises = np.empty_like(shapes)
-        for row, shape in zip(rises, shapes - shapes.mean(axis=1, keepdims=True), strict=True):
-            followed(self.time, np.ascontiguousarray(shape), np.array([1.0 / rate]), out)
-            row[:] = (out[0] - shape[0] * decay) / rate
+    def curves(self, rate: float, shapes: Array, grid: Array) -> Array:
+        """Rise (C, N) under heat of these shapes (C, G) at times (G,) but for a constant, from the start on.
+
+        Between the times, among which are those of all readings, the heat is a straight line.
+        """
+        since = np.searchsorted(grid, self.time[0])
+        own = grid[since:]
+        at, out = np.searchsorted(own, self.time), np.empty((1, len(own)))
+        decay = self._decay(rate)
+        rises = np.empty((len(shapes), len(self.time)))
+        for row, shape in zip(rises, (shapes - shapes.mean(axis=1, keepdims=True))[:, since:], strict=True):
+            followed(own, np.ascontiguousarray(shape), np.array([1.0 / rate]), out)
+            row[:] = (out[0, at] - shape[0] * decay) / rate
         return rises
 
     def priors(self, rate: float, count: int, *sizes: Sequence[float]) -> "list[Prior]":
@@ -120,32 +126,52 @@ class UnknownHeat:
     rate: float
 
 
-def smooth_heat(lump: Lump, rate: float, rate_deviation: float = 0.0, knots: int = KNOTS) -> UnknownHeat:
-    """Heat of one lump at its rate [1/min], of which the logarithm is known to `rate_deviation`.
+def smooth_heat(
+    lump: Lump,
+    rate: float,
+    rate_deviation: float = 0.0,
+    sink_deviation: float = 0.0,
+    shapes: Array | None = None,
+    grid: Array | None = None,
+) -> UnknownHeat:
+    """Heat of one lump at its rate [1/min], of which the logarithm is known to `rate_deviation`, its surroundings to so many K.
+
+    shapes (K, G) at times (G,) are those that it is known to follow, to sizes that the readings tell, beside the random walks.
 
     Reference: Gaussian process prior through a linear system, Rasmussen & Williams, Gaussian Processes for Machine Learning, 9.8.
     """
-    at = lump.knots(knots)
+    at = lump.knots(KNOTS)
     priors = lump.priors(rate, len(at))
+    told = np.hstack([np.zeros((len(at), 1)), np.eye(len(at))])  # the heat at each knot, of start and knots
+    if shapes is not None and grid is not None:
+        priors = [p.with_free(len(shapes)) for p in priors]
+        told = np.hstack([told, np.array([np.interp(at, grid, s - s.mean()) for s in shapes]).T])
     heats, variances = [], []
     for node in NODES if rate_deviation > 0.0 else (0.0,):
-        values, means, inverses = posteriors(*lump.scaled(rate * float(np.exp(node * rate_deviation)), at), priors)
+        near = rate * float(np.exp(node * rate_deviation))
+        design, z = lump.scaled(near, at)
+        if shapes is not None and grid is not None:
+            design = np.hstack([design, (lump.curves(near, shapes, grid) / lump.noise).T])
+        values, starts, inverses = posteriors(design, z, priors)
+        means = starts @ told.T
         weight = np.exp(values - values.max())
         weight /= weight.sum()
         mean = weight @ means
-        heats.append(mean[1:])
-        variances.append((weight @ (means**2 + np.einsum("hmm->hm", inverses)) - mean**2)[1:])
+        heats.append(mean)
+        variances.append(weight @ (means**2 + np.einsum("mi,hij,mj->hm", told, inverses, told, optimize=True)) - mean**2)
     share = np.array(SHARES if len(heats) > 1 else (1.0,))
     heat = share @ np.array(heats)
     variance = share @ (np.array(variances) + np.array(heats) ** 2) - heat**2
-    return UnknownHeat(at, heat, np.sqrt(np.maximum(variance, 0.0)), rate)
+    return UnknownHeat(at, heat, np.sqrt(np.maximum(variance, 0.0) + (rate * sink_deviation) ** 2), rate)
 
 
-def column_likelihoods(lump: Lump, rates: Sequence[float], shapes: Array, given: Array | None = None) -> tuple[Array, Array]:
-    """Log-likelihoods (R, C) at each rate with heat that follows a shape (C, N) beside the random walks, and (R,) without.
+def column_likelihoods(
+    lump: Lump, rates: Sequence[float], shapes: Array, grid: Array, given: Array | None = None
+) -> tuple[Array, Array]:
+    """Log-likelihoods (R, C) at each rate with heat that follows a shape (C, G) beside the random walks, and (R,) without.
 
-    given (K, N) are shapes that the heat follows already, each with a size of its own. The sizes of the walks are estimated anew
-    for each shape; a constant in a shape says nothing.
+    The shapes stand at times (G,); given (K, G) are those that the heat follows already, each with a size of its own. The sizes
+    of the walks are estimated anew for each shape; a constant in a shape says nothing.
     """
     at = lump.knots(TEST_KNOTS)
     with_, without = np.full((len(rates), len(shapes)), -np.inf), np.empty(len(rates))
@@ -153,10 +179,10 @@ def column_likelihoods(lump: Lump, rates: Sequence[float], shapes: Array, given:
         design, z = lump.scaled(rate, at)
         priors = lump.priors(rates[len(rates) // 2], len(at), TEST_WALKS, TEST_BENDS)
         if given is not None and len(given):
-            design = np.hstack([design, (lump.curves(rate, given) / lump.noise).T])
+            design = np.hstack([design, (lump.curves(rate, given, grid) / lump.noise).T])
             priors = [p.with_free(len(given)) for p in priors]
         values, _, inverses = posteriors(design, z, priors)
-        curves = lump.curves(rate, shapes) / lump.noise
+        curves = lump.curves(rate, shapes, grid) / lump.noise
         projected, against = design.T @ curves.T, design.T @ z
         own, mixed = (curves**2).sum(axis=1), curves @ z
         for value, inverse in zip(values, inverses, strict=True):
@@ -215,13 +241,30 @@ def simplest_rate(lump: Lump, rates: Sequence[float]) -> tuple[float, float]:
 
     Of `rates`, evenly spaced in logarithm, each as likely as it makes the readings under the random walks: a heat that moves least.
     """
-    likelihood = column_likelihoods(lump, rates, np.empty((0, len(lump.time))))[1]
+    likelihood = column_likelihoods(lump, rates, np.empty((0, len(lump.time))), lump.time)[1]
     weight = np.exp(likelihood - likelihood.max())
     weight /= weight.sum()
     logs = np.log(rates)
     mean = float(weight @ logs)
     spacing = float(logs[1] - logs[0])
     return float(np.exp(mean)), float(np.sqrt(weight @ (logs - mean) ** 2 + spacing**2 / 12.0))
+
+
+def following_rate(lump: Lump, near: float, step: float, shapes: Array, grid: Array) -> tuple[float, float]:
+    """As :func:`simplest_rate` of a heat that follows shapes (K, G) at times (G,), about a rate known to a factor exp(step)."""
+    centre, none = float(np.log(near)), np.empty((0, len(grid)))
+    for _ in range(CLOSER):
+        logs = centre + step * np.linspace(-1.5, 1.5, AROUND)
+        likelihood = column_likelihoods(lump, np.exp(logs).tolist(), none, grid, shapes)[1]
+        weight = np.exp(likelihood - likelihood.max())
+        weight /= weight.sum()
+        centre = float(weight @ logs)
+        spacing = float(logs[1] - logs[0])
+        spread = float(np.sqrt(weight @ (logs - centre) ** 2 + spacing**2 / 12.0))
+        if spread > spacing:
+            break
+        step = 2.0 * spacing
+    return float(np.exp(centre)), spread
 
 
 @dataclass(frozen=True)
@@ -231,7 +274,7 @@ class Follows:
     powers are the least and the largest that do nearly as well; correlation is that of the heat with what the column tells on
     blocks left out, likelihood_ratio is twice the logarithm, mean over the sensors,
     p its chance over everything tried; rates (S,) [1/min] those at which it does best,
-    shape (N,) the column as the heat follows it.
+    shape (G,) the column as the heat follows it, at :func:`moments`.
     """
 
     column: str
@@ -262,21 +305,48 @@ NEAR = 3.84
 POWERS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 
 
+def moments(time: Array) -> Array:
+    """Every time (N,), an instant before and one after it: straight lines between them draw what moves evenly and what jumps."""
+    little = INSTANT * np.diff(time)
+    return np.sort(np.concatenate([time, time[1:] - little, time[:-1] + little]))
+
+
+def between_readings(column: Array, time: Array) -> list[tuple[float, Callable[[Array], Array]]]:
+    """How a column (N,) may be between its readings at time (N,): on the straight line, and where it jumps held, or told after.
+
+    With each the share that a reading has in the interval that ends with it.
+    """
+    ways: list[tuple[float, Callable[[Array], Any]]] = [(0.5, lambda at: np.interp(at, time, column))]
+    if float(np.abs(np.diff(column)).max()) > JUMPS * float(np.ptp(column)):
+        last = len(time) - 1
+        ways.append((0.0, lambda at: column[np.clip(np.searchsorted(time, at, "right") - 1, 0, last)]))
+        ways.append((1.0, lambda at: column[np.clip(np.searchsorted(time, at, "left"), 0, last)]))
+    return ways
+
+
 def shapes_of(
     column: Array, time: Array, delays: Sequence[float], powers: Sequence[float] = POWERS
 ) -> tuple[Array, list[tuple[float, float]]]:
-    """Shapes (C, N) of a column (N,) to powers and delays, each of range 1, and their (power, delay [min])."""
+    """Shapes (C, G) at :func:`moments` of a column (N,) to powers and delays, each of range 1, and their (power, delay [min])."""
     if float(column.min()) < 0.0:
         powers = (1.0,)
-    rows, told = [], []
-    for power in powers:
-        for delay in delays:
-            shape = np.interp(time - delay, time, column) ** power
-            reach = float(np.ptp(shape))
-            if reach > 0.0:
-                rows.append(shape / reach)
-                told.append((power, delay))
-    return np.array(rows).reshape(len(rows), len(time)), told
+    rows, told, grid = [], [], moments(time)
+    for (_, way), power, delay in itertools.product(between_readings(column, time), powers, delays):
+        shape = way(grid - delay) ** power
+        reach = float(np.ptp(shape))
+        if reach > 0.0:
+            rows.append(shape / reach)
+            told.append((power, delay))
+    return np.array(rows).reshape(len(rows), len(grid)), told
+
+
+#: Rates about one that is nearly known, and how often they close in on it.
+AROUND, CLOSER = 9, 5
+#: Where a heat follows a column: shapes that are looked at again beside those without delay, at so many rates; and those for
+#: which the rate is found exactly.
+LIKELY, FINE_RATES, REFINED = 12, 150, 3
+#: An instant, of the time between two readings; and a step that is a jump, of the range of a column.
+INSTANT, JUMPS = 1e-3, 0.05
 
 
 def delays_for(time: Array) -> tuple[float, ...]:
@@ -285,11 +355,11 @@ def delays_for(time: Array) -> tuple[float, ...]:
     return (0.0, *np.geomspace(2.0 * step, max(0.1 * span, 4.0 * step), 8).tolist())
 
 
-def block_correlation(heats: Sequence[UnknownHeat], shapes: Array, time: Array, blocks: int = 4) -> float:
-    """Correlation of heats with what shapes (K, N) tell of them on blocks left out, their sizes learnt on the others."""
+def block_correlation(heats: Sequence[UnknownHeat], shapes: Array, grid: Array, blocks: int = 4) -> float:
+    """Correlation of heats with what shapes (K, G) at times (G,) tell of them on blocks left out, sizes learnt on the others."""
     real, told = [], []
     for heat in heats:
-        x = np.column_stack([np.ones(len(heat.time)), *(np.interp(heat.time, time, s) for s in shapes)])
+        x = np.column_stack([np.ones(len(heat.time)), *(np.interp(heat.time, grid, s) for s in shapes)])
         edges = np.linspace(0, len(x), blocks + 1).astype(int)
         guess = np.empty(len(x))
         for a, b in itertools.pairwise(edges):
@@ -315,9 +385,9 @@ def followed_column(
     """Logged columns (N,) at `time` that the heats of a run's sensors follow, with the best power and delay; the likeliest first.
 
     rates are those that each sensor may have; where there are several, each model takes the one that suits it best.
-    given are shapes (N,) that the heat follows already. What is told is not yet a claim.
+    given are shapes (G,) that the heat follows already. What is told is not yet a claim.
     """
-    delays = delays_for(time)
+    delays, grid = delays_for(time), moments(time)
     offers = {n: shapes_of(c, time, delays) for n, c in columns.items() if np.ptp(c) > 0.0}
     offers = {n: (shapes, told) for n, (shapes, told) in offers.items() if told}
     if not offers or not lumps:
@@ -325,8 +395,7 @@ def followed_column(
     every = np.concatenate([shapes for shapes, _ in offers.values()])
     total, best_rates = np.zeros(len(every)), np.zeros((len(lumps), len(every)))
     for k, (lump, may) in enumerate(zip(lumps, rates, strict=True)):
-        at_readings = (np.array([np.interp(lump.time, time, s) for s in of]) for of in (every, given))
-        with_, without = column_likelihoods(lump, may, *at_readings)
+        with_, without = column_likelihoods(lump, may, every, grid, np.array(given))
         total += 2.0 * (with_.max(axis=0) - without.max())
         best_rates[k] = np.asarray(may)[with_.argmax(axis=0)]
     # The sensors of a run share its unknown heat: together they are evidence no better than one of them.
@@ -334,15 +403,47 @@ def followed_column(
     for name, (shapes, told) in offers.items():
         ratio = ratios[begin : begin + len(told)]
         best = int(np.argmax(ratio))
-        power, delay = told[best]
-        near = [told[i][0] for i in np.flatnonzero(ratio >= ratio[best] - NEAR)]
         p = min(1.0, len(every) * chi2_tail(1, max(0.0, float(ratio[best]))))
         own = tuple(best_rates[:, begin + best].tolist())
+        if p < RULES.chance and all(len(may) > 1 for may in rates):
+            likely = np.union1d(np.argsort(-ratio)[:LIKELY], [i for i, (_, delay) in enumerate(told) if delay == 0.0]).astype(int)
+            place, among, own = _at_own_rates(lumps, rates, shapes[likely], grid, np.array(given))
+            best, ratio = int(likely[place]), np.full(len(told), -np.inf)
+            ratio[likely] = among
+        power, delay = told[best]
+        near = [told[i][0] for i in np.flatnonzero(ratio >= ratio[best] - NEAR)]
         heats = [smooth_heat(lump, rate) for lump, rate in zip(lumps, own, strict=True)] if p < RULES.chance else []
-        r = block_correlation(heats, np.array([*given, shapes[best]]), time) if heats else 0.0
+        r = block_correlation(heats, np.array([*given, shapes[best]]), grid) if heats else 0.0
         found.append(Follows(name, power, (min(near), max(near)), delay, r, float(ratio[best]), p, own, shapes[best]))
         begin += len(told)
     return sorted(found, key=lambda f: -f.likelihood_ratio)
+
+
+def _at_own_rates(
+    lumps: Sequence[Lump], rates: Sequence[Sequence[float]], shapes: Array, grid: Array, given: Array
+) -> tuple[int, Array, tuple[float, ...]]:
+    """The best of shapes (C, G), twice the log-likelihoods (C,), mean over the lumps, and each lump's rate, where heat follows one.
+
+    The rate is then known so well that between the rates of a coarse grid the likelihood of the right shape is not seen.
+    """
+    total, nearest = np.zeros(len(shapes)), np.zeros((len(lumps), len(shapes)))
+    for k, (lump, may) in enumerate(zip(lumps, rates, strict=True)):
+        fine = np.geomspace(may[0], may[-1], FINE_RATES)
+        likelihood = column_likelihoods(lump, fine.tolist(), shapes, grid, given)[0]
+        total += 2.0 * likelihood.max(axis=0) / len(lumps)
+        nearest[k] = fine[likelihood.argmax(axis=0)]
+    step = float(np.log(rates[0][-1] / rates[0][0])) / (FINE_RATES - 1)
+    refined = {}
+    for c in np.argsort(-total)[:REFINED].tolist():
+        together = np.vstack([*given, shapes[c]])
+        own = [following_rate(lump, float(nearest[k, c]), step, together, grid)[0] for k, lump in enumerate(lumps)]
+        reached = [
+            column_likelihoods(lump, [b], shapes[c : c + 1], grid, given)[0][0, 0] for lump, b in zip(lumps, own, strict=True)
+        ]
+        total[c] = 2.0 * float(np.mean(reached))
+        refined[c] = tuple(own)
+    best = max(refined, key=lambda c: float(total[c]))
+    return best, total, refined[best]
 
 
 def claims(

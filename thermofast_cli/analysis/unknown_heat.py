@@ -1,16 +1,26 @@
 """The heat that a model would need to follow its record, sensor by sensor, and the logged columns that this heat follows."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermofast.models import Observations
+from thermofast.models.core.kernel import Array
 from thermofast.models.greybox import RATE, Model
 from thermofast.models.joint import Fit
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts, heat_in_watts
-from thermofast.models.uncertainty.unknown_heat import Follows, Lump, UnknownHeat, claims, simplest_rate, smooth_heat
+from thermofast.models.uncertainty.unknown_heat import (
+    Follows,
+    Lump,
+    UnknownHeat,
+    claims,
+    following_rate,
+    moments,
+    simplest_rate,
+    smooth_heat,
+)
 
 from ..errors import rounded
 from .power import Constants, most_watts
@@ -77,16 +87,21 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     own = [c not in learnt for c in whole.channels]
     # A rate that the same readings gave is bent by the heat that the fit did not know of: a column may come with another.
     may = {i: possible_rates(lump) if own[i] else [float(rates[i])] for i, lump in known.items()}
-    follows = claims(list(known.values()), list(may.values()), columns, whole.time)
+    # Between the times of the file a column is drawn in straight lines, which is for the claim to judge.
+    told = whole.logged if whole.logged is not None else np.ones(len(whole.time), dtype=bool)
+    follows = claims(list(known.values()), list(may.values()), {n: c[told] for n, c in columns.items()}, whole.time[told])
     heats: list[UnknownHeat | None] = [None] * whole.sensors
     watts: list[HeatInWatts | None] = [None] * whole.sensors
     for place, (i, lump) in enumerate(known.items()):
-        followed = follows[-1].rates[place] if follows else None
-        rate, unsure = told_rate(lump, followed) if own[i] else (float(rates[i]), float(np.nan_to_num(errors[i])))
-        unsure = min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION)
-        heats[i] = smooth_heat(lump, rate, unsure)
+        # Of surroundings that nobody logged the fit has a guess, and the first reading is another.
+        sink_unknown = abs(float(sink) - float(lump.reading[0])) if np.ndim(sink) == 0 and own[i] else 0.0
+        unsure = min(max(float(np.nan_to_num(errors[i])), LEAST_DEVIATION), MOST_DEVIATION)
+        if own[i]:
+            heats[i] = told_heat(lump, place, follows, whole.time[told], sink_unknown)
+        else:
+            heats[i] = smooth_heat(lump, float(rates[i]), unsure)
         if power is not None:
-            watts[i] = heat_in_watts(lump, power[whole.used[i]], may[i], None if own[i] else unsure)
+            watts[i] = heat_in_watts(lump, power[told], may[i], None if own[i] else unsure, whole.time[told])
     return NeededHeat(tuple(heats), tuple(follows), any(own), tuple(watts))
 
 
@@ -95,9 +110,18 @@ def possible_rates(lump: Lump) -> list[float]:
     return (POSSIBLE / float(lump.time[-1] - lump.time[0])).tolist()  # type: ignore[no-any-return]
 
 
-def told_rate(lump: Lump, followed: float | None) -> tuple[float, float]:
-    """Rate and deviation of its logarithm from the record alone: that at which the heat follows a column, or is the simplest."""
-    return (followed, LEAST_DEVIATION) if followed is not None else simplest_rate(lump, possible_rates(lump))
+#: A rate at which the heat follows a column is known to such a factor before it is told, in logarithms.
+NEARLY = 0.02
+
+
+def told_heat(lump: Lump, place: int, follows: Sequence[Follows], time: Array, sink_deviation: float = 0.0) -> UnknownHeat:
+    """The heat that a record alone tells: at the rate at which it follows columns, logged at `time`, or at which it is simplest."""
+    if not follows:
+        rate, unsure = simplest_rate(lump, possible_rates(lump))
+        return smooth_heat(lump, rate, min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION), sink_deviation)
+    shapes, grid = np.array([f.shape for f in follows]), moments(time)
+    rate, unsure = following_rate(lump, follows[-1].rates[place], NEARLY, shapes, grid)
+    return smooth_heat(lump, rate, unsure, sink_deviation, shapes, grid)
 
 
 #: What a reader of a heat must know where the rate comes from the same record.
