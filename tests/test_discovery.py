@@ -1,5 +1,6 @@
 """A small sample of the proof (``make proof`` runs the whole): verdicts on records of an independent simulator."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -48,7 +49,7 @@ def test_sensors_that_explain_each_other_name_no_neighbour():
     run = record(2, 300)
     walk = np.cumsum(0.3 * np.random.default_rng(1).standard_normal(300))
     walk = np.convolve(walk, np.ones(25) / 25, "same")
-    run.reading[:] += np.array([[0.7], [1.0]]) * walk
+    run = replace(run, reading=run.reading + np.array([[0.7], [1.0]]) * walk)
     found = discover(run, [kind() for kind in BUILT_IN])
     assert found.verdict == "unexplained"
 

@@ -50,9 +50,8 @@ class LoadStep(Effect):
             ways = [{**constants, "power": 1.0, "ending": ending} for ending in endings(column)]
             found += [Choice(name, way, ("event", "power"), coupled=("change",)) for way in ways]
             if len(np.unique(column)) > 2 and float(column.min()) >= 0.0:
-                found.append(
-                    Choice(f"{name}, to a power", {**constants, "ending": 0.5}, ("event",), simple=False, coupled=("change",))
-                )
+                raised = [{**constants, "ending": ending} for ending in endings(column)]
+                found += [Choice(f"{name}, to a power", way, ("event",), simple=False, coupled=("change",)) for way in raised]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
@@ -72,4 +71,9 @@ def held(run: Observations, name: str, scale: float, power: Any, ending: float =
     level = np.maximum(run.inputs[name] / scale, 0.0) if np.any(np.asarray(power) != 1.0) else run.inputs[name] / scale
     raised = level**power
     before = np.concatenate([raised[..., :1], raised[..., :-1]], axis=-1)
+    if run.logged is not None and ending != 0.5:
+        # Between two times of the file the column is as at the one or the other, not on the line between them.
+        there = np.flatnonzero(run.logged)
+        after = np.clip(np.searchsorted(there, np.arange(raised.shape[-1])), 0, len(there) - 1)
+        raised, before = raised[..., there[after]], raised[..., there[np.maximum(after - 1, 0)]]
     return ending * raised + (1.0 - ending) * before

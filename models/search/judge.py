@@ -167,7 +167,10 @@ def identifiability(fit: Fit) -> Identifiability:
             deviation = math.sqrt(max(float(shared[j, j]), 1e-300))
             others = np.sqrt(np.maximum(np.diag(shared), 1e-300))
             with np.errstate(invalid="ignore"):  # what is not determined at all is told by its own doubt
-                alike = np.nan_to_num(np.abs(np.delete(shared[j] / (deviation * others), j)))
+                alike = np.nan_to_num(np.abs(shared[j] / (deviation * others)))
+            # Surroundings that nobody logged are known by nothing else: how large a heat is then stands or falls with them, not
+            # that it is there.
+            alike = alike[[k != j and other.part >= 0 for k, other in enumerate(model.shared)]]
             own = np.abs(cross[:, :, j]) / (deviation * np.sqrt(np.maximum(np.einsum("sii->si", local), 1e-300)))
             if len(alike) and alike.max() > RULES.alike:
                 return Identifiability(False, f"{part.id}: {c.parameter.name} cannot be told from another parameter")

@@ -159,13 +159,13 @@ def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator | None)
         ambient = {"surroundings": sink + (ROOM_NOISE * rng.standard_normal(len(time)) if rng is not None else np.zeros(len(time)))}
     run = replace(run, ambient=ambient, inputs=inputs)
     # The first readings tell the surroundings where nobody logs them.
-    run.reading[:] = fit.curve[:, :1]
+    run = replace(run, reading=np.broadcast_to(fit.curve[:, :1], run.reading.shape))
     told: dict[Key, Any] = {**fit.values}
     told.setdefault(Key(-1, SINK.name), sink)
     if experiment.heated is not None:
         cold = np.arange(seen.sensors) != experiment.heated
         told[LEVEL], told[START] = np.where(cold, sink, told[LEVEL]), np.full(seen.sensors, sink)
-        run.reading[:] = sink
+        run = replace(run, reading=np.full(run.reading.shape, sink))
     parts = fit.model.parts if heat is None else [_scaling(p) for p in fit.model.parts]
     sensors = np.arange(seen.sensors)
     for _ in range(SWEEPS if any(p.effect.reads_sensors for p in parts) else 1):
