@@ -217,3 +217,21 @@ def test_an_effect_that_grows_without_end_leaves_the_rest_as_it_was():
     assert np.diagonal(doubts[1]).max() == pytest.approx(100.0**2)
     assert np.linalg.eigvalsh(doubts[1]).min() > -1e-9 * 100.0**2
     assert doubts[1][0, 0] == pytest.approx(doubts[0][0, 0] + (0.01 * np.expm1(4.0 * 5.0 / 30.0)) ** 2, rel=0.05)
+
+
+def test_a_wave_that_was_found_settles_as_its_mean_does():
+    """A lump of 40 min whose heat is on for half of each 20 min: at one phase of the wave it never settles, its mean does at 120."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 240.25, 0.5)
+    on = (np.floor(time / 10.0).astype(int) % 2 == 0).astype(float)
+    reading = np.full(len(time), 20.0)
+    for k in range(1, len(time)):
+        end = 20.0 + 100.0 * on[k - 1]
+        reading[k] = end + (reading[k - 1] - end) * np.exp(-0.5 / 40.0)
+    columns = {f"T{k}": 20.0 + (reading - 20.0) * (1.0 + 0.05 * k) + rng.normal(0.0, 0.02, len(time)) for k in range(2)}
+    for k, row in enumerate(tf.identify({"time_min": time, **columns, "ambient": np.full(len(time), 20.0)}, auto=True)):
+        assert "cyclic_load" in row.message
+        # The first half period is on: the mean's law begins a little ahead of it.
+        assert row.steady_state_lo_c < 20.0 + 50.0 * (1.0 + 0.05 * k) < row.steady_state_hi_c
+        assert row.steady_state_hi_c - row.steady_state_lo_c < 3.0
+        assert 105.0 < row.t95_lo_min < row.t95_min < row.t95_hi_min < 140.0

@@ -137,8 +137,12 @@ def slowest(fit: Fit, sensor: int) -> float:
 
 
 def lasting(fit: Fit) -> list[int]:
-    """Places of a model's parts that are the machine's: a probe that drifts or jumps is no part of its temperature."""
-    return [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
+    """Places of a model's parts that lead to its limit: a probe that drifts or jumps is no part of its temperature.
+
+    Nor is a wave, which goes on for ever about its mean: the limit, and the way there, are those of the mean over a cycle.
+    """
+    effects = [part.effect for part in fit.model.parts]
+    return [k for k, effect in enumerate(effects) if effect.scope != "one" and not any(p.periodic for p in effect.parameters)]
 
 
 def together(fit: Fit, over: Observations, last: int, keep: "range | list[int]") -> Observations:
