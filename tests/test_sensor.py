@@ -62,3 +62,12 @@ def test_what_lies_before_the_start_is_not_used():
     assert sensor.time[0] == 20.0
     assert len(sensor.time) == 40
     assert sensor.reading.max() < 30.0
+
+
+def test_whole_degrees_that_settle_after_a_load_step_are_not_stuck():
+    """The rise quickens with the load and then slows down before it stands still: a range that ends does not."""
+    time = np.arange(420.0)
+    rise = 27.0 * -np.expm1(-time / 30.0) + 10.0 * -np.expm1(-np.maximum(time - 140.0, 0.0) / 30.0)
+    assert not saturated(np.round(20.0 + rise), 1.0).any()
+    clipped = np.minimum(20.0 + 60.0 * -np.expm1(-time / 200.0), 60.0)
+    assert saturated(np.round(clipped), 1.0).sum() > 100

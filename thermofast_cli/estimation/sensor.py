@@ -179,7 +179,9 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
             first, middle, last = before[:ends].mean(), before[length // 2 - ends // 2 :][:ends].mean(), before[-ends:].mean()
             way = 1.0 if extreme == reading.max() else -1.0
             early, late = way * float(middle - first), way * float(last - middle)
-            if late > 0.5 * early and late > 4.0 * noise:
+            between = before[(3 * length) // 4 - ends // 2 :][:ends].mean()
+            slows = way * float(last - between) < 0.5 * way * float(between - middle)  # after an event it may rise faster, and settle
+            if late > 0.5 * early and late > 4.0 * noise and not slows:
                 stuck[a:b] = True
     return stuck
 
