@@ -170,3 +170,11 @@ def test_a_page_says_the_command_and_the_settings_that_made_it(tool, tmp_path):
     assert "<dt>Settings from thermofast.toml</dt><dd><code>--channels T1,T2</code></dd>" in page
     tf.identify(tf.read(SPINDLE, channels="T1"), until=60.0).save(tmp_path / "q.html")
     assert "identify, from Python" in (tmp_path / "q.html").read_text(encoding="utf-8")
+
+
+def test_a_name_does_not_turn_the_words_that_follow_it():
+    time = np.arange(60.0)
+    run = tf.read({"time_min": time, "T\u202e1 [°C]": 20.0 + 5.0 * -np.expm1(-time / 20.0), "T2 [°C]": 20.0 + time / 30.0})
+    page = page_of(tf.identify(run))
+    assert "T1" in page
+    assert "\u202e" not in page

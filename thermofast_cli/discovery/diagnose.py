@@ -161,13 +161,15 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
 def _who_shows(found: Sequence[Discovery], names: Sequence[str]) -> list[str]:
     """Of each effect named: in how many of the runs, and that it is one run's event where only one shows it."""
     who: dict[str, list[str]] = {}
+    events: set[str] = set()
     for one, name in zip(found, names, strict=True):
         for part in one.named.parts if one.named is not None else ():
             who.setdefault(part.id, []).append(name)
+            events |= {part.id} if part.effect.event is not None else set()
     said = []
     for effect, runs in who.items():
         if len(runs) == 1:
-            said.append(f"{effect}: in {runs[0]} alone, so an event of that run")
+            said.append(f"{effect}: in {runs[0]} alone{', so an event of that run' if effect in events else ''}")
         else:
             said.append(f"{effect}: in {'all' if len(runs) == len(names) else len(runs)} of {len(names)} runs")
     return [f"of {len(names)} runs searched together: {'; '.join(said)}"] if said else [f"{len(names)} runs searched together"]

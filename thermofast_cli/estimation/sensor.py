@@ -180,7 +180,9 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
             way = 1.0 if extreme == reading.max() else -1.0
             early, late = way * float(middle - first), way * float(last - middle)
             between = before[(3 * length) // 4 - ends // 2 :][:ends].mean()
-            slows = way * float(last - between) < 0.5 * way * float(between - middle)  # after an event it may rise faster, and settle
+            slows = way * float(last - between) < 0.5 * way * float(
+                between - middle
+            )  # after an event it may rise faster, and settle
             if late > 0.5 * early and late > 4.0 * noise and not slows:
                 stuck[a:b] = True
     return stuck

@@ -122,10 +122,14 @@ def plan(
         advance(1)
     if replayed is not None:
         curves = _as_replayed(curves, replayed)
-    law = next((c for c in curves if c.name == LAW), curves[0])
+    asked = next((c for c in curves if c.name == LAW), curves[0])
+    laws: dict[Design, Curve] = {design: asked}
     rows = []
     for option, curve in zip(options, curves, strict=True):
         one = option.design
+        if one not in laws and not prior.none and replayed is None:
+            laws[one] = _curve(Option(LAW, one, NONE, "shared"))  # other readings alone would do after another time
+        law = laws.get(one, asked)
         for tolerance in tolerances_c:
             each = [needed(curve.time, line, tolerance) for line in curve.draws]
             # Of half of the machines drawn it is no longer. A half-width that rises again is known only from when it stays.

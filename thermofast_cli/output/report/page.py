@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import date
-from html import escape
+from html import escape as escaped
 from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
@@ -28,6 +28,14 @@ POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 )
 
+#: Signs that turn the direction of what follows, also of words that are not the name's.
+TURNING = dict.fromkeys([*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C])
+
+
+def escape(text: str, quote: bool = True) -> str:
+    """Text that stays text, and in its own direction."""
+    return escaped(text.translate(TURNING), quote)
+
 
 def page_of(result: "Result", made: Mapping[str, str] = MappingProxyType({})) -> str:
     """The HTML of a result's page; made: headings and texts of how it was made.
@@ -35,7 +43,7 @@ def page_of(result: "Result", made: Mapping[str, str] = MappingProxyType({})) ->
     What comes from files stays text: it is escaped, or set by the script as text.
     """
     rows, charts = [plain(r) for r in result.rows()], figures_of(result)
-    data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":"))
+    data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":")).translate(TURNING)
     names = " and ".join(dict.fromkeys(Path(r["run"]).name for r in rows)) or "no run"
     title = f"thermofast {result.command}: {names if len(names) < 120 else f'{len(result.runs)} runs'}"
     verdict = "".join(f"<p>{escape(s)}</p>" for s in verdict_of(result, rows))
