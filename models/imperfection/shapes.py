@@ -29,8 +29,10 @@ LIMIT, SETTLING, SLOW_AHEAD, FIRST_TIME = 0, 1, 2, 3
 FOREVER = 1e9
 #: Share of the room's wandering that a logged room leaves open, and points by which its record is drawn.
 UNLOGGED, ROOM_POINTS = 0.3, 300
-#: Readings of a room of which no line is drawn.
+#: Fewer readings of a room at its end than these draw no line.
 ROOM_FEW = 5
+#: Deviations by which a room must move over them to be drifting.
+DRIFTS = 4.0
 
 
 @dataclass(frozen=True)
@@ -120,8 +122,7 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     step = float(grid[1] - grid[0])
     ends = max(1, len(room) // 50)
     level = np.interp(grid, when, room) - float(np.median(room[:ends]))
-    last = max(1, len(room) // 20)
-    now = _at_end(when[-last:], room[-last:]) - float(np.median(room[:ends]))
+    now = _at_end(when, room, ends) - float(np.median(room[:ends]))
     line = lagged(rate, step, level)
 
     def at(times: Array) -> Array:
@@ -135,14 +136,19 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     return np.concatenate(columns, axis=1)
 
 
-def _at_end(when: Array, room: Array) -> float:
-    """A room (n,) as it is at the last of its times (n,), on a line through the medians of its halves: one may drift."""
-    if len(room) < ROOM_FEW:
-        return float(np.median(room))
-    half = len(room) // 2
-    early, late = (slice(None, half), slice(half, None))
-    slope = (np.median(room[late]) - np.median(room[early])) / (np.median(when[late]) - np.median(when[early]))
-    return float(np.median(room) + slope * (when[-1] - np.median(when)))
+def _at_end(when: Array, room: Array, ends: int) -> float:
+    """A room (n,) as it is at the last of its times (n,): the median of its last `ends` readings, or where it plainly drifts over
+    its last twentieth the end of a line through the medians of that one's halves.
+    """
+    count = len(room) // 20
+    if count >= ROOM_FEW:
+        time, last, half = when[-count:], room[-count:], count // 2
+        slope = (np.median(last[half:]) - np.median(last[:half])) / (np.median(time[half:]) - np.median(time[:half]))
+        moved = slope * (time[-1] - np.median(time))
+        noise = float(np.std(np.diff(last))) / np.sqrt(2.0)
+        if abs(moved) > DRIFTS * 2.0 * noise / np.sqrt(count):
+            return float(np.median(last) + moved)
+    return float(np.median(room[-ends:]))
 
 
 def covariances(

@@ -77,7 +77,8 @@ class Dask(Crew):
         except ImportError:
             raise UsageError("--cluster runs on Dask, which is not installed", do="pip install 'thermofast[dask]'") from None
         if not re.search(r":\d+/?$", address):
-            raise UsageError(f"--cluster {address}: no port", allowed="HOST:PORT, as tcp://scheduler:8786", do="say its port")
+            allowed = "HOST:PORT, as tcp://scheduler:8786"
+            raise UsageError(f"--cluster {address}: no Dask scheduler answers", found="no port", allowed=allowed, do="say its port")
         logging.getLogger("distributed").setLevel(logging.ERROR)  # that a worker died is told by what becomes of its tasks
         try:
             self._client = Client(address, timeout=PATIENCE_S, set_as_default=False)
