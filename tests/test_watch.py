@@ -230,3 +230,16 @@ def test_bad_input_is_met_with_words(tool, tmp_path):
     assert "600x" in speed.err
     assert speed_of("600x") == 600.0
     assert len(first_readings(rising(60.0), 7).time_s) == 7
+
+
+def test_what_is_waited_for_is_said_where_all_are_within_the_tolerance(tool, tmp_path):
+    path = tmp_path / "exact.csv"
+    time = np.arange(0.0, 200.0, 0.25)
+    noise = np.random.default_rng(4).normal(0.0, 0.02, (2, len(time)))
+    readings = [20.0 + (6.0 + k) * -np.expm1(-time / 60.0) + noise[k] for k in range(2)]
+    np.savetxt(
+        path, np.column_stack([time, *readings]), delimiter=",", header="time_min,T1 [degC],T2 [degC]", comments="", fmt="%.3f"
+    )
+    watched = tool("watch", path, "--tolerance", 1, "--replay", "max", "--imperfection", "none", "--to", 60)
+    assert "2 of 2 sensors within the tolerance" in watched.err
+    assert "no stop before 1.5 time constants (" in watched.err

@@ -39,12 +39,16 @@ HOLDS = 0.03
 
 @dataclass(frozen=True)
 class Look:
-    """What is known after some minutes: records, and of each sensor whether it is within the tolerance; whether to stop."""
+    """What is known after some minutes: records, and of each sensor whether it is within the tolerance; whether to stop.
+
+    waits says what is waited for where all are within it.
+    """
 
     minutes: float
     records: tuple[IdentifyRecord, ...]
     within: tuple[bool, ...]
     stop: bool
+    waits: str = ""
 
     @property
     def words(self) -> str:
@@ -60,7 +64,7 @@ class Look:
         widest = max(known, key=lambda c: known[c])
         doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
         doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
-        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{rounded(known[widest])} K for all at once{doubt}"
+        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{rounded(known[widest])} K for all at once{doubt}{self.waits}"
 
 
 def half_width(record: IdentifyRecord) -> float | None:
@@ -86,8 +90,8 @@ class Watch:
         """Whether the record has grown enough since the last look."""
         return minutes >= self.last_min * (1.0 + GROWTH) and minutes > self.last_min
 
-    def _seen(self, run: Run) -> tuple[tuple[IdentifyRecord, ...], tuple[bool, ...], bool]:
-        """Records of a run, which of its sensors are within the tolerance, and whether nothing speaks against a stop."""
+    def _seen(self, run: Run) -> tuple[tuple[IdentifyRecord, ...], tuple[bool, ...], bool, str]:
+        """Records of a run, which of its sensors are within the tolerance, whether to stop, else what is waited for."""
         records = self.identify(thinned(run))
         halves = [half_width(r) if r.status == "ok" else None for r in records]
         wide = TOGETHER if len(records) > 1 else 1.0
@@ -96,12 +100,20 @@ class Watch:
         rates = [r.rate_per_min for r in records if r.rate_per_min]
         minutes = float(run.time_s[-1]) / 60.0
         long_enough = self.known or (bool(rates) and minutes * float(np.median(rates)) >= TURNS)
-        return records, within, bool(within) and all(within) and risen and long_enough
+        waits = ""
+        if within and all(within) and not risen:
+            waits = f"; no sensor has moved by {RISEN:g} tolerances yet"
+        elif within and all(within) and not long_enough and rates:
+            least = rounded(TURNS / float(np.median(rates)), 3)
+            waits = (
+                f"; no stop before {TURNS:g} time constants ({least} min), in which a second mass shows; --model knows it before"
+            )
+        return records, within, bool(within) and all(within) and risen and long_enough, waits
 
     def look(self, run: Run) -> Look:
         """What is known now."""
         minutes = float(run.time_s[-1]) / 60.0
-        records, within, ready = self._seen(run)
+        records, within, ready, waits = self._seen(run)
         if minutes < self.last_min:  # another run has begun
             self.since_min, self.last_min = None, 0.0
         before = minutes / (1.0 + HOLDS) - 1e-9
@@ -114,7 +126,7 @@ class Watch:
             self.since_min = before if held else minutes
         self.last_min = minutes
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
-        return Look(minutes, records, within, stop)
+        return Look(minutes, records, within, stop, waits)
 
 
 def first_readings(run: Run, count: int) -> Run:

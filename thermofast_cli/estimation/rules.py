@@ -27,7 +27,9 @@ class EstimationRules:
         3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
     )
     hides: float = rule(0.1, "1", "probability that a slow second mass moves the limit out of the interval", BY_HAND)
-    room_share: float = rule(0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND)
+    room_share: float = rule(
+        0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND
+    )
     room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     kept_share: float = rule(
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
