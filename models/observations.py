@@ -115,18 +115,27 @@ class Observations:
         """
         values = self.inputs[column]
         share = values / max(float(np.abs(values).max()), 1e-300)
-        last, following = np.concatenate([share[:1], share[:-1]]), share
-        level = share
-        if self.logged is not None:
-            # Between two times of the file the column is as at the one or the other, not on the line between them.
-            there = np.flatnonzero(self.logged)
-            after = np.clip(np.searchsorted(there, np.arange(len(share))), 0, len(there) - 1)
-            level = share[there[after]]
-            if ending != 0.5:
-                last, following = share[there[np.maximum(after - 1, 0)]], level
-        heat = ending * following + (1.0 - ending) * last
+        level = share if self.logged is None else share[self._file_times[1]]
+        heat = self.over_intervals(share, ending)
         rest = {n: c for n, c in self.inputs.items() if n != column}
         return replace(self, inputs=rest, drive=column, heat=heat, driven=level)
+
+    def over_intervals(self, column: Array, ending: float) -> Array:
+        """Mean of a logged column (..., N) over the interval that ends at each reading; ending as for :meth:`driven_by`."""
+        if self.logged is None or ending == 0.5:
+            last, following = np.concatenate([column[..., :1], column[..., :-1]], axis=-1), column
+        else:  # between two times of the file the column is as at the one or the other, not on the line between them
+            earlier, later = self._file_times
+            last, following = column[..., earlier], column[..., later]
+        return np.asarray(ending * following + (1.0 - ending) * last)
+
+    @cached_property
+    def _file_times(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Of each time of the grid (N,) the places of the times that stand in the file before it, and at or after it."""
+        assert self.logged is not None
+        there = np.flatnonzero(self.logged)
+        after = np.clip(np.searchsorted(there, np.arange(len(self.time))), 0, len(there) - 1)
+        return there[np.maximum(after - 1, 0)], there[after]
 
     def before(self, time: Array | float) -> Array:
         """Start of each reading's interval relative to `time`, broadcast to (..., N) [min]."""

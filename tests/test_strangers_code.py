@@ -120,6 +120,7 @@ def test_settings_of_a_filter_in_a_file(tmp_path):
     path = str(filter_of(tmp_path))
     narrow, wide = (tf.identify(SPINDLE, 60, filter=path, settings={"spread": s}, channels="T1") for s in (0.1, 0.9))
     assert narrow[0].filter == wide[0].filter == "mine"
+    assert narrow[0].steady_state_c != wide[0].steady_state_c
     with pytest.raises(tf.UsageError, match="spread"):
         tf.identify(SPINDLE, 60, filter=path, settings={"spread": 9.0})
 

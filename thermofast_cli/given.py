@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from .errors import UsageError
-from .plugins.files import is_file
-from .plugins.filters import load_filter
 from .reading import Run, read_runs
 from .reading_options import options_from
 from .workers.engine import Started, Work, with_start
@@ -79,8 +77,11 @@ def keeps_details(details: bool | None, started: Sequence[Started]) -> bool:
 
 def setting_texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, ...]:
     """Settings of a filter as the command line has them; one in a file is called by the name that it gives itself."""
-    if settings and isinstance(name, str) and is_file(name):
-        name = load_filter(name).name
+    if settings and isinstance(name, str):
+        from .plugins.files import is_file
+        from .plugins.filters import load_filter
+
+        name = load_filter(name).name if is_file(name) else name
     return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
 
 

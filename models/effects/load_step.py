@@ -69,11 +69,4 @@ def endings(column: Any) -> tuple[float, ...]:
 def held(run: Observations, name: str, scale: float, power: Any, ending: float = 0.5) -> Any:
     """A logged column over `scale`, to a power, as mean over the interval that ends at each reading; (1 or B, N)."""
     level = np.maximum(run.inputs[name] / scale, 0.0) if np.any(np.asarray(power) != 1.0) else run.inputs[name] / scale
-    raised = level**power
-    before = np.concatenate([raised[..., :1], raised[..., :-1]], axis=-1)
-    if run.logged is not None and ending != 0.5:
-        # Between two times of the file the column is as at the one or the other, not on the line between them.
-        there = np.flatnonzero(run.logged)
-        after = np.clip(np.searchsorted(there, np.arange(raised.shape[-1])), 0, len(there) - 1)
-        raised, before = raised[..., there[after]], raised[..., there[np.maximum(after - 1, 0)]]
-    return ending * raised + (1.0 - ending) * before
+    return run.over_intervals(level**power, ending)

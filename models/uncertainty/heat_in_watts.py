@@ -61,7 +61,7 @@ def heat_in_watts(
     grid = moments(when)
     known = None if deviation is None else [float(rates[0] * np.exp(node * deviation)) for node in NODES]
     best: tuple[float, Array, list[float]] | None = None
-    for _, way in between_readings(power, when):
+    for way in between_readings(power, when):
         shape = way(grid)
         told = known if known is not None else _likely(lump, power, shape, when, list(rates))
         reached = float(_at_rates(lump, power, shape, when, told, TEST_KNOTS)[0].max())

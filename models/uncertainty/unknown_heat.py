@@ -311,16 +311,13 @@ def moments(time: Array) -> Array:
     return np.sort(np.concatenate([time, time[1:] - little, time[:-1] + little]))
 
 
-def between_readings(column: Array, time: Array) -> list[tuple[float, Callable[[Array], Array]]]:
-    """How a column (N,) may be between its readings at time (N,): on the straight line, and where it jumps held, or told after.
-
-    With each the share that a reading has in the interval that ends with it.
-    """
-    ways: list[tuple[float, Callable[[Array], Any]]] = [(0.5, lambda at: np.interp(at, time, column))]
+def between_readings(column: Array, time: Array) -> list[Callable[[Array], Array]]:
+    """How a column (N,) may be between its readings at time (N,): on the straight line, and where it jumps held, or told after."""
+    ways: list[Callable[[Array], Any]] = [lambda at: np.interp(at, time, column)]
     if float(np.abs(np.diff(column)).max()) > JUMPS * float(np.ptp(column)):
         last = len(time) - 1
-        ways.append((0.0, lambda at: column[np.clip(np.searchsorted(time, at, "right") - 1, 0, last)]))
-        ways.append((1.0, lambda at: column[np.clip(np.searchsorted(time, at, "left"), 0, last)]))
+        ways.append(lambda at: column[np.clip(np.searchsorted(time, at, "right") - 1, 0, last)])
+        ways.append(lambda at: column[np.clip(np.searchsorted(time, at, "left"), 0, last)])
     return ways
 
 
@@ -331,7 +328,7 @@ def shapes_of(
     if float(column.min()) < 0.0:
         powers = (1.0,)
     rows, told, grid = [], [], moments(time)
-    for (_, way), power, delay in itertools.product(between_readings(column, time), powers, delays):
+    for way, power, delay in itertools.product(between_readings(column, time), powers, delays):
         shape = way(grid - delay) ** power
         reach = float(np.ptp(shape))
         if reach > 0.0:

@@ -1,0 +1,123 @@
+"""Files and calls that readers from outside tried: each was read wrong, or silently not counted."""
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+
+MINUTES = np.arange(60.0)
+FRONT = 20.0 + 8.0 * -np.expm1(-MINUTES / 25.0)
+REAR = 21.0 + 5.0 * -np.expm1(-MINUTES / 30.0)
+
+
+def written(tmp_path, above, rows):
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([*above, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def stamped(*columns):
+    return [
+        f"2026/05/13,{8 + int(m) // 60:02d}:{int(m) % 60:02d}:07," + ",".join(f"{c[i]:.2f}" for c in columns)
+        for i, m in enumerate(MINUTES)
+    ]
+
+
+@pytest.mark.parametrize(("unit", "scale", "zero"), [("C", 1.0, 0.0), ("°F", 1.8, 32.0), ("K", 1.0, 273.15)])
+def test_a_unit_line_above_the_names_is_the_unit(tmp_path, unit, scale, zero):
+    above = ["Device Type,MW100", "Tag,,front,rear", f"Unit,,{unit},{unit}", "Date,Time,CH001,CH002"]
+    run = tf.read(written(tmp_path, above, stamped(scale * FRONT + zero, scale * REAR + zero)))
+    assert list(run.channels) == ["CH001", "CH002"]
+    np.testing.assert_allclose(run.channels["CH001"], FRONT, atol=0.006)
+
+
+def test_millivolts_above_the_names_are_no_sensors_and_tags_stand_for_names_that_are_missing(tmp_path):
+    above = ["Tag,,front,rear", "Unit,,mV,C", "Date,Time,,"]
+    run = tf.read(written(tmp_path, above, stamped(FRONT, REAR)))
+    assert list(run.channels) == ["rear"]
+    assert list(run.inputs) == ["front"]
+
+
+def test_a_unit_line_below_a_header_that_is_named_is_read_and_written_settings_read_the_same(tool, tmp_path):
+    path = written(
+        tmp_path, ["Logger 7", "Zeit;T1", "min;°F"], [f"{m:g};{1.8 * v + 32.0:.2f}" for m, v in zip(MINUTES, FRONT, strict=True)]
+    )
+    for run in (tf.read(path), tf.read(path, header_line=2)):
+        np.testing.assert_allclose(run.channels["T1"], FRONT, atol=0.006)
+    assert tool("inspect", path, "--write", tmp_path / "as.toml").code == 0
+    again = tool("--config", tmp_path / "as.toml", "inspect", path, "--format", "csv")
+    assert "°F" in again.out
+    assert ",20.0," in again.out
+
+
+def test_words_before_the_numbers_of_a_preamble_are_no_readings(tmp_path):
+    above = [
+        '"HIOKI 8430","V1.10"',
+        '"Scaling","OFF","OFF"',
+        '"Ratio","1","1"',
+        '"Offset","0","0"',
+        "",
+        '"Time","U1-1[C]","U1-2[C]"',
+    ]
+    rows = [f'"26-05-13 08:{int(m):02d}:07",{a:.5E},{b:.5E}' for m, a, b in zip(MINUTES, FRONT, REAR, strict=True)]
+    run = tf.read(written(tmp_path, above, rows))
+    assert list(run.channels) == ["U1-1[C]", "U1-2[C]"]
+    assert run.time_s[-1] == 59 * 60.0
+
+
+def test_alarms_that_never_change_are_left_out_and_said_to_be_and_changing_ones_are_inputs(tmp_path):
+    rows = [f"{m:g},{v:.2f},0,{int(m > 30)}" for m, v in zip(MINUTES, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, ["time_min,T1 [°C],Alarm 1,Alarm 2"], rows))
+    assert list(run.inputs) == ["Alarm 2"]
+    assert any("never change left out: Alarm 1 is 0" in note for note in run.notes)
+
+
+def test_units_that_overrule_the_file_are_told(tool, tmp_path):
+    path = written(tmp_path, ["time_min,T1 [°C]"], [f"{m:g},{v:.2f}" for m, v in zip(MINUTES, FRONT, strict=True)])
+    run = tf.read(path, units="F")
+    assert any("--units F overrules what the file says of T1 [°C]" in note for note in run.notes)
+    assert ",T1 [°C],sensor,F," in tool("inspect", path, "--units", "F", "--format", "csv").out
+
+
+def test_lists_may_be_given_again_and_a_second_drive_is_refused(tool, tmp_path):
+    rows = [f"{m:g},{a:.2f},{b:.2f},{m % 7:g}" for m, a, b in zip(MINUTES, FRONT, REAR, strict=True)]
+    path = written(tmp_path, ["time_min,a [°C],b [°C],speed_rpm"], rows)
+    told = tool("inspect", path, "--rename", "a=front", "--rename", "b=rear", "--format", "csv").out
+    assert ",front,sensor," in told
+    assert ",rear,sensor," in told
+    refused = tool("identify", path, "--drive", "speed_rpm", "--drive", "b")
+    assert refused.code == 2
+    assert "given 2 times (speed_rpm, b); one is allowed" in refused.err
+
+
+def test_steps_that_jitter_may_be_seconds_and_are_asked_for(tmp_path):
+    rng = np.random.default_rng(1)
+    clock = np.cumsum(np.full(400, 1.01) + rng.uniform(0.0, 0.3, 400))
+    rows = [f"{t:.2f},{20.0 + 8.0 * -np.expm1(-t / 150.0):.2f}" for t in clock]
+    with pytest.raises(tf.InputError, match="does not say its unit of time"):
+        tf.read(written(tmp_path, ["t,T1 [°C]"], rows))
+
+
+def test_the_curve_of_a_slow_sensor_does_not_stand_still_at_the_end_of_a_fast_one():
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 120.0)
+    fast = {f"F{k}": 20.0 + 5.0 * -np.expm1(-time / 15.0) + rng.normal(0.0, 0.02, 120) for k in range(4)}
+    slow = 20.0 + 9.0 * -np.expm1(-time / 70.0) + rng.normal(0.0, 0.02, 120)
+    found = tf.identify({"time_min": time, **fast, "S": slow})
+    curves = next(c for c, r in zip(found.curves, found.records, strict=True) if r.channel == "S")
+    assert np.all(np.diff(curves.model[-20:]) > 0.0)
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0])
+def test_a_held_speed_to_a_power_is_named_without_a_delay_where_no_room_is_logged(power):
+    rng = np.random.default_rng(11)
+    time, rate = np.arange(420.0), 0.0375
+    speed = np.repeat(rng.choice([1000.0, 2000.0, 3000.0, 4000.0], 21), 20)
+    heat = 1.5 * (speed / 4000.0) ** power
+    reading = np.full(420, 20.0)
+    for k in range(1, 420):
+        end = 20.0 + heat[k - 1] / rate
+        reading[k] = end + (reading[k - 1] - end) * np.exp(-rate)
+    run = {f"T{k}": reading + rng.normal(0.0, 0.02, 420) for k in range(2)}
+    found = tf.diagnose({"time_min": time, **run, "speed_rpm": speed}, inputs=["speed_rpm"])
+    assert found[0].verdict == "load_step"
