@@ -25,3 +25,12 @@ def spindle(rng: np.random.Generator, minutes: float = 400.0, noise: float = 0.0
     """The paper's sensor 5 with probe noise: (times, readings)."""
     time = np.arange(0.0, minutes + step_min / 2, step_min)
     return time, lump(time, 0.01536, 8.8, 17.9) + noise * rng.standard_normal(len(time))
+
+
+def held_response(heat, rate, step=1.0, start=20.0):
+    """Exact readings [degC] of a lump whose heat (n,) [K/min] is held from one reading to the next, `step` min apart."""
+    reading = np.full(len(heat), start)
+    for k in range(1, len(heat)):
+        end = start + heat[k - 1] / rate
+        reading[k] = end + (reading[k - 1] - end) * np.exp(-rate * step)
+    return reading

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 from scipy.stats import multivariate_normal, norm
+from simulator import held_response
 
 import thermofast as tf
 from benchmarks.half_explained import machine
@@ -224,10 +225,7 @@ def test_a_wave_that_was_found_settles_as_its_mean_does():
     rng = np.random.default_rng(3)
     time = np.arange(0.0, 240.25, 0.5)
     on = (np.floor(time / 10.0).astype(int) % 2 == 0).astype(float)
-    reading = np.full(len(time), 20.0)
-    for k in range(1, len(time)):
-        end = 20.0 + 100.0 * on[k - 1]
-        reading[k] = end + (reading[k - 1] - end) * np.exp(-0.5 / 40.0)
+    reading = held_response(100.0 / 40.0 * on, 1.0 / 40.0, 0.5)
     columns = {f"T{k}": 20.0 + (reading - 20.0) * (1.0 + 0.05 * k) + rng.normal(0.0, 0.02, len(time)) for k in range(2)}
     for k, row in enumerate(tf.identify({"time_min": time, **columns, "ambient": np.full(len(time), 20.0)}, auto=True)):
         assert "cyclic_load" in row.message

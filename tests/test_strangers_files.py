@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from simulator import held_response
 
 import thermofast as tf
 
@@ -114,10 +115,7 @@ def test_a_held_speed_to_a_power_is_named_without_a_delay_where_no_room_is_logge
     time, rate = np.arange(420.0), 0.0375
     speed = np.repeat(rng.choice([1000.0, 2000.0, 3000.0, 4000.0], 21), 20)
     heat = 1.5 * (speed / 4000.0) ** power
-    reading = np.full(420, 20.0)
-    for k in range(1, 420):
-        end = 20.0 + heat[k - 1] / rate
-        reading[k] = end + (reading[k - 1] - end) * np.exp(-rate)
+    reading = held_response(heat, rate)
     run = {f"T{k}": reading + rng.normal(0.0, 0.02, 420) for k in range(2)}
     found = tf.diagnose({"time_min": time, **run, "speed_rpm": speed}, inputs=["speed_rpm"])
     assert found[0].verdict == "load_step"

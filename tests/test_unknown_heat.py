@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
+from simulator import held_response
 
 import thermofast as tf
 from benchmarks.unknown_heat import power_trial, powered, trial
@@ -217,10 +218,7 @@ def test_a_column_that_is_held_between_its_readings_tells_the_heat_and_its_power
     time, rate = np.arange(300.0), 0.0375
     speed = np.repeat(rng.choice([1000.0, 2000.0, 3000.0, 4000.0], 15), 20)
     heat = 1.5 * (speed / 4000.0) ** power
-    reading = np.full(300, 20.0)
-    for k in range(1, 300):
-        end = 20.0 + heat[k - 1] / rate
-        reading[k] = end + (reading[k - 1] - end) * np.exp(-rate)
+    reading = held_response(heat, rate)
     columns = {"time_min": time, "T1": reading + rng.normal(0.0, 0.02, 300), "speed_rpm": speed, "ambient": np.full(300, 20.0)}
     told = tf.compare(columns, unknown_heat=True, inputs=["speed_rpm"])[0]
     assert [(f["column"], f["power"], f["delay_min"]) for f in told.heat_follows] == [("speed_rpm", power, 0.0)]
