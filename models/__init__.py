@@ -15,6 +15,7 @@ from .decay import (
     widened_intervals,
 )
 from .lump import Lump, PrintedLump
+from .noise.moving_average import averaging_window
 from .noise.spikes import bridged, difference_noise, spike_weights, third_difference_noise
 from .noise.whiteness import pattern_p_value, variance_inflation
 from .observations import Observations
@@ -28,6 +29,7 @@ __all__ = [
     "Lump",
     "Observations",
     "PrintedLump",
+    "averaging_window",
     "bridged",
     "difference_noise",
     "fit_decay",

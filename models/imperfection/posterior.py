@@ -59,7 +59,8 @@ class Part:
     """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged.
 
     log_rate (s, 2): the law's own log rate and its deviation, nan where unknown: a posterior that is all but the law's is looked
-    for there, however narrow it is. known: what past runs of this machine say; of all parts of a run or of none.
+    for there, however narrow it is. known: what past runs of this machine say; of all parts of a run or of none. averaged: over how
+    many readings each is a moving average, which the noise counts.
     """
 
     time: Array
@@ -69,6 +70,7 @@ class Part:
     room: Array | None = None
     log_rate: Array | None = None
     known: Known | None = None
+    averaged: int = 1
 
 
 @dataclass(frozen=True)

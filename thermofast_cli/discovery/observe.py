@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import Observations, fit_decay, spike_weights, third_difference_noise
+from thermofast.models import Observations, averaging_window, fit_decay, spike_weights, third_difference_noise
 from thermofast.models.joint import fit_model
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
@@ -78,6 +78,9 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
         steps.append(step)
     if not channels:
         return Observed(None, tuple(refused), tuple(notes))
+    window = averaging_window(time, np.array([_filled(time, row) for row in rows]))
+    if window > 1:
+        notes.append(Note(None, _one_of(window, weights)))
     notes += _of_columns({**run.ambient, **run.inputs}, keep, drive)
     used = {n: _filled(time, c[keep]) for n, c in run.ambient.items() if np.isfinite(c[keep]).any()}
     inputs = {n: _filled(time, c[keep]) for n, c in run.inputs.items() if np.isfinite(c[keep]).any()}
@@ -90,6 +93,19 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
     if drive is not None:
         seen = _driven(seen, drive)
     return Observed(seen, tuple(refused), tuple(notes), len(time))
+
+
+def _one_of(window: int, weights: list[Array]) -> str:
+    """What to say of readings that are averages over the last `window`; of their weights, changed in place, one in a window stays.
+
+    Those have noise of their own each, and hold nearly all that the record says.
+    """
+    told = f"each reading is an average over the last {window}"
+    if len(weights[0]) < FEWEST_READINGS * window:
+        return f"{told}, and the record has too few of its own: noise is told too small"
+    for weight in weights:
+        weight[np.arange(len(weight))[::-1] % window != 0] = 0.0
+    return f"{told}: one of each {window} is looked at"
 
 
 def _of_columns(columns: Mapping[str, Array], keep: NDArray[np.bool_], drive: str | None) -> list[Note]:

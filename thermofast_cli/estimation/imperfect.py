@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import bridged, spike_weights, third_difference_noise
+from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
 from thermofast.models.standards import Criterion
 
@@ -53,6 +53,7 @@ class Claims:
     known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
     rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
     when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
+    averaged (S,): over how many readings each is the logger's moving average.
     """
 
     steady: Array
@@ -74,6 +75,7 @@ class Claims:
     other_rise: NDArray[np.bool_]
     trips: Array
     missing: Array
+    averaged: NDArray[np.int_]
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -200,10 +202,11 @@ def _claim(
     found = settle(parts, tau, prior, into[0].times, rates)
     trips = _trips(criterion, parts, tau, prior, rates, found)
     at = 0
-    for (i, rows), strange in zip(some, other, strict=True):
+    for (i, rows), strange, part in zip(some, other, parts, strict=True):
         _put(into[i], rows, found, slice(at, at + len(rows)), names)
         into[i].trips[rows], into[i].missing[rows] = (three[at : at + len(rows)] for three in trips)
         into[i].other_rise[rows] = strange
+        into[i].averaged[rows] = part.averaged
         at += len(rows)
 
 
@@ -303,11 +306,14 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
         reading = bridged(time, reading, left_out)
     room = None if closed.room is None else closed.room[:n]
     found = closed.found
-    noise = np.array([third_difference_noise(line, time) for line in reading])
+    window = averaging_window(time, reading)
+    apart = slice((n - 1) % window, None, window)
+    # A mean over many averaged readings errs as if each of them had this noise of its own.
+    noise = math.sqrt(window) * np.array([third_difference_noise(line[apart], time[apart]) for line in reading])
     with np.errstate(all="ignore"):
         spread = np.log(found.t95_high[rows] / found.t95_low[rows]) / 3.92
         log_rate = np.stack([np.log(found.rate[rows]), np.where(spread > 0.0, spread, np.nan)], axis=1)
-    return Part(time, reading, noise, sensors.resolution[rows], room, log_rate)
+    return Part(time, reading, noise, sensors.resolution[rows], room, log_rate, averaged=window)
 
 
 def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
@@ -326,6 +332,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         known=np.zeros(count, dtype=bool),
         let_go=np.zeros(count, dtype=bool),
         other_rise=np.zeros(count, dtype=bool),
+        averaged=np.ones(count, dtype=int),
     )
 
 

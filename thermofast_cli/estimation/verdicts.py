@@ -64,13 +64,15 @@ def claimed_verdicts(
         strong = claimed.strong > RULES.strong
         hides = claimed.hides > RULES.hides
     out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
-    faded = found.faded & ~claimed.other_rise
+    # Innovations of averaged readings are alike: that they are says nothing of the law.
+    averaged = claimed.averaged > 1
+    faded = found.faded & ~claimed.other_rise & ~averaged
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
     doubted = unfit | strong | hides | swings
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    for i in np.flatnonzero(undetermined | doubted | faded | (out > 0)).tolist():
+    for i in np.flatnonzero(undetermined | doubted | faded | averaged | (out > 0)).tolist():
         said = []
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
@@ -89,6 +91,8 @@ def claimed_verdicts(
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:
             said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i])))
+        if averaged[i]:
+            said.append(f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts")
         messages[i] = said
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
