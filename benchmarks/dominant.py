@@ -32,7 +32,7 @@ from thermofast.models.search.rules import RULES
 from thermofast.reading import Run
 
 #: What every machine holds a little of: naming it is not wrong.
-BACKGROUND = frozenset({"second_mode", "neighbour_heat", "ambient", "nonlinear_loss", "sensor_lag"})
+BACKGROUND = frozenset({"second_mode", "second_mode.2", "neighbour_heat", "ambient", "nonlinear_loss", "sensor_lag"})
 #: Effects that belong to the machine: known on its next run.
 LASTING = frozenset(
     {"second_mode", "neighbour_heat", "sensor_lag", "nonlinear_loss", "transport_delay", "friction_decay", "ambient"}

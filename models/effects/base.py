@@ -5,6 +5,7 @@ docs/add-an-effect.md. Effects add up: each changes the drive that the one befor
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -131,8 +132,8 @@ class Effect:
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
     logged: it follows a logged column, so it is tried beside every other effect. follows_ambient: that column is the surroundings'.
-    reads_sensors: it uses other sensors' readings. masses: how many hidden masses it appends. advice: what a user to whom
-    it is named should know beside.
+    reads_sensors: it uses other sensors' readings. again: a run may have two of it, with constants of their own. masses: how many
+    hidden masses it appends. advice: what a user to whom it is named should know beside.
     places (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
     choice_costs: what choosing a way of acting costs each sensor, in parameters.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
@@ -154,6 +155,7 @@ class Effect:
     logged: ClassVar[bool] = False
     follows_ambient: ClassVar[bool] = False
     reads_sensors: ClassVar[bool] = False
+    again: ClassVar[bool] = False
     masses: ClassVar[int] = 0
     advice: ClassVar[str] = ""
     places: ClassVar[tuple[float, float]] = (30.0, 0.0)
@@ -162,6 +164,12 @@ class Effect:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     #: The user's own file that it was loaded from; empty for the catalogue's and those of installed packages.
     file: ClassVar[str] = ""
+
+    def numbered(self, number: int) -> "Effect":
+        """The same effect standing once more in a model, as ``second_mode.2``."""
+        twin = copy(self)
+        twin.__dict__["id"] = f"{self.id.partition('.')[0]}.{number}"  # of this one alone: the class stays as it is
+        return twin
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         """Change the drive. p.<name> are arrays (B, 1), one row per lump; run.time, run.middle are (N,) [min]."""

@@ -23,6 +23,7 @@ class LoadStep(Effect):
     event = "event"
     uses_sink = True
     changes_heat = True
+    again = True
     places = (30.0, 0.0)
     amplitude = "change"
     parameters = (

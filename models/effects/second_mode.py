@@ -19,6 +19,7 @@ class SecondMode(Effect):
     reference = "Bacher & Madsen 2011, Energy and Buildings 43, two-state grey-box models"
     scope = "sensor"
     masses = 1
+    again = True
     places = (4.0, 0.0)
     amplitude = "kappa"
     parameters = (

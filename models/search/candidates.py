@@ -56,6 +56,14 @@ def trials(effect: Effect, run: Observations) -> float:
     return constant + by_reading * float(run.used.any(axis=0).sum())
 
 
+def partners(effects: Sequence[Effect], parts: Sequence[Part]) -> list[Effect]:
+    """The effects that may be added to parts: those not among them, and once more those that may act twice."""
+    have = {part.id for part in parts}
+    asked = {effect.id for effect in effects}
+    twice = [part.effect.numbered(2) for part in parts if part.effect.again and part.id in asked]
+    return [effect for effect in (*effects, *twice) if effect.id not in have]
+
+
 def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Scan]]]:
     """Gain that a straight-line step promises, over all simple ways of acting, and the scans behind it."""
     scans = [(c, scan(fit, effect, c)) for c in effect.choices(fit.run) if c.simple]

@@ -23,7 +23,7 @@ from .dominant import Stage, beats_disturbance, explain, try_all
 from .heldout import held_out_errors
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
-from .sets import Spread, larger_sets, total_likelihood_ratio, tried_pairs
+from .sets import Spread, in_order, larger_sets, total_likelihood_ratio, tried_pairs
 
 __all__ = ["Discovery", "Spread", "discover", "discover_together", "total_likelihood_ratio"]
 
@@ -121,6 +121,7 @@ def discover(
             return found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, found.ahead_base, None, "nothing fits")
+    named, also = in_order(named), [in_order(c) for c in also]
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
         why = "none" if not above else "the error on readings left out does not fall"

@@ -19,7 +19,7 @@ from ..core.tails import chi2_tail
 from ..effects.base import Effect
 from ..joint import Fit, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
-from .candidates import Candidate, trials, try_add
+from .candidates import Candidate, partners, trials, try_add
 from .judge import least_p, sensor_p_values
 from .rules import RULES
 
@@ -231,9 +231,8 @@ def explain(
         before = stage.fits
         if all(least_p(sensor_p_values(fit)) >= RULES.pattern for fit in before):
             break
-        named = {s.named.effect.id for s in stages} | {p.id for p in bases[0].model.parts}
-        left = [e for e in effects if e.id not in named]
-        tried = try_all(before, left, spread)
+        named = [s.named.shown[0].candidate.parts[-1] for s in stages]
+        tried = try_all(before, partners(effects, [*bases[0].model.parts, *named]), spread)
     return tuple(stages)
 
 

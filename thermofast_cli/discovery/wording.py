@@ -142,11 +142,12 @@ def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:
     sensors = "all sensors" if who.all() else _listed([c for c, w in zip(seen.channels, who, strict=True) if w])
     ways = part.choice.ways(seen.channels, who)
     acts = f" ({_listed(ways)})" if ways else ""
-    return f"{part.effect.summary}{acts}, in {sensors}: {', '.join(_numbers(fit, k, who, times))}"
+    numbers = ", ".join(_numbers(fit, k, who, times))
+    return f"{part.effect.summary}{acts}, in {sensors}: {numbers}{' (95 %)' if '±' in numbers else ''}"
 
 
 def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str]:
-    """The values of part k's parameters in words, where who (S,) have it."""
+    """The values of part k's parameters in words with their 95 % half-widths, where who (S,) have it."""
     numbers = []
     for name in fit.model.parts[k].effect.parameters:
         key = Key(k, name.name)
@@ -155,12 +156,12 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
         value, error = fit.values[key], fit.deviations[key]
         unit = "" if name.unit == "1" else f" {name.unit}"
         if name.each == "sensor" and int(who.sum()) > 1:
-            numbers.append(f"{name.name} {rounded(value[who].min())} to {rounded(value[who].max())}{unit}")
+            numbers.append(f"{name.name} {rounded(value[who].min())} to {rounded(value[who].max())}{unit} by sensor")
             continue
         if name.each == "sensor":
             i = int(np.flatnonzero(who)[0])
             value, error = float(value[i]), float(error[i])
-        error = times * error * (abs(value) if name.log else 1.0)
+        error = 1.96 * times * error * (abs(value) if name.log else 1.0)
         numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
     return numbers
 
@@ -216,7 +217,7 @@ def _seen_as(named: Candidate) -> str:
     """The tell-tale of each effect, with 1/b in minutes where it speaks of that."""
     late = 1.0 / float(np.median(named.fit.values[RATE]))
     tales = [p.effect.tell_tale.replace("1/b", f"1/b = {late:.3g} min") for p in named.parts if p.effect.tell_tale]
-    return f"Seen as: {'; '.join(tales)}. " if tales else ""
+    return f"Seen as: {'; '.join(dict.fromkeys(tales))}. " if tales else ""
 
 
 def _rounded(value: float, error: float) -> str:

@@ -1,7 +1,6 @@
 """Effects: built in, of installed packages, of a user's own file. All pass one check, which says what to write instead."""
 
 from collections.abc import Sequence
-from copy import copy
 from functools import wraps
 from inspect import isgenerator
 from typing import Any
@@ -86,9 +85,7 @@ def named_effect(name: str, known: dict[str, Effect]) -> Effect | None:
         return known.get(name)
     if base not in known or not number.isdecimal() or int(number) < 2:
         return None
-    again = copy(known[base])
-    again.__dict__["id"] = f"{base}.{int(number)}"  # of this one alone: the class stays as it is
-    return again
+    return known[base].numbered(int(number))
 
 
 _LOADED: dict[str, Effect] = {}

@@ -1,0 +1,69 @@
+"""An effect that acts twice with constants of its own: two changes of the load, two hidden masses."""
+
+import numpy as np
+import pytest
+import thermofast as tf
+from scipy.integrate import solve_ivp
+from thermofast.models.effects import BUILT_IN
+
+TIME = np.arange(421.0)
+
+
+def two_steps(seed):
+    """(record, (times, changes)): exact lumps whose heat changes twice."""
+    rng = np.random.default_rng(seed)
+    when = rng.uniform(80.0, 160.0), rng.uniform(220.0, 320.0)
+    change = [rng.uniform(0.15, 0.4) * rng.choice([-1.0, 1.0]) for _ in when]
+    columns = {"time_min": TIME}
+    for k in range(3):
+        tau, rise = rng.uniform(30.0, 70.0), rng.uniform(6.0, 12.0)
+        reading = 20.0 + rise * (1.0 - np.exp(-TIME / tau))
+        for at, size in zip(when, change, strict=True):
+            reading += size * rise * (1.0 - np.exp(-np.clip(TIME - at, 0.0, None) / tau))
+        columns[f"T{k + 1}"] = reading + 0.02 * rng.standard_normal(len(TIME))
+    return columns, (when, change)
+
+
+def two_masses(seed):
+    """(record, (rates)): lumps with a fast and a slow hidden mass, by scipy's stiff solver."""
+    rng = np.random.default_rng(seed)
+    fast, slow = rng.uniform(0.03, 0.08), rng.uniform(0.003, 0.007)
+    columns = {"time_min": TIME}
+    for k in range(3):
+        loss, to_fast, to_slow = 1.0 / rng.uniform(30.0, 60.0), rng.uniform(0.015, 0.04), rng.uniform(0.003, 0.009)
+        heat = loss * rng.uniform(6.0, 12.0)
+
+        def slope(_, y, heat=heat, loss=loss, to_fast=to_fast, to_slow=to_slow):
+            body, one, two = y
+            gives = [to_fast * (body - one), to_slow * (body - two)]
+            return [heat - loss * (body - 20.0) - sum(gives), fast * (body - one), slow * (body - two)]
+
+        solved = solve_ivp(slope, (0.0, TIME[-1]), [20.0] * 3, "LSODA", TIME, rtol=1e-10, atol=1e-10)
+        columns[f"T{k + 1}"] = solved.y[0] + 0.02 * rng.standard_normal(len(TIME))
+    return columns, (fast, slow)
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_two_changes_of_the_load_are_both_found_in_their_order(seed):
+    columns, (when, change) = two_steps(seed)
+    told = tf.diagnose(tf.read(columns)).to_frame()
+    assert set(told["verdict"]) == {"load_step+load_step.2"}
+    assert set(told["status"]) == {"ok"}
+    found = told["parameters"].iloc[0]
+    for name, at, size in zip(("load_step", "load_step.2"), when, change, strict=True):
+        assert found[f"{name}.event"]["value"] == pytest.approx(at, abs=1.0)
+        assert found[f"{name}.change"]["value"] == pytest.approx(size, abs=0.02)
+
+
+def test_two_hidden_masses_are_told_or_said_to_fit_as_well():
+    columns, (fast, slow) = two_masses(4)
+    told = tf.diagnose(tf.read(columns)).to_frame()
+    assert "second_mode+second_mode.2" in [told["verdict"].iloc[0], *told["also_possible"].iloc[0]]
+    assert told["remaining_c"].max() < 0.02
+
+
+def test_only_what_may_act_twice_is_looked_for_twice():
+    twice = {kind.id for kind in BUILT_IN if kind.again}
+    assert twice == {"second_mode", "load_step"}
+    again = next(kind for kind in BUILT_IN if kind.id == "second_mode")().numbered(2)
+    assert (again.id, type(again).id) == ("second_mode.2", "second_mode")
