@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from simulator import lump
+from simulator import held_response, lump
 
 import thermofast as tf
 from thermofast.models import averaging_window
@@ -64,3 +64,15 @@ def test_the_interval_counts_that_averages_are_few_readings():
     assert (told["steady_state_lo_c"] < limits).all()
     assert (limits < told["steady_state_hi_c"]).all()
     assert (told["status"] == "ok").all()
+
+
+def test_a_heat_that_cycles_is_no_moving_average():
+    rng = np.random.default_rng(0)
+    wrong = 0
+    for _ in range(60):
+        time = np.arange(0.0, 240.25, 0.5)
+        on = 1.0 - rng.uniform(0.1, 1.0) * ((time / rng.uniform(4.0, 60.0)) % 1.0 > rng.uniform(0.2, 0.8))
+        curve = held_response(100.0 / 40.0 * on, 1.0 / 40.0, 0.5)
+        rows = np.array([curve * (1.0 + 0.1 * k) + 0.02 * rng.standard_normal(len(time)) for k in range(2)])
+        wrong += averaging_window(time, rows) > 1
+    assert wrong <= 1

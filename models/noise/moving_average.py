@@ -11,6 +11,8 @@ from ..core.kernel import Array
 MOST, SHARE = 60, 1.0 / 6.0
 #: Log-likelihood by which a moving average must beat white noise and every other smoothing.
 SURELY = 6.0
+#: Second differences of an average correlate by -1/2 a window later, by nothing in between; half of that must show, and not more.
+RETURNED = 0.25
 #: Readings and sensors that are enough to see it, and the fewest readings.
 ENOUGH, SENSORS, FEWEST = 2000, 16, 48
 #: Second differences beyond this many deviations are corners of the curve, not noise; what cutting them leaves of their spectrum.
@@ -48,9 +50,21 @@ def averaging_window(time: Array, reading: Array) -> int:
     inverse, logs, windows = _spectra(n)
     likelihood = -(power.shape[1] * np.log(power @ inverse.T / power.shape[1]) + logs).sum(axis=0)
     best = int(np.argmax(np.where(windows > 1, likelihood, -np.inf)))
-    if likelihood[best] < likelihood[windows <= 1].max() + SURELY:
+    window = int(windows[best])
+    if likelihood[best] < likelihood[windows <= 1].max() + SURELY or not _returns(bend, window):
         return 1
-    return int(windows[best])
+    return window
+
+
+def _returns(bend: Array, window: int) -> bool:
+    """Whether second differences (S, n) are alike, turned over, after a window, and neither before nor after two of it.
+
+    Those of a heat that cycles are after half a period, and after a whole one they are as they were.
+    """
+    series = bend - bend.mean(axis=1, keepdims=True)
+    power = float((series**2).sum())
+    alike = [float((series[:, lag:] * series[:, :-lag]).sum()) / power for lag in (*range(2, window + 1), 2 * window)]
+    return alike[-2] < -RETURNED and max(np.abs([*alike[:-3], alike[-1]])) < RETURNED
 
 
 def _used(n: int) -> Array:

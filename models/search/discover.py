@@ -18,12 +18,12 @@ from ..core.kernel import Array
 from ..effects.base import Effect
 from ..joint import Fit, fit_model
 from ..observations import Observations
-from .candidates import Candidate, try_add
+from .candidates import Candidate, in_order, try_add
 from .dominant import Stage, beats_disturbance, explain, try_all
 from .heldout import held_out_errors
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
-from .sets import Spread, in_order, larger_sets, total_likelihood_ratio, tried_pairs
+from .sets import Spread, larger_sets, total_likelihood_ratio, tried_pairs
 
 __all__ = ["Discovery", "Spread", "discover", "discover_together", "total_likelihood_ratio"]
 

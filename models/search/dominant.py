@@ -19,8 +19,8 @@ from ..core.tails import chi2_tail
 from ..effects.base import Effect
 from ..joint import Fit, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
-from .candidates import Candidate, partners, trials, try_add
-from .judge import least_p, sensor_p_values
+from .candidates import Candidate, in_order, partners, trials, try_add
+from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
 
 
@@ -209,6 +209,45 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None
 
 
+def _twice(
+    before: Sequence[Fit],
+    weighed: Sequence[Weighed],
+    tried: Sequence[Sequence[Candidate | None]],
+    false_alarm: float,
+    spread: Callable[..., Iterable[Any]],
+) -> Stage | None:
+    """A stage of one effect that acts twice; None where that does not surely explain more than any single effect does.
+
+    Of two changes of the load one alone explains about as much as half the catalogue does, both together far more.
+    """
+    found: Stage | None = None
+    scales = [_Scale(fit) for fit in before]
+    for candidates in tried:
+        some = [c for c in candidates if c is not None]
+        if len(some) < len(before) or not some[0].parts[-1].effect.again:
+            continue
+        effect = some[0].parts[-1].effect
+        twins = [in_order(t) for t in try_all([c.fit for c in some], [effect.numbered(2)], spread)[0] if t is not None]
+        if len(twins) < len(before):
+            continue
+        seen = [scale.evidence(t, t.parts[-1]) for scale, t in zip(scales, twins, strict=True)]
+        both = _weighed([None if e is None else replace(e, places=e.places**2) for e in seen], false_alarm, len(tried))
+        if both is None or not both.physical or not both.clear(RULES.beyond_once_more):
+            continue
+        gain = sum(float(likelihood_ratios(f, t.fit).sum()) for f, t in zip(before, twins, strict=True))
+        alike = any(w.worth >= RULES.as_good * both.worth or w.gain >= RULES.as_good * gain for w in weighed)
+        if not alike and _each_needed(before, twins, false_alarm, len(tried)) and (found is None or both.worth > found.named.worth):
+            found = Stage(tuple(before), both, None)
+    return found
+
+
+def _each_needed(before: Sequence[Fit], twins: Sequence[Candidate], false_alarm: float, number: int) -> bool:
+    """Whether each of two effects goes far beyond chance beside the other, over all runs."""
+    beside = [beside_others(fit, twin, false_alarm, number) for fit, twin in zip(before, twins, strict=True)]
+    halves = [_weighed([s for w in of if w is not None for s in w.shown], false_alarm, number) for of in zip(*beside, strict=True)]
+    return all(half is not None and half.clear(RULES.beyond_once_more) for half in halves)
+
+
 def explain(
     bases: Sequence[Fit],
     singles: Sequence[Sequence[Candidate | None]],
@@ -224,14 +263,15 @@ def explain(
     stages: list[Stage] = []
     before, tried = tuple(bases), singles
     while len(stages) < most:
-        stage = decide(before, weigh(before, tried, false_alarm))
+        weighed = weigh(before, tried, false_alarm)
+        stage = decide(before, weighed) or _twice(before, weighed, tried, false_alarm, spread)
         if stage is None:
             break
         stages.append(stage)
         before = stage.fits
         if all(least_p(sensor_p_values(fit)) >= RULES.pattern for fit in before):
             break
-        named = [s.named.shown[0].candidate.parts[-1] for s in stages]
+        named = [p for s in stages for p in s.named.shown[0].candidate.parts]
         tried = try_all(before, partners(effects, [*bases[0].model.parts, *named]), spread)
     return tuple(stages)
 

@@ -29,10 +29,12 @@ def shares(found: Discovery) -> list[dict[str, object]]:
     if found.stages:
         before = found.base
         for stage, held in zip(found.stages, found.held[1:], strict=True):
-            steps.append(_step(stage.named.effect.id, before, stage.fits[0], total, pooled(held)))
+            after = stage.fits[0]
+            added = "+".join(p.id for p in after.model.parts[len(before.model.parts) :])
+            steps.append(_step(added, before, after, total, pooled(held)))
             steps[-1]["evidence"] = round(stage.named.evidence, 1)
             steps[-1]["or"] = stage.rival.effect.id if stage.rival is not None else ""
-            before = stage.fits[0]
+            before = after
         return steps
     new = [p.id for p in found.named.parts if p not in found.base.model.parts]
     singles = {c.parts[-1].id: c for c in found.singles}

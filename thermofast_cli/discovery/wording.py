@@ -113,12 +113,14 @@ def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     assert named is not None
     told, before, times = [], pooled(found.held[0]), widening(named.fit)
     parts = [p for p in named.parts if p not in found.base.model.parts]
-    for step, part in zip(shares(found), parts, strict=True):
+    for step in shares(found):
+        new = [p for p in parts if p.id in str(step["effect"]).split("+")]
         rival = f" (or {step['or']})" if step["or"] else ""
+        said = "; and ".join(_described(named.fit, named.parts.index(p), seen, times) for p in new)
         after = float(str(step["rmse_ahead_c"]))
         share = 100.0 * float(str(step["share"]))
         told.append(
-            f"{part.id}{rival}: {_described(named.fit, named.parts.index(part), seen, times)}; it explains "
+            f"{step['effect']}{rival}: {said}; {'it explains' if len(new) == 1 else 'they explain'} "
             f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit, and the error on readings not fitted falls "
             f"from {rounded(before)} to {rounded(after)} K"
         )
