@@ -156,6 +156,8 @@ class Effect:
     follows_ambient: ClassVar[bool] = False
     reads_sensors: ClassVar[bool] = False
     again: ClassVar[bool] = False
+    #: Which of its kind it is in a model.
+    number: ClassVar[int] = 1
     masses: ClassVar[int] = 0
     advice: ClassVar[str] = ""
     places: ClassVar[tuple[float, float]] = (30.0, 0.0)
@@ -168,7 +170,8 @@ class Effect:
     def numbered(self, number: int) -> "Effect":
         """The same effect standing once more in a model, as ``second_mode.2``."""
         twin = copy(self)
-        twin.__dict__["id"] = f"{self.id.partition('.')[0]}.{number}"  # of this one alone: the class stays as it is
+        # Of this one alone: the class stays as it is.
+        twin.__dict__.update(id=f"{self.id.partition('.')[0]}.{number}", number=number)
         return twin
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:

@@ -58,11 +58,15 @@ def trials(effect: Effect, run: Observations) -> float:
 
 def partners(effects: Sequence[Effect], parts: Sequence[Part]) -> list[Effect]:
     """The effects that may be added to parts: those not among them, and once more those that may act again."""
-    have = {part.id for part in parts}
-    asked = {effect.id for effect in effects}
-    again = {part.id: part.effect for part in parts if part.effect.again and part.id in asked}
-    more = [effect.numbered(1 + sum(i.partition(".")[0] == name for i in have)) for name, effect in again.items()]
-    return [effect for effect in (*effects, *more) if effect.id not in have]
+    have, asked = {part.id for part in parts}, {effect.id for effect in effects}
+    again = [once_more(p.effect, parts) for p in parts if p.effect.again and p.effect.number == 1 and p.id in asked]
+    found = {effect.id: effect for effect in (*effects, *again) if effect.id not in have}
+    return list(found.values())
+
+
+def once_more(effect: Effect, parts: Sequence[Part]) -> Effect:
+    """An effect that stands among parts, as it is named when it stands there once more."""
+    return effect.numbered(1 + max(p.effect.number for p in parts if type(p.effect) is type(effect)))
 
 
 def in_order(candidate: Candidate) -> Candidate:

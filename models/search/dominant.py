@@ -19,7 +19,7 @@ from ..core.tails import chi2_tail
 from ..effects.base import Effect
 from ..joint import Fit, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
-from .candidates import Candidate, in_order, partners, trials, try_add
+from .candidates import Candidate, in_order, once_more, partners, trials, try_add
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
 
@@ -226,8 +226,8 @@ def _twice(
         some = [c for c in candidates if c is not None]
         if len(some) < len(before) or not some[0].parts[-1].effect.again:
             continue
-        effect = some[0].parts[-1].effect
-        twins = [in_order(t) for t in try_all([c.fit for c in some], [effect.numbered(2)], spread)[0] if t is not None]
+        twin = once_more(some[0].parts[-1].effect, some[0].parts)
+        twins = [in_order(t) for t in try_all([c.fit for c in some], [twin], spread)[0] if t is not None]
         if len(twins) < len(before):
             continue
         seen = [scale.evidence(t, t.parts[-1]) for scale, t in zip(scales, twins, strict=True)]

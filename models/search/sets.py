@@ -45,7 +45,7 @@ def _offers(base: Fit, effects: Sequence[Effect], least: float, most: int, afar:
             offers.append(_Offer(own + value, root, effect, scans))
     offers.sort(key=lambda o: -o.promised)
     # What acts again promises little: the first has taken what it could of the second.
-    return [o for rank, o in enumerate(offers) if rank < most or "." in o.effect.id or (afar and _from_afar(o.effect))]
+    return [o for rank, o in enumerate(offers) if rank < most or o.effect.number > 1 or (afar and _from_afar(o.effect))]
 
 
 def _from_afar(effect: Effect) -> bool:
@@ -72,7 +72,7 @@ def tried_pairs(
                 promised[key] = offer
     of_single = {c.ids[0]: c for c in singles}
     order = sorted(promised, key=lambda k: -promised[k].promised)[: 4 if good else RULES.pairs]
-    order += [k for k in promised if (len(k) > 2 or promised[k].effect.id.endswith(".2")) and k not in order]
+    order += [k for k in promised if (len(k) > 2 or promised[k].effect.number > 1) and k not in order]
     tried = spread(partial(_taken, quick=not good), [promised[k] for k in order])
     grown = sorted(
         [(c, len(key) > 2) for key, c in zip(order, tried, strict=True) if c is not None],
@@ -84,7 +84,8 @@ def tried_pairs(
     # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
     again += [i for i, (_, logged) in enumerate(grown) if logged and i >= len(again)][:1]
     # As do two that share what one would do: they are reached slowly from one.
-    again += [i for i, pair in enumerate(found) if near and not good and i not in again and any("." in name for name in pair.ids)]
+    twice = [i for i, pair in enumerate(found) if any(p.effect.number > 1 for p in pair.parts)] if near and not good else []
+    again += [i for i in twice if i not in again]
     for i, pair in zip(again, spread(partial(_refined, base), [found[i] for i in again]), strict=True):
         found[i] = pair
     found.sort(key=lambda c: -total_likelihood_ratio(base, c))
