@@ -249,6 +249,7 @@ def test_the_other_analyses(frame):
     made = tf.simulate(effects="second_mode", sensors=2, seed=3)
     assert made.truth["effects"][0]["id"] == "second_mode"
     assert made.run().channels["T1"].tolist() == made.columns["T1"].tolist()
+    assert made.to_frame()["T1"].tolist() == made.to_arrow()["T1"].to_pylist() == made.columns["T1"].tolist()
     assert tf.displacement(ROOT / "sample_runs" / "displacement.csv")[0].trusted in (True, False)
     spread = tf.sensitivity(tf.read(frame, channels=["T5"]), until=60)
     assert spread[0].channel == "T5"

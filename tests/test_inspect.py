@@ -82,6 +82,7 @@ def test_a_file_that_is_refused_is_shown_as_far_as_it_can_be(tool, tmp_path):
     assert "block" in done.out
     assert "319" in done.out
     assert "the unit of column 'block' cannot be told" in done.err
+    assert '"column": "block"' in tool("inspect", path, "--format", "json").out
 
 
 def test_the_table_has_a_small_picture_and_the_picture_can_be_saved(tool, tmp_path):

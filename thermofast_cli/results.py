@@ -419,6 +419,18 @@ class Simulated:
         (found,) = read_runs(self.columns, name=name)
         return found
 
+    def to_frame(self) -> "pd.DataFrame":
+        """A row for each reading, a column for each sensor, the time [min] first."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns)
+
+    def to_arrow(self) -> "pa.Table":
+        """As the Parquet file of ``save``."""
+        import pyarrow as pa
+
+        return pa.table(self.columns)
+
     def save(self, path: str | Path, key: str | Path | None = None) -> None:
         """Write the record (.csv, .parquet) and the truth (.json), each whole or not at all."""
         from .output.files import check_target, write_columns, write_json

@@ -35,6 +35,7 @@ def command(
     from ..output.screen import chosen_format, draw, say, show_text, text
     from ..pipeline.inspecting import columns_of, inspect_runs
     from ..reading_options import options_from
+    from ..results import Inspection
     from ..shell.session import check_outputs, deliver, read_all
     from ..shell.session import draw as draw_picture
     from ..shell.settings import write_settings
@@ -50,6 +51,8 @@ def command(
         rows = columns_of(runs[0], options) if len(runs) == 1 and runs[0] != "-" else []
         if rows and chosen_format(form) == "table":
             draw("refused:", [r.as_dict() for r in rows], drawn, ())
+        elif rows and not output:
+            deliver(Inspection(tuple(rows)), [], None, form, quiet, drawn, ())
         raise
     result = inspect_runs([run for run, _ in readings.runs])
     if settings and len(result.runs) != 1:
