@@ -70,3 +70,13 @@ def test_a_test_like_another(tool, monkeypatch):
         assert said in refused.err
     with pytest.raises(tf.ThermofastError, match="unknown word"):
         tf.plan(0.5, taus=3.0)
+
+
+def test_the_record_it_is_like_is_read_as_said(tool, monkeypatch):
+    monkeypatch.setattr(planning, "DRAWS", 2)
+    given = ("--imperfection", "none", "--tolerance", "0.2", "--format", "json", "-q")
+    run = "sample_runs/spindle.csv"
+    done = tool("plan", "--like", run, "--channels", "T1,T2", "--to", "200", *given)
+    assert [r["sensors"] for r in json.loads(done.out)["records"] if r["channel"] == "as asked"] == [2]
+    refused = tool("plan", "--to", "200", *given)
+    assert (refused.code, "--to: no file is read" in refused.err) == (2, True)

@@ -1,13 +1,18 @@
 """``thermofast plan``."""
 
 import math
+from typing import Any
 
 import click
 
-from ..shell.options import Finite, model_option, table_options
+from ..shell.options import Finite, RunCommand, model_option, reading_options_but_interval, table_options
 
 
-@click.command("plan", epilog="Example: thermofast plan --like sample_runs/spindle.csv --imperfection none --tolerance 0.5,0.2")
+@click.command(
+    "plan",
+    cls=RunCommand,
+    epilog="Example: thermofast plan --like sample_runs/spindle.csv --imperfection none --tolerance 0.5,0.2",
+)
 @click.option("--sensors", type=click.IntRange(1, 10_000), metavar="N", help="How many sensors; 10 by default.")
 @click.option("--interval", "every", metavar="TIME", help="Between readings, as 1s, 0.5min; 1s by default.")
 @click.option("--noise", type=Finite(0, min_open=True), metavar="K", help="Standard deviation of a reading; 0.02 by default.")
@@ -17,6 +22,7 @@ from ..shell.options import Finite, model_option, table_options
 @click.option("--tolerance", default="0.5", show_default=True, metavar="K,K", help="Half-widths of the interval to reach.")
 @click.option("--imperfection", default="typical", show_default=True, metavar="typical|none|FILE", help="As for identify.")
 @model_option
+@reading_options_but_interval
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw half-width against the time measured: .png .pdf .svg.")
 def command(
@@ -33,24 +39,29 @@ def command(
     output: str | None,
     quiet: bool,
     save_plot: str | None,
+    **reading: Any,
 ) -> int:
     """Say how long a test must run for an accuracy, and what reading faster, more sensors or past runs would save.
 
     Records such as the machine's imperfection makes likely are drawn and identified at many times. A wish that no time fulfils is
     told to be hopeless, with what is the limit: the readings, or the machine.
     """
+    from ..errors import UsageError
     from ..output.screen import interval, number, text
     from ..pipeline.around import design_like, plan_design
     from ..shell.options import numbers
-    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all
+    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, on_the_command_line, read_all
 
+    said = [f"--{name.removesuffix('_min')}".replace("_", "-") for name in reading if on_the_command_line(name)]
+    if like is None and said:
+        raise UsageError(f"{said[0]}: no file is read", do="name the record of such a test with --like, or leave it away")
     wishes = numbers(tolerance, "--tolerance", "kelvin")
     check_outputs([output], save_plot)
     prior = load_imperfection(imperfection)
     given = {"sensors": sensors, "interval_s": seconds(every), "noise_c": noise, "rise_c": rise, "tau_min": tau}
     base, replayed = None, None
     if like is not None:
-        base, replayed = design_like(read_all((like,), {"start": "auto"}, quiet, [output, save_plot], 1).runs[0], prior)
+        base, replayed = design_like(read_all((like,), reading, quiet, [output, save_plot], 1).runs[0], prior)
         replayed = None if model else replayed
     result = plan_design(
         {k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, replayed, load_model(model)

@@ -211,17 +211,21 @@ scale_options = _together(
     ),
 )
 
-reading_options = _together(
+_time_options = _together(
     _hidden("--time", shell_complete=columns, metavar="COLUMN", help="The time column."),
     _hidden("--time-unit", type=click.Choice(CHOICES["time_unit"]), help="Unit of a numeric time column."),
     _hidden("--time-format", metavar="FORMAT", help="Format of wall-clock stamps, as '%d.%m.%Y %H:%M:%S'."),
     _hidden("--tz", metavar="ZONE", help="The zone of stamps that have none, as Europe/Berlin: summer time is taken out exactly."),
-    _hidden(
-        "--interval",
-        type=Finite(0, min_open=True),
-        metavar="SECONDS",
-        help="Rows are this far apart: there is no time column.",
-    ),
+)
+
+_no_time_column = _hidden(
+    "--interval",
+    type=Finite(0, min_open=True),
+    metavar="SECONDS",
+    help="Rows are this far apart: there is no time column.",
+)
+
+_other_reading_options = _together(
     _hidden(
         "--start",
         default="auto",
@@ -271,6 +275,10 @@ reading_options = _together(
     _hidden("--max-columns", type=click.IntRange(1), metavar="N", help="Not more columns than this; 100,000 by default."),
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
+
+reading_options = _together(_time_options, _no_time_column, _other_reading_options)
+#: For a command whose own --interval means something else.
+reading_options_but_interval = _together(_time_options, _other_reading_options)
 
 criterion_option = click.option(
     "--criterion",

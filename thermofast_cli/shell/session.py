@@ -232,6 +232,12 @@ def wants_excel_csv() -> bool:
     return bool(context and context.meta.get(EXCEL_CSV))
 
 
+def on_the_command_line(name: str) -> bool:
+    """Whether a parameter was given there, not by a settings file or by default."""
+    context = click.get_current_context(silent=True)
+    return context is not None and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+
+
 def wants_details(output: str | None, picture: str | None) -> bool:
     """Whether more than the records is to be shown: by a picture, or by a workbook with charts."""
     return bool(picture) or any(o and Path(o).suffix.lower() in DETAILED for o in (output, *more_outputs()))
@@ -245,8 +251,7 @@ def draw(result: Any, path: str | None, **more: Any) -> None:
 
 def choose_sources(given: tuple[str, ...]) -> tuple[str, ...]:
     """The runs named on the command line, else standard input where something is piped in, else those of thermofast.toml."""
-    context = click.get_current_context(silent=True)
-    named = context is None or context.get_parameter_source("runs") is ParameterSource.COMMANDLINE
+    named = click.get_current_context(silent=True) is None or on_the_command_line("runs")
     if given and named:
         return given
     if _piped() and (not given or _holds_something()):
