@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
+from benchmarks.acts_twice import changed_load
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import Part
 from thermofast.models.search.candidates import partners
@@ -97,3 +98,10 @@ def test_two_changes_stand_out_of_a_machine_that_is_not_its_model():
     assert told["parameters"].iloc[0]["load_step.event"]["value"] == pytest.approx(when[0], abs=3.0)
     assert [step["effect"] for step in told["explained"].iloc[0]] == ["load_step+load_step.2"]
     assert "they explain" in told["message"].iloc[0]
+
+
+def test_two_changes_are_not_taken_for_an_effect_that_explains_much_by_itself():
+    """Alone, friction that fades explains 97 % of this misfit and passes every rule; two changes explain all of it."""
+    told = tf.diagnose(changed_load(np.random.default_rng(9006), imperfect=True), jobs=1)[0]
+    assert told.verdict == "load_step+load_step.2"
+    assert told.remaining_c < 0.03

@@ -215,16 +215,21 @@ def _twice(
     tried: Sequence[Sequence[Candidate | None]],
     false_alarm: float,
     spread: Callable[..., Iterable[Any]],
+    decided: Stage | None,
 ) -> Stage | None:
     """A stage of one effect that acts twice; None where that does not surely explain more than any single effect does.
 
-    Of two changes of the load one alone explains about as much as half the catalogue does, both together far more.
+    Of two changes of the load one alone explains about as much as half the catalogue does, both together far more. Where a single
+    effect was decided for, its pair is left to the next stage, and another effect's pair must be as far above it as above a rival.
     """
     found: Stage | None = None
+    below = RULES.as_good if decided is None else RULES.rival
     scales = [_Scale(fit) for fit in before]
     for candidates in tried:
         some = [c for c in candidates if c is not None]
         if len(some) < len(before) or not some[0].parts[-1].effect.again:
+            continue
+        if decided is not None and decided.named.effect is some[0].parts[-1].effect:
             continue
         twin = once_more(some[0].parts[-1].effect, some[0].parts)
         twins = [in_order(t) for t in try_all([c.fit for c in some], [twin], spread)[0] if t is not None]
@@ -235,7 +240,7 @@ def _twice(
         if both is None or not both.physical or not both.clear(RULES.beyond_once_more):
             continue
         gain = sum(float(likelihood_ratios(f, t.fit).sum()) for f, t in zip(before, twins, strict=True))
-        alike = any(w.worth >= RULES.as_good * both.worth or w.gain >= RULES.as_good * gain for w in weighed)
+        alike = any(w.worth >= below * both.worth or w.gain >= below * gain for w in weighed)
         if not alike and _each_needed(before, twins, false_alarm, len(tried)) and (found is None or both.worth > found.named.worth):
             found = Stage(tuple(before), both, None)
     return found
@@ -264,7 +269,8 @@ def explain(
     before, tried = tuple(bases), singles
     while len(stages) < most:
         weighed = weigh(before, tried, false_alarm)
-        stage = decide(before, weighed) or _twice(before, weighed, tried, false_alarm, spread)
+        decided = decide(before, weighed)
+        stage = _twice(before, weighed, tried, false_alarm, spread, decided) or decided
         if stage is None:
             break
         stages.append(stage)
