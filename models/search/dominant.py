@@ -227,11 +227,13 @@ def _twice(
     scales = [_Scale(fit) for fit in before]
     for candidates in tried:
         some = [c for c in candidates if c is not None]
-        if len(some) < len(before) or not some[0].parts[-1].effect.again:
+        effect = some[0].parts[-1].effect if some else None
+        if effect is None or len(some) < len(before) or not effect.again:
             continue
-        if decided is not None and decided.named.effect is some[0].parts[-1].effect:
+        # By its name: each run, and each worker, has an effect object of its own.
+        if decided is not None and decided.named.effect.id == effect.id:
             continue
-        twin = once_more(some[0].parts[-1].effect, some[0].parts)
+        twin = once_more(effect, some[0].parts)
         twins = [in_order(t) for t in try_all([c.fit for c in some], [twin], spread)[0] if t is not None]
         if len(twins) < len(before):
             continue
