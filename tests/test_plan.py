@@ -72,11 +72,14 @@ def test_a_test_like_another(tool, monkeypatch):
         tf.plan(0.5, taus=3.0)
 
 
-def test_the_record_it_is_like_is_read_as_said(tool, monkeypatch):
+def test_the_record_it_is_like_is_read_as_said(tool, monkeypatch, tmp_path):
     monkeypatch.setattr(planning, "DRAWS", 2)
     given = ("--imperfection", "none", "--tolerance", "0.2", "--format", "json", "-q")
     run = "sample_runs/spindle.csv"
     done = tool("plan", "--like", run, "--channels", "T1,T2", "--to", "200", *given)
     assert [r["sensors"] for r in json.loads(done.out)["records"] if r["channel"] == "as asked"] == [2]
+    (tmp_path / "own.toml").write_text('[input]\nchannels = ["T1"]\ninterval = 5\n')
+    done = tool("--config", tmp_path / "own.toml", "plan", "--like", run, *given)
+    assert [(r["sensors"], r["interval_s"]) for r in json.loads(done.out)["records"] if r["channel"] == "as asked"] == [(1, 60.0)]
     refused = tool("plan", "--to", "200", *given)
     assert (refused.code, "--to: no file is read" in refused.err) == (2, True)

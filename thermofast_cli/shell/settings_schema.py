@@ -60,7 +60,7 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
         return {
             **dict.fromkeys(("identify", "sweep"), _given(shared | machine) | given),
             **dict.fromkeys(("compare", "diagnose", "improve", "inspect"), _given(reading) | given),
-            **dict.fromkeys(("calibrate", "changed", "displacement", "sensitivity", "validate", "watch"), _given(reads)),
+            **dict.fromkeys(("calibrate", "changed", "displacement", "plan", "sensitivity", "validate", "watch"), _given(reads)),
         }
 
 
