@@ -5,6 +5,7 @@ event time, one wave). The normal equations then have the form of an arrow: one 
 is shared; they are solved by the border's Schur complement inside a projected Levenberg-Marquardt iteration.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -221,9 +222,9 @@ class Fit:
         local, shared, _ = self.covariance
         found: dict[Key, Any] = {}
         for j, c in enumerate(self.model.local):
-            found[c.key] = np.sqrt(np.maximum(local[:, j, j], 0.0))
+            found[c.key] = np.hypot(np.sqrt(np.maximum(local[:, j, j], 0.0)), c.parameter.logging_steps * self.run.step)
         for j, c in enumerate(self.model.shared):
-            found[c.key] = float(np.sqrt(max(shared[j, j], 0.0)))
+            found[c.key] = math.hypot(math.sqrt(max(float(shared[j, j]), 0.0)), c.parameter.logging_steps * self.run.step)
         return found
 
 

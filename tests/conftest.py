@@ -1,6 +1,7 @@
 """Shared fixtures: the tool called in this process, and where real records lie."""
 
 import io
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +10,9 @@ from pathlib import Path
 import pytest
 
 from thermofast.main import run
+
+# Where it is set, each process that a test starts would compile the program anew: half a second, some hundreds of times.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"

@@ -154,6 +154,21 @@ def test_a_sweep_to_a_tolerance_counts_the_machine():
     assert "the machine is the limit, not the readings" in hopeless.message
 
 
+def test_a_sweep_doubts_what_identify_doubts():
+    time, y = spindle(np.random.default_rng(17), 240.0)
+    windows, times = (130.0,), tuple(np.arange(10.0, 121.0, 10.0))
+    # A room that swings by 0.06 K is nothing to a machine, and much to the bare law; a load that steps later is much to both.
+    swings, steps = y + 0.06 * np.sin(time / 20.0), y + np.where(time > 120.0, 4.0 * (1.0 - np.exp(-(time - 120.0) / 65.0)), 0.0)
+    for readings, said in ((swings, "ok"), (steps, "model_doubtful")):
+        swept = sweep_sensor("run", "T", time, readings, DEFAULT, windows, times, 0.1).records[0]
+        identified = record(time, readings, 120.0)
+        assert (swept.status, identified.status) == (said, said)
+        assert (identified.message in swept.message) == (said == "model_doubtful")
+        half = (identified.steady_state_hi_c - identified.steady_state_lo_c) / 2
+        assert f"not known to +-0.1 K at any of these times ({half:.3g} K at 120 min)" in swept.message
+    assert sweep_sensor("run", "T", time, swings, BARE, windows, times, 0.1).records[0].status == "model_doubtful"
+
+
 def test_settling_of_an_overtaken_state_has_no_made_up_number():
     state = np.array([20.0, 0.1, -0.01])
     t95, interval = settling(state, np.diag([1e-4, 1e-4, 1e-6]), 30.0, 18.0, 1.96)

@@ -91,3 +91,18 @@ def test_no_change_of_a_logged_heat_heats_while_it_is_off(name):
     rate, sink = values[RATE][0], model.sink_guess
     fall = (curve[0, 399] - sink) / (curve[0, 300] - sink)
     assert fall == pytest.approx(np.exp(-rate * (TIME[399] - TIME[300])), rel=1e-6)
+
+
+def test_a_heat_that_follows_a_speed_late_and_to_a_power_is_told_with_both():
+    rng = np.random.default_rng(17)
+    speed = np.repeat(rng.uniform(1000.0, 6000.0, 20), 20)
+    late = np.concatenate([np.full(12, speed[0]), speed[:-12]])  # 6 min
+    run = heated(0.0, rng, power=500.0 * (late / 6000.0) ** 1.7)
+    frame = pd.DataFrame({"time_min": TIME, **run.channels, "speed": speed})
+    found = tf.diagnose(tf.read(frame, inputs="speed", units="C"), effects="load_step")
+    for row in found.records:
+        assert (row.verdict, row.status) == ("load_step", "ok")
+        assert "(speed, to a power, later)" in row.message
+        for name, truth in (("power", 1.7), ("delay", 6.0)):
+            told = row.parameters[f"load_step.{name}"]
+            assert abs(told["value"] - truth) < 3.0 * told["standard_error"] < 0.15 * truth + 0.2

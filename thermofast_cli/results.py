@@ -443,6 +443,6 @@ class Simulated:
             write_json(str(key), self.truth)
 
 
-def failed(kind: type[Record], unreadable: Sequence[tuple[str, str]], **more: Any) -> list[Any]:
-    """Records of runs that could not be read: (name, why)."""
-    return [kind(run=name, channel="", status="unreadable", message=why, **more) for name, why in unreadable]  # type: ignore[call-arg]
+def failed(kind: type[Any], unreadable: Sequence[tuple[str, str]], **more: Any) -> list[Any]:
+    """Records of a kind, of runs that could not be read: (name, why)."""
+    return [kind(run=name, channel="", status="unreadable", message=why, **more) for name, why in unreadable]

@@ -31,6 +31,7 @@ class Parameter:
     each: 'run', one value for all sensors, or 'sensor', one for each. log: search on a logarithmic scale.
     periodic: a whole number more is the same (a phase). settles: 'rate' or 'time' where something comes to rest with this rate or
     time constant. typical: sizes that occur, from which training records are drawn; the start value where none are told.
+    logging_steps: standard deviation, in sampling intervals, that logging adds to a time: what happened between two readings.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Parameter:
     periodic: bool = False
     settles: str = ""
     typical: tuple[float, float] | None = None
+    logging_steps: float = 0.0
 
     def bounds(self, run: Observations) -> tuple[float, float]:
         """Lower and upper bound for a run."""

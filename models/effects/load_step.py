@@ -15,7 +15,7 @@ class LoadStep(Effect):
 
     id = "load_step"
     summary = "the load changes during the run"
-    equation = "heat(t) = 1 + change after event; or 1 + change ((u/u0)^power - 1), u a logged column"
+    equation = "heat(t) = 1 + change after event; or 1 + change ((u(t - delay)/u0)^power - 1), u a logged column"
     tell_tale = "kink in slope at the event, then a new exponential with the same b"
     mistaken_for = ("cooling_switch", "reading_jump")
     separate = "log the speed or the power"
@@ -40,26 +40,55 @@ class LoadStep(Effect):
         ),
         Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True, typical=(0.3, 0.6)),
         Parameter("power", "1", 0.25, 4.0, 1.0, "exponent of the logged column", log=True),
+        Parameter(
+            "delay",
+            "min",
+            0.0,
+            0.3,
+            0.02,
+            "time by which the heat follows the column later",
+            share=True,
+            logging_steps=0.289,  # a jump lies evenly between two readings: 1 / sqrt(12)
+        ),
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
-        free = Choice("", {"column": "", "power": 1.0, "ending": 0.5, **driven(run)}, ("power",))
+        free = Choice("", {"column": "", "power": 1.0, "ending": 0.5, **driven(run)}, ("power", "delay"))
         found = [free]
         for name, column in tried_columns(run).items():
-            top = float(np.abs(column).max())
-            constants = {"column": name, "scale": top, "event": 0.0}
-            ways = [{**constants, "power": 1.0, "ending": ending} for ending in endings(column)]
-            found += [Choice(name, way, ("event", "power"), coupled=("change",)) for way in ways]
+            constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
+            ways = [{**constants, "ending": ending} for ending in endings(column)]
+            plain = [{**way, "power": 1.0} for way in ways]
+            later = {**plain[0], "ending": 0.5}  # a delay that is searched says how a column is held, too
+            found += [Choice(name, way, ("event", "power", "delay"), coupled=("change",)) for way in plain]
+            found += [Choice(f"{name}, later", later, ("event", "power"), simple=False, coupled=("change",))]
             if len(np.unique(column)) > 2 and float(column.min()) >= 0.0:
-                raised = [{**constants, "ending": ending} for ending in endings(column)]
-                found += [Choice(f"{name}, to a power", way, ("event",), simple=False, coupled=("change",)) for way in raised]
+                raised, both = f"{name}, to a power", {**constants, "ending": 0.5}
+                found += [Choice(raised, way, ("event", "delay"), simple=False, coupled=("change",)) for way in ways]
+                found += [Choice(f"{raised}, later", both, ("event",), simple=False, coupled=("change",))]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         if not p.column:
             drive.heat = heated(drive, p.change * run.after(p.event), p)
             return
-        drive.heat = heated(drive, p.change * (held(run, p.column, p.scale, p.power, p.ending) - 1.0), p)
+        level = held(run, p.column, p.scale, p.power, p.ending)
+        drive.heat = heated(drive, p.change * (later(run, level, getattr(p, "delay", 0.0)) - 1.0), p)
+
+
+def later(run: Observations, level: Any, delay: Any) -> Any:
+    """Means over the interval that ends at each reading, (1 or B, N), `delay` [min] later; before the record it is as at first."""
+    if not np.any(np.asarray(delay) > 0.0):
+        return level
+    delay = np.atleast_2d(delay)
+    level = np.broadcast_to(level, (max(len(delay), len(np.atleast_2d(level))), len(run.time)))
+    edges = np.concatenate([run.time[:1] - run.step, run.time])
+    moved = edges - delay
+    through = np.zeros((len(level), len(edges)))
+    np.cumsum(level * np.diff(edges), axis=1, out=through[:, 1:])
+    passed = np.stack([np.interp(m, edges, row) for m, row in zip(np.broadcast_to(moved, through.shape), through, strict=True)])
+    passed += np.minimum(moved - edges[0], 0.0) * level[:, :1]
+    return np.diff(passed, axis=1) / np.diff(edges)
 
 
 def endings(column: Any) -> tuple[float, ...]:

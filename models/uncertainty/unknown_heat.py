@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky
 
 from ..core.kernel import Array, followed
 from ..core.tails import chi2_tail
@@ -175,12 +174,13 @@ def column_likelihoods(
     """
     at = lump.knots(TEST_KNOTS)
     with_, without = np.full((len(rates), len(shapes)), -np.inf), np.empty(len(rates))
+    priors = lump.priors(rates[len(rates) // 2], len(at), TEST_WALKS, TEST_BENDS)
+    if given is not None and len(given):
+        priors = [p.with_free(len(given)) for p in priors]
     for r, rate in enumerate(rates):
         design, z = lump.scaled(rate, at)
-        priors = lump.priors(rates[len(rates) // 2], len(at), TEST_WALKS, TEST_BENDS)
         if given is not None and len(given):
             design = np.hstack([design, (lump.curves(rate, given, grid) / lump.noise).T])
-            priors = [p.with_free(len(given)) for p in priors]
         values, _, inverses = posteriors(design, z, priors)
         curves = lump.curves(rate, shapes, grid) / lump.noise
         projected, against = design.T @ curves.T, design.T @ z
@@ -197,43 +197,39 @@ def _priors(count: int, size: float, start: float, walks: Sequence[float] = WALK
     x = np.linspace(0.0, 1.0, count)
     low, high = np.minimum(x[:, None], x[None, :]), np.maximum(x[:, None], x[None, :])
     bend = low**2 * (3.0 * high - low) / 2.0 + 3.0 * low * high  # an integrated random walk beside a slope of its size
-    found = []
-    for walk in walks:
-        for much in bends:
-            whole = np.zeros((count + 1, count + 1))
-            whole[0, 0] = start**2
-            whole[1:, 1:] = size**2 * (MEAN**2 + walk**2 * low + much**2 * bend)
-            factor = cholesky(whole, lower=True)
-            found.append(Prior(cho_solve((factor, True), np.eye(count + 1)), 2.0 * float(np.log(np.diag(factor)).sum())))
-    return found
+    walk, much = (np.ravel(m)[:, None, None] for m in np.meshgrid(walks, bends, indexing="ij"))
+    whole = np.zeros((len(walk), count + 1, count + 1))
+    whole[:, 0, 0] = start**2
+    whole[:, 1:, 1:] = size**2 * (MEAN**2 + walk**2 * low + much**2 * bend)
+    return [Prior(inverse, log_det) for inverse, log_det in zip(*_inverted(whole), strict=True)]
 
 
 def posteriors(design: Array, z: Array, priors: Sequence[Prior]) -> tuple[Array, Array, Array]:
     """Log-likelihood (H,), means (H, M + 1) and covariances (H, M + 1, M + 1) under each prior."""
     information, against = design.T @ design, design.T @ z
-    values, means, inverses = [], [], []
-    for prior in priors:
-        factor = cholesky(information + prior.inverse, lower=True)
-        mean = cho_solve((factor, True), against)
-        log_det = 2.0 * float(np.log(np.diag(factor)).sum())
-        values.append(-0.5 * (float(z @ z) - float(against @ mean) + prior.log_det + log_det))
-        means.append(mean)
-        inverses.append(cho_solve((factor, True), np.eye(len(mean))))
-    return np.array(values), np.array(means), np.array(inverses)
+    inverses, log_dets = _inverted(information + np.stack([p.inverse for p in priors]))
+    means = inverses @ against
+    values = -0.5 * (float(z @ z) - means @ against + np.array([p.log_det for p in priors]) + log_dets)
+    return values, means, inverses
+
+
+def _inverted(matrices: Array) -> tuple[Array, Array]:
+    """Inverses (H, K, K) and log-determinants (H,) of covariances or informations (H, K, K)."""
+    factors = np.linalg.cholesky(matrices)
+    halves = np.linalg.inv(factors)  # as exact as by two triangular solutions, and all at once
+    inverses = np.swapaxes(halves, 1, 2) @ halves
+    return inverses, 2.0 * np.log(np.einsum("hii->hi", factors)).sum(axis=1)
 
 
 def _response(rate: float, knots: Array, time: Array) -> Array:
     """Rise (N, M) of a lump at rest by heat that is 1 at one knot and falls to 0 at its neighbours, integrated exactly."""
     fine = np.union1d(knots, time)
-    length = np.diff(fine)
-    hats = np.maximum(0.0, 1.0 - np.abs(fine[:, None] - knots[None, :]) / (knots[1] - knots[0]))
-    kept = np.exp(-rate * length)
-    whole = -np.expm1(-rate * length) / rate
-    ending = (length - whole) / np.maximum(rate * length, 1e-300)
-    out = np.zeros_like(hats)
-    for i in range(len(length)):
-        out[i + 1] = kept[i] * out[i] + (whole[i] - ending[i]) * hats[i] + ending[i] * hats[i + 1]
-    return np.asarray(out[np.searchsorted(fine, time)])
+    hats = np.maximum(0.0, 1.0 - np.abs(fine[None, :] - knots[:, None]) / (knots[1] - knots[0]))
+    out, late = np.empty_like(hats), np.array([1.0 / rate])
+    for row, hat in zip(out, hats, strict=True):
+        followed(fine, hat, late, row[None])
+    out -= hats[:, :1] * np.exp(-rate * (fine - fine[0]))  # what follows begins where it is, a lump at rest at 0
+    return np.asarray(out.T[np.searchsorted(fine, time)] / rate)
 
 
 def simplest_rate(lump: Lump, rates: Sequence[float]) -> tuple[float, float]:

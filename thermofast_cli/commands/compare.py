@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..reading_options import names
 from ..shell.options import (
     RunCommand,
+    batched,
     loop_options,
     model_option,
     output_options,
@@ -17,6 +18,10 @@ from ..shell.options import (
     runs_argument,
     scale_options,
 )
+
+if TYPE_CHECKING:
+    from ..results import Comparison
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -47,8 +52,9 @@ from ..shell.options import (
 @output_options
 @scale_options
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and residual with failing stretches: .png .pdf .svg.")
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     until: float | None,
     extra: tuple[str, ...],
     drive: str | None,
@@ -57,12 +63,6 @@ def command(
     input_ranges: tuple[str, ...],
     unknown_heat: bool,
     denoise: str | None,
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
-    save_plot: str | None,
-    **reading: Any,
 ) -> int:
     """Put the model beside the measurement: how well it fits, how well it foretells, and where it fails.
 
@@ -83,36 +83,42 @@ def command(
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..archives.blocks import Analysis
-    from ..errors import UsageError
-    from ..output.files import check_target, write_columns
-    from ..output.screen import interval, number, say, text
+    from ..output.files import check_target
     from ..pipeline.loop import compare_runs
     from ..records import CompareRecord
-    from ..results import Comparison, failed
-    from ..shell.archive import names_folder, run_archive
-    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, wants_details, working
+    from ..shell.session import draw, load_model
 
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model)}
-    chosen, allowed = names(effects), ranges(input_ranges)
-    compare_runs(
-        [], chosen, (), denoise=denoise is not None, **options
-    )  # what is wrong with the options is said before any file is read
-    work: Callable[..., Comparison] = partial(
-        compare_runs, effects=chosen, input_ranges=allowed, unknown_heat=unknown_heat, denoise=denoise is not None, **options
-    )
+    options["effects"], options["denoise"] = names(effects), denoise is not None
+    compare_runs([], **options)  # what is wrong with the options is said before any file is read
+    work: Callable[..., Comparison] = partial(compare_runs, input_ranges=ranges(input_ranges), unknown_heat=unknown_heat, **options)
     if denoise is not None:
         check_target(denoise, (".csv", ".parquet"))
-    if names_folder(output):
-        if denoise is not None:
-            raise UsageError("--denoise writes one run", found=f"-o {output}, an archive", do="name one run, and -o a file")
-        return run_archive(Analysis("compare", CompareRecord, work), runs, output, reading, jobs, quiet)
-    check_outputs([output, denoise], save_plot)
-    readings = read_all(runs, reading, quiet, [output, save_plot, denoise], jobs, from_rise=False)
-    if denoise is not None and len(readings.runs) > 1:
-        raise UsageError("--denoise writes one run", found=f"{len(readings.runs)} runs", do="name one run")
-    with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
-        result = work(readings.runs, details=wants_details(output, save_plot), how=how)
-    drawn = [
+    if batch.is_archive:
+        _one_run(denoise, f"-o {batch.output}, an archive", "name one run, and -o a file")
+        return batch.archive(Analysis("compare", CompareRecord, work))
+    readings = batch.read(denoise)
+    if len(readings.runs) > 1:
+        _one_run(denoise, f"{len(readings.runs)} runs", "name one run")
+    with batch.working(readings, len(readings.runs), "runs") as how:
+        result = work(readings.runs, details=batch.wants_details, how=how)
+    code = batch.tell(result, readings, _drawn())
+    draw(result, batch.save_plot)
+    return code if denoise is None else max(code, _write_denoised(result, denoise, batch.quiet))
+
+
+def _one_run(denoise: str | None, found: str, do: str) -> None:
+    """Raises UsageError where a denoised record is asked for, which is that of one run."""
+    from ..errors import UsageError
+
+    if denoise is not None:
+        raise UsageError("--denoise writes one run", found=found, do=do)
+
+
+def _drawn() -> list[Any]:
+    from ..output.screen import interval, number, text
+
+    return [
         ("sensor", text("channel")),
         ("effects", text("effects")),
         ("fit K", number("rmse_fit_c", 3)),
@@ -124,15 +130,19 @@ def command(
         ("by K", number("worst_error_c", 2)),
         ("status", text("status")),
     ]
-    code = deliver(result, failed(CompareRecord, readings.unreadable), output, form, quiet, drawn)
-    draw(result, save_plot)
-    if denoise is not None:
-        clean = next((one for one in result.denoised if one.sensors), None)
-        if clean is None:
-            # Said with --quiet too: it decides the code.
-            say(f"{denoise}: not written, as no sensor is denoised; the messages say why")
-            return max(code, 1)
-        write_columns(denoise, clean.columns)
-        if not quiet:
-            say(f"{denoise}: {len(clean.sensors)} of {len(result.runs[0].channels)} sensors denoised")
-    return code
+
+
+def _write_denoised(result: "Comparison", path: str, quiet: bool) -> int:
+    """The denoised record of the one run; exit code 1 where there is none."""
+    from ..output.files import write_columns
+    from ..output.screen import say
+
+    clean = next((one for one in result.denoised if one.sensors), None)
+    if clean is None:
+        # Said with --quiet too: it decides the code.
+        say(f"{path}: not written, as no sensor is denoised; the messages say why")
+        return 1
+    write_columns(path, clean.columns)
+    if not quiet:
+        say(f"{path}: {len(clean.sensors)} of {len(result.runs[0].channels)} sensors denoised")
+    return 0

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..reading_options import names
 from ..shell.options import (
     RunCommand,
+    batched,
     false_alarm_option,
     loop_options,
     model_option,
@@ -17,6 +18,10 @@ from ..shell.options import (
     runs_argument,
     scale_options,
 )
+
+if TYPE_CHECKING:
+    from ..results import Diagnosis
+    from ..shell.batch import Batch
 
 
 @click.command("diagnose", cls=RunCommand, epilog="Example: thermofast diagnose sample_runs/hidden.csv --format table")
@@ -37,8 +42,9 @@ from ..shell.options import (
 @reading_options
 @output_options
 @scale_options
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     until: float | None,
     extra: tuple[str, ...],
     drive: str | None,
@@ -48,11 +54,6 @@ def command(
     next_experiment: bool,
     write_effect: str | None,
     model: str | None,
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
-    **reading: Any,
 ) -> int:
     """Say which physical effect the base model (or the model of --model) lacks on each RUN.
 
@@ -70,12 +71,9 @@ def command(
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..archives.blocks import Analysis
-    from ..output.screen import number, percent, text
     from ..pipeline.loop import diagnose_runs
     from ..records import DiagnoseRecord
-    from ..results import Diagnosis, failed
-    from ..shell.archive import names_folder, run_archive
-    from ..shell.session import check_outputs, deliver, load_model, read_all, working
+    from ..shell.session import load_model
 
     if write_effect:
         from ..analysis.effect_file import check_effect_runs, check_effect_target
@@ -86,15 +84,23 @@ def command(
     options["together"], options["next_experiment"] = together, next_experiment
     work: Callable[..., Diagnosis] = partial(diagnose_runs, effects=names(effects), **options)
     work([])  # what is wrong with the options is said before any file is read
-    if names_folder(output):
-        return run_archive(Analysis("diagnose", DiagnoseRecord, work), runs, output, reading, jobs, quiet)
-    check_outputs([output])
-    readings = read_all(runs, reading, quiet, [output], jobs, from_rise=False)
+    if batch.is_archive:
+        return batch.archive(Analysis("diagnose", DiagnoseRecord, work))
+    readings = batch.read()
     if write_effect:
         check_effect_runs([run for run, _ in readings.runs], drive)
-    with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:
+    with batch.working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs") as how:
         result = work(readings.runs, how=how)
-    drawn = [
+    code = batch.tell(result, readings, _drawn(), "message", "advice")
+    if write_effect:
+        _write(readings.runs, write_effect, batch.quiet, {k: options[k] for k in ("until_min", "drive", "model")})
+    return code
+
+
+def _drawn() -> list[Any]:
+    from ..output.screen import number, percent, text
+
+    return [
         ("sensor", text("channel")),
         ("verdict", text("verdict")),
         ("also possible", text("also_possible")),
@@ -106,11 +112,6 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    unreadable = failed(DiagnoseRecord, readings.unreadable)
-    code = deliver(result, unreadable, output, form, quiet, drawn, beneath=("message", "advice"))
-    if write_effect:
-        _write(readings.runs, write_effect, quiet, {k: options[k] for k in ("until_min", "drive", "model")})
-    return code
 
 
 def _write(runs: Any, path: str, quiet: bool, options: dict[str, Any]) -> None:

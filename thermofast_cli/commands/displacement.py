@@ -1,11 +1,14 @@
 """``thermofast displacement``."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from ..reading_options import names
-from ..shell.options import RunCommand, reading_options, runs_argument, table_options
+from ..shell.options import RunCommand, batched, reading_options, runs_argument, table_options
+
+if TYPE_CHECKING:
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -25,17 +28,13 @@ from ..shell.options import RunCommand, reading_options, runs_argument, table_op
 @reading_options
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw measured and predicted displacement, readings left out: .png .pdf .svg.")
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     displacements: str | None,
     methods: str | None,
     order: str | None,
     together: bool,
-    form: str | None,
-    output: str | None,
-    quiet: bool,
-    save_plot: str | None,
-    **reading: Any,
 ) -> int:
     """Tell thermal displacement from the temperatures of each RUN, and say which method to trust.
 
@@ -49,14 +48,11 @@ def command(
     """
     from ..output.screen import number, text
     from ..pipeline.around import displacement_runs
-    from ..records import DisplacementRecord
-    from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, read_all
+    from ..shell.session import draw
 
     lags = _order(order)
     displacement_runs([], (), names(methods), lags, together)  # what is wrong with the options is said before any file is read
-    check_outputs([output], save_plot)
-    readings = read_all(runs, reading, quiet, [output, save_plot], 1, from_rise=False)
+    readings = batch.read()
     result = displacement_runs(readings.runs, names(displacements), names(methods), lags, together)
     drawn = [
         ("displacement", text("channel")),
@@ -68,8 +64,8 @@ def command(
         ("trust", text("trusted")),
         ("status", text("status")),
     ]
-    code = deliver(result, failed(DisplacementRecord, readings.unreadable), output, form, quiet, drawn)
-    draw(result, save_plot)
+    code = batch.tell(result, readings, drawn)
+    draw(result, batch.save_plot)
     return code
 
 

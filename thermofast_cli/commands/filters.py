@@ -1,10 +1,13 @@
 """``thermofast filters``: the catalogue, one filter's settings, and all of them on a record."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ..shell.options import Finite, RunCommand, reading_options, runs_argument, table_options
+from ..shell.options import Finite, RunCommand, batched, reading_options, runs_argument, table_options
+
+if TYPE_CHECKING:
+    from ..shell.batch import Batch
 
 
 class Catalogue(click.Group):
@@ -83,13 +86,10 @@ def show(name: str) -> int:
 )
 @reading_options
 @table_options
+@batched
 def bench(
-    runs: tuple[str, ...],
+    batch: "Batch",
     until: float | None,
-    form: str | None,
-    output: str | None,
-    quiet: bool,
-    **reading: Any,
 ) -> int:
     """Run every filter on each RUN and say which one to use there, and why.
 
@@ -99,13 +99,9 @@ def bench(
     from ..output.screen import number, text
     from ..pipeline.around import bench_runs
     from ..plugins.filters import known_filters
-    from ..records import BenchRecord
-    from ..results import failed
-    from ..shell.session import check_outputs, deliver, read_all, working
 
-    check_outputs([output])
-    readings = read_all(runs, reading, quiet, [output], 1)
-    with working(readings, len(readings.runs) * len(known_filters()), "filters tried", quiet, 1) as how:
+    readings = batch.read(from_rise=True)
+    with batch.working(readings, len(readings.runs) * len(known_filters()), "filters tried") as how:
         result = bench_runs(readings.runs, until, how)
     drawn = [
         ("filter", text("filter")),
@@ -117,6 +113,6 @@ def bench(
         ("readings/s", number("steps_per_s", 0)),
         ("use", text("chosen")),
     ]
-    deliver(result, failed(BenchRecord, readings.unreadable), output, form, quiet, drawn)
+    batch.tell(result, readings, drawn)
     # A filter that breaks on a record is what the table is for; only a run without readings is a failure.
     return 1 if readings.unreadable or any(r.status == "no_data" for r in result.records) else 0

@@ -1,5 +1,7 @@
 """``thermofast identify``."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +11,7 @@ from ..shell.options import (
     Finite,
     Real,
     RunCommand,
+    batched,
     criterion_option,
     drive_option,
     filter_options,
@@ -22,6 +25,9 @@ from ..shell.options import (
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Rates
+
+    from ..results import Identification
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -61,8 +67,9 @@ if TYPE_CHECKING:
 @click.option("--trace", metavar="FILE", help="Write what the filter did, reading by reading: .csv .json .jsonl .parquet .md.")
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and band per sensor: .png .pdf .svg.")
 @click.option("--plot-trace", is_flag=True, help="Add rate and steady state converging to the picture of --save-plot.")
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     until: float | None,
     at: float | None,
     room: float | None,
@@ -79,14 +86,8 @@ def command(
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
     trace: str | None,
-    save_plot: str | None,
     plot_trace: bool,
-    **reading: Any,
 ) -> int:
     """Say where each sensor of each RUN will settle and when 95 % of the rise is done.
 
@@ -94,49 +95,47 @@ def command(
     ok, not_determined (a side of an interval is open), model_doubtful (more is at work than machines usually do).
     Intervals count readings and machine; --imperfection none counts the readings alone.
     """
-    from dataclasses import replace
-
     from ..archives.blocks import Analysis
     from ..errors import UsageError
     from ..estimation.imperfect import GROUP
     from ..output.files import write_table
-    from ..output.screen import interval, number, say, text
+    from ..output.screen import say
     from ..pipeline.methods import choose, paces, stopping_rule
     from ..pipeline.sensors import from_rise, identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
-    from ..results import failed
-    from ..shell.archive import names_folder, run_archive
-    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
+    from ..shell.session import draw, load_imperfection, load_model
     from ..standards.stopping import in_words
 
     method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
-    if plot_trace and not save_plot:
+    if plot_trace and not batch.save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
     learnt, rule = load_model(model), stopping_rule(criterion)
-    work = partial(
-        identify_runs,
-        method=method,
-        until_min=until,
-        model=learnt,
-        joint=joint,
-        at_min=at,
-        room_c=room,
-        drive=drive,
-        auto=auto,
-        criterion=rule,
-        limit_c=limit,
-        switch_off_min=switch_off_at,
-    )
+    asked: dict[str, Any] = {"at_min": at, "room_c": room, "criterion": rule, "limit_c": limit, "switch_off_min": switch_off_at}
+    more = {"model": learnt, "joint": joint, "drive": drive, "auto": auto, **asked}
+    work: Callable[..., Identification] = partial(identify_runs, method=method, until_min=until, **more)
     work([])  # wrong options are told before reading
-    if names_folder(output):
-        parted = 0 if learnt or drive or auto or joint or rule else GROUP
-        analysis = Analysis("identify", IdentifyRecord, work, parted, {"filter": filter_name}, from_rise=from_rise(learnt, drive))
-        return run_archive(analysis, runs, output, reading, jobs, quiet)
-    check_outputs([output, trace], save_plot)
-    readings = read_all(runs, reading, quiet, [output, trace, save_plot], jobs, from_rise=from_rise(learnt, drive))
-    with working(readings, readings.sensors, "sensors", quiet, jobs) as how:
-        details = bool(trace) or wants_details(output, save_plot)
-        result = work(readings.runs, details=details, how=how)
+    parted = 0 if learnt or drive or auto or joint or rule else GROUP
+    analysis = Analysis("identify", IdentifyRecord, work, parted, {"filter": filter_name}, from_rise=from_rise(learnt, drive))
+    if batch.is_archive:
+        return batch.archive(analysis)
+    readings = batch.read(trace, from_rise=analysis.from_rise)
+    with batch.working(readings, readings.sensors, "sensors") as how:
+        result = work(readings.runs, details=bool(trace) or batch.wants_details, how=how)
+    for sentence in in_words(result.records) if rule and not batch.quiet else ():
+        say(sentence)
+    code = batch.tell(result, readings, _drawn(**asked), filter=filter_name)
+    if trace:
+        write_table(trace, "trace", TRACE_COLUMNS, result.trace_rows())
+    draw(result, batch.save_plot, trace=plot_trace)
+    return code
+
+
+def _drawn(
+    at_min: float | None, room_c: float | None, criterion: Any, limit_c: float | None, switch_off_min: float | None
+) -> list[Any]:
+    """The columns of a drawn table: those of every sensor, and of what was asked for."""
+    from ..output.screen import interval, number, text
+
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),
@@ -147,17 +146,16 @@ def command(
         ("to go min", number("time_to_go_min", 0)),
         ("noise K", number("noise_c", 3)),
         ("ahead K", number("rmse_ahead_c", 3)),
-        ("status", text("status")),
     ]
-    if at is not None:
-        drawn[4:4] = [(f"at {at:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]
-    if room is not None:
+    if at_min is not None:
+        drawn[4:4] = [(f"at {at_min:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]
+    if room_c is not None:
         drawn[3:3] = [
-            (f"in {room:g} degC", number("room_steady_c")),
+            (f"in {room_c:g} degC", number("room_steady_c")),
             ("95 % interval", interval("room_steady_lo_c", "room_steady_hi_c")),
         ]
-    if rule is not None:
-        drawn[-1:-1] = [
+    if criterion is not None:
+        drawn += [
             ("rule holds min", number("trip_min", 1)),
             ("95 % interval", interval("trip_lo_min", "trip_hi_min", 1)),
             ("on", text("trip_from")),
@@ -165,21 +163,15 @@ def command(
             ("95 % interval", interval("missing_lo_k", "missing_hi_k")),
             ("three-point degC", number("three_point_c")),
         ]
-    if limit is not None:
-        drawn[-1:-1] = [
-            (f"K below {limit:g} degC", number("margin_k")),
+    if limit_c is not None:
+        drawn += [
+            (f"K below {limit_c:g} degC", number("margin_k")),
             ("95 % interval", interval("margin_lo_k", "margin_hi_k")),
             ("chance above", number("over_limit_p", 3)),
         ]
-    if switch_off_at is not None:
-        drawn[-1:-1] = [
+    if switch_off_min is not None:
+        drawn += [
             ("at switch-off", number("switch_off_c")),
             ("95 % interval", interval("switch_off_lo_c", "switch_off_hi_c")),
         ]
-    for sentence in in_words(result.records) if rule is not None and not quiet else ():
-        say(sentence)
-    code = deliver(result, failed(IdentifyRecord, readings.unreadable, filter=filter_name), output, form, quiet, drawn)
-    if trace:
-        write_table(trace, "trace", TRACE_COLUMNS, result.trace_rows())
-    draw(result, save_plot, trace=plot_trace)
-    return code
+    return [*drawn, ("status", text("status"))]

@@ -1,18 +1,22 @@
 """``thermofast improve``."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..reading_options import names
 from ..shell.options import (
     RunCommand,
+    batched,
     false_alarm_option,
     loop_options,
     output_options,
     reading_options,
     runs_argument,
 )
+
+if TYPE_CHECKING:
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -27,8 +31,9 @@ from ..shell.options import (
 @reading_options
 @output_options
 @click.option("--save-plot", metavar="FILE", help="Draw the staircase of errors: .png .pdf .svg.")
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     until: float | None,
     extra: tuple[str, ...],
     drive: str | None,
@@ -36,12 +41,6 @@ def command(
     add: str | None,
     auto: bool,
     together: bool,
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
-    save_plot: str | None,
-    **reading: Any,
 ) -> int:
     """Add effects to the base model, refit, and show the error fall step by step; -o M.toml writes the model learnt.
 
@@ -55,29 +54,38 @@ def command(
     """
     from ..errors import UsageError
     from ..output.files import check_target
-    from ..output.screen import number, say, text
+    from ..output.screen import say
     from ..pipeline.loop import improve_runs
-    from ..records import ImproveRecord
-    from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, read_all, working
+    from ..shell.session import draw
 
-    learns = output is not None and output.lower().endswith(".toml")
-    check_outputs([None if learns else output], save_plot)
+    learns = batch.output is not None and batch.output.lower().endswith(".toml")
     if learns:
-        check_target(output or "", (".toml",))
+        check_target(batch.output or "", (".toml",))
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
-    improve_runs(
-        [], names(add), auto, together=together, **options
-    )  # what is wrong with the options is said before any file is read
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
-    if learns and len(readings.runs) > 1 and not together:
+    options.update(add=names(add), auto=auto, together=together)
+    improve_runs([], **options)  # what is wrong with the options is said before any file is read
+    readings = batch.read(table=not learns)
+    many = len(readings.runs)
+    if learns and many > 1 and not together:
         raise UsageError(
-            f"{output}: one model file for {len(readings.runs)} runs",
+            f"{batch.output}: one model file for {many} runs",
             do="say --together where they are of one machine, learn from one run, or name another output",
         )
-    with working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs", quiet, jobs) as how:
-        result = improve_runs(readings.runs, names(add), auto, how, together, **options)
-    drawn = [
+    with batch.working(readings, many, "models tried" if many == 1 else "runs") as how:
+        result = improve_runs(readings.runs, how=how, **options)
+    code = batch.tell(result, readings, _drawn(together), "stopped_because", "message", table=not learns)
+    if learns and result.models and result.models[0] is not None:
+        result.model.save(batch.output or "")
+        if not batch.quiet:
+            say(f"model in {batch.output}")
+    draw(result, batch.save_plot)
+    return code
+
+
+def _drawn(together: bool) -> list[Any]:
+    from ..output.screen import number, text
+
+    return [
         ("step", text("step")),
         ("sensor", text("channel")),
         ("effects", text("effects")),
@@ -87,11 +95,3 @@ def command(
         ("noise K", number("noise_c", 3)),
         ("status", text("status")),
     ]
-    table, unreadable = None if learns else output, failed(ImproveRecord, readings.unreadable)
-    code = deliver(result, unreadable, table, form, quiet, drawn, beneath=("stopped_because", "message"))
-    if learns and result.models and result.models[0] is not None:
-        result.model.save(output or "")
-        if not quiet:
-            say(f"model in {output}")
-    draw(result, save_plot)
-    return code

@@ -1,6 +1,6 @@
 """``thermofast sensitivity``."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -8,12 +8,16 @@ from ..reading_options import names
 from ..shell.options import (
     Finite,
     RunCommand,
+    batched,
     filter_options,
     model_option,
     output_options,
     reading_options,
     runs_argument,
 )
+
+if TYPE_CHECKING:
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -49,8 +53,9 @@ from ..shell.options import (
 @reading_options
 @output_options
 @click.option("--save-plot", metavar="FILE", help="Draw the shares as bars: .png .pdf .svg.")
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     until: float | None,
     model: str | None,
     filter_name: str,
@@ -63,12 +68,6 @@ def command(
     until_spread: float,
     uniform: str | None,
     limit: float | None,
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
-    save_plot: str | None,
-    **reading: Any,
 ) -> int:
     """Say how much each uncertain thing contributes to the spread of the steady state and of the settling time.
 
@@ -80,12 +79,9 @@ def command(
     """
     from ..analysis.sensitivity import BOUNDS, Sizes
     from ..errors import UsageError
-    from ..output.screen import number, text
     from ..pipeline.around import sensitivity_runs
     from ..pipeline.methods import choose
-    from ..records import SensitivityRecord
-    from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
+    from ..shell.session import draw, load_model
 
     method = choose(filter_name, preset, settings)
     if model and (filter_name != "afukf" or preset or settings):
@@ -93,13 +89,20 @@ def command(
     even = names(uniform)
     if unknown := [name for name in even if name not in BOUNDS]:
         raise UsageError(f"--uniform: {unknown[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
-    check_outputs([output], save_plot)
     learnt = load_model(model)
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=learnt is None)
+    readings = batch.read(from_rise=learnt is None)
     sizes = Sizes(offset, start_level, room, jitter, until_spread, limit, even)
-    with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
+    with batch.working(readings, len(readings.runs), "runs") as how:
         result = sensitivity_runs(readings.runs, method, sizes, until, learnt, how)
-    drawn = [
+    code = batch.tell(result, readings, _drawn())
+    draw(result, batch.save_plot)
+    return code
+
+
+def _drawn() -> list[Any]:
+    from ..output.screen import number, text
+
+    return [
         ("sensor", text("channel")),
         ("of", text("quantity")),
         ("spread", number("deviation", 3)),
@@ -113,6 +116,3 @@ def command(
         ("p(error > limit)", number("exceed_p_mc", 4)),
         ("status", text("status")),
     ]
-    code = deliver(result, failed(SensitivityRecord, readings.unreadable), output, form, quiet, drawn)
-    draw(result, save_plot)
-    return code

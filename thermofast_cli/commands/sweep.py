@@ -1,5 +1,6 @@
 """``thermofast sweep``."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ import click
 from ..shell.options import (
     Finite,
     RunCommand,
+    batched,
     criterion_option,
     drive_option,
     filter_options,
@@ -21,6 +23,9 @@ from ..shell.options import (
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Rates
+
+    from ..results import Sweeping
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -48,8 +53,9 @@ if TYPE_CHECKING:
 @output_options
 @scale_options
 @click.option("--save-plot", metavar="FILE", help="Draw RMSE against identification time, one curve per window: .png .pdf .svg.")
+@batched
 def command(
-    runs: tuple[str, ...],
+    batch: "Batch",
     windows: str,
     times: str | None,
     tolerance: float,
@@ -61,12 +67,6 @@ def command(
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
-    save_plot: str | None,
-    **reading: Any,
 ) -> int:
     """Find the shortest identification time that serves, by the RMSE of the model over sampling windows.
 
@@ -76,41 +76,35 @@ def command(
     """
     from ..archives.blocks import Analysis
     from ..estimation.imperfect import GROUP
-    from ..output.screen import number, text
     from ..pipeline.methods import choose, stopping_rule
     from ..pipeline.sensors import default_times, from_rise, sweep_runs
     from ..records import SweepRecord
-    from ..results import failed
-    from ..shell.archive import names_folder, run_archive
     from ..shell.options import numbers
-    from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, read_all, wants_details, working
+    from ..shell.session import draw, load_imperfection, load_model
 
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
     learnt, rule = load_model(model), stopping_rule(criterion)
-    work = partial(
-        sweep_runs,
-        method=method,
-        windows_min=spans,
-        times_min=grid,
-        tolerance_c=tolerance,
-        model=learnt,
-        drive=drive,
-        criterion=rule,
-    )
-    name = "joint_fit" if learnt or drive else filter_name
-    if names_folder(output):
-        parted = 0 if learnt or drive else GROUP
-        analysis = Analysis("sweep", SweepRecord, work, parted, {"filter": name}, from_rise=from_rise(learnt, drive))
-        return run_archive(analysis, runs, output, reading, jobs, quiet)
-    check_outputs([output], save_plot)
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=from_rise(learnt, drive))
-    with working(
-        readings, readings.sensors if learnt is None and drive is None else len(readings.runs), "sensors", quiet, jobs
-    ) as how:
-        result = work(readings.runs, details=wants_details(output, save_plot), how=how)
-    drawn = [
+    asked: dict[str, Any] = {"windows_min": spans, "times_min": grid, "tolerance_c": tolerance, "criterion": rule}
+    work: Callable[..., Sweeping] = partial(sweep_runs, method=method, model=learnt, drive=drive, **asked)
+    whole = learnt is not None or drive is not None  # sensors of a run are swept as one
+    name = "joint_fit" if whole else filter_name
+    analysis = Analysis("sweep", SweepRecord, work, 0 if whole else GROUP, {"filter": name}, from_rise=from_rise(learnt, drive))
+    if batch.is_archive:
+        return batch.archive(analysis)
+    readings = batch.read(from_rise=analysis.from_rise)
+    with batch.working(readings, len(readings.runs) if whole else readings.sensors, "sensors") as how:
+        result = work(readings.runs, details=batch.wants_details, how=how)
+    code = batch.tell(result, readings, _drawn(rule is not None), filter=name)
+    draw(result, batch.save_plot)
+    return code
+
+
+def _drawn(rule: bool) -> list[Any]:
+    from ..output.screen import number, text
+
+    return [
         ("sensor", text("channel")),
         ("window min", number("window_min", 0)),
         ("best time", number("best_time_min", 1)),
@@ -119,10 +113,6 @@ def command(
         ("shortest time", number("shortest_time_min", 1)),
         ("to tolerance", number("tolerance_time_min", 1)),
         ("agreed", text("agreed")),
+        *([("rule holds", number("trip_min", 1)), ("missing K then", number("missing_k"))] if rule else []),
         ("status", text("status")),
     ]
-    if rule is not None:
-        drawn[-1:-1] = [("rule holds", number("trip_min", 1)), ("missing K then", number("missing_k"))]
-    code = deliver(result, failed(SweepRecord, readings.unreadable, filter=name), output, form, quiet, drawn)
-    draw(result, save_plot)
-    return code

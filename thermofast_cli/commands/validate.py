@@ -1,10 +1,13 @@
 """``thermofast validate``."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from ..shell.options import Finite, RunCommand, output_options, ranges, reading_options, runs_argument
+from ..shell.options import Finite, RunCommand, batched, output_options, ranges, reading_options, runs_argument
+
+if TYPE_CHECKING:
+    from ..shell.batch import Batch
 
 
 @click.command(
@@ -31,17 +34,12 @@ from ..shell.options import Finite, RunCommand, output_options, ranges, reading_
 @reading_options
 @output_options
 @click.option("--save-plot", metavar="FILE", help="Draw the distributions with the area between them: .png .pdf .svg.")
+@batched
 def command(
+    batch: "Batch",
     model: str,
-    runs: tuple[str, ...],
     until: float,
     input_ranges: tuple[str, ...],
-    form: str | None,
-    output: str | None,
-    jobs: int | None,
-    quiet: bool,
-    save_plot: str | None,
-    **reading: Any,
 ) -> int:
     """Hold a model that 'thermofast improve' learnt against a set of RUNs of its machine, as whole distributions.
 
@@ -52,16 +50,13 @@ def command(
     """
     from ..output.screen import number, text
     from ..pipeline.around import validate_runs
-    from ..records import ValidateRecord
-    from ..results import failed
-    from ..shell.session import check_outputs, deliver, draw, load_model, read_all, working
+    from ..shell.session import draw, load_model
 
     allowed = ranges(input_ranges)
-    check_outputs([output], save_plot)
     learnt = load_model(model)
     assert learnt is not None
-    readings = read_all(runs, reading, quiet, [output, save_plot], jobs, from_rise=False)
-    with working(readings, len(readings.runs), "runs", quiet, jobs) as how:
+    readings = batch.read()
+    with batch.working(readings, len(readings.runs), "runs") as how:
         result = validate_runs(readings.runs, learnt, until, allowed, how)
     drawn = [
         ("sensor", text("channel")),
@@ -74,6 +69,6 @@ def command(
         ("p", number("p", 3)),
         ("status", text("status")),
     ]
-    code = deliver(result, failed(ValidateRecord, readings.unreadable), output, form, quiet, drawn)
-    draw(result, save_plot)
+    code = batch.tell(result, readings, drawn)
+    draw(result, batch.save_plot)
     return code

@@ -10,7 +10,7 @@ from thermofast.filters import Track
 from thermofast.models import growth, spike_weights
 
 from ..errors import rounded
-from ..records import SweepRecord
+from ..records import IdentifyRecord, SweepRecord
 from .closing import (
     Progress,
     consistent_until_the_end,
@@ -71,44 +71,64 @@ def sweep_sensors(
     if not method.widens:
         return whole
 
-    def half_widths(until: float) -> Array:
-        records = [f.record for f in identify_sensors(run, channels, time_min, values, method, until, start_min, room=room)]
-        sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in records]
-        return np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
+    def identified(until: float) -> list[IdentifyRecord]:
+        return [f.record for f in identify_sensors(run, channels, time_min, values, method, until, start_min, room=room)]
 
-    return _with_machine(whole, half_widths, tolerance_c)
+    return _with_machine(whole, identified, tolerance_c)
 
 
-def _with_machine(swept: list[Swept], half_widths: Callable[[float], Array], tolerance_c: float) -> list[Swept]:
-    """Times from which the interval that counts the machine is narrow enough, where the readings alone would be.
+def _with_machine(swept: list[Swept], identified: Callable[[float], list[IdentifyRecord]], tolerance_c: float) -> list[Swept]:
+    """Status, and time from which the interval that counts the machine is narrow enough, by the records of ``identify``.
 
-    half_widths gives those (S,) [K] of ``identify`` at a time [min]; they are taken to fall, and looked for by halving.
+    identified gives those of all sensors at a time [min]. Half-widths are taken to fall, and the time is looked for by halving.
     """
-    known: dict[int, Array] = {}
+    known: dict[int, list[IdentifyRecord]] = {}
 
-    def half(k: int) -> Array:
+    def at(k: int, i: int) -> IdentifyRecord:
         if k not in known:
-            known[k] = half_widths(float(times[k]))
-        return known[k]
+            known[k] = identified(float(times[k]))
+        return known[k][i]
 
     found = list(swept)
     for i, one in enumerate(swept):
         head, times = one.records[0], one.times
-        if head.tolerance_time_min is None:
+        if head.status not in ("ok", "model_doubtful"):
             continue
-        low, high = int(np.abs(times - head.tolerance_time_min).argmin()), len(times) - 1
-        if half(high)[i] >= tolerance_c:
-            narrowest = f"{rounded(half(high)[i])} K at {times[high]:g} min" if np.isfinite(half(high)[i]) else "no bound yet"
-            limits = f"the machine is the limit, not the readings, which alone would do at {head.tolerance_time_min:g} min"
-            why = f"the steady state is not known to +-{tolerance_c:g} K at any of these times ({narrowest}): {limits}"
-            message = "; ".join(m for m in (why, head.message) if m)
-            found[i] = replace(one, records=tuple(replace(r, tolerance_time_min=None, message=message) for r in one.records))
-            continue
-        while low < high:
-            middle = (low + high) // 2
-            low, high = (low, middle) if half(middle)[i] < tolerance_c else (middle + 1, high)
-        found[i] = replace(one, records=tuple(replace(r, tolerance_time_min=float(times[high])) for r in one.records))
+        low, high = 0, len(times) - 1
+        last = at(high, i)
+        doubted = last.status == "model_doubtful"
+        told = [last.message] if doubted else []
+        if _half_width(last) >= tolerance_c:
+            told.insert(0, _not_known(last, float(times[-1]), head.tolerance_time_min, tolerance_c))
+            tolerance_time = None
+        else:
+            while low < high:
+                middle = (low + high) // 2
+                low, high = (low, middle) if _half_width(at(middle, i)) < tolerance_c else (middle + 1, high)
+            tolerance_time = float(times[high])
+        message = "; ".join(dict.fromkeys(m for m in (*told, head.message) if m))
+        status = "model_doubtful" if doubted else "ok"
+        found[i] = replace(
+            one,
+            records=tuple(replace(r, tolerance_time_min=tolerance_time, status=status, message=message) for r in one.records),
+        )
     return found
+
+
+def _half_width(record: IdentifyRecord) -> float:
+    """Half-width [K] of a steady state's interval; infinite where a side is open."""
+    low, high = record.steady_state_lo_c, record.steady_state_hi_c
+    return 0.5 * (high - low) if low is not None and high is not None else np.inf
+
+
+def _not_known(last: IdentifyRecord, at_min: float, alone_min: float | None, tolerance_c: float) -> str:
+    """What to say where the interval is too wide at the last time; alone_min [min] is when the readings alone would do."""
+    half = _half_width(last)
+    reached = f"{half:.3g} K at {at_min:g} min" if np.isfinite(half) else f"no bound yet at {at_min:g} min"
+    why = f"the steady state is not known to +-{tolerance_c:g} K at any of these times ({reached}): "
+    if alone_min is not None:
+        return f"{why}the machine is the limit, not the readings, which alone would do at {alone_min:g} min"
+    return f"{why}measure longer"
 
 
 @dataclass(frozen=True)
@@ -188,7 +208,8 @@ class _Block:
         rmse, width = self._rmse(errors, reading, resolution, usable), np.full((len(rows), len(self.times)), np.nan)
         width[:, usable] = progress.width
         doubted: dict[int, list[str]] = {}
-        unsure = np.flatnonzero(~progress.sound)
+        # Where the machine is counted, what it does is no doubt: see _with_machine.
+        unsure = np.flatnonzero(~progress.sound & (not method.widens))
         if len(unsure):
             k = int(indices[-1]) + 1
             part = chosen.some(unsure)
@@ -201,7 +222,8 @@ class _Block:
         told = [[*doubted.get(j, []), *sensors.notes[i], self.notes[sensors.rows[i]]] for j, i in enumerate(rows.tolist())]
         blanks = [self._blank(i) for i in rows.tolist()]
         doubtful = [bool(doubted.get(j)) for j in range(len(rows))]
-        records = sweep_records(blanks, doubtful, told, self.windows, self.times, rmse, width, self.ends, self.tolerance_c)
+        limits = self.tolerance_c, method.widens
+        records = sweep_records(blanks, doubtful, told, self.windows, self.times, rmse, width, self.ends, *limits)
         for j, i in enumerate(rows.tolist()):
             found[i] = Swept(records[j], self.times, rmse[j], width[j])
 
@@ -239,12 +261,13 @@ class _Block:
             errors = window_errors(progress, indices, track.state, time, reading)
             rmse = self._rmse(errors[None], reading[None], np.array([sensor.resolution]), usable)
             width[0, usable] = progress.width
-            if not progress.sound:
+            if not progress.sound and not method.widens:
                 last = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
                 doubted = doubts(last, int(np.argmax(track.fading > 1.0)), sensor)
         told = [[*doubted, *sensor.notes, note]]
         blank = [self._blank(i)]
-        records = sweep_records(blank, [bool(doubted)], told, self.windows, self.times, rmse, width, self.ends, self.tolerance_c)
+        limits = self.tolerance_c, method.widens
+        records = sweep_records(blank, [bool(doubted)], told, self.windows, self.times, rmse, width, self.ends, *limits)
         return Swept(records[0], self.times, rmse[0], width[0])
 
 
@@ -277,8 +300,12 @@ def sweep_records(
     width: Array,
     ends: list[int],
     tolerance_c: float,
+    machine_follows: bool = False,
 ) -> list[tuple[SweepRecord, ...]]:
-    """Records of S sensors from their errors rmse (S, windows, times) [K] and widths (S, times) [K] by docs/architecture.md."""
+    """Records of S sensors from their errors rmse (S, windows, times) [K] and widths (S, times) [K] by docs/architecture.md.
+
+    machine_follows: widths are those of the readings alone, and what is said of them waits for what the machine adds.
+    """
     counted = np.isfinite(rmse)
     least = np.where(counted, rmse, np.inf)
     some = np.asarray(counted.any(axis=2))
@@ -301,7 +328,7 @@ def sweep_records(
             message = "; ".join([f"no identification time gave a model for the window of {bad} min", *told])
             records.append(tuple(replace(b, status="diverged", message=message) for b in blank))
             continue
-        if narrow[s] < 0:
+        if narrow[s] < 0 and not machine_follows:
             finite = width[s][np.isfinite(width[s])]
             reached = f" (narrowest {rounded(0.5 * finite.min())} K)" if len(finite) and finite.min() > 2.0 * tolerance_c else ""
             told.insert(0, f"the steady state is not known to +-{tolerance_c:g} K at any of these times{reached}: measure longer")

@@ -38,8 +38,9 @@ def watched(member: Any, what: str) -> Any:
 
 
 @contextmanager
-def alarm(what: str, patience_s: float = PATIENCE_S) -> Any:
-    """A PluginError after so many seconds, where the system can (not on Windows, not outside the main thread)."""
+def alarm(what: str, patience_s: float | None = None) -> Any:
+    """A PluginError after so many seconds (PATIENCE_S), where the system can: not on Windows, not outside the main thread."""
+    patience_s = PATIENCE_S if patience_s is None else patience_s
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,5 +1,7 @@
 """Options that commands share, each said once. Imports Click only: ``--help`` must not wait for numpy."""
 
+import functools
+import inspect
 import math
 import textwrap
 from collections.abc import Callable
@@ -27,6 +29,22 @@ def _together(*options: Decorator) -> Decorator:
         return function
 
     return wrap
+
+
+def batched(function: Callable[..., int]) -> Callable[..., int]:
+    """A command's function whose first argument is a :class:`~.batch.Batch` of what all commands over runs are told."""
+    own = set(inspect.signature(function).parameters)
+    common = ("runs", "form", "output", "jobs", "quiet", "save_plot")
+
+    @functools.wraps(function)
+    def call(**told: Any) -> int:
+        from .batch import Batch
+
+        given = {name: told.pop(name) for name in common if name in told}
+        reading = {name: told.pop(name) for name in list(told) if name not in own}
+        return function(Batch(reading=reading, **given), **told)
+
+    return call
 
 
 def _hidden(*names: str, **settings: Any) -> Decorator:
