@@ -2,8 +2,9 @@
 
 python -m benchmarks.changed [--each 20] [--seed 760000] compares one or three old runs of simulated machines, or the model that
 `improve` learns from one, with one new run in which the heat, the heat capacity, the loss or one sensor's rise is 8 to 40 % more or
-less, or nothing is: the machine's own curve, transformed (a heat capacity stretches time, a loss stretches time and shrinks the
-rise). With ../shared/data the pots of one, two and three litres and their repeats too, and the laptop at five coolings.
+less, or each sensor's (by 20 %, deviation), or the room is 3 to 8 K warmer or colder, which no room column tells, or nothing is:
+the machine's own curve, transformed (a heat capacity stretches time, a loss stretches time and shrinks the rise). With
+../shared/data the pots of one, two and three litres and their repeats too, and the laptop at five coolings.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from benchmarks.dominant import runs_of
 from benchmarks.machines.record import Record
 from thermofast.reading import Run
 
-KINDS = ("nothing", "heat capacity", "loss", "heat", "sensor")
+KINDS = ("nothing", "heat capacity", "loss", "heat", "sensor", "contact", "room")
 POTS = Path(__file__).parents[2] / "shared" / "data" / "cooking_pot"
 
 
@@ -39,6 +40,10 @@ def changed(run: Run, record: Record, kind: str, rng: np.random.Generator, facto
         rise *= 1.0 / factor if kind == "loss" else factor
     if kind == "sensor":
         rise[int(rng.integers(len(rise)))] *= factor
+    if kind == "contact":
+        rise *= np.exp(0.2 * rng.standard_normal(len(rise)))[:, None]
+    if kind == "room":
+        rise = rise + float(rng.choice([-1.0, 1.0]) * rng.uniform(3.0, 8.0))
     keep = time * quick <= time[-1]
     noise = float(np.median([np.std(r - c) for r, c in zip(record.reading, record.clean, strict=True)]))
     reading = curve[:, :1] + rise + noise * rng.standard_normal(rise.shape)

@@ -13,13 +13,20 @@ from thermofast.models.uncertainty.changes import RunNumbers, changes, scatter
 RISES = np.array([10.0, 7.0, 5.0])
 
 
-def run(rng, name, heat=1.0, capacity=1.0, loss=1.0, fault=1.0, room=20.0, length=300.0):
-    """Three points of a machine of known heat, capacity and loss: rate loss over capacity, rise heat over loss."""
+def run(rng, name, heat=1.0, capacity=1.0, loss=1.0, fault=1.0, room=20.0, length=300.0, warm=0.0, logged=False):
+    """Three points of a machine of known heat, capacity and loss: rate loss over capacity, rise heat over loss.
+
+    fault: a factor on the rise of the first, or one for each. It begins `warm` [K] warmer than its room.
+    """
     time = np.arange(0.0, length + 1.0)
-    rise = RISES * heat / loss * np.array([fault, 1.0, 1.0])
+    rise = RISES * heat / loss * np.broadcast_to(fault, 3) ** (np.array([1.0, 0.0, 0.0]) if np.ndim(fault) == 0 else 1.0)
     rate = np.array([0.02, 0.024, 0.03]) * loss / capacity
-    curves = room + rise[:, None] * -np.expm1(-rate[:, None] * time) + 0.02 * rng.standard_normal((3, len(time)))
-    return tf.read({"time_min": time, **dict(zip("abc", curves, strict=True))}, name=name)
+    curves = (
+        room + rise[:, None] - (rise - warm)[:, None] * np.exp(-rate[:, None] * time) + 0.02 * rng.standard_normal((3, len(time)))
+    )
+    columns = {"time_min": time, **dict(zip("abc", curves, strict=True))}
+    columns |= {"ambient": room + 0.05 * rng.standard_normal(len(time))} if logged else {}
+    return tf.read(columns, name=name)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +37,7 @@ def run(rng, name, heat=1.0, capacity=1.0, loss=1.0, fault=1.0, room=20.0, lengt
         ({"capacity": 1.7}, "heat capacity", 1.7),
         ({"loss": 0.65}, "loss", 0.65),
         ({"fault": 0.7}, "sensor", 0.7),
-        ({"room": 25.0}, "nothing", None),
+        ({"room": 25.0}, "room", None),
     ],
 )
 def test_what_changed_is_said_with_its_size(what, verdict, size):
@@ -39,15 +46,47 @@ def test_what_changed_is_said_with_its_size(what, verdict, size):
     assert told.verdict == verdict
     first = told[0]
     assert first.change == verdict
-    # Five kelvin more without a room that is logged may be a warm start, which would hide a change of the heat.
-    assert first.status == ("ok" if "room" not in what else "not_determined")
+    assert first.status == "ok"
     assert sum(r.probability for r in told) == pytest.approx(1.0, abs=0.02)
     if size is not None:
         assert first.size_lo < size < first.size_hi
         assert first.size == pytest.approx(size, rel=0.12)
     assert first.channel == ("a" if verdict == "sensor" else "")
     assert ("began at 25 degC" in first.message) == ("room" in what)
+    if "room" in what:
+        assert first.difference_lo_k < 5.0 < first.difference_hi_k
+        assert "in a room 5 K warmer" in first.message
     assert ("would most likely have shown: " in first.message) == (verdict == "nothing")
+
+
+def test_another_room_is_told_from_a_warm_start_and_from_another_heat():
+    rng = np.random.default_rng(11)
+    old = [run(rng, f"old {k}", room=20.0 + 0.3 * k) for k in range(3)]
+    for what in ({"warm": 3.0}, {"warm": 3.0, "heat": 1.4}, {"room": 23.5, "heat": 1.4}):
+        told = tf.changed(old, run(rng, "new", **what))
+        assert "room" not in {r.change for r in told if r.probability > 0.5}
+        assert told[0].status == "not_determined" or told.verdict != "nothing"
+    small = tf.changed(old, run(rng, "new", room=21.3))
+    assert small.verdict == "nothing"
+    # A room that is logged is known, whatever else changed, and whether or not the machine began as warm as it.
+    logged = [run(rng, f"logged {k}", logged=True) for k in range(2)]
+    told = tf.changed(logged, run(rng, "new", room=26.0, warm=0.5, logged=True))
+    assert told.verdict == "room"
+    assert told[0].difference_k == pytest.approx(6.0, abs=0.2)
+    assert tf.changed(logged, run(rng, "new", room=26.0, heat=1.4, logged=True)).verdict == "heat"
+
+
+def test_contacts_are_told_with_the_point_that_moved_most():
+    rng = np.random.default_rng(12)
+    old = [run(rng, f"old {k}") for k in range(3)]
+    told = tf.changed(old, run(rng, "new", fault=(1.25, 0.85, 1.1)))
+    assert told.verdict == "contact"
+    assert told[0].channel == "a"
+    assert told[0].size_lo < 1.25 < told[0].size_hi
+    assert "another machine's" not in told[0].message
+    other = tf.changed(old, run(rng, "new", fault=(2.2, 0.5, 1.4), capacity=1.7))
+    assert other.verdict == "contact"
+    assert "another machine's" in other[0].message
 
 
 def test_repeats_are_nothing():

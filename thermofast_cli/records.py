@@ -288,7 +288,8 @@ class ImproveRecord(Record):
 class ChangedRecord(Record):
     """One kind of change of a machine since other runs of it; `verdict` is the same in every row.
 
-    size is the factor, new over old, on heat, heat capacity or loss, of a sensor on its rise, with its 95 % interval.
+    size is the factor, new over old, on heat, heat capacity or loss, of a sensor on its rise, of the contacts on the rise of the
+    sensor that moved most, with its 95 % interval; difference_k by how much the room is warmer, with its own.
     """
 
     change: str = ""
@@ -296,6 +297,9 @@ class ChangedRecord(Record):
     size: float | None = None
     size_lo: float | None = None
     size_hi: float | None = None
+    difference_k: float | None = None
+    difference_lo_k: float | None = None
+    difference_hi_k: float | None = None
     verdict: str = ""
     status: str = "ok"
     message: str = ""

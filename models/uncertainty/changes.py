@@ -1,13 +1,14 @@
-"""What is different in a machine since other runs of it: heat, heat capacity, loss, one sensor, the contacts, or nothing.
+"""What is different in a machine since other runs of it: heat, heat capacity, loss, one sensor, the contacts, the room, or nothing.
 
 Of every run the base law gives each sensor a rate b (loss over heat capacity) and a rise R (heat over loss), in logarithms. A
 change of the heat moves all rises, of the heat capacity all rates, of the loss rates up and rises down, of one sensor its own
-numbers, of the contacts between parts anything. Each is a line or plane through no change; how likely each is follows from the
-marginal likelihood of the difference, run-to-run scatter and the errors of the fits counted, sizes unknown.
+numbers, of the contacts between parts anything; another room moves neither, but where the runs begin. Each is a line or plane
+through no change; how likely each is follows from the marginal likelihood of the difference, run-to-run scatter and the errors of
+the fits counted, sizes unknown.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ SIZE, LOCAL_SIZE = 0.4, 0.2
 UNLIKE = 0.1
 #: Prior probabilities: three tests in four are repeated without anything having changed.
 PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.035, "contact": 0.035}
+#: Deviation of a room from run to run [K], which counts as RUNS_ASSUMED runs; prior deviation of another room; how often it is.
+ROOM_SCATTER, ROOM_SIZE, OTHER_ROOM = 0.7, 5.0, 0.15
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,8 @@ class RunNumbers:
 class Change:
     """One kind of change: its probability, and the logarithm of its size with its deviation; sensor is that of a `sensor`.
 
-    size is the factor on heat, heat capacity or loss; of a sensor the factor on its rise; None for `nothing` and the contacts.
+    size is the factor on heat, heat capacity or loss; of a sensor the factor on its rise; of the contacts that on the rise of the
+    sensor that moved most; of the room the difference [K], not a logarithm; None for `nothing`.
     """
 
     kind: str
@@ -122,6 +126,8 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers]) -> tuple[list[
     listed = []
     for (kind, sensor, directions, size, _), share in zip(found, shares, strict=True):
         value, deviation = _size(kind, directions, size, difference, noise)
+        if kind == "contact":
+            sensor, value, deviation = _most_moved(difference, noise, size)
         listed.append(Change(kind, sensor, float(share), value, deviation))
     return sorted(listed, key=lambda c: -c.probability), difference, noise
 
@@ -142,6 +148,51 @@ def _hypotheses(n: int) -> list[tuple[str, int | None, Array, float, float]]:
             found.append(("sensor", i, own, LOCAL_SIZE, PRIORS["sensor"] / n))
         found.append(("contact", None, np.eye(2 * n), LOCAL_SIZE, PRIORS["contact"]))
     return found
+
+
+def with_room(found: Sequence[Change], probability: float, difference: float, deviation: float) -> list[Change]:
+    """Kinds of change with another room, by so many K, where the machine is as it was; the likeliest first."""
+    as_it_was = next(c for c in found if c.kind == "nothing")
+    parted = [
+        replace(as_it_was, probability=as_it_was.probability * (1.0 - probability)),
+        Change("room", None, as_it_was.probability * probability, difference, deviation),
+    ]
+    return sorted([*parted, *(c for c in found if c is not as_it_was)], key=lambda c: -c.probability)
+
+
+def other_room(old: Array, new: Array, error: float) -> float:
+    """Probability that the new runs had another room, of the rooms (K,) [degC] of old and new runs, each known to `error` [K]."""
+    squares, count = RUNS_ASSUMED * ROOM_SCATTER**2, RUNS_ASSUMED
+    for group in (old, new):
+        squares += float(((group - group.mean()) ** 2).sum())
+        count += len(group) - 1
+    variance = (squares / count + error**2) * (1.0 / len(old) + 1.0 / len(new))
+    difference = float(new.mean() - old.mean())
+    wide = variance + ROOM_SIZE**2
+    log_odds = np.log(OTHER_ROOM / (1.0 - OTHER_ROOM)) - 0.5 * np.log(wide / variance)
+    log_odds += 0.5 * difference**2 * (1.0 / variance - 1.0 / wide)
+    return float(1.0 / (1.0 + np.exp(-min(log_odds, 500.0))))
+
+
+def warm_instead(difference: Array, noise: Array, rise: Array, warmer: Array) -> float:
+    """How much likelier, as logarithm, a difference (2 S,) is where the room was `warmer` (S,) [K] than where only the machine was.
+
+    rise (S,) [K] are those of the old runs: a machine that begins warm rises by so much less, in a warmer room as before.
+    """
+    left = np.maximum(1.0 - warmer / rise, 0.05)
+    foretold = np.concatenate([np.zeros(len(rise)), np.log(left)])
+    solved = np.linalg.solve(noise, foretold)
+    return float(0.5 * foretold @ solved - difference @ solved)
+
+
+def _most_moved(difference: Array, noise: Array, size: float) -> tuple[int, float, float]:
+    """The sensor that moved most beside the others, where each may in its own way; factor on its rise, as logarithm; deviation."""
+    n = len(difference) // 2
+    covariance = np.linalg.inv(np.linalg.inv(noise) + np.eye(2 * n) / size**2)
+    value = covariance @ np.linalg.solve(noise, difference)
+    deviation = np.sqrt(np.diag(covariance))
+    most = int(np.argmax((value**2 / np.diag(covariance)).reshape(2, n).sum(axis=0)))
+    return most, float(value[n + most]), float(deviation[n + most])
 
 
 def _size(kind: str, directions: Array, size: float, difference: Array, noise: Array) -> tuple[float | None, float | None]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
-from thermofast.models.uncertainty.changes import Change, RunNumbers, changes
+from thermofast.models.uncertainty.changes import Change, RunNumbers, changes, other_room, warm_instead, with_room
 
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError, rounded
@@ -34,14 +34,21 @@ ROOM = 0.5
 WARM = 0.1
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
 APART = 1.0
+#: Logarithm of the likelihood ratio from which it was the room that was warmer, not the machine that began so.
+NOT_WARM = 3.0
+#: What is not known of a logged room's mean [K].
+ROOM_ERROR = 0.1
+#: Root mean square of the logarithms of rates and rises, new over old, at which two runs look like those of two machines.
+ANOTHER = 0.35
 #: What each kind says in words.
 WORDS = {
     "nothing": "the new runs are as the old ones",
+    "room": "the machine is as it was, in a room {kelvin} K {warmer}",
     "heat": "every point rises {more}, as fast as before: the heat",
     "heat capacity": "every point settles where it did, {slower}: the heat capacity",
     "loss": "every point rises {less} and settles {quicker}: the loss to the surroundings",
     "sensor": "{sensor} alone tells another temperature or is in another place",
-    "contact": "points differ each in its own way: a contact, a coupling, or several things at once",
+    "contact": "points differ each in its own way, {sensor} most, which rises {more}: a contact, a coupling, or several at once",
 }
 
 
@@ -96,9 +103,11 @@ def compare_runs(
     warm = begun - begun[:many].mean(axis=0)
     numbers = [_numbers(fit, line) for fit, line in zip(fits, warm, strict=True)]
     found, difference, noise = changes(numbers[:many], numbers[many:])
+    if model is None:
+        found, difference, noise = _with_room(fits, many, (found, difference, noise))
     deviation = np.sqrt(np.diag(noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
-    hidden = _hidden(fits, warm[many:].mean(axis=0))
+    hidden = _hidden(fits, warm[many:].mean(axis=0)) if verdict != "room" else []
     if hidden and verdict == "nothing":
         status = "not_determined"
     names = ", ".join(run.name for run, _ in new)
@@ -106,12 +115,37 @@ def compare_runs(
     notes += hidden
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
+    if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
+        notes.append("so much differs that they may be another machine's, or of sensors in other places")
     left = sorted({c for s in seen for c in s.channels} - set(channels))
     notes += [f"not in every run and left out: {', '.join(left)}"] if left else []
     notes += ["of one sensor, its own change is not told from the machine's"] if len(channels) == 1 else []
     likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
     records = [_record(names, c, channels, verdict, status, None if k else notes) for k, c in enumerate(likely)]
     return records, Difference(tuple(channels), difference, deviation, verdict)
+
+
+def _with_room(fits: Sequence[Fit], old: int, found: tuple[list[Change], Array, Array]) -> tuple[list[Change], Array, Array]:
+    """What was found with another room among the kinds of change, where it is logged or the rises tell it from a warm start.
+
+    fits of the `old` runs come first; found: kinds of change, difference and its covariance.
+    """
+    starts = np.array([np.asarray(f.values[START], dtype=float) for f in fits])
+    if fits[0].run.sink_c is not None:
+        rooms, error = np.array([f.run.sink_c or 0.0 for f in fits]), ROOM_ERROR
+    else:
+        rooms, moved = starts.mean(axis=1), starts[old:].mean(axis=0) - starts[:old].mean(axis=0)
+        error = max(float(np.std(moved, ddof=1)) / math.sqrt(len(moved)), ROOM_ERROR) if len(moved) > 1 else 3.0 * ROOM_ERROR
+        numbers = [_numbers(fit, np.zeros(len(moved))) for fit in fits]
+        bare = changes(numbers[:old], numbers[old:])
+        rise = np.mean([np.asarray(f.values[LEVEL], dtype=float) for f in fits[:old]], axis=0) - starts[:old].mean(axis=0)
+        # Beside a change of the machine, a room and a warm start are not told apart.
+        if bare[0][0].kind != "nothing" or bare[0][0].probability < SURE or warm_instead(*bare[1:], rise, moved) < NOT_WARM:
+            return found
+        found = bare
+    size = float(rooms[old:].mean() - rooms[:old].mean())
+    deviation = error * math.sqrt(1.0 / old + 1.0 / (len(fits) - old))
+    return with_room(found[0], other_room(rooms[:old], rooms[old:], error), size, deviation), *found[1:]
 
 
 def _observed(one: Started) -> Observations:
@@ -175,8 +209,13 @@ def _verdict(found: Sequence[Change], unsure: float) -> tuple[str, str]:
 
 def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status: str, notes: list[str] | None) -> ChangedRecord:
     size, low, high = None, None, None
+    kelvin: tuple[float | None, ...] = None, None, None
     if c.size is not None and c.deviation is not None:
-        size, low, high = (math.exp(c.size + k * c.deviation) for k in (0.0, -1.96, 1.96))
+        sides = [c.size + k * c.deviation for k in (0.0, -1.96, 1.96)]
+        if c.kind == "room":
+            kelvin = tuple(sides)
+        else:
+            size, low, high = map(math.exp, sides)
     sensor = channels[c.sensor] if c.sensor is not None else ""
     percent = "" if size is None else f"by {rounded(abs(100.0 * (size - 1.0)))} %"
     up = size is None or size > 1.0
@@ -186,6 +225,8 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
         slower=f"{'slower' if up else 'faster'} {percent}",
         quicker=f"{'sooner' if up else 'later'}, {percent}",
         sensor=sensor,
+        kelvin=rounded(abs(c.size or 0.0)),
+        warmer="warmer" if (c.size or 0.0) > 0.0 else "colder",
     )
     said = said if status == "ok" else f"likeliest: {said}"
     message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
@@ -197,6 +238,9 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
         size=size,
         size_lo=low,
         size_hi=high,
+        difference_k=kelvin[0],
+        difference_lo_k=kelvin[1],
+        difference_hi_k=kelvin[2],
         verdict=verdict,
         status=status,
         message=message,

@@ -43,7 +43,7 @@ def command(
     save_plot: str | None,
     **reading: Any,
 ) -> int:
-    """Say what is different in a machine since other RUNs of it: heat, heat capacity, loss, one sensor, the contacts, or nothing.
+    """Say what is different since other RUNs of a machine: heat, heat capacity, loss, a sensor, the contacts, the room, or nothing.
 
     Every sensor of every run gives a rate and a rise, over the length of the shortest run; each kind of change moves them in its
     own way. One row for each kind, the likeliest first, with its size and 95 % interval; run-to-run scatter is counted, and more
@@ -69,6 +69,7 @@ def command(
         ("probability", percent("probability")),
         ("new over old", number("size", 3)),
         ("95 % interval", interval("size_lo", "size_hi", 3)),
+        ("warmer K", number("difference_k", 1)),
         ("verdict", text("verdict")),
         ("status", text("status")),
     ]
