@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
+from ..core.kernel import followed
 from ..joint import LEVEL, RATE, START, Fit
 
 Array = NDArray[np.float64]
@@ -26,12 +28,20 @@ OWN = 0.015, 0.015
 RUNS_ASSUMED = 3.0
 #: Prior deviation of the logarithm of a change, and of one sensor's or the contacts'.
 SIZE, LOCAL_SIZE = 0.4, 0.2
-#: Points do not all answer to a change alike: share of its size by which they differ.
+#: Points do not all answer to a change alike, nor by nothing else: share of its size by which they differ.
 UNLIKE = 0.1
 #: Prior probabilities: three tests in four are repeated without anything having changed.
 PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.035, "contact": 0.035}
-#: Deviation of a room from run to run [K], which counts as RUNS_ASSUMED runs; prior deviation of another room; how often it is.
-ROOM_SCATTER, ROOM_SIZE, OTHER_ROOM = 0.7, 5.0, 0.15
+#: A room is another one from this difference [K] on, or from so many deviations of the old runs' rooms: labs hold them to 1 or 2 K.
+ROOM, ROOM_DEVIATIONS = 3.0, 3.0
+#: Deviation [K] of a room that nobody logged, over a run: of a straight line, and of a swing there and back.
+DRIFT = 0.3, 0.15
+#: Deviation [K] between the rooms of two runs where nobody logged them: so far a warm start is not known.
+ROOM_BETWEEN = 0.7
+#: Prior probability that a run which begins elsewhere began warm, and not in another room; where the room is logged, the other way.
+WARM = 0.2
+#: Deviation [K] of where sensors begin beside each other from run to run; of a machine that is warm, as share of how warm it is.
+BESIDE, UNEVEN = 0.3, 0.5
 
 
 @dataclass(frozen=True)
@@ -42,11 +52,8 @@ class RunNumbers:
     covariance: Array
 
     @classmethod
-    def of(cls, fit: Fit, wider: float, warm: Array | None = None) -> "RunNumbers | None":
-        """Of a fit of the base law; `wider` multiplies its errors. None where a sensor does not rise.
-
-        warm (S,) [K] is how much warmer, beside its room, a run may have begun than usual: by so much its rises are not known.
-        """
+    def of(cls, fit: Fit, wider: float, drift: float = 0.0) -> "RunNumbers | None":
+        """Of a fit of the base law, None where a sensor does not rise; `wider` multiplies its errors, `drift` those by DRIFT."""
         n, model = fit.run.sensors, fit.model
         rate, level, start = (np.asarray(fit.values[key], dtype=float) for key in (RATE, LEVEL, START))
         rise = level - start
@@ -54,18 +61,54 @@ class RunNumbers:
             return None
         values, covariance = np.concatenate([np.log(rate), np.log(np.abs(rise))]), np.zeros((2 * n, 2 * n))
         at = [model.column(key) for key in (RATE, LEVEL, START)]
+        moved = np.zeros((len(DRIFT), 2 * n))
         for i in range(n):
             slopes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0 / rise[i], -1.0 / rise[i]]])
             own = slopes @ fit.joint_covariance(i)[np.ix_(at, at)] @ slopes.T * wider**2
             covariance[np.ix_([i, n + i], [i, n + i])] = own
+            moved[:, [i, n + i]] = drift * _by_drifts(fit, i, at) @ slopes.T
         # What bends a fit bends those of all sensors alike, along the ridge on which a short record leaves rate and rise.
         errors = np.sqrt(np.diag(covariance))
         bent = np.concatenate([errors[:n], -errors[n:]])
-        covariance += np.outer(bent, bent)
-        if warm is not None:
-            hidden = np.concatenate([np.zeros(n), warm / rise])
-            covariance += np.outer(hidden, hidden)
+        covariance += np.outer(bent, bent) + moved.T @ moved
         return cls(values, covariance)
+
+
+def _by_drifts(fit: Fit, sensor: int, at: Sequence[int]) -> Array:
+    """What a room that drifts by DRIFT does to a sensor's fitted coordinates at the columns `at`: (2, 3)."""
+    run, weight = fit.run, fit.run.weight[sensor]
+    since = (run.time - run.time[0]) / max(run.span, 1e-9)
+    read = np.empty((len(DRIFT), 1, len(since)))
+    for row, shape, size in zip(read, (since, np.sin(np.pi * since)), DRIFT, strict=True):
+        followed(run.time, size * shape, 1.0 / np.asarray(fit.values[RATE], dtype=float)[sensor : sensor + 1], row)
+    slopes = fit.by_local[at, sensor] * weight
+    return np.asarray(np.linalg.lstsq(slopes @ fit.by_local[at, sensor].T, slopes @ read[:, 0].T, rcond=None)[0].T)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """By how much the new runs began warmer (S,) [K] than the old ones, and how much they rise (S,) [K].
+
+    warm: how likely that is the machine's; room: deviation [K] between rooms.
+    """
+
+    warmer: Array
+    rise: Array
+    warm: float = WARM
+    room: float = ROOM_BETWEEN
+
+    def ways(self) -> list[tuple[float, Array, Array]]:
+        """Of another room, which moves no rise, and of a warm machine: log-likelihood, shift (2 S,) of a difference, deviation."""
+        n, mean = len(self.warmer), float(self.warmer.mean())
+        apart = float(((self.warmer - mean) ** 2).sum())
+        logs = []
+        for share, deviation in ((1.0 - self.warm, BESIDE), (self.warm, float(np.hypot(BESIDE, UNEVEN * mean)))):
+            logs.append(float(np.log(share)) - (n - 1) * float(np.log(deviation)) - 0.5 * apart / deviation**2)
+        # Had it begun as cold as before, it would have risen by so much more.
+        more = np.log(np.maximum(1.0 + self.warmer / self.rise, 0.05))
+        still = np.zeros(n)
+        by_kelvin = np.concatenate([still, np.exp(-more) / self.rise])
+        return [(logs[0], np.zeros(2 * n), BESIDE * by_kelvin), (logs[1], np.concatenate([still, -more]), self.room * by_kelvin)]
 
 
 @dataclass(frozen=True)
@@ -95,8 +138,21 @@ def scatter(n: int, runs: Sequence[Sequence[RunNumbers]]) -> Array:
     return usual * total / count
 
 
-def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers]) -> tuple[list[Change], Array, Array]:
-    """Kinds of change, the likeliest first, and the difference (2 S,) of the new runs to the old with its covariance.
+@dataclass(frozen=True)
+class Compared:
+    """Kinds of change, the likeliest first; the difference (2 S,) of new runs to old with its covariance.
+
+    same_start is the probability, where nothing changed in the machine, that what began elsewhere was in another room.
+    """
+
+    changes: list[Change]
+    difference: Array
+    noise: Array
+    same_start: float = 1.0
+
+
+def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun | None = None) -> Compared:
+    """What may have changed between runs.
 
     Raises
     ------
@@ -113,23 +169,38 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers]) -> tuple[list[
         means.append((covariance @ sum(p @ r.values for p, r in zip(precision, group, strict=True)), covariance))
     difference: Array = means[1][0] - means[0][0]
     noise: Array = means[0][1] + means[1][1]
-    found = []
-    for kind, sensor, directions, size, prior in _hypotheses(n):
-        unlike = (UNLIKE * size) ** 2 * np.diag((directions**2).sum(axis=1))
-        covariance = noise + size**2 * directions @ directions.T + unlike
-        sign, log = np.linalg.slogdet(covariance)
-        weight = np.log(prior) - 0.5 * (log + difference @ np.linalg.solve(covariance, difference))
-        found.append((kind, sensor, directions, size, float(weight) if sign > 0 else -np.inf))
-    most = max(w for *_, w in found)
-    shares = np.exp([w - most for *_, w in found])
-    shares /= shares.sum()
+    ways = begun.ways() if begun is not None else [(0.0, np.zeros(2 * n), np.zeros(2 * n))]
+    kinds, weights, sizes = _hypotheses(n), [], []
+    for kind, _, directions, size, prior in kinds:
+        for likely, shift, unsure in ways:
+            left, own = difference - shift, noise + np.outer(unsure, unsure)
+            sizes.append(_size(kind, directions, size, left, own))
+            # A change by a factor of three is not one factor on everything, to a hundredth.
+            much = max(size, abs(sizes[-1][1])) if sizes[-1] is not None else 0.0
+            covariance = own + size**2 * directions @ directions.T + (UNLIKE * much) ** 2 * np.eye(2 * n)
+            sign, log = np.linalg.slogdet(covariance)
+            weight = np.log(prior) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
+            weights.append(float(weight) if sign > 0 else -np.inf)
+    shares = np.exp(np.array(weights) - max(weights))
+    shares = (shares / shares.sum()).reshape(len(kinds), len(ways))
     listed = []
-    for (kind, sensor, directions, size, _), share in zip(found, shares, strict=True):
-        value, deviation = _size(kind, directions, size, difference, noise)
-        if kind == "contact":
-            sensor, value, deviation = _most_moved(difference, noise, size)
-        listed.append(Change(kind, sensor, float(share), value, deviation))
-    return sorted(listed, key=lambda c: -c.probability), difference, noise
+    for k, (kind, sensor, *_) in enumerate(kinds):
+        own = shares[k] / max(shares[k].sum(), 1e-300)
+        at, value, deviation = _mixed(own, sizes[k * len(ways) : (k + 1) * len(ways)])
+        listed.append(Change(kind, sensor if at is None else at, float(shares[k].sum()), value, deviation))
+    same_start = float(shares[0, 0] / max(shares[0].sum(), 1e-300))
+    return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, same_start)
+
+
+def _mixed(shares: Array, sizes: Sequence[tuple[int | None, float, float] | None]) -> tuple[int | None, float | None, float | None]:
+    """Sensor, size and deviation of a change that may have come in several ways; None where it has no size."""
+    likeliest = sizes[int(np.argmax(shares))]
+    told = [(s, one) for s, one in zip(shares, sizes, strict=True) if one is not None]
+    if likeliest is None or not told:
+        return None, None, None
+    mean = sum(s * one[1] for s, one in told)
+    variance = sum(s * (one[2] ** 2 + (one[1] - mean) ** 2) for s, one in told)
+    return likeliest[0], float(mean), float(np.sqrt(variance))
 
 
 def _hypotheses(n: int) -> list[tuple[str, int | None, Array, float, float]]:
@@ -162,27 +233,9 @@ def with_room(found: Sequence[Change], probability: float, difference: float, de
 
 def other_room(old: Array, new: Array, error: float) -> float:
     """Probability that the new runs had another room, of the rooms (K,) [degC] of old and new runs, each known to `error` [K]."""
-    squares, count = RUNS_ASSUMED * ROOM_SCATTER**2, RUNS_ASSUMED
-    for group in (old, new):
-        squares += float(((group - group.mean()) ** 2).sum())
-        count += len(group) - 1
-    variance = (squares / count + error**2) * (1.0 / len(old) + 1.0 / len(new))
-    difference = float(new.mean() - old.mean())
-    wide = variance + ROOM_SIZE**2
-    log_odds = np.log(OTHER_ROOM / (1.0 - OTHER_ROOM)) - 0.5 * np.log(wide / variance)
-    log_odds += 0.5 * difference**2 * (1.0 / variance - 1.0 / wide)
-    return float(1.0 / (1.0 + np.exp(-min(log_odds, 500.0))))
-
-
-def warm_instead(difference: Array, noise: Array, rise: Array, warmer: Array) -> float:
-    """How much likelier, as logarithm, a difference (2 S,) is where the room was `warmer` (S,) [K] than where only the machine was.
-
-    rise (S,) [K] are those of the old runs: a machine that begins warm rises by so much less, in a warmer room as before.
-    """
-    left = np.maximum(1.0 - warmer / rise, 0.05)
-    foretold = np.concatenate([np.zeros(len(rise)), np.log(left)])
-    solved = np.linalg.solve(noise, foretold)
-    return float(0.5 * foretold @ solved - difference @ solved)
+    usual = max(ROOM, ROOM_DEVIATIONS * float(old.std(ddof=1)) if len(old) > 2 else 0.0)
+    deviation = error * np.sqrt(1.0 / len(old) + 1.0 / len(new))
+    return float(norm.cdf((abs(float(new.mean() - old.mean())) - usual) / deviation))
 
 
 def _most_moved(difference: Array, noise: Array, size: float) -> tuple[int, float, float]:
@@ -195,10 +248,12 @@ def _most_moved(difference: Array, noise: Array, size: float) -> tuple[int, floa
     return most, float(value[n + most]), float(deviation[n + most])
 
 
-def _size(kind: str, directions: Array, size: float, difference: Array, noise: Array) -> tuple[float | None, float | None]:
-    """Logarithm of a change and its deviation, all else as it was."""
-    if kind in ("nothing", "contact"):
-        return None, None
+def _size(kind: str, directions: Array, size: float, difference: Array, noise: Array) -> tuple[int | None, float, float] | None:
+    """Logarithm of a change and its deviation, all else as it was; of the contacts that of the sensor that moved most."""
+    if kind == "nothing":
+        return None
+    if kind == "contact":
+        return _most_moved(difference, noise, size)
     covariance = np.linalg.inv(directions.T @ np.linalg.solve(noise, directions) + np.eye(directions.shape[1]) / size**2)
     value = covariance @ directions.T @ np.linalg.solve(noise, difference)
-    return float(value[0]), float(np.sqrt(covariance[0, 0]))
+    return None, float(value[0]), float(np.sqrt(covariance[0, 0]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
-from thermofast.models.uncertainty.changes import Change, RunNumbers, changes, other_room, warm_instead, with_room
+from thermofast.models.uncertainty.changes import WARM, Begun, Change, RunNumbers, changes, other_room, with_room
 
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError, rounded
@@ -30,12 +30,10 @@ STRAIGHT = 0.25
 SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
 #: Rooms that differ by more [K] are said.
 ROOM = 0.5
-#: Share of the rise by which runs may begin elsewhere and still tell the heat, where no room is logged.
-WARM = 0.1
+#: Share of a room's drift that a logged room leaves unknown.
+LOGGED_DRIFT = 0.3
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
 APART = 1.0
-#: Logarithm of the likelihood ratio from which it was the room that was warmer, not the machine that began so.
-NOT_WARM = 3.0
 #: What is not known of a logged room's mean [K].
 ROOM_ERROR = 0.1
 #: Root mean square of the logarithms of rates and rises, new over old, at which two runs look like those of two machines.
@@ -99,20 +97,22 @@ def compare_runs(
         mine = [replace(s, ambient={}) for s in mine]
     fits = [fit_model(s.until(float(s.time[0]) + span)) for s in mine]
     _same_way(fits, many)
-    begun = np.array([np.asarray(f.values[START], dtype=float) - (f.run.sink_c or 0.0) for f in fits])
-    warm = begun - begun[:many].mean(axis=0)
-    numbers = [_numbers(fit, line) for fit, line in zip(fits, warm, strict=True)]
-    found, difference, noise = changes(numbers[:many], numbers[many:])
+    logged = fits[0].run.sink_c is not None
+    starts, levels = (
+        np.array([np.asarray(f.values[k], dtype=float) - (f.run.sink_c or 0.0) for f in fits]) for k in (START, LEVEL)
+    )
+    rise = (levels - starts)[many:].mean(axis=0)
+    warmer = starts[many:].mean(axis=0) - starts[:many].mean(axis=0)
+    begun = Begun(warmer, rise, 1.0 - WARM, ROOM_ERROR) if logged else Begun(warmer, rise)
+    numbers = [_numbers(fit, LOGGED_DRIFT if logged else 1.0) for fit in fits]
+    seen_as = changes(numbers[:many], numbers[many:], begun)
+    found = seen_as.changes
     if model is None:
-        found, difference, noise = _with_room(fits, many, (found, difference, noise))
-    deviation = np.sqrt(np.diag(noise))
+        found = _with_room(fits, starts, many, found, seen_as.same_start)
+    difference, deviation = seen_as.difference, np.sqrt(np.diag(seen_as.noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
-    hidden = _hidden(fits, warm[many:].mean(axis=0)) if verdict != "room" else []
-    if hidden and verdict == "nothing":
-        status = "not_determined"
     names = ", ".join(run.name for run, _ in new)
     notes = [*_rooms(many, seen), *_apart(many, [s.only(channels) for s in seen])] if model is None else []
-    notes += hidden
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -125,27 +125,19 @@ def compare_runs(
     return records, Difference(tuple(channels), difference, deviation, verdict)
 
 
-def _with_room(fits: Sequence[Fit], old: int, found: tuple[list[Change], Array, Array]) -> tuple[list[Change], Array, Array]:
-    """What was found with another room among the kinds of change, where it is logged or the rises tell it from a warm start.
+def _with_room(fits: Sequence[Fit], starts: Array, old: int, found: list[Change], same_start: float) -> list[Change]:
+    """Kinds of change with another room among them: a logged one, or one in which sensors began (K, S) [degC] elsewhere.
 
-    fits of the `old` runs come first; found: kinds of change, difference and its covariance.
+    fits of the `old` runs come first; same_start is the probability that it was not the machine that began warm.
     """
-    starts = np.array([np.asarray(f.values[START], dtype=float) for f in fits])
     if fits[0].run.sink_c is not None:
-        rooms, error = np.array([f.run.sink_c or 0.0 for f in fits]), ROOM_ERROR
+        rooms, error, likely = np.array([f.run.sink_c or 0.0 for f in fits]), ROOM_ERROR, 1.0
     else:
-        rooms, moved = starts.mean(axis=1), starts[old:].mean(axis=0) - starts[:old].mean(axis=0)
+        rooms, moved, likely = starts.mean(axis=1), starts[old:].mean(axis=0) - starts[:old].mean(axis=0), same_start
         error = max(float(np.std(moved, ddof=1)) / math.sqrt(len(moved)), ROOM_ERROR) if len(moved) > 1 else 3.0 * ROOM_ERROR
-        numbers = [_numbers(fit, np.zeros(len(moved))) for fit in fits]
-        bare = changes(numbers[:old], numbers[old:])
-        rise = np.mean([np.asarray(f.values[LEVEL], dtype=float) for f in fits[:old]], axis=0) - starts[:old].mean(axis=0)
-        # Beside a change of the machine, a room and a warm start are not told apart.
-        if bare[0][0].kind != "nothing" or bare[0][0].probability < SURE or warm_instead(*bare[1:], rise, moved) < NOT_WARM:
-            return found
-        found = bare
     size = float(rooms[old:].mean() - rooms[:old].mean())
     deviation = error * math.sqrt(1.0 / old + 1.0 / (len(fits) - old))
-    return with_room(found[0], other_room(rooms[:old], rooms[old:], error), size, deviation), *found[1:]
+    return with_room(found, likely * other_room(rooms[:old], rooms[old:], error), size, deviation)
 
 
 def _observed(one: Started) -> Observations:
@@ -172,18 +164,8 @@ def _same_way(fits: Sequence[Fit], old: int) -> None:
         )
 
 
-def _hidden(fits: Sequence[Fit], warm: Array) -> list[str]:
-    """What to say where the new runs began so much warmer (S,) [K] than the old ones that it would hide another heat."""
-    level, start = (np.asarray(fits[-1].values[k], dtype=float) for k in (LEVEL, START))
-    if float(np.median(np.abs(warm / (level - start)))) <= WARM:
-        return []
-    if fits[0].run.sink_c is not None:
-        return ["they began warmer or colder beside the room than the old ones, which hides a change of the heat"]
-    return ["whether the room was another or they began warm is not known, nor so the heat: log the room, name it with --ambient"]
-
-
-def _numbers(fit: Fit, warm: Array) -> RunNumbers:
-    found = RunNumbers.of(fit, widening(fit), warm)
+def _numbers(fit: Fit, drift: float) -> RunNumbers:
+    found = RunNumbers.of(fit, widening(fit), drift)
     if found is None or not np.all(np.isfinite(found.covariance)):
         raise UsageError(
             f"{fit.run.name}: a sensor does not move", found=", ".join(fit.run.channels[:8]), do="choose others with --channels"
