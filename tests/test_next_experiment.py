@@ -49,7 +49,7 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     seen = observe(tf.read({"time_min": time, "a": curve + 1e-6 * np.sin(7.0 * time)})).seen
     fit = fit_model(seen)
     quiet = np.random.default_rng(0)
-    again, faster, room, cool, longer, *_ = possible(seen)
+    again, faster, room, cool, half, longer, *_ = possible(seen)
     assert simulated(fit, again, quiet).reading == pytest.approx(np.interp(seen.time, time, curve)[None], abs=1e-3)
     cooled = simulated(fit, cool, quiet)
     after = cooled.time > 121.0
@@ -59,6 +59,11 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     assert sink == pytest.approx(20.0, abs=0.5)
     assert cooled.reading[0][after] == pytest.approx(sink + (curve[-1] - sink) * np.exp(-0.03 * late), abs=0.02)
     assert np.all(cooled.heat[after] == 0.0)
+    # At half the heat it settles half-way.
+    slower = simulated(fit, half, quiet)
+    limit = sink + 0.5 * (30.0 - sink)
+    assert slower.reading[0][after] == pytest.approx(limit + (curve[-1] - limit) * np.exp(-0.03 * late), abs=0.02)
+    assert np.all(slower.heat[after] == 0.5)
     assert len(simulated(fit, faster, quiet).time) == 4 * (len(seen.time) - 1) + 1
     assert simulated(fit, room, quiet).ambient["surroundings"] == pytest.approx(np.full(121, sink), abs=0.3)
     assert simulated(fit, longer, quiet).span == pytest.approx(2.0 * seen.span, rel=0.02)
@@ -71,7 +76,7 @@ def test_a_run_is_proposed_that_parts_what_the_record_left_open():
     assert ("load_step",) in open_
     assert ("cooling_switch",) in open_
     told = next_experiments(found, CATALOGUE, draws=2)
-    assert len(told) == len(possible(seen)) == 7
+    assert len(told) == len(possible(seen)) == 8
     assert "heat" in told[0].name
     once_more = next(e for e in told if e.effort == 1)
     assert told[0].share >= 0.5 > once_more.share
@@ -139,4 +144,4 @@ def test_several_runs_together_are_asked_for_the_next_one_once(tool, tmp_path):
     records = json.loads(done.out)["records"]
     told = [r["next_experiment"] for r in records]
     assert all(t == told[0] for t in told)
-    assert len(told[0]) == 7
+    assert len(told[0]) == 8

@@ -65,8 +65,8 @@ def command(
     With --together the evidence for an effect is summed over several runs of one machine; what one run alone shows is its event.
 
     --next takes each cause that remains possible for the truth, simulates the runs that it would give (once more, longer, read
-    faster, with the surroundings logged, with the heat switched off and on, with one part heated alone) and searches them: the run
-    proposed is one that most often settles it. With --together it is asked of all runs at once.
+    faster, with the surroundings logged, with the heat switched off and on or halved, with one part heated alone) and searches
+    them: the run proposed is one that most often settles it. With --together it is asked of all runs at once.
 
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """

@@ -31,6 +31,8 @@ GOOD = 0.9
 LEAST = 0.5
 #: How many times as often a logger may read; the heat is off for this share of the record, and no less than so long [min].
 FASTER, OFF_SHARE, LEAST_OFF = 4, 0.5, 60.0
+#: The heat of another load or speed, over that of the record.
+OTHER_LOAD = 0.5
 #: A rise [K] that is one: more than a room that wanders gives.
 SEEN_RISE = 0.2
 #: Standard deviation [K] of a thermometer in a quiet room.
@@ -43,14 +45,16 @@ SMOOTH = 9
 class Experiment:
     """One possible run, and in how many of the `runs` simulated it would name the true cause alone; effort orders them.
 
-    The same run, `longer` by so many minutes, or with the heat off for `off` minutes after it and on again for `on`, as logged;
-    read `faster` times as often; with the `room` logged; or with the parts of all sensors but one, `heated`, left cold.
+    The same run, `longer` by so many minutes, or with the heat off for `off` minutes after it, or at `load` times what it was, and
+    on again for `on`, as logged; read `faster` times as often; with the `room` logged; or with the parts of all sensors but one,
+    `heated`, left cold.
     """
 
     name: str
     effort: float
     longer: float = 0.0
     off: float = 0.0
+    load: float = 0.0
     on: float = 0.0
     faster: int = 1
     room: bool = False
@@ -86,6 +90,9 @@ def possible(seen: Observations, open_: Sequence[Candidate] = ()) -> list[Experi
         Experiment("the same run once more", 1),
         Experiment(f"the same run, {faster}", 2, faster=FASTER),
         Experiment(f"the same run {off}, logged (--drive)", 3, off=cool),
+        Experiment(
+            f"the same run and {cool:.0f} min more at half the load or speed, logged (--drive)", 3.5, off=cool, load=OTHER_LOAD
+        ),
         Experiment(f"the same run for {2.0 * span:.0f} min", 4, longer=span),
         Experiment(f"the same run {off} and on again as long, logged (--drive)", 5, off=cool, on=cool),
         Experiment(f"the same run, {faster}, {off} and on again as long, logged (--drive)", 6, off=cool, on=cool, faster=FASTER),
@@ -135,7 +142,7 @@ def planned(experiment: Experiment, time: Array) -> tuple[Array, Array | None]:
     more = np.arange(end + step, end + experiment.longer + experiment.off + experiment.on + 1e-9, step)
     whole = np.concatenate([time, more])
     if experiment.off:
-        return whole, np.where((whole > end) & (whole <= end + experiment.off), 0.0, 1.0)
+        return whole, np.where((whole > end) & (whole <= end + experiment.off), experiment.load, 1.0)
     if experiment.faster > 1:
         return np.linspace(time[0], end, experiment.faster * (len(time) - 1) + 1), None
     return whole, None
