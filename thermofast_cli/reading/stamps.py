@@ -1,5 +1,6 @@
 """Columns of wall-clock stamps and of elapsed clocks, to seconds."""
 
+import functools
 import re
 import warnings
 from collections.abc import Sequence
@@ -101,6 +102,7 @@ def plain(cell: str) -> str:
     return _YEAR_LAST.sub(lambda m: f"{m[2]} {m[1]} {m[5]} {m[3]} {m[4] or ''}", cell).strip()
 
 
+@functools.lru_cache(maxsize=8192)  # a layout is looked for with each delimiter and each decimal mark
 def looks_like_stamp(cell: str) -> bool:
     """Whether a cell is a date, a clock time, or both."""
     cell = cell.strip()

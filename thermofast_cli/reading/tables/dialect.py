@@ -1,6 +1,7 @@
 """How a text file is laid out: encoding, delimiter, decimal sign, header. Decided by rule, never by a guesser."""
 
 import csv
+import functools
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -145,6 +146,7 @@ _WITHIN = {
 }
 
 
+@functools.lru_cache(maxsize=8192)
 def number_within(cell: str, decimal: str) -> tuple[str, str, str] | None:
     """(before, number, after) of a cell that carries its unit or its name, as ``21.3 °C``, ``12.3s`` or ``temp=47.2'C``."""
     found = _WITHIN[decimal].match(cell.strip())
