@@ -50,7 +50,7 @@ def test_sensors_that_explain_each_other_name_no_neighbour():
     walk = np.cumsum(0.3 * np.random.default_rng(1).standard_normal(300))
     walk = np.convolve(walk, np.ones(25) / 25, "same")
     run = replace(run, reading=run.reading + np.array([[0.7], [1.0]]) * walk)
-    tried = [kind() for kind in BUILT_IN if kind.id in ("neighbour_heat", "second_mode", "load_step", "sensor_drift")]
+    tried = [kind() for kind in BUILT_IN if kind.id in ("neighbour_heat", "second_mode")]
     found = discover(run, tried)
     assert found.verdict == "unexplained"
     assert {c.ids[0] for c in found.singles} == {effect.id for effect in tried}

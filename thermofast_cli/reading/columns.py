@@ -417,6 +417,10 @@ def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str
 
 def without_impossible(values: Array) -> tuple[Array, int]:
     """Overload values (9.9E+37), codes of broken probes and what is below absolute zero become nan; and how many there were."""
+    low, high = np.fmin.reduce(values, initial=np.inf), np.fmax.reduce(values, initial=-np.inf)
+    # Of nearly all columns the ends say that there is none.
+    if low > COLDEST_C and high <= HOTTEST_C and not any(low <= fault <= high for fault in FAULTS_C):
+        return values, 0
     with np.errstate(invalid="ignore"):
         bad = (values <= COLDEST_C) | (values > HOTTEST_C) | np.isin(values, FAULTS_C)
     if not bad.any():
