@@ -151,14 +151,16 @@ class Model:
         rows, kl, ks = len(sensor), len(self.local), len(self.shared)
         step_l = self._steps(local, self.low_local, self.high_local, self.log_local)
         step_s = self._steps(shared, self.low_shared, self.high_shared, self.log_shared)
-        many_l = np.repeat(local[None], 1 + kl + ks, axis=0)
-        many_s = np.repeat(shared[None], 1 + kl + ks, axis=0)
+        # What belongs to one sensor stands together: rows beside each other with the same rate share the weights of their steps.
+        many_l = np.repeat(local[:, None], 1 + kl + ks, axis=1)
+        many_s = np.repeat(shared[:, None], 1 + kl + ks, axis=1)
         for j in range(kl):
-            many_l[1 + j, :, j] += step_l[:, j]
+            many_l[:, 1 + j, j] += step_l[:, j]
         for j in range(ks):
-            many_s[1 + kl + j, :, j] += step_s[:, j]
-        curves = self.forward(many_l.reshape(-1, kl), many_s.reshape(len(many_s) * rows, ks), np.tile(sensor, 1 + kl + ks))
-        curves = curves.reshape(1 + kl + ks, rows, -1)
+            many_s[:, 1 + kl + j, j] += step_s[:, j]
+        several = rows * (1 + kl + ks)
+        curves = self.forward(many_l.reshape(several, kl), many_s.reshape(several, ks), np.repeat(sensor, 1 + kl + ks))
+        curves = curves.reshape(rows, 1 + kl + ks, -1).swapaxes(0, 1)
         by = curves[1:] - curves[0]
         by[:kl] /= step_l.T[:, :, None]
         by[kl:] /= step_s.T[:, :, None]

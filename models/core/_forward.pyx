@@ -13,6 +13,10 @@ cdef enum:
 cdef double NEAR = 0.02
 
 
+#: Share of a time that it may be wrong by where it was read as a decimal and divided by sixty.
+cdef double ROUNDED = 1e-15
+
+
 cdef struct Power:
     double exponent
     double anchor
@@ -74,10 +78,12 @@ cdef inline bint two_lumps(double lam, double hidden, double r, double dt, doubl
     root = sqrt(root)
     l1 = -0.5 * (a + r + root)
     l2 = -(lam * r) / (0.5 * (a + r + root))
-    e1 = exp(l1 * dt)
-    e2 = exp(l2 * dt)
-    f1 = expm1(l1 * dt) / l1
-    f2 = expm1(l2 * dt) / l2 if l2 * dt < -1e-12 else dt
+    f1 = expm1(l1 * dt)
+    f2 = expm1(l2 * dt)
+    e1 = 1.0 + f1
+    e2 = 1.0 + f2
+    f1 = f1 / l1
+    f2 = f2 / l2 if l2 * dt < -1e-12 else dt
     g1 = (f1 - dt) / l1
     g2 = (f2 - dt) / l2 if l2 * dt < -1e-5 else dt * dt * (0.5 + l2 * dt / 6.0)
     d = l1 - l2
@@ -133,31 +139,50 @@ cdef inline double end_slope(Lump* s, double H, double L, Py_ssize_t k) noexcept
     return slope_of(s.T, s.Z, s.masses, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
 
 
-cdef inline void weigh(Lump* s, double lam, double dt) noexcept nogil:
-    """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay."""
-    cdef double a
+cdef inline void weigh(Lump* s, const Lump* beside, double lam, double dt) noexcept nogil:
+    """Exact weights of one step of T' = u - lam T, u straight; kept while lam and dt stay, and shared with the row beside."""
+    cdef double a, gone
     if lam != s.last_lam or dt != s.last_dt:
+        if lam == beside.last_lam and dt == beside.last_dt and beside.masses == 0:
+            s.E, s.phi, s.psi = beside.E, beside.phi, beside.psi
+            s.last_lam, s.last_dt = lam, dt
+            return
         a = lam * dt
-        s.E = exp(-a)
+        gone = -expm1(-a)
+        s.E = 1.0 - gone
         if a < 1e-3:
             s.phi = dt * (1.0 - 0.5 * a + a * a / 6.0)
             s.psi = dt * dt * (0.5 - a / 6.0 + a * a / 24.0)
         else:
-            s.phi = -expm1(-a) / lam
+            s.phi = gone / lam
             s.psi = (dt - s.phi) / lam
         s.last_lam = lam
         s.last_dt = dt
 
 
-cdef inline double faded(Lump* s, double h) noexcept nogil:
-    """What is left of a probe's distance after h; kept while h stays."""
+cdef inline void weigh_pair(Lump* s, const Lump* beside, double lam, double dt) noexcept nogil:
+    """The same of a row with one hidden mass."""
+    cdef Py_ssize_t i
+    if lam != s.last_lam or dt != s.last_dt:
+        if (lam == beside.last_lam and dt == beside.last_dt and beside.masses == 1 and beside.exponent == 0.0
+                and s.hidden[0] == beside.hidden[0] and s.hidden_rate[0] == beside.hidden_rate[0]):
+            s.pair_ok = beside.pair_ok
+            for i in range(8):
+                s.w[i] = beside.w[i]
+        else:
+            s.pair_ok = two_lumps(lam, s.hidden[0], s.hidden_rate[0], dt, s.w)
+        s.last_lam, s.last_dt = lam, dt
+
+
+cdef inline double faded(Lump* s, const Lump* beside, double h) noexcept nogil:
+    """What is left of a probe's distance after h; kept while h stays, and shared with the row beside."""
     if h != s.last_h:
-        s.fade = exp(-h / s.lag)
+        s.fade = beside.fade if h == beside.last_h and s.lag == beside.lag else exp(-h / s.lag)
         s.last_h = h
     return s.fade
 
 
-cdef void runge_kutta(Lump* s, double dt, Py_ssize_t k, double H, double L) noexcept nogil:
+cdef void runge_kutta(Lump* s, const Lump* beside, double dt, Py_ssize_t k, double H, double L) noexcept nogil:
     """One interval of a row without an exact step, by the classical Runge-Kutta rule in equal pieces; apart from the quick ways, so
     that these stay in the processor's registers.
     """
@@ -204,7 +229,7 @@ cdef void runge_kutta(Lump* s, double dt, Py_ssize_t k, double H, double L) noex
         s.T = T0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         if s.lag > 0.0:
             k4 = slope_of(s.T, s.Z, s.masses, s.rate, H, L, s1, &s.power, s.hidden, s.links, q1)
-            s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, h))
+            s.y = late_probe(s.y, T0, s.T, k1, k4, h, s.lag, faded(s, beside, h))
             s.end, s.end_heat, s.end_loss = k4, H, L
         sink = s1
         q = q1
@@ -212,25 +237,23 @@ cdef void runge_kutta(Lump* s, double dt, Py_ssize_t k, double H, double L) noex
         s.y = s.T
 
 
-cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
+cdef inline void advance(Lump* s, const Lump* beside, double dt, Py_ssize_t k) noexcept nogil:
     """One interval of one row."""
     cdef double H = s.rise * s.heat[k], L = s.loss[k], lam = s.rate * L + s.links, T0, ds
     cdef double u0, u1, k1 = 0.0, k4, moved
     if s.exponent == 0.0 and s.masses == 0:
-        weigh(s, lam, dt)
+        weigh(s, beside, lam, dt)
         u0 = s.rate * (H + L * s.sink[k - 1]) + s.linked[k - 1]
         u1 = s.rate * (H + L * s.sink[k]) + s.linked[k]
         T0 = s.T
         s.T = T0 * s.E + u0 * s.phi + (u1 - u0) / dt * s.psi
         if s.lag > 0.0:
-            s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, dt))
+            s.y = late_probe(s.y, T0, s.T, u0 - lam * T0, u1 - lam * s.T, dt, s.lag, faded(s, beside, dt))
         else:
             s.y = s.T
     else:
-        if s.exponent == 0.0 and s.masses == 1 and (lam != s.last_lam or dt != s.last_dt):
-            s.pair_ok = two_lumps(lam, s.hidden[0], s.hidden_rate[0], dt, s.w)
-            s.last_lam = lam
-            s.last_dt = dt
+        if s.exponent == 0.0 and s.masses == 1:
+            weigh_pair(s, beside, lam, dt)
         if s.exponent == 0.0 and s.pair_ok:
             T0 = s.T
             if s.lag > 0.0:
@@ -243,11 +266,11 @@ cdef inline void advance(Lump* s, double dt, Py_ssize_t k) noexcept nogil:
             s.T = moved
             if s.lag > 0.0:
                 k4 = slope_of(s.T, s.Z, 1, s.rate, H, L, s.sink[k], &s.power, s.hidden, s.links, s.linked[k])
-                s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, dt))
+                s.y = late_probe(s.y, T0, s.T, k1, k4, dt, s.lag, faded(s, beside, dt))
             else:
                 s.y = s.T
         else:
-            runge_kutta(s, dt, k, H, L)
+            runge_kutta(s, beside, dt, k, H, L)
     s.out[k] = s.y
     if s.delay > 0.0:
         s.slope[k] = end_slope(s, H, L, k)
@@ -282,7 +305,7 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
             const double[::1] lag, const double[::1] delay, double[:, ::1] out):
     """See the numpy twin. A few rows go abreast: each is one long chain of operations, and a processor has room for several."""
     cdef Py_ssize_t rows = rate.shape[0], n = time.shape[0], first, b, k, j, count, masses = hidden.shape[1]
-    cdef double dt
+    cdef double dt, last = 0.0
     cdef Lump lumps[ABREAST]
     cdef Lump* s
     cdef double* slopes
@@ -330,8 +353,12 @@ def forward(const double[::1] time, const double[::1] rate, const double[::1] ri
                 s.pair_ok = False
             for k in range(1, n):
                 dt = time[k] - time[k - 1]
+                # Steps that differ by no more than the times are rounded to are one step: weights are kept while it stays.
+                if fabs(dt - last) <= ROUNDED * fabs(time[k]):
+                    dt = last
+                last = dt
                 for j in range(count):
-                    advance(&lumps[j], dt, k)
+                    advance(&lumps[j], &lumps[j - 1 if j else 0], dt, k)
             for j in range(count):
                 if lumps[j].delay > 0.0:
                     retard(&lumps[j], &time[0], n, slopes + ABREAST * n)
