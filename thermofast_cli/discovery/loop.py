@@ -90,7 +90,7 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
     UsageError: --drive names no logged input, or the record is too short before --until.
     """
     check_drive(task.run, task.drive)
-    observed = observe(task.run, task.start_min, task.drive)
+    observed = observe(task.run, task.start_min, task.drive, task.until_min)
     if observed.seen is None:
         return observed, None
     return observed, Ready(observed.notes, observed.readings, observed.seen, observed.seen.until(task.until_min))

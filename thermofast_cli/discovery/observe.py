@@ -52,8 +52,8 @@ class Observed:
     readings: int = 0
 
 
-def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Observed:
-    """All usable sensors of a run from `start_min` on, time counted from there."""
+def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_min: float | None = None) -> Observed:
+    """All usable sensors of a run from `start_min` on, time counted from there; noise is told from the readings up to until_min."""
     keep = run.time_s / 60.0 >= start_min - 1e-9
     time = run.time_s[keep] / 60.0 - start_min
     channels, rows, weights, steps, refused, notes = [], [], [], [], [], []
@@ -86,7 +86,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None) -> Obser
     inputs = {n: _filled(time, c[keep]) for n, c in run.inputs.items() if np.isfinite(c[keep]).any()}
     reading, weight = np.array(rows), np.array(weights)
     rates = [_rate(time, r, w) for r, w in zip(reading, weight, strict=True)]
-    seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates)
+    seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates, until_min)
     if note:
         notes.append(Note(None, note))
     notes += _without_rise(seen)
@@ -192,6 +192,14 @@ def _rate(time: Array, reading: Array, weight: Array) -> float:
     return float(max(fit_decay(time[used], reading[used], weight[used]).rate, 2.0 / span))
 
 
+def _noise(time: Array, reading: Array, weight: Array, until_min: float | None) -> float:
+    """Of one reading [K], from those up to until_min where these are enough."""
+    used = weight > 0.0
+    early = used if until_min is None else used & (time <= until_min * (1.0 + 1e-12) + 1e-9)
+    used = early if np.count_nonzero(early) >= FEWEST_READINGS else used
+    return third_difference_noise(reading[used], time[used])
+
+
 def _gridded(
     name: str,
     channels: tuple[str, ...],
@@ -202,9 +210,10 @@ def _gridded(
     ambient: dict[str, Array],
     inputs: dict[str, Array],
     rates: list[float],
+    until_min: float | None,
 ) -> tuple[Observations, str]:
     """Long records averaged over neighbours, gaps and coarse sampling filled with points without readings."""
-    noise = np.array([third_difference_noise(r[w > 0.0], time[w > 0.0]) for r, w in zip(reading, weight, strict=True)])
+    noise = np.array([_noise(time, r, w, until_min) for r, w in zip(reading, weight, strict=True)])
     finest = FINE / float(np.median(rates))
     together = max(1, math.floor(min(len(time) / ENOUGH, finest / float(np.median(np.diff(time))))))
     note = ""

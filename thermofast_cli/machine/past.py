@@ -180,7 +180,7 @@ def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]
 
     A column that a sensor follows leaves less of it than a heat that is constant does, and is what moves it.
     """
-    bare = observe(replace(task.run, inputs={}), task.start_min).seen
+    bare = observe(replace(task.run, inputs={}), task.start_min, until_min=task.until_min).seen
     assert bare is not None
     mine: list[str] = []
     strange: list[str] = []
