@@ -191,17 +191,17 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
     """
     best = _distinct(base, pairs)[: RULES.grown]
     # Of one sensor three effects draw nearly anything, and where a pair leaves no pattern more effects say nothing more.
-    if base.run.sensors < 2 or not best or any(_down(c) for c in pairs):
+    if base.run.sensors < 2 or not best or any(_down(c) for c in pairs) or _no_pattern(best[0]):
         return Sets()
     for _ in range(RULES.most_effects - 2):
         left = min(misfit_power(c.fit) for c in best)
         grown = _grown(base, best, effects, spread)
         if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
             return Sets()
-        grown[0] = _refined(base, grown[0], 1)
+        glanced, grown[0] = grown[0], _refined(base, grown[0], 1)
         if misfit_power(grown[0].fit) > RULES.most_left * left:
             return Sets()
-        best = [_unmirrored(c) for c in _improved(base, grown, effects, spread)[: RULES.grown]]
+        best = [_unmirrored(c) for c in _improved(base, grown, glanced, effects, spread)[: RULES.grown]]
         down = [c for c in best if _down(c)]
         if down:
             first = of_needed_effects(base, down[0], false_alarm, len(effects))
@@ -210,6 +210,8 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
             down = _with_rivals(base, down, effects, spread)
             others = [of_needed_effects(base, c, false_alarm, len(effects)) for c in down if c is not down[0]]
             return Sets(tuple(down), tuple(_distinct(base, [first, *others])))
+        if _no_pattern(best[0]):  # but undetermined: with more effects all the more so
+            return Sets()
     return Sets()
 
 
@@ -238,9 +240,13 @@ def of_needed_effects(base: Fit, candidate: Candidate, false_alarm: float, numbe
     return None
 
 
+def _no_pattern(candidate: Candidate) -> bool:
+    return least_p(candidate.floor) >= RULES.pair_pattern
+
+
 def _down(candidate: Candidate) -> bool:
     """Whether a set leaves no pattern and is determined."""
-    return least_p(candidate.floor) >= RULES.pair_pattern and candidate.identifiable.ok and candidate.fit.physical
+    return _no_pattern(candidate) and candidate.identifiable.ok and candidate.fit.physical
 
 
 def _distinct(base: Fit, candidates: Iterable[Candidate | None]) -> list[Candidate]:
@@ -262,9 +268,14 @@ def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread:
     return _distinct(base, spread(partial(_taken, quick=True), likely))
 
 
-def _improved(base: Fit, grown: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
-    """The best sets with each effect looked for anew beside the others, and replaced where another does better."""
-    found = _distinct(base, [*spread(partial(_refined, base), grown[:2]), *grown[2:]])
+def _improved(base: Fit, grown: list[Candidate], glanced: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+    """The best sets with each effect looked for anew beside the others, and replaced where another does better.
+
+    The first of them was so once, and was `glanced` before: where that gained little it is not done again.
+    """
+    again = grown[:2] if _worth(base, grown[0]) >= _worth(base, glanced) + RULES.worth_another else grown[1:2]
+    rest = [c for c in grown if not any(c is a for a in again)]
+    found = _distinct(base, [*spread(partial(_refined, base), again), *rest])
     if not _sound(found[0]):
         quick = _distinct(base, [c for some in _replaced(base, found[0], effects, RULES.replaced, spread) for c in some])
         found = _distinct(base, [*found, *spread(partial(_refined, base), quick[:2])])
