@@ -108,9 +108,11 @@ class SearchRules:
         "that one effect more may leave of it at a quick look; more ends the search",
         "80 machines: sets that come down to the noise left up to 0.73",
     )
-    most_left: float = rule(
-        0.45, "share of the misfit", "the same with each effect looked for anew", "the same machines: 0.43 where the set was right"
+    most_left: float = rule(0.6, "share of the misfit", "the same with each effect looked for anew", COST)
+    most_left_of_little: float = rule(
+        0.45, "share of the misfit", "the same where less is left than `little`", "the same machines: 0.43 where the set was right"
     )
+    little: float = rule(0.03, "share of the misfit of the base model", "a machine's usual background beside what dominates", COST)
     replaced: int = rule(3, "effects", "tried in the place of each one of the best larger set", COST)
     close: float = rule(
         200.0, "likelihood ratio", "short of the best by more at a quick look, a set is no rival to look at with care", COST

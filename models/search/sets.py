@@ -199,7 +199,8 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
         if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
             return Sets()
         glanced, grown[0] = grown[0], _refined(base, grown[0], 1)
-        if misfit_power(grown[0].fit) > RULES.most_left * left:
+        most = RULES.most_left_of_little if left < RULES.little * misfit_power(base) else RULES.most_left
+        if misfit_power(grown[0].fit) > most * left:
             return Sets()
         best = [_unmirrored(c) for c in _improved(base, grown, glanced, effects, spread)[: RULES.grown]]
         down = [c for c in best if _down(c)]
