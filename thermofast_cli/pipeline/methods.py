@@ -22,7 +22,8 @@ def choose(
 
     Raises
     ------
-    UsageError: an unknown filter, preset, setting or value; the message lists the known ones.
+    UsageError: an unknown filter, preset, setting or value; the message lists the known ones; or a machine's own sizes or shared
+        rates with a filter whose estimate counts no machine.
     """
     if rates not in get_args(Rates):
         raise UsageError("rates: not one of what sensors may share", found=repr(rates), allowed=", ".join(get_args(Rates)))
@@ -48,7 +49,21 @@ def choose(
         chosen = kind()
     for text in settings:
         chosen = _set(chosen, text, known)
+    _check_counted(chosen, preset, imperfection, rates)
     return Method(PrintedLump() if preset == "paper" else Lump(), chosen, imperfection=imperfection, rates=rates)
+
+
+def _check_counted(chosen: Filter, preset: str | None, imperfection: Imperfection, rates: Rates) -> None:
+    """Raises UsageError where a machine's own sizes or shared rates would be left out without a word."""
+    own_sizes = imperfection != TYPICAL and not imperfection.none
+    if chosen.closing != "never" or not (own_sizes or rates == "shared"):
+        return
+    what = " and ".join(n for n, given in (("--imperfection FILE", own_sizes), ("--rates shared", rates == "shared")) if given)
+    used = f"--preset {preset}" if preset else f"--filter {chosen.name}"
+    raise UsageError(
+        f"{what} enters the closing estimate that counts the machine, which {used} does not make",
+        do="leave one of them out; --imperfection none says that the readings alone are counted",
+    )
 
 
 def _set(chosen: Filter, text: str, known: dict[str, type[Filter]]) -> Filter:

@@ -42,6 +42,8 @@ from .vocabulary import UNITS
 from .vocabulary import words as words_of
 
 PARQUET_MAGIC = b"PAR1"
+#: Lines above the readings are not counted as rows: not more than these, before they are looked at.
+LONGEST_HEAD = 1000
 
 
 def read_growing(data: bytes, options: Options, name: str) -> Run:
@@ -107,7 +109,7 @@ def read_table(source: Any, options: Options, name: str | None = None, data: byt
     # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
     if parquet:
         return read_parquet(held.pop(), name, limits)
-    if (lines := held[0].count(b"\n")) > limits.max_rows:
+    if (lines := held[0].count(b"\n") - LONGEST_HEAD) > limits.max_rows:
         limits.check_shape(name, lines, 1)
     table = read_text(held.pop(), name, options)
     limits.check_shape(name, len(table.lines), len(table.columns))
