@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from .errors import UsageError
+from .output.columns import Records
 from .reading import Run, read_runs, told
 from .records import (
     BenchRecord,
@@ -52,7 +53,7 @@ class Result:
 
     command: ClassVar[str] = ""
     kind: ClassVar[type[Row]] = Record
-    records: tuple[Any, ...]
+    records: Sequence[Any]
     runs: tuple[Run, ...] = ()
     interrupted: bool = False
 
@@ -64,13 +65,13 @@ class Result:
 
     def __eq__(self, other: object) -> bool:
         """Whether the records are the same; runs and curves behind them are not compared."""
-        return type(self) is type(other) and isinstance(other, Result) and self.records == other.records
+        return type(self) is type(other) and isinstance(other, Result) and list(self.records) == list(other.records)
 
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
         """How many records of which status: all that stands in them would flood a prompt."""
-        counted = Counter(str(getattr(record, "status", "")) for record in self.records)
+        counted = Counter(self.statuses())
         told = ", ".join(f"{number} {status}".strip() for status, number in counted.most_common())
         return f"<{type(self).__name__}: {len(self.records)} records ({told}); .to_frame() shows them>"
 
@@ -88,10 +89,17 @@ class Result:
                 return record
         raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(r.channel for r in self.records))}")
 
+    def statuses(self) -> list[str]:
+        """The status of each record."""
+        if isinstance(self.records, Records):
+            return self.records.column("status")
+        return [str(getattr(record, "status", "")) for record in self.records]
+
     def rows(self) -> list[dict[str, Any]]:
         """The records as dictionaries; what was guessed of a run stands in the message of each of its records."""
         guessed = {run.name: told(run.guesses) for run in self.runs if run.guesses}
-        return [_with_guesses(record.as_dict(), guessed) for record in self.records]
+        rows = self.records.rows() if isinstance(self.records, Records) else [record.as_dict() for record in self.records]
+        return [_with_guesses(row, guessed) for row in rows] if guessed else rows
 
     def input(self) -> list[dict[str, Any]]:
         """How each run was read: notes and guesses."""
@@ -105,8 +113,10 @@ class Result:
 
     def to_arrow(self) -> "pa.Table":
         """As the Parquet file of ``save``."""
-        from .output.arrow import to_arrow, types_of
+        from .output.arrow import columns_to_arrow, to_arrow, types_of
 
+        if isinstance(self.records, Records) and not any(run.guesses for run in self.runs):
+            return columns_to_arrow(self.records, types_of(self.kind))
         return to_arrow(self.kind.columns(), self.rows(), types_of(self.kind))
 
     def to_json(self) -> str:
@@ -139,7 +149,12 @@ class Result:
 
             write_whole(str(path), lambda p: write_result(p, self, made or {}))
             return
-        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv, self.kind)
+        if Path(path).suffix.lower() == ".parquet":
+            from .output.arrow import write_arrow
+
+            write_whole(str(path), lambda p: write_arrow(p, self.to_arrow()))
+            return
+        write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv)
 
     def _repr_html_(self) -> str:
         """For a notebook: the table without columns that are empty throughout; names stay text."""

@@ -68,7 +68,7 @@ def past_run(started: Started, method: Method) -> Past | str:
     minutes, channels = run.time_s / 60.0, tuple(run.channels)
     values = np.stack([run.channels[c] for c in channels])
     # The bare law's rate is wrong on just those runs that have most to teach.
-    whole = [f.record for f in identify_sensors(run.name, channels, minutes, values, method, None, start)]
+    whole = identify_sensors(run.name, channels, minutes, values, method, None, start).records
     rates = [r.rate_per_min for r in whole if r.rate_per_min is not None and r.status in ("ok", "model_doubtful")]
     if not rates:
         return "no sensor of it shows where it settles"
@@ -84,8 +84,7 @@ def past_run(started: Started, method: Method) -> Past | str:
         for t, turn in enumerate(TURNS):
             until = start + turn * tau
             found = identify_sensors(run.name, channels, minutes, values, of_prior, until, start, at_min=at)
-            for s, one in enumerate(found):
-                r = one.record
+            for s, r in enumerate(found.records):
                 if r.at_lo_c is not None and r.at_c is not None and r.at_hi_c is not None and r.status != "not_determined":
                     foretold[c, t, s] = r.at_lo_c, r.at_c, r.at_hi_c
     good = np.isfinite(end) & np.isfinite(foretold).all(axis=3).any(axis=(0, 1))

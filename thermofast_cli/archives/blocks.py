@@ -42,7 +42,7 @@ class Analysis:
 
     def table(self, result: Result) -> Any:
         """Its records as an Arrow table."""
-        return to_arrow(self.kind.columns(), result.rows(), types_of(self.kind))
+        return result.to_arrow()
 
 
 @dataclass(frozen=True)

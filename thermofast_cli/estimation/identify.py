@@ -16,6 +16,7 @@ from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.first_passage import Pace
 
+from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
 from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, trace_columns, track_of, tracks_of
@@ -61,11 +62,53 @@ class Method:
 
 @dataclass(frozen=True)
 class Identified:
-    """What a worker hands back for one sensor; trace and curves only where they are asked for."""
+    """What is found of one sensor; trace and curves only where they are asked for."""
 
     record: IdentifyRecord
     trace: dict[str, Array] | None = None
     curves: Curves | None = None
+
+
+@dataclass(frozen=True)
+class Found(Sequence[Identified]):
+    """What a worker hands back for its sensors, :class:`Identified` each: their records by columns.
+
+    details (S): trace and curves of each, where they are asked for; else ().
+    """
+
+    records: Records
+    details: tuple[tuple[dict[str, Array] | None, Curves | None], ...] = ()
+
+    @classmethod
+    def of(cls, several: Sequence[Identified]) -> "Found":
+        """The same of sensors told one by one."""
+        if isinstance(several, Found):
+            return several
+        told = tuple((one.trace, one.curves) for one in several)
+        return cls(Records.of(IdentifyRecord, [one.record for one in several]), told if any(t or c for t, c in told) else ())
+
+    @classmethod
+    def joined(cls, parts: Sequence[Sequence[Identified]]) -> "Found":
+        """All sensors of several, one after another."""
+        found = [cls.of(part) for part in parts if len(part)]
+        if not found:
+            return cls(Records.of(IdentifyRecord, []))
+        asked = any(one.details for one in found)
+        nothing = (None, None)
+        details = tuple(d for one in found for d in (one.details or (nothing,) * len(one))) if asked else ()
+        return cls(Records.joined([one.records for one in found]), details)
+
+    def taken(self, order: NDArray[np.intp]) -> "Found":
+        """The sensors at these places, in that order."""
+        return Found(self.records.taken(order), tuple(self.details[i] for i in order.tolist()) if self.details else ())
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice):
+            return [self[i] for i in range(*key.indices(len(self)))]
+        return Identified(self.records[key], *(self.details[key] if self.details else ()))
 
 
 def identify_sensors(
@@ -83,7 +126,7 @@ def identify_sensors(
     room: Array | None = None,
     room_c: float | None = None,
     criterion: Criterion | None = None,
-) -> list[Identified]:
+) -> Found:
     """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
 
     Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
@@ -98,7 +141,8 @@ def identify_sensors(
         raise TypeError(f"one filter over all sensors is the AFUKF, not {method.filter.name}")
     name = f"{method.filter.name} (joint)" if together else method.filter.name
     notes = tuple(notes) or ("",) * len(channels)
-    found: list[Identified | None] = [None] * len(channels)
+    refused_rows: list[int] = []
+    refused_ones: list[Identified] = []
     blocks: list[Sensors] = []
     for block in prepare_all(time_min, values, start_min):
         keep = np.ones(len(block), dtype=bool)
@@ -108,7 +152,9 @@ def identify_sensors(
                 status, why, samples = refused
                 message = _joined([why, notes[row]])
                 record = IdentifyRecord(run, channels[row], name, until_min, samples, start_min, status=status, message=message)
-                found[row], keep[i] = Identified(record), False
+                refused_rows.append(int(row))
+                refused_ones.append(Identified(record))
+                keep[i] = False
         if keep.any():
             blocks.append(block if keep.all() else block.some(keep))
     shared = _tracks_together(method, blocks, until_min) if together else {}
@@ -117,10 +163,12 @@ def identify_sensors(
         for b in blocks
     ]
     opened = [job.opened(shared) for job in jobs]
-    for job, o, claimed in zip(jobs, opened, _claims(jobs, opened, method), strict=True):
-        for row, one in zip(job.sensors.rows, job.identified(o, claimed), strict=True):
-            found[row] = one
-    return [one for one in found if one is not None]
+    claimed = _claims(jobs, opened, method)
+    parts = [job.identified(o, c) for job, o, c in zip(jobs, opened, claimed, strict=True)]
+    whole = Found.joined([*parts, refused_ones])
+    rows = np.concatenate([*(b.rows for b in blocks), np.array(refused_rows, dtype=np.intp)])
+    order = np.argsort(rows)
+    return whole if np.array_equal(order, np.arange(len(order))) else whole.taken(order)
 
 
 def _tracks_together(method: Method, blocks: Sequence[Sensors], until_min: float | None) -> dict[int, Track]:
@@ -214,18 +262,19 @@ class _Block:
         found = estimates_of(self.method.model, self.method.filter, tracks, time, reading, sensors.resolution, single)
         return _Opened(tracks, found, single, broken)
 
-    def identified(self, opened: _Opened, claimed: Claims | None) -> list[Identified]:
+    def identified(self, opened: _Opened, claimed: Claims | None) -> Found:
         """Of every sensor, with what it may claim."""
         if opened.tracks is None or opened.found is None:
-            return [self._diverged(i, opened.broken[i]) for i in range(len(self.sensors))]
+            return Found.of([Identified(self._diverged(i, opened.broken[i])) for i in range(len(self.sensors))])
         records = self._records(opened.found, opened.tracks, opened.broken, claimed)
         if not self.want_trace:
-            return [Identified(r) for r in records]
+            return Found(records)
         found, single = opened.found, opened.single
-        return [
-            self._with_pictures(i, r, found, single, claimed) if i not in opened.broken else Identified(r)
-            for i, r in enumerate(records)
+        details = [
+            self._pictures(i, record, found, single, claimed) if i not in opened.broken else (None, None)
+            for i, record in enumerate(records)
         ]
+        return Found(records, tuple(details))
 
     def _tracks(self, shared: dict[int, Track]) -> tuple[Tracks | None, Callable[[int], Track], dict[int, str]]:
         """What the filter makes of all; a sensor's whole track, where it is asked for; and why it could not run on some."""
@@ -257,13 +306,13 @@ class _Block:
     def _broke_at(self, k: int) -> str:
         return f"the filter diverged at reading {k + 1}, {self.sensors.time[k]:.4g} min"
 
-    def _diverged(self, i: int, why: str) -> Identified:
+    def _diverged(self, i: int, why: str) -> IdentifyRecord:
         row = self.sensors.rows[i]
         message = _joined([why, self.notes[row]])
         blank = IdentifyRecord(self.run, self.channels[row], self.filter, self.until_min, self.count, self.start_min)
-        return Identified(replace(blank, status="diverged", message=message))
+        return replace(blank, status="diverged", message=message)
 
-    def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> list[IdentifyRecord]:
+    def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> Records:
         sensors, n = self.sensors, self.count
         steady, settled = measured_equilibria(sensors.time, sensors.reading)
         ahead, against = self._ahead(law, claimed)
@@ -307,34 +356,41 @@ class _Block:
         tripped = self._trips(found, claimed)
         if tripped is not None and self.criterion is not None:
             numbers |= columns_of(tripped)
-        columns = [_or_none(column) for column in numbers.values()]
         until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
-        records: list[IdentifyRecord] = []
-        for i, (row, values) in enumerate(zip(sensors.rows.tolist(), zip(*columns, strict=True), strict=True)):
-            if i in broken:
-                records.append(replace(self._diverged(i, broken[i]).record, until_min=until))
-                continue
-            let_go = claimed is not None and bool(claimed.let_go[i])
-            about = [n for n in self.notes[row].split("; ") if not (let_go and n.startswith("with "))]
-            message = _joined([*messages.get(i, ()), *sensors.notes[i], *about])
-            told: dict[str, Any] = dict(zip(numbers, values, strict=True))
-            if tripped is not None and self.criterion is not None:
-                told["criterion"] = self.criterion.text
-                told["trip_from"] = "" if told["trip_min"] is None else "readings" if tripped.seen[i] else "prediction"
-                if tripped.late[i]:
-                    message = _joined(["a long gap lies before the trip: the rule may have held earlier", message])
-            if claimed is not None:
-                told["unseen"] = said_of_slow(claimed, i, float(found.steady_state[i] - found.initial[i]))
-                told["rate_shared_with"] = claimed.shared_with[i]
-                if claimed.let_go[i]:
-                    message = _joined([LET_GO[bool(self.method.past and self.method.past.guessed)], message])
-                if self.room_c is not None and self.room is None and self.method.past is None:
-                    message = _joined([message, "--room needs a column of the surroundings, and there is none"])
-                if self.room is not None and self.surroundings is None:
-                    message = _joined([message, "the logged surroundings move with the machine and are not used"])
-            head = self.run, self.channels[row], self.filter, until, n, self.start_min
-            records.append(IdentifyRecord(*head, **told, status=status[i], message=message))
-        return records
+        whole = np.array([i not in broken for i in range(len(sensors))])
+        columns: dict[str, Column] = {name: numbers_of(np.where(whole, column, np.nan)) for name, column in numbers.items()}
+        if tripped is not None and self.criterion is not None:
+            from_ = ["readings" if seen else "prediction" for seen in tripped.seen]
+            trip = np.isfinite(numbers["trip_min"]) & whole
+            columns["criterion"] = [self.criterion.text if w else "" for w in whole]
+            columns["trip_from"] = [said if t else "" for said, t in zip(from_, trip, strict=True)]
+        if claimed is not None:
+            rise = (found.steady_state - found.initial).tolist()
+            columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
+            columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]
+        said = [self._said(i, messages.get(i, ()), claimed, tripped) for i in range(len(sensors))]
+        for i, why in broken.items():
+            status[i], said[i] = "diverged", _joined([why, self.notes[sensors.rows[i]]])
+        told = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}
+        told |= {"filter": Same(self.filter), "until_min": Same(until), "samples": Same(n), "start_min": Same(self.start_min)}
+        return Records(IdentifyRecord, len(sensors), {**told, **columns, "status": status, "message": said})
+
+    def _said(self, i: int, about_numbers: Sequence[str], claimed: Claims | None, tripped: Trips | None) -> str:
+        """What a sensor's row says in words: of its numbers, its readings, and of how it was read."""
+        row = self.sensors.rows[i]
+        let_go = claimed is not None and bool(claimed.let_go[i])
+        about = [n for n in self.notes[row].split("; ") if not (let_go and n.startswith("with "))] if self.notes[row] else []
+        said = [*about_numbers, *self.sensors.notes[i], *about]
+        if tripped is not None and tripped.late[i]:
+            said.insert(0, "a long gap lies before the trip: the rule may have held earlier")
+        if claimed is not None:
+            if let_go:
+                said.insert(0, LET_GO[bool(self.method.past and self.method.past.guessed)])
+            if self.room_c is not None and self.room is None and self.method.past is None:
+                said.append("--room needs a column of the surroundings, and there is none")
+            if self.room is not None and self.surroundings is None:
+                said.append("the logged surroundings move with the machine and are not used")
+        return _joined(said) if said else ""
 
     def _at(self, claimed: Claims | None, found: Estimates) -> dict[str, Array]:
         """Time, temperature and its interval at the time asked for."""
@@ -407,18 +463,14 @@ class _Block:
                 against[int(i)] = size
         return ahead, against
 
-    def _with_pictures(
+    def _pictures(
         self, i: int, record: IdentifyRecord, found: Estimates, single: Callable[[int], Track], claimed: Claims | None
-    ) -> Identified:
+    ) -> tuple[dict[str, Array], Curves]:
+        """Trace and curves of a sensor."""
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
         room = float(self.surroundings[n - 1]) if self.surroundings is not None else None
-        return Identified(record, trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i, room))
-
-
-def _or_none(column: Array) -> list[float | None]:
-    """Numbers, None for what is none."""
-    return [v if math.isfinite(v) else None for v in column.tolist()]
+        return trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i, room)
 
 
 def _joined(messages: list[Any]) -> str:

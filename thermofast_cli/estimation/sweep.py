@@ -72,7 +72,7 @@ def sweep_sensors(
         return whole
 
     def identified(until: float) -> list[IdentifyRecord]:
-        return [f.record for f in identify_sensors(run, channels, time_min, values, method, until, start_min, room=room)]
+        return list(identify_sensors(run, channels, time_min, values, method, until, start_min, room=room).records)
 
     return _with_machine(whole, identified, tolerance_c)
 

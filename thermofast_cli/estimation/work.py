@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models.standards import Criterion
 
 from ..records import IdentifyRecord, SweepRecord
-from .identify import Identified, Method, identify_sensors
+from .identify import Found, Identified, Method, identify_sensors
 from .sweep import Swept, sweep_sensors
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def together(tasks: Sequence[Task]) -> Task:
     )
 
 
-def identify_task(task: IdentifyTask) -> list[Identified]:
+def identify_task(task: IdentifyTask) -> Found:
     """Each sensor of the task identified."""
     return identify_sensors(
         task.run,

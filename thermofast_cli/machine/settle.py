@@ -91,7 +91,7 @@ def half_widths(task: LoopTask, method: Method, until: float) -> dict[str, float
     room = np.mean(list(run.ambient.values()), axis=0) if run.ambient and not told.uses_room else None
     of_run = replace(method, past=told.past)
     found = identify_sensors(run.name, channels, run.time_s / 60.0, values, of_run, until, task.start_min, room=room)
-    sides = {f.record.channel: (f.record.steady_state_lo_c, f.record.steady_state_hi_c) for f in found}
+    sides = {r.channel: (r.steady_state_lo_c, r.steady_state_hi_c) for r in found.records}
     return {c: 0.5 * (b - a) if a is not None and b is not None else np.inf for c, (a, b) in sides.items()}
 
 

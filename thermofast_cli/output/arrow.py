@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .columns import Column, Records, Same
 from .text import Row, plain
 
 #: Types of the columns, as their annotations tell them, an absent value aside; what is nested deeper is JSON text.
@@ -51,11 +52,40 @@ def _as_text(value: Any) -> Any:
     return json.dumps(plain(value), ensure_ascii=False) if isinstance(value, dict | list | tuple) else value
 
 
-def write_parquet(path: str, columns: Sequence[str], rows: Sequence[Row], types: Mapping[str, Any] | None = None) -> None:
-    """Rows as a Parquet file."""
+def columns_to_arrow(records: Records, types: Mapping[str, Any]) -> Any:
+    """Records held by columns as an Arrow table, with these types."""
+    import pyarrow as pa
+
+    return pa.table({name: _of_type(column, records.count, types[name]) for name, column in records.columns.items()})
+
+
+def _of_type(column: Column, count: int, kind: Any) -> Any:
+    """A column of records as one of that type."""
+    import pyarrow as pa
+
+    if isinstance(column, np.ndarray):
+        absent = np.isnan(column)
+        held = pa.py_buffer(np.packbits(~absent, bitorder="little")) if absent.any() else None
+        numbers = np.where(absent, 0.0, column) if held is not None else np.ascontiguousarray(column)
+        return pa.Array.from_buffers(pa.float64(), count, [held, pa.py_buffer(numbers)])
+    if isinstance(column, Same):
+        if column.value is None:
+            return pa.nulls(count, kind)
+        column = [column.value] * count
+    found = _arrow([_as_text(v) for v in column] if kind == pa.string() else column)
+    return found if found.type == kind else found.cast(kind)
+
+
+def write_arrow(path: str, table: Any) -> None:
+    """An Arrow table as a Parquet file."""
     import pyarrow.parquet as papq
 
-    papq.write_table(to_arrow(columns, rows, types), path)
+    papq.write_table(table, path)
+
+
+def write_parquet(path: str, columns: Sequence[str], rows: Sequence[Row], types: Mapping[str, Any] | None = None) -> None:
+    """Rows as a Parquet file."""
+    write_arrow(path, to_arrow(columns, rows, types))
 
 
 def _arrow(values: list[Any]) -> Any:

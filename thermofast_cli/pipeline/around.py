@@ -108,7 +108,7 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
     minutes = run.time_s / 60.0
     values = np.stack(list(run.channels.values()))
     method = choose("afukf", None, ())
-    found = [f.record for f in identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start)]
+    found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start).records
     told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None]
     if not told:
         raise UsageError(f"{run.name}: no sensor of it shows where it settles", do="say --tau, --rise and --noise")
@@ -128,9 +128,7 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
             until = turn * design.tau_min
             if until > float(minutes[-1]) - start or not (minutes - start <= until).sum() > 8:
                 continue
-            found = [
-                f.record for f in identify_sensors(run.name, tuple(run.channels), minutes, values, method, start + until, start)
-            ]
+            found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, start + until, start).records
             sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in found]
             widths = np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
             half[k] = of_all(widths, prior.none)

@@ -1,6 +1,6 @@
 """Analyses of one sensor at a time: identify and sweep."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
 from ..errors import UsageError
-from ..estimation.identify import LET_GO, Identified, Method
+from ..estimation.identify import LET_GO, Found, Identified, Method
 from ..estimation.imperfect import GROUP
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..reading import Run
@@ -144,7 +144,7 @@ def identify_runs(
 
     weight = 100.0 if joint else 10.0 if method.widens else 1.0
     sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
-    found_all, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how, together)
+    by_task, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how, together)
     if auto and not interrupted:
         from .averaged import averaged  # it needs scipy, which takes longer to load than ten sensors to identify
 
@@ -155,26 +155,32 @@ def identify_runs(
         )
         interrupted = plain.interrupted
         without = {(r.run, r.channel): r for r in plain}
-        found_all = [
-            replace(one, record=averaged(one.record, without[one.record.run, one.record.channel]))
-            if (one.record.run, one.record.channel) in without
-            else one
-            for one in found_all
-        ]
-    for one in failed:
-        record = IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed)
-        found_all.append(Identified(record))
-    records = [one.record if limit_c is None else with_limit(one.record, limit_c) for one in found_all]
+        by_task = [[_with_doubt(one, without, averaged) for one in found] for found in by_task]
+    unread = [IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed) for one in failed]
+    whole = Found.joined([*by_task, [Identified(record) for record in unread]])
+    records: Sequence[IdentifyRecord] = whole.records
+    if limit_c is not None:
+        records = [with_limit(record, limit_c) for record in records]
     if switch_off_min is not None:
         of = {run.name: run for run, _ in started}
         records = [with_switch_off(r, of[r.run], switch_off_min, until_min) for r in records]
     return Identification(
-        tuple(with_last(records) if criterion is not None else records),
+        with_last(records) if criterion is not None else records,
         tuple(run for run, _ in started),
         interrupted,
-        tuple(one.curves for one in found_all if one.curves is not None),
-        tuple(one.trace for one in found_all),
+        tuple(curves for _, curves in whole.details if curves is not None),
+        tuple(trace for trace, _ in whole.details),
     )
+
+
+def _with_doubt(
+    one: Identified,
+    without: dict[tuple[str, str], IdentifyRecord],
+    averaged: Callable[[IdentifyRecord, IdentifyRecord], IdentifyRecord],
+) -> Identified:
+    """What was found of a sensor with effects added, its interval counting the record without them where there is one."""
+    plain = without.get((one.record.run, one.record.channel))
+    return one if plain is None else replace(one, record=averaged(one.record, plain))
 
 
 def _other(channel: str, known: "Knowledge") -> str:
@@ -245,7 +251,8 @@ def sweep_runs(
         sensor_tasks, processes = share_out(
             started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1
         )
-        swept, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how, together)
+        by_task, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how, together)
+        swept = [one for found in by_task for one in found]
     records = [record for one in swept for record in one.records]
     if criterion is not None:
         records = with_trips(records, criterion, started)

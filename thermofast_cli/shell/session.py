@@ -205,7 +205,7 @@ def deliver(
 
     `beneath` are the texts under a drawn table. Exit code: 0 done, 1 some sensor failed, 130 interrupted.
     """
-    whole = replace(result, records=(*result.records, *unreadable))
+    whole = replace(result, records=(*result.records, *unreadable)) if unreadable else result
     targets, made = [*([output] if output else []), *more_outputs()], how_made()
     for target in targets:
         whole.save(target, wants_excel_csv(), made)
@@ -217,7 +217,7 @@ def deliver(
     if result.interrupted:
         say(f"interrupted: {len(result)} records were finished")
         return 130
-    return 1 if any(record.status in FAILURES for record in whole.records) else 0
+    return 1 if any(status in FAILURES for status in whole.statuses()) else 0
 
 
 def more_outputs() -> tuple[str, ...]:

@@ -68,12 +68,12 @@ class Work:
 
     def over(
         self,
-        work: Callable[[Any], list[Any]],
+        work: Callable[[Any], Sequence[Any]],
         tasks: Sequence[Any],
         processes: int,
         lost: Callable[[Any, str], list[Any]],
         together: Callable[[Sequence[Any]], Any] | None = None,
-    ) -> Iterator[list[Any]]:
+    ) -> Iterator[Sequence[Any]]:
         """Results of ``work`` for each task, in order; the arguments are those of :class:`~.flow.Flow`."""
         flow = Flow(work, lambda task: task.singles(), lost, together, self.limit_s)
         if self.crew is not None:
@@ -115,24 +115,24 @@ def share_out(
 
 
 def over_sensors(
-    work: Callable[[Any], list[Any]],
+    work: Callable[[Any], Sequence[Any]],
     tasks: Sequence[Any],
     processes: int,
     lost: Callable[[Any, str], list[Any]],
     how: Work,
     together: Callable[[Sequence[Any]], Any] | None = None,
-) -> tuple[list[Any], bool]:
-    """Results in the order of the sensors, and whether the user interrupted the work."""
+) -> tuple[list[Sequence[Any]], bool]:
+    """Results of each task in the order of the sensors, one of each of its sensors, and whether the user interrupted the work."""
     return _kept(how.over(work, tasks, processes, lost, together), how, lambda results: len(results))
 
 
-def _kept(several: Iterator[list[Any]], how: Work, steps: Callable[[list[Any]], int]) -> tuple[list[Any], bool]:
-    """All results as one list, and whether the user interrupted; steps of progress are counted from each task's results."""
-    found: list[Any] = []
+def _kept(several: Iterator[Sequence[Any]], how: Work, steps: Callable[[Sequence[Any]], int]) -> tuple[list[Sequence[Any]], bool]:
+    """The results of each task, and whether the user interrupted; steps of progress are counted from them."""
+    found: list[Sequence[Any]] = []
     try:
         for results in several:
             how.advance(steps(results))
-            found += results
+            found.append(results)
     except KeyboardInterrupt:
         if not how.keep:
             raise
@@ -160,7 +160,8 @@ def over_runs(
     with sharing(tasks, 1 if several or not shares else wanted, long) as spread:
         doing = partial(work, spread=_counted(spread, how.advance) if single and not several else spread) if shares else work
         processes = min(wanted, len(tasks)) if several else 1
-        return _kept(how.over(doing, tasks, processes, lost), how, lambda _results: 0 if single and shares else 1)
+        told, stopped = _kept(how.over(doing, tasks, processes, lost), how, lambda _results: 0 if single and shares else 1)
+    return [one for results in told for one in results], stopped
 
 
 @contextmanager

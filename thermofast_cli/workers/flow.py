@@ -135,7 +135,7 @@ class Flow(Generic[Task, Result]):
     are tried.
     """
 
-    work: Callable[[Task], list[Result]]
+    work: Callable[[Task], Sequence[Result]]
     split: Callable[[Task], list[Task]]
     lost: Callable[[Task, str], list[Result]]
     together: Callable[[Sequence[Task]], Task] | None = None
@@ -143,7 +143,7 @@ class Flow(Generic[Task, Result]):
     sound: Callable[[], bool] | None = None
     _failures: int = field(default=0, init=False)
 
-    def results(self, tasks: Iterable[Task], crew: Crew) -> Iterator[tuple[int, list[Result]]]:
+    def results(self, tasks: Iterable[Task], crew: Crew) -> Iterator[tuple[int, Sequence[Result]]]:
         """(place, results) of each task as it is finished; tasks are drawn as there is room for them."""
         coming = enumerate(tasks)
         flying: dict[Future[Any], tuple[int, Task, float]] = {}
@@ -190,7 +190,7 @@ class Flow(Generic[Task, Result]):
             for place, task, why in suspects:
                 yield place, self.apart(task, why)
 
-    def apart(self, task: Task, why: str) -> list[Result]:
+    def apart(self, task: Task, why: str) -> Sequence[Result]:
         """A task that failed, once more in a process of its own; if it fails again, its parts one after another."""
         if self._failures >= MOST_FAILURES:
             return self._given_up(task)
@@ -202,7 +202,7 @@ class Flow(Generic[Task, Result]):
         if len(parts) < 2:
             self._failed()
             return self.lost(task, again or why)
-        found: list[tuple[Task, list[Result] | None, str]] = []
+        found: list[tuple[Task, Sequence[Result] | None, str]] = []
         for part in parts:
             results, why = self.alone(part) if self._failures < MOST_FAILURES else (None, NOT_TRIED)
             if results is None:
@@ -228,7 +228,7 @@ class Flow(Generic[Task, Result]):
     def _given_up(self, task: Task) -> list[Result]:
         return [r for part in self.split(task) for r in self.lost(part, NOT_TRIED)]
 
-    def alone(self, task: Task) -> tuple[list[Result] | None, str]:
+    def alone(self, task: Task) -> tuple[Sequence[Result] | None, str]:
         """(results, "") of a task in a process of its own, or (None, why not)."""
         pool = new_pool(1)
         try:
@@ -294,9 +294,9 @@ def _words(error: BaseException) -> str:
     return f"its work failed: {what}{': ' + text[0][:160] if text else ''}; run it alone with --jobs 1 to see why"
 
 
-def in_order(flow: "Flow[Any, Any]", tasks: Sequence[Any], crew: Crew) -> Iterator[list[Any]]:
+def in_order(flow: "Flow[Any, Any]", tasks: Sequence[Any], crew: Crew) -> Iterator[Sequence[Any]]:
     """Results of each task in the order of the tasks."""
-    waiting: dict[int, list[Any]] = {}
+    waiting: dict[int, Sequence[Any]] = {}
     following = 0
     for place, results in flow.results(tasks, crew):
         waiting[place] = results

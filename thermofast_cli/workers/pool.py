@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from importlib import import_module
 from multiprocessing import connection
 from pkgutil import walk_packages
@@ -79,9 +80,16 @@ def warm_pool(jobs: int | None, size_bytes: int) -> ProcessPoolExecutor | None:
     if processes < 2 or size_bytes < WARM_BYTES:
         return None
     pool = new_pool(processes)
-    for _ in range(processes):
-        pool.submit(_nothing)
+    # In a thread: a process is not there before the server of forks has imported what all of them need.
+    Thread(target=_started, args=(pool, processes), daemon=True).start()
     return pool
+
+
+def _started(pool: Executor, processes: int) -> None:
+    """Brings the processes of a pool up; what breaks here shows again where they are needed."""
+    with suppress(RuntimeError, OSError):
+        for _ in range(processes):
+            pool.submit(_nothing)
 
 
 class Shared:
