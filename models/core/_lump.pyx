@@ -107,6 +107,7 @@ cdef enum:
     GRID_READINGS = 64  # block means that it looks at
     BLOCK = 16          # readings to one exponential on an even grid
     LANES = 4           # partial sums side by side
+    ANCHOR = 32         # blocks after which their exponential is taken anew, so that rounding does not add up
 
 
 cdef struct Sums:
@@ -161,6 +162,7 @@ cdef struct Problem:
     double high
     double step         # spacing where it is even
     bint even
+    bint plain          # evenly spaced, all of one weight: sums over the basis have closed forms
 
 
 cdef Problem allocate(Py_ssize_t size) except *:
@@ -179,6 +181,7 @@ cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_
     """Load readings of positive weight; returns 1 where they are too few for a fit."""
     cdef Py_ssize_t i, m = 0
     cdef double span
+    p.plain = False
     p.weight = 0.0
     p.level = 0.0
     p.t0 = t[0]
@@ -207,13 +210,19 @@ cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_
         if fabs(p.t[i] - p.t[i - 1] - p.step) > 1e-9 * p.step:
             p.even = False
             break
+    if p.even:
+        p.plain = True
+        for i in range(1, m):
+            if p.w[i] != p.w[0]:
+                p.plain = False
+                break
     return 0
 
 
 cdef void decays(Problem* p, double rate) noexcept nogil:
-    """exp(-rate t) of every reading into p.phi: on an even grid one exponential for BLOCK readings, times its powers."""
+    """exp(-rate t) of every reading into p.phi: on an even grid products of few exponentials."""
     cdef double power[BLOCK]
-    cdef double first, factor
+    cdef double first = 1.0, factor, across
     cdef Py_ssize_t i, j, blocks = p.n // BLOCK
     if not p.even:
         for i in range(p.n):
@@ -223,12 +232,13 @@ cdef void decays(Problem* p, double rate) noexcept nogil:
     power[0] = 1.0
     for j in range(1, BLOCK):
         power[j] = power[j - 1] * factor
+    across = power[BLOCK - 1] * factor
     for i in range(blocks):
-        first = exp(-rate * p.t[BLOCK * i])
+        first = exp(-rate * p.t[BLOCK * i]) if i % ANCHOR == 0 else first * across
         for j in range(BLOCK):
             p.phi[BLOCK * i + j] = first * power[j]
     if BLOCK * blocks < p.n:
-        first = exp(-rate * p.t[BLOCK * blocks])
+        first = exp(-rate * p.t[BLOCK * blocks]) if blocks % ANCHOR == 0 else first * across
         for j in range(p.n - BLOCK * blocks):
             p.phi[BLOCK * blocks + j] = first * power[j]
 
@@ -317,6 +327,52 @@ cdef inline double total(const double* lanes) noexcept nogil:
     return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 
 
+cdef double decayed(Problem* p, double rate) noexcept nogil:
+    """Sum of y exp(-rate t) over evenly spaced readings."""
+    cdef double power[BLOCK]
+    cdef double part[LANES]
+    cdef double factor = exp(-rate * p.step), found = 0.0, first = 1.0, across
+    cdef Py_ssize_t i, j, k, blocks = p.n // BLOCK, left = p.n - BLOCK * (p.n // BLOCK)
+    cdef double* y = p.y
+    power[0] = 1.0
+    for j in range(1, BLOCK):
+        power[j] = power[j - 1] * factor
+    across = power[BLOCK - 1] * factor
+    for i in range(blocks):
+        clear(part)
+        for k in range(0, BLOCK, 4):
+            for j in range(LANES):
+                part[j] += y[k + j] * power[k + j]
+        first = exp(-rate * p.t[BLOCK * i]) if i % ANCHOR == 0 else first * across
+        found += first * total(part)
+        y += BLOCK
+    if left:
+        part[0] = 0.0
+        for j in range(left):
+            part[0] += y[j] * power[j]
+        first = exp(-rate * p.t[BLOCK * blocks]) if blocks % ANCHOR == 0 else first * across
+        found += first * part[0]
+    return found
+
+
+cdef void glance_plain(Problem* p, double rate, Sums* s) noexcept nogil:
+    """As glance where the basis alone needs no sum over the readings: powers of one number add up to a geometric series."""
+    cdef double each = p.w[0], inverse = 1.0 / rate, n = <double> p.n, py
+    cdef double begun = exp(-rate * p.t[0])
+    cdef double once = begun * expm1(-rate * p.step * n) / expm1(-rate * p.step)
+    cdef double twice = begun * begun * expm1(-2.0 * rate * p.step * n) / expm1(-2.0 * rate * p.step)
+    py = -each * inverse * decayed(p, rate)     # the readings are centred
+    s.rate = rate
+    s.level = p.level
+    s.weight = p.weight
+    s.phi_mean = (n - once) * inverse / n
+    s.phi_phi = each * inverse * inverse * (twice - once * once / n)
+    s.slope = py / s.phi_phi if s.phi_phi > 0.0 else 0.0
+    s.rss = p.squares - s.slope * py
+    if s.rss < 0.0:
+        s.rss = 0.0
+
+
 cdef void glance(Problem* p, double rate, Sums* s) noexcept nogil:
     """As evaluate, without derivatives and in one pass: the readings are centred, so the basis need not be."""
     cdef Py_ssize_t i, j, even = p.n - p.n % LANES
@@ -326,6 +382,9 @@ cdef void glance(Problem* p, double rate, Sums* s) noexcept nogil:
     cdef double inverse, value, weighted, py
     if not fabs(rate) * p.t[p.n - 1] > 1e-2:
         evaluate(p, rate, False, s)
+        return
+    if p.plain:
+        glance_plain(p, rate, s)
         return
     decays(p, rate)
     inverse = 1.0 / rate
@@ -364,12 +423,15 @@ cdef double residual_squares(Problem* p, double rate) noexcept nogil:
 
 
 cdef void search(Problem* p, Problem* thin, bint signed_rate, Sums* best) noexcept nogil:
-    """Start of the refinement: the best rate of a grid, on block means of a long record."""
+    """Start of the refinement: the best rate of a grid, on block means of a long record where that is quicker."""
     cdef Py_ssize_t i, j, a, b, blocks
-    cdef double span = p.t[p.n - 1] - p.t[0], ratio, rate, rss, least = INFINITY, chosen = 0.0, first
+    cdef double span = p.t[p.n - 1] - p.t[0], ratio, rate, rss, least = INFINITY, chosen = 0.0, first, bend
+    cdef double tried[GRID + 2]
+    cdef Py_ssize_t at = 0
     cdef Problem* q = p
-    if p.n > GRID_READINGS:
+    if p.n > GRID_READINGS and not p.plain:
         q = thin
+        q.plain = False
         q.n = GRID_READINGS
         q.weight = p.weight
         q.level = p.level
@@ -397,10 +459,20 @@ cdef void search(Problem* p, Problem* thin, bint signed_rate, Sums* best) noexce
         elif i == GRID + 1:
             rate = 1e-6 / span
         rss = residual_squares(q, rate)
+        tried[i] = rss
         if rss < least:
             least = rss
             chosen = rate
+            at = i
         rate *= ratio
+    # Between the rates of the grid the sum of squares is nearly a parabola in the logarithm: its least is a better start.
+    if q == p and 0 < at < GRID - 1:
+        bend = tried[at - 1] - 2.0 * least + tried[at + 1]
+        if bend > 0.0:
+            rate = chosen * pow(ratio, 0.5 * (tried[at - 1] - tried[at + 1]) / bend)
+            evaluate(p, clip(rate, p.low, p.high), True, best)
+            if best.rss < least:
+                return
     evaluate(p, clip(chosen, p.low, p.high), True, best)
 
 
@@ -632,35 +704,41 @@ def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w,
         free(p.t)
 
 
-cdef Py_ssize_t drop_outliers(Problem* p, Sums* s, const double* t, const double* y, double* w, Py_ssize_t size,
-                            double outlier, double resolution, double* scratch) noexcept nogil:
+cdef Py_ssize_t drop_outliers(Problem* p, Sums* s, double* w, Py_ssize_t size, double outlier, double resolution,
+                              double* scratch) noexcept nogil:
     """Take the weight of readings far outside the fit; returns how many, 0 where so many stand out that the fit is wrong.
 
     Far is `outlier` deviations by the median absolute residual, which outliers do not widen.
     """
-    cdef Py_ssize_t i, count = 0
-    cdef double dof = p.n - 3, limit, r
+    cdef Py_ssize_t i, j, count = 0, beyond = 0
+    cdef double dof = p.n - 3, limit, inverse = 1.0 / s.rate if s.rate != 0.0 else 0.0, value, factor, largest = 0.0, half
     if dof < 3 or not outlier < INFINITY:
         return 0
-    for i in range(size):
-        if w[i] > 0.0:
-            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
-            scratch[count] = fabs(r) * sqrt(w[i])
+    decays(p, s.rate)
+    for j in range(p.n):
+        value = (1.0 - p.phi[j]) * inverse if fabs(s.rate * p.t[j]) >= 1e-3 else growth(s.rate, p.t[j])
+        p.phi[j] = fabs(p.y[j] - s.slope * (value - s.phi_mean)) * sqrt(p.w[j])
+        scratch[j] = p.phi[j]
+        largest = max2(largest, p.phi[j])
+    factor = outlier * (1.0 + 3.0 / dof) * 1.4826 * sqrt(p.n / dof)
+    # Where more than half of all lie beyond what the median would have to be, the largest is no outlier: no need to know it.
+    half = (largest - resolution) / factor
+    for j in range(p.n):
+        beyond += p.phi[j] > half
+    if 2 * beyond > p.n + 1:
+        return 0
+    limit = factor * median_of(scratch, p.n) + resolution
+    for j in range(p.n):
+        if p.phi[j] > limit:
             count += 1
-    limit = outlier * (1.0 + 3.0 / dof) * 1.4826 * median_of(scratch, count) * sqrt(count / dof) + resolution
-    count = 0
-    for i in range(size):
-        if w[i] > 0.0:
-            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
-            if fabs(r) * sqrt(w[i]) > limit:
-                count += 1
     if count == 0 or count > size // 10:
         return 0
+    j = 0
     for i in range(size):
         if w[i] > 0.0:
-            r = y[i] - s.level - s.slope * (growth(s.rate, t[i] - t[0]) - s.phi_mean)
-            if fabs(r) * sqrt(w[i]) > limit:
+            if p.phi[j] > limit:
                 w[i] = 0.0
+            j += 1
     return count
 
 
@@ -884,7 +962,7 @@ cdef void likely(_Scratch space, const double* t, const double* y, double* weigh
         search(p, &space.thin, False, &s)
     refine(p, &s)
     for round_ in range(2):
-        if drop_outliers(p, &s, t, y, weights, n, rule.outlier, resolution, space.values) == 0:
+        if drop_outliers(p, &s, weights, n, rule.outlier, resolution, space.values) == 0:
             break
         if fill(p, t, y, weights, n, False):
             break
