@@ -61,7 +61,7 @@ class GaussianFilter(Filter):
         if called is None or starts is None or (starts.index < 0).any():
             return None
         records, n = starts.state.shape
-        weight = starts.weights.copy()
+        weight = starts.weights  # nobody else's: the loop goes on with them
         state, covariance = np.full((records, n), np.nan), np.full((records, n, n), np.nan)
         last = np.full(records, np.nan, ROW)
         woke, diverged_at = np.empty(records, np.intp), np.empty(records, np.intp)

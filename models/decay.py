@@ -99,11 +99,11 @@ class DecayFit(FitMoments):
         level, slope, rate, mean = (np.asarray(v)[..., None] for v in (self.level, self.slope, self.rate, self.phi_mean))
         decay = np.exp(-rate * dt)
         model = level + slope * ((1.0 - decay) / rate - mean)
-        tangent = np.empty((*decay.shape, 3))
-        tangent[..., 0] = 1.0
-        tangent[..., 1] = decay
-        tangent[..., 2] = dt * decay
-        return reading - model, tangent
+        across = np.empty((*decay.shape[:-1], 3, decay.shape[-1]))  # direction by direction in memory, as their sums run
+        across[..., 0, :] = 1.0
+        across[..., 1, :] = decay
+        np.multiply(dt, decay, out=across[..., 2, :])
+        return reading - model, across.swapaxes(-1, -2)
 
     @property
     def steady_state_limit(self) -> Any:

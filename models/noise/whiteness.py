@@ -48,18 +48,18 @@ def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> Any:
         n = MOST_POINTS
     count = min(COSINES, n // 6)
     m = tangent.shape[-1]
-    scale = np.maximum(np.sqrt((tangent * tangent).sum(axis=-2)), 1e-300)
-    tangent = tangent / scale[..., None, :]
     cosines = _cosines(n, count)
     # What the cosines explain beyond the tangent; a cosine that the fit can imitate is left with nothing but rounding.
-    across = tangent.swapaxes(-1, -2)
+    across = np.ascontiguousarray(tangent.swapaxes(-1, -2))
+    own = across @ across.swapaxes(-1, -2)
+    scale = np.maximum(np.sqrt(np.einsum("...ii->...i", own)), 1e-300)
     gram = np.empty((*residual.shape[:-1], m + count, m + count))
-    gram[..., :m, :m] = across @ tangent
-    gram[..., :m, m:] = across @ cosines
+    gram[..., :m, :m] = own / (scale[..., None] * scale[..., None, :])
+    gram[..., :m, m:] = (across.reshape(-1, n) @ cosines).reshape(*across.shape[:-1], count) / scale[..., None]
     gram[..., m:, :m] = gram[..., :m, m:].swapaxes(-1, -2)
     gram[..., m:, m:] = cosines.T @ cosines
-    along = np.concatenate([(across @ residual[..., None])[..., 0], residual @ cosines], axis=-1)
-    gram += 1e-11 * np.eye(m + count)
+    along = np.concatenate([(across @ residual[..., None])[..., 0] / scale, residual @ cosines], axis=-1)
+    np.einsum("...ii->...i", gram)[...] += 1e-11
     explained = (along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=-1)
     # At its optimum a fit leaves nothing along its own directions; the means of uneven blocks do.
     own = np.linalg.solve(gram[..., :m, :m], along[..., :m, None])[..., 0]

@@ -82,7 +82,7 @@ def likelihood_estimates(
     used, root = weights > 0.0, np.sqrt(weights)
     with np.errstate(all="ignore"):
         residual, tangent = fit.residual_and_tangent(time, reading)
-        scaled, tangent = residual * root, tangent * root[..., None]
+        scaled, tangent = residual * root, np.multiply(tangent, root[..., None], out=tangent)
         squares = (np.where(used, residual, 0.0) ** 2).sum(axis=1)
         misfit = np.sqrt(squares / used.sum(axis=1))
     p = pattern_p_values(scaled, tangent, used & (fit.dof >= 9)[:, None])
@@ -130,8 +130,10 @@ def pattern_p_values(residual: Array, tangent: Array, used: NDArray[np.bool_]) -
     """:func:`pattern_p_value` of each row (S, n), tangent (S, n, m), over the readings that are used; nan where none is."""
     p = np.full(len(residual), np.nan)
     whole = used.all(axis=1)
+    if whole.all():
+        return np.asarray(pattern_p_value(residual, tangent))
     if whole.any():
-        p[whole] = pattern_p_value(residual[whole], tangent[whole])
+        p[whole] = pattern_p_value(residual[whole], tangent.swapaxes(-1, -2)[whole].swapaxes(-1, -2))
     for i in np.flatnonzero(~whole & used.any(axis=1)):
         p[i] = pattern_p_value(residual[i][used[i]], tangent[i][used[i]])
     return p
@@ -313,15 +315,18 @@ def estimates_of(
         forgot = tracks.forgotten > -math.log(RULES.kept_share)
     consistent = ~forgot | (count - 1 < tracks.first)
     closes = {"never": np.zeros(sensors, bool), "always": np.ones(sensors, bool), "when consistent": consistent}[method.closing]
-    asks = np.flatnonzero(sound & (closes | (method.closing == "when consistent")))
+    asked = sound & (closes | (method.closing == "when consistent"))
+    asks = np.flatnonzero(asked)
     stands = np.zeros(sensors, dtype=bool)
     if len(asks):
-        first = tracks.first[asks] if method.closing != "always" else np.zeros(len(asks), dtype=np.intp)
-        weights = tracks.weight[asks]
-        whole = likelihood_estimates(time, reading[asks], weights, first, resolution[asks], _outlier(method))
+        of = slice(None) if asked.all() else asks  # of all, nothing needs to be copied
+        first = tracks.first[of] if method.closing != "always" else np.zeros(len(asks), dtype=np.intp)
+        whole = likelihood_estimates(time, reading[of], tracks.weight[of], first, resolution[of], _outlier(method))
         with np.errstate(invalid="ignore"):
             # A filter that forgot must be right to have done so: chance alone wakes one now and then in a long record.
             stands[asks] = closes[asks] | ((whole.pattern_p >= RULES.doubt) & ~whole.too_large)
+        if stands.all():
+            return whole
         found.put(asks[stands[asks]], _some(whole, stands[asks]))
     for i in np.flatnonzero(sound & ~stands).tolist():
         found.put_one(i, filter_estimate(model, track(i), time, reading[i], count - 1, float(resolution[i])))

@@ -35,14 +35,15 @@ def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
     steady[complete] = level[complete]
     with np.errstate(all="ignore"):
         width = np.maximum(3, np.ceil((6.0 * noise / (0.05 * rise)) ** 2))
-    for i in np.flatnonzero(complete & (width <= n // 10)):
-        wide = int(width[i]) | 1
-        if wide > n // 10:
-            continue
-        sums = np.concatenate([[0.0], np.cumsum(reading[i] - level[i])])
-        outside = np.flatnonzero(np.abs(sums[wide:] - sums[:-wide]) > 0.05 * rise[i] * wide)
-        last = int(outside[-1]) + wide // 2 if len(outside) else 0
-        settled[i] = time[last + 1] - time[0]
+    some = np.flatnonzero(complete & (width <= n // 10))
+    odd = width[some].astype(int) | 1
+    for wide in np.unique(odd[odd <= n // 10]).tolist():
+        rows = some[odd == wide]
+        sums = np.zeros((len(rows), n + 1))
+        np.cumsum(reading[rows] - level[rows, None], axis=1, out=sums[:, 1:])
+        outside = np.abs(sums[:, wide:] - sums[:, :-wide]) > (0.05 * wide) * rise[rows, None]
+        last = np.where(outside.any(axis=1), outside.shape[1] - 1 - outside[:, ::-1].argmax(axis=1) + wide // 2, 0)
+        settled[rows] = time[last + 1] - time[0]
     return steady, settled
 
 
