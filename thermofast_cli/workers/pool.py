@@ -1,5 +1,6 @@
 """Processes of this machine: how many the work pays for, how they start and end."""
 
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -18,6 +19,8 @@ POOL_COST_S = 0.8
 #: Rough cost of a sensor and of a reading, for that decision alone.
 SENSOR_COST_S = 3e-5
 READING_COST_S = 3.5e-7
+#: Options of glibc's mallopt (malloc.h); arrays up to so many bytes come from memory that is kept.
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, KEPT_BYTES = -1, -3, 1 << 25
 #: Records larger than this surely pay for a pool.
 WARM_BYTES = 8_000_000
 
@@ -35,8 +38,19 @@ def worth(sensors: int, readings: int, weight: float = 1.0) -> int:
     return max(1, min(cores(), int(seconds / POOL_COST_S)))
 
 
+def _keep_freed_memory() -> None:
+    """Lets this process keep what it frees: blocks of sensors need the same room again and again, and getting pages anew costs a
+    sixth of the time (docs/figures.md). A process that has read a large file keeps it anyway. Nothing where there is no glibc.
+    """
+    with suppress(OSError, AttributeError):
+        set_option = ctypes.CDLL(None).mallopt
+        set_option(M_MMAP_THRESHOLD, KEPT_BYTES)
+        set_option(M_TRIM_THRESHOLD, KEPT_BYTES)
+
+
 def _quiet_worker() -> None:
     """The parent alone answers an interrupt, and no worker outlives it."""
+    _keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
