@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from .base import Array
 
 def run(
-    step_capsule: Any,
-    jacobian_capsule: Any,
+    capsules: tuple[Any, Any, Any],
     rule: str,
     points: NDArray[np.void] | None,
     settings: NDArray[np.void],
@@ -24,8 +23,7 @@ def run(
     rows: NDArray[np.void],
 ) -> int: ...
 def run_block(
-    step_capsule: Any,
-    jacobian_capsule: Any,
+    capsules: tuple[Any, Any, Any],
     rule: str,
     points: NDArray[np.void] | None,
     settings: NDArray[np.void],

@@ -60,12 +60,18 @@ class Starts(Protocol):
 
 
 class Compiled(Protocol):
-    """Capsules around C functions ``void f(const double *state, double dt, double *out)``."""
+    """Capsules around C functions ``void f(const double *state, double dt, double *out)``.
+
+    steps: of many states at once, ``void f(const double *states, Py_ssize_t count, double dt, double *out)``, each state's values
+    together; None where a model has none, and records are filtered one after another.
+    """
 
     @property
     def step(self) -> Any: ...
     @property
     def jacobian(self) -> Any: ...
+    @property
+    def steps(self) -> Any: ...
 
 
 class StateModel(Protocol):

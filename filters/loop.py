@@ -93,7 +93,8 @@ def _called(model: StateModel, moments: Moments, rule: FadingRule, n: int) -> tu
     for name, value in rule.compiled_settings().items():
         settings[name] = value
     told = None if points is None else np.array([points], POINTS)
-    return model.compiled.step, model.compiled.jacobian, rule.rule, told, settings
+    compiled = model.compiled
+    return (compiled.step, compiled.jacobian, compiled.steps), rule.rule, told, settings
 
 
 def run(

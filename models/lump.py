@@ -54,6 +54,7 @@ class Capsules:
 
     step: Any
     jacobian: Any
+    steps: Any = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Lump:
 
     @property
     def compiled(self) -> Capsules | None:
-        return Capsules(kernel.SLOPE_STEP, kernel.SLOPE_JACOBIAN) if kernel.COMPILED else None
+        return Capsules(kernel.SLOPE_STEP, kernel.SLOPE_JACOBIAN, kernel.SLOPE_STEPS) if kernel.COMPILED else None
 
     def step(self, state: Array, dt: float) -> Array:
         """States (..., 3) one interval of dt minutes on."""

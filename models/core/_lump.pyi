@@ -7,6 +7,7 @@ from ._lump_numpy import StartRule
 from .fit import Array, Fits
 
 SLOPE_STEP: Any
+SLOPE_STEPS: Any
 SLOPE_JACOBIAN: Any
 PRINTED_STEP: Any
 PRINTED_JACOBIAN: Any

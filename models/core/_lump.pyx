@@ -54,6 +54,33 @@ cdef void slope_step(const double* x, double dt, double* out) noexcept nogil:
     out[2] = x[2]
 
 
+cdef void slope_steps(const double* x, Py_ssize_t count, double dt, double* out) noexcept nogil:
+    """Many states one interval on: temperatures, slopes and rates each together."""
+    cdef Py_ssize_t i
+    cdef double state[3]
+    cdef double moved[3]
+    cdef double z, part, widest = 0.0
+    for i in range(2 * count, 3 * count):
+        z = fabs(x[i] * dt)
+        widest = z if z > widest else widest
+    if widest < 0.05:
+        for i in range(count):
+            z = x[2 * count + i] * dt
+            part = series(z)
+            out[i] = x[i] + x[count + i] * (dt * part)
+            out[count + i] = x[count + i] * (1.0 - z * part)
+            out[2 * count + i] = x[2 * count + i]
+        return
+    for i in range(count):
+        state[0] = x[i]
+        state[1] = x[count + i]
+        state[2] = x[2 * count + i]
+        slope_step(state, dt, moved)
+        out[i] = moved[0]
+        out[count + i] = moved[1]
+        out[2 * count + i] = moved[2]
+
+
 cdef void slope_jacobian(const double* x, double dt, double* out) noexcept nogil:
     cdef double rate = clip(x[2], -40.0 / dt, 1e3 / dt) if dt > 0 else x[2]
     cdef double decay = exp(-rate * dt)
@@ -89,6 +116,7 @@ cdef void printed_jacobian(const double* x, double dt, double* out) noexcept nog
 
 
 SLOPE_STEP = PyCapsule_New(<void*> slope_step, b"thermofast.step", NULL)
+SLOPE_STEPS = PyCapsule_New(<void*> slope_steps, b"thermofast.steps", NULL)
 SLOPE_JACOBIAN = PyCapsule_New(<void*> slope_jacobian, b"thermofast.step", NULL)
 PRINTED_STEP = PyCapsule_New(<void*> printed_step, b"thermofast.step", NULL)
 PRINTED_JACOBIAN = PyCapsule_New(<void*> printed_jacobian, b"thermofast.step", NULL)

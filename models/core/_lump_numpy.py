@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .fit import Array, FitMoments, Fits, growth, growth_slope
 
 # What a compiled filter loop would call; there is none in numpy.
-SLOPE_STEP = SLOPE_JACOBIAN = PRINTED_STEP = PRINTED_JACOBIAN = None
+SLOPE_STEP = SLOPE_STEPS = SLOPE_JACOBIAN = PRINTED_STEP = PRINTED_JACOBIAN = None
 
 
 GRID = 12
