@@ -46,10 +46,11 @@ def third_difference_noise(reading: Array, time: Array | None = None) -> float:
 def _median(values: Array) -> Any:
     """numpy.median (..., n) without its checks, which cost more than the median of a sensor."""
     middle = values.shape[-1] // 2
+    parted = np.partition(values, middle, axis=-1)
     if values.shape[-1] % 2:
-        return np.partition(values, middle, axis=-1)[..., middle]
-    parted = np.partition(values, (middle - 1, middle), axis=-1)
-    return 0.5 * (parted[..., middle - 1] + parted[..., middle])
+        return parted[..., middle]
+    # Parting at both middles would take six times as long.
+    return 0.5 * (parted[..., :middle].max(axis=-1) + parted[..., middle])
 
 
 def spike_weights(reading: Array, resolution: Array | float = 0.0) -> Array:

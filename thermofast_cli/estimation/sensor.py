@@ -85,7 +85,7 @@ def prepare_all(time_min: Array, values: Array, start_min: float) -> list[Sensor
     found: list[Sensors] = []
     for rows in _alike(good):
         mask = good[rows[0]]
-        time, reading = time_min[mask], values[rows][:, mask]
+        time, reading = time_min[mask], values if len(rows) == len(values) and mask.all() else values[np.ix_(rows, mask)]
         resolution = logger_steps(reading)
         stuck = {i: s for i in _maybe_saturated(reading) if (s := saturated(reading[i], float(resolution[i]))).any()}
         whole = np.array([i for i in range(len(rows)) if i not in stuck], dtype=np.intp)
@@ -132,12 +132,14 @@ def logger_steps(reading: Array) -> Array:
     """The step [K] that all readings of a row (S, n) are multiples of, or 0 where none shows; (S,)."""
     if reading.shape[1] < 2:
         return np.zeros(len(reading))
-    ordered = np.sort(np.round(reading, 9), axis=1)
+    ordered = np.round(reading, 9)
+    ordered.sort(axis=1)
     gaps = ordered[:, 1:] - ordered[:, :-1]
     step = np.where(gaps > 0.0, gaps, np.inf).min(axis=1)
     known = np.isfinite(step) & (step >= 1e-6)
-    multiples = gaps / np.where(known, step, 1.0)[:, None]
-    known &= np.abs(multiples - np.round(multiples)).max(axis=1) <= 0.02
+    gaps /= np.where(known, step, 1.0)[:, None]
+    gaps -= np.rint(gaps)
+    known &= np.maximum(gaps.max(axis=1), -gaps.min(axis=1)) <= 0.02
     return np.where(known, step, 0.0)
 
 
