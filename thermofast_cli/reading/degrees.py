@@ -1,5 +1,6 @@
 """Temperatures in degC, whatever unit they were logged in; and what had to be guessed of it."""
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -95,22 +96,23 @@ class Temperatures:
 
     def _plausible(self, name: str, values: Array, ambient: bool) -> None:
         """Refuses a column without unit that begins where only another unit makes sense; tells one that begins very hot."""
-        good = values[np.isfinite(values)]
-        if not len(good):
+        begins = [v for v in values[:3].tolist() if math.isfinite(v)]
+        if len(begins) < 3:  # of most columns the first three readings are there
+            begins = values[np.isfinite(values)][:3].tolist()
+        if not begins:
             return
-        first = sorted(good[:3].tolist())[len(good[:3]) // 2]
-        said = set(words(name))
+        first = sorted(begins)[len(begins) // 2]
         what = ""
         if ROOM_K[0] <= first <= ROOM_K[1]:
             what = "a room in kelvin or something hot in degC"
         elif ambient and ROOM_F[0] <= first <= ROOM_F[1]:
             what = "a room in degF or a hot chamber in degC"
-        elif said & RESISTORS and any(low <= first <= high for low, high in OHMS):
+        elif any(low <= first <= high for low, high in OHMS) and RESISTORS.intersection(words(name)):
             what = "ohms of a platinum resistor or something hot in degC"
         if what:
             raise InputError(
                 f"{self._table.name}: the unit of column {name!r} cannot be told",
-                found=f"{first:g} to {good[-1]:g}, {what}",
+                found=f"{first:g} to {values[np.isfinite(values)][-1]:g}, {what}",
                 allowed="a unit in the name, as in 'T [K]', or a unit line",
                 do="say --units K, F or C"
                 + ("" if self._table.header or self._channels else " (and --channels with the columns that are temperatures)"),

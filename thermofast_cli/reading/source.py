@@ -304,10 +304,11 @@ def _seen(
     table: Table, time: Time, layout: Layout | None, roles: Roles, units: dict[str, str], spare: list[str], options: Options
 ) -> Seen:
     """What each column was taken for, and how the file is laid out."""
-    of = {n: r for r in ("sensors", "ambient", "inputs", "displacements") for n in getattr(roles, r)}
+    kinds = {"sensors": "sensor", "ambient": "ambient", "inputs": "input", "displacements": "displacement"}
+    of = {n: role for kind, role in kinds.items() for n in getattr(roles, kind)} | dict.fromkeys(time.used, "time")
     columns = []
     for n in table.names:
-        role = "time" if n in time.used else {"ambient": "ambient"}.get(of.get(n, ""), of.get(n, "ignored").removesuffix("s"))
+        role = of.get(n, "ignored")
         unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
         if role in ("sensor", "ambient"):
             unit = unit_told(n, options, table) or unit

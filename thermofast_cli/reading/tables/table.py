@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from ...errors import InputError
 from ..run import Array, Guess
@@ -87,6 +86,8 @@ def read_parquet(data: bytes, name: str, limits: Limits) -> Table:
 
 def _length(words: pa.ChunkedArray) -> int:
     """Bytes of a column of words, each row counted."""
+    import pyarrow.compute as pc  # it takes longer to load than a small file to read
+
     total = 0
     for chunk in words.chunks:
         if pa.types.is_dictionary(chunk.type) and not (
