@@ -230,6 +230,45 @@ def likelihoods(
     )
 
 
+@dataclass(frozen=True)
+class Stretches:
+    """Fits (S, m) of the first counts (m,) readings of S records at time (n,) [min]; see :func:`likelihood_sweeps`."""
+
+    time: Array
+    counts: NDArray[np.intp]
+    fits: Fits
+
+    @property
+    def states(self) -> Array:
+        """State (temperature, slope, rate) (S, m, 3) after each, nan where there is nothing to fit."""
+        out, since = self.fits, self.time[self.counts - 1] - self.time[0]
+        temperature = out["level"] + out["slope"] * (kernel.growth(out["rate"], since) - out["phi_mean"])
+        return np.stack([temperature, out["slope"] * np.exp(-out["rate"] * since), out["rate"]], axis=-1)
+
+    @property
+    def width(self) -> Array:
+        """Width [K] of the steady state's interval (S, m), nan where a side is open."""
+        out = self.fits
+        width = np.where(np.isnan(out["rate_low"]), np.nan, out["steady_high"] - out["steady_low"])
+        exact = (out["n"] > 3) & np.isnan(out["steady_low"]) & np.isfinite(out["rate"])
+        return np.where(exact, 0.0, width)
+
+    @property
+    def longest(self) -> DecayFit:
+        """The fits of the longest stretch."""
+        return DecayFit.from_table(float(self.time[0]), self.fits[:, -1])
+
+    def squares(self, reading: Array, kept: Array, ends: Sequence[int]) -> Array:
+        """Sums of squares [K^2] (S, m, W) of the curves against readings (S, n) over windows of the first ends (W,), ascending.
+
+        kept (S, n): 1 for a reading that counts, else 0.
+        """
+        out = np.empty((*self.fits.shape, len(ends)))
+        t, y, marks = (np.ascontiguousarray(a, dtype=float) for a in (self.time, reading, kept))
+        kernel.curve_squares(t, y, marks, self.fits, np.asarray(ends, dtype=np.intp), out)
+        return out
+
+
 def likelihood_sweeps(
     time: Array,
     reading: Array,
@@ -239,21 +278,13 @@ def likelihood_sweeps(
     resolution: Array,
     outlier: float = OUTLIER,
     narrow: float = math.inf,
-) -> tuple[Array, Array, DecayFit]:
-    """As :func:`likelihoods` for several first stretches counts (m,) of each of S records, in one call.
+) -> Stretches:
+    """As :func:`likelihoods` for several first stretches counts (m,), ascending, of each of S records, in one call.
 
-    Returns the state (temperature, slope, rate) after each, (S, m, 3), nan where there is nothing to fit, the width [K] of
-    the steady state's interval (S, m), nan where a side is open, and the fits of the longest stretch. Only a width that may
-    come near `narrow` is looked for on the likelihood; a far larger one is to first order, whatever its shape.
+    Only a width that may come near `narrow` is looked for on the likelihood; a far larger one is to first order.
     """
-    out = _fits(time, reading, np.array(weight, dtype=float), counts, first, resolution, outlier, 2.0 * narrow)
-    rate, slope = out["rate"], out["slope"]
-    since = time[counts - 1] - time[0]
-    temperature = out["level"] + slope * (kernel.growth(rate, since) - out["phi_mean"])
-    states = np.stack([temperature, slope * np.exp(-rate * since), rate], axis=-1)
-    width = np.where(np.isnan(out["rate_low"]), np.nan, out["steady_high"] - out["steady_low"])
-    exact = (out["n"] > 3) & np.isnan(out["steady_low"]) & np.isfinite(rate)
-    return states, np.where(exact, 0.0, width), DecayFit.from_table(float(time[0]), out[:, -1])
+    out = _fits(time, reading, np.array(weight, dtype=float), counts, first, resolution, outlier, narrow)
+    return Stretches(time, counts, out)
 
 
 def likelihood_sweep(
@@ -269,9 +300,9 @@ def likelihood_sweep(
     """As :func:`likelihood_sweeps` for one record (n,); no fit where there is nothing to fit."""
     number, begun = np.asarray(counts, dtype=np.intp), np.array([first], dtype=np.intp)
     one = reading[None], weight[None], number, begun, np.array([resolution])
-    states, width, fits = likelihood_sweeps(time, *one, outlier, narrow)
-    fit = fits.one(0)
-    return states[0], width[0], None if math.isnan(fit.rate) else fit
+    found = likelihood_sweeps(time, *one, outlier, narrow)
+    fit = found.longest.one(0)
+    return found.states[0], found.width[0], None if math.isnan(fit.rate) else fit
 
 
 def widened_intervals(

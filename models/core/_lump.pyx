@@ -138,6 +138,10 @@ cdef enum:
     ANCHOR = 32         # blocks after which their exponential is taken anew, so that rounding does not add up
 
 
+cdef double KNOWN = 0.15    # standard deviation of a rate over the rate
+cdef double NEXT = 1.1      # times as many readings as before
+
+
 cdef struct Sums:
     double rate
     double slope
@@ -247,6 +251,20 @@ cdef int fill(Problem* p, const double* t, const double* y, const double* w, Py_
     return 0
 
 
+cdef inline void powers(double factor, double* power) noexcept nogil:
+    """factor to the powers 0 to BLOCK - 1, by few products after one another."""
+    cdef double square = factor * factor, fourth = square * square, eighth = fourth * fourth
+    cdef Py_ssize_t j
+    power[0] = 1.0
+    power[1] = factor
+    power[2] = square
+    power[3] = square * factor
+    for j in range(4):
+        power[4 + j] = power[j] * fourth
+    for j in range(8):
+        power[8 + j] = power[j] * eighth
+
+
 cdef void decays(Problem* p, double rate) noexcept nogil:
     """exp(-rate t) of every reading into p.phi: on an even grid products of few exponentials."""
     cdef double power[BLOCK]
@@ -257,9 +275,7 @@ cdef void decays(Problem* p, double rate) noexcept nogil:
             p.phi[i] = exp(-rate * p.t[i])
         return
     factor = exp(-rate * p.step)
-    power[0] = 1.0
-    for j in range(1, BLOCK):
-        power[j] = power[j - 1] * factor
+    powers(factor, power)
     across = power[BLOCK - 1] * factor
     for i in range(blocks):
         first = exp(-rate * p.t[BLOCK * i]) if i % ANCHOR == 0 else first * across
@@ -355,30 +371,30 @@ cdef inline double total(const double* lanes) noexcept nogil:
     return (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 
 
-cdef double decayed(Problem* p, double rate) noexcept nogil:
-    """Sum of y exp(-rate t) over evenly spaced readings."""
+cdef inline double decayed(Problem* p, double rate, double factor, double begun) noexcept nogil:
+    """Sum of y exp(-rate t) over evenly spaced readings; factor is exp(-rate step), begun that of the first reading."""
     cdef double power[BLOCK]
     cdef double part[LANES]
-    cdef double factor = exp(-rate * p.step), found = 0.0, first = 1.0, across
+    cdef double found = 0.0, first = begun, across
     cdef Py_ssize_t i, j, k, blocks = p.n // BLOCK, left = p.n - BLOCK * (p.n // BLOCK)
     cdef double* y = p.y
-    power[0] = 1.0
-    for j in range(1, BLOCK):
-        power[j] = power[j - 1] * factor
+    powers(factor, power)
     across = power[BLOCK - 1] * factor
     for i in range(blocks):
         clear(part)
         for k in range(0, BLOCK, 4):
             for j in range(LANES):
                 part[j] += y[k + j] * power[k + j]
-        first = exp(-rate * p.t[BLOCK * i]) if i % ANCHOR == 0 else first * across
+        if i:
+            first = first * across if i % ANCHOR else exp(-rate * p.t[BLOCK * i])
         found += first * total(part)
         y += BLOCK
     if left:
         part[0] = 0.0
         for j in range(left):
             part[0] += y[j] * power[j]
-        first = exp(-rate * p.t[BLOCK * blocks]) if blocks % ANCHOR == 0 else first * across
+        if blocks:
+            first = first * across if blocks % ANCHOR else exp(-rate * p.t[BLOCK * blocks])
         found += first * part[0]
     return found
 
@@ -386,10 +402,15 @@ cdef double decayed(Problem* p, double rate) noexcept nogil:
 cdef void glance_plain(Problem* p, double rate, Sums* s) noexcept nogil:
     """As glance where the basis alone needs no sum over the readings: powers of one number add up to a geometric series."""
     cdef double each = p.w[0], inverse = 1.0 / rate, n = <double> p.n, py
-    cdef double begun = exp(-rate * p.t[0])
-    cdef double once = begun * expm1(-rate * p.step * n) / expm1(-rate * p.step)
-    cdef double twice = begun * begun * expm1(-2.0 * rate * p.step * n) / expm1(-2.0 * rate * p.step)
-    py = -each * inverse * decayed(p, rate)     # the readings are centred
+    cdef double begun = exp(-rate * p.t[0]) if p.t[0] > 0.0 else 1.0, factor = exp(-rate * p.step), whole, once, twice
+    if rate * p.step > 0.01:
+        whole = exp(-rate * p.step * n)
+        once = begun * (1.0 - whole) / (1.0 - factor)
+        twice = begun * begun * (1.0 - whole * whole) / (1.0 - factor * factor)
+    else:                                       # where those differences would lose digits
+        once = begun * expm1(-rate * p.step * n) / expm1(-rate * p.step)
+        twice = begun * begun * expm1(-2.0 * rate * p.step * n) / expm1(-2.0 * rate * p.step)
+    py = -each * inverse * decayed(p, rate, factor, begun)     # the readings are centred
     s.rate = rate
     s.level = p.level
     s.weight = p.weight
@@ -967,11 +988,20 @@ def start_decay(const double[::1] t, const double[:, ::1] y, const double[::1] r
                 tell(&space.p, &s, &out[i])
 
 
+cdef inline bint well_known(const Fit* fit) noexcept nogil:
+    """Whether a rate is known so well that a few readings more cannot have another one far from it fit better."""
+    cdef double bent = fit.psi_psi - fit.phi_psi * fit.phi_psi / fit.phi_phi if fit.phi_phi > 0.0 else 0.0
+    cdef double variance = fit.rss / (fit.n - 3) / (fit.slope * fit.slope * bent) if fit.n > 3 and bent > 0.0 else INFINITY
+    return variance < KNOWN * KNOWN * fit.rate * fit.rate
+
+
 cdef void likely(_Scratch space, const double* t, const double* y, double* weights, Py_ssize_t n, double quantile,
-                 Py_ssize_t first, double resolution, StartRule* rule, double wide, Fit* out) noexcept nogil:
-    """Fit of n readings with its intervals; the weights become those that it ended with."""
+                 Py_ssize_t first, double resolution, StartRule* rule, double wide, double begun, Fit* out) noexcept nogil:
+    """Fit of n readings with its intervals; the weights become those that it ended with. begun: a rate near which the best is known
+    to lie, 0 where none is.
+    """
     cdef Sums s
-    cdef double limit, noise, reach, steady, begun = 0.0
+    cdef double limit, noise, reach, steady
     cdef double bounds[4]
     cdef bint done
     cdef Py_ssize_t round_
@@ -981,11 +1011,11 @@ cdef void likely(_Scratch space, const double* t, const double* y, double* weigh
     if n <= first:
         if start_weights(p, &space.thin, space.values, t, y, n, resolution, rule, weights, &s, &noise, &done) < 0:
             return
-        begun = s.rate
+        begun = s.rate      # the start has searched the same readings already
     if fill(p, t, y, weights, n, False):
         return
     if begun > p.low:
-        evaluate(p, begun, True, &s)        # the start has searched the same readings already
+        evaluate(p, clip(begun, p.low, p.high), True, &s)
     else:
         search(p, &space.thin, False, &s)
     refine(p, &s)
@@ -1021,6 +1051,7 @@ def likelihoods(const double[::1] t, const double[:, ::1] y, double[:, ::1] w, c
                 double wide, Fit[:, ::1] out):
     """See :func:`thermofast.models.core._lump_numpy.likelihoods`."""
     cdef Py_ssize_t rows = y.shape[0], several = counts.shape[0], i, j, k, n
+    cdef double begun
     cdef _Scratch space
     cdef StartRule r
     agree(t.shape[0], y.shape[1], "readings")
@@ -1036,11 +1067,62 @@ def likelihoods(const double[::1] t, const double[:, ::1] y, double[:, ::1] w, c
     r.settled, r.fewest, r.growing, r.outlier = rule
     with nogil:
         for k in range(rows):
+            begun = 0.0
             for i in range(several):
                 n = counts[i]
                 for j in range(n):
                     space.weights[j] = w[k, j]
-                likely(space, &t[0], &y[k, 0], space.weights, n, quantiles[k, i], first[k], resolution[k], &r, wide, &out[k, i])
+                if i and (not counts[i - 1] <= n <= NEXT * counts[i - 1]):
+                    begun = 0.0
+                likely(space, &t[0], &y[k, 0], space.weights, n, quantiles[k, i], first[k], resolution[k], &r, wide, begun, &out[k, i])
+                begun = out[k, i].rate if well_known(&out[k, i]) else 0.0
             if several == 1:    # the caller of one wants to know which readings were left out
                 for j in range(counts[0]):
                     w[k, j] = space.weights[j]
+
+
+def curve_squares(const double[::1] t, const double[:, ::1] y, const double[:, ::1] kept, const Fit[:, ::1] fits,
+                  const Py_ssize_t[::1] ends, double[:, :, ::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.curve_squares`."""
+    cdef Py_ssize_t rows = y.shape[0], n = t.shape[0], several = fits.shape[1], windows = ends.shape[0], i, j, k, l
+    cdef _Scratch space
+    cdef Problem* p
+    cdef const Fit* f
+    cdef double value, inverse, error, squares
+    agree(n, y.shape[1], "readings")
+    agree(n, kept.shape[1], "marks")
+    for count in (kept.shape[0], fits.shape[0], out.shape[0]):
+        agree(rows, count, "rows")
+    agree(several, out.shape[1], "fits")
+    agree(windows, out.shape[2], "windows")
+    for i in range(windows):
+        if not 0 <= ends[i] <= n or (i and ends[i] < ends[i - 1]):
+            raise ValueError(f"a window of {ends[i]} of {n} readings")
+    if not rows or not n:
+        return
+    space = _Scratch(n)
+    p = &space.p
+    with nogil:
+        for j in range(n):
+            space.weights[j] = 1.0
+        if n < 3 or fill(p, &t[0], &y[0, 0], space.weights, n, False):   # of the grid alone: what is even about it
+            p.n = n
+            p.even = False
+            for j in range(n):
+                p.t[j] = t[j] - t[0]
+        for k in range(rows):
+            for i in range(several):
+                f = &fits[k, i]
+                inverse = 1.0 / f.rate if f.rate != 0.0 else 0.0
+                decays(p, f.rate)
+                squares = 0.0
+                l = 0
+                for j in range(n + 1):
+                    while l < windows and ends[l] == j:
+                        out[k, i, l] = squares
+                        l += 1
+                    if j == n or l == windows:
+                        break
+                    value = (1.0 - p.phi[j]) * inverse if fabs(f.rate * p.t[j]) >= 1e-3 else growth(f.rate, p.t[j])
+                    error = f.level + f.slope * (value - f.phi_mean) - y[k, j]
+                    squares += kept[k, j] * error * error

@@ -258,6 +258,24 @@ def _drop_outliers(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, outlier:
     return True
 
 
+def curve_squares(t: Array, y: Array, kept: Array, fits: Fits, ends: NDArray[np.intp], out: Array) -> None:
+    """Sums of squares [K^2] of fits (S, m) against the readings y (S, n) at t (n,) in windows of ends (W,) readings, ascending.
+
+    kept (S, n) are weights of the readings, 0 for one that does not count; into out (S, m, W), nan where there is no fit.
+
+    Raises
+    ------
+    ValueError: windows that do not ascend, or longer than the record.
+    """
+    if len(ends) and (np.diff(ends, prepend=0).min() < 0 or ends[-1] > len(t)):
+        raise ValueError(f"windows of {ends.tolist()} of {len(t)} readings")
+    phi = growth(fits["rate"][..., None], t - t[0])
+    error = fits["level"][..., None] + fits["slope"][..., None] * (phi - fits["phi_mean"][..., None]) - y[:, None, :]
+    squares = np.zeros((*fits.shape, len(t) + 1))
+    np.cumsum(kept[:, None, :] * error**2, axis=-1, out=squares[..., 1:])
+    out[:] = squares[..., ends]
+
+
 def spike_weights(y: Array, resolution: Array, out: Array) -> None:
     """1 for a reading, 0 for an isolated spike, into out (S, n); see :func:`models.noise.spikes.spike_weights`."""
     for row, step, weights in zip(y, resolution, out, strict=True):

@@ -118,7 +118,7 @@ def command(
     analysis = Analysis("identify", IdentifyRecord, work, parted, {"filter": filter_name}, from_rise=from_rise(learnt, drive))
     if batch.is_archive:
         return batch.archive(analysis)
-    readings = batch.read(trace, from_rise=analysis.from_rise)
+    readings = batch.read(trace, from_rise=analysis.from_rise, search=auto or learnt is not None)
     with batch.working(readings, readings.sensors, "sensors") as how:
         result = work(readings.runs, details=bool(trace) or batch.wants_details, how=how)
     for sentence in in_words(result.records) if rule and not batch.quiet else ():

@@ -93,7 +93,7 @@ def command(
     analysis = Analysis("sweep", SweepRecord, work, 0 if whole else GROUP, {"filter": name}, from_rise=from_rise(learnt, drive))
     if batch.is_archive:
         return batch.archive(analysis)
-    readings = batch.read(from_rise=analysis.from_rise)
+    readings = batch.read(from_rise=analysis.from_rise, search=False)
     with batch.working(readings, len(readings.runs) if whole else readings.sensors, "sensors") as how:
         result = work(readings.runs, details=batch.wants_details, how=how)
     code = batch.tell(result, readings, _drawn(rule is not None), filter=name)

@@ -16,6 +16,7 @@ from thermofast.models import (
     Interval,
     Lump,
     PrintedLump,
+    Stretches,
     difference_noise,
     likelihood_sweep,
     likelihood_sweeps,
@@ -358,9 +359,12 @@ def consistent_until_the_end(method: Filter, tracks: Tracks, count: int) -> NDAr
 
 @dataclass(frozen=True)
 class Progresses:
-    """:class:`Progress` for S sensors whose likelihood closes: state (S, m, 3), width (S, m), sound (S,)."""
+    """:class:`Progress` for S sensors whose likelihood closes: their fits after each of m readings, width (S, m), sound (S,).
 
-    state: Array
+    A width below that asked for has been judged where all later ones are below it too.
+    """
+
+    stretches: Stretches
     width: Array
     sound: NDArray[np.bool_]
 
@@ -376,15 +380,24 @@ def progresses_of(
 ) -> Progresses:
     """As :func:`estimates_at` for S sensors (S, n) on one grid, all of them consistent to the end."""
     weights, first = tracks.weight, tracks.first
-    state, width, fits = likelihood_sweeps(time, reading, weights, indices + 1, first, resolution, _outlier(method), narrow)
-    for i, k in enumerate(indices.tolist()):
-        rows = np.flatnonzero(width[:, i] < narrow)  # narrow ones are judged: where residuals are no noise they are wider
-        if len(rows):
-            part = time[: k + 1], reading[rows, : k + 1], weights[rows, : k + 1], first[rows], resolution[rows]
-            found = likelihood_estimates(*part, _outlier(method))
-            state[rows, i], width[rows, i] = found.state, found.steady_high - found.steady_low
+    found = likelihood_sweeps(time, reading, weights, indices + 1, first, resolution, _outlier(method), narrow)
+    width, going = found.width, np.ones(len(reading), dtype=bool)
+    for i in range(len(indices) - 1, -1, -1):
+        with np.errstate(invalid="ignore"):
+            rows = np.flatnonzero(going & (width[:, i] < narrow))
+        if not len(rows):
+            break
+        # Narrow ones are judged: where residuals are no noise they are wider.
+        n = int(indices[i]) + 1
+        part = time[:n], reading[rows, :n], weights[rows, :n], first[rows], resolution[rows]
+        judged = likelihood_estimates(*part, _outlier(method))
+        width[rows, i] = judged.steady_high - judged.steady_low
+        with np.errstate(invalid="ignore"):
+            going = width[:, i] < narrow
+            width[:, :i] = np.where(~going[:, None] & (width[:, :i] < narrow), np.nan, width[:, :i])  # not judged: told by nobody
     last = int(indices[-1]) + 1
-    return Progresses(state, width, _look_white(fits, time[:last], reading[:, :last], weights[:, :last], resolution))
+    white = _look_white(found.longest, time[:last], reading[:, :last], weights[:, :last], resolution)
+    return Progresses(found, width, white)
 
 
 @dataclass(frozen=True)

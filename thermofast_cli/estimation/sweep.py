@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from thermofast.filters import Track
 from thermofast.models import growth, spike_weights
 
 from ..errors import rounded
+from ..output.columns import Column, Records, Same
 from ..records import IdentifyRecord, SweepRecord
 from .closing import (
     Progress,
@@ -29,9 +31,6 @@ from .verdicts import doubts
 
 Array = NDArray[np.float64]
 
-#: Model values worked on at once: more fall out of the processor's cache and pay nothing.
-ELEMENTS = 400_000
-
 
 @dataclass(frozen=True)
 class Swept:
@@ -41,6 +40,56 @@ class Swept:
     times: Array
     rmse: Array
     width: Array
+
+
+@dataclass(frozen=True)
+class SweptBlock(Sequence[Swept]):
+    """:class:`Swept` of S sensors: records by columns, one per sensor and window; rmse (S, windows, times), width (S, times)."""
+
+    records: Records
+    windows: int
+    times: Array
+    rmse: Array
+    width: Array
+
+    @classmethod
+    def of(cls, several: Sequence[Swept]) -> "SweptBlock":
+        """The same of sensors told one by one, one at least."""
+        if isinstance(several, SweptBlock):
+            return several
+        first = several[0]
+        records = Records.of(SweepRecord, [r for one in several for r in one.records])
+        rmse, width = np.array([one.rmse for one in several]), np.array([one.width for one in several])
+        return cls(records, len(first.records), first.times, rmse, width)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Sequence[Swept]]) -> "SweptBlock":
+        """All sensors of several, one after another."""
+        found = [cls.of(part) for part in parts if len(part)]
+        if len(found) == 1:
+            return found[0]
+        records = Records.joined([one.records for one in found])
+        rmse, width = (np.concatenate([getattr(one, n) for one in found]) for n in ("rmse", "width"))
+        return cls(records, found[0].windows, found[0].times, rmse, width)
+
+    def taken(self, order: NDArray[np.intp]) -> "SweptBlock":
+        """The sensors at these places, in that order."""
+        rows = (order[:, None] * self.windows + np.arange(self.windows)).ravel()
+        return SweptBlock(self.records.taken(rows), self.windows, self.times, self.rmse[order], self.width[order])
+
+    def without_curves(self) -> "SweptBlock":
+        """Records alone."""
+        none = np.empty((len(self), 0))
+        return replace(self, times=none[0], rmse=none, width=none)
+
+    def __len__(self) -> int:
+        return len(self.records) // self.windows
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice):
+            return [self[i] for i in range(*key.indices(len(self)))]
+        i = range(len(self))[key]
+        return Swept(self.records[i * self.windows : (i + 1) * self.windows], self.times, self.rmse[i], self.width[i])
 
 
 def sweep_sensors(
@@ -55,19 +104,20 @@ def sweep_sensors(
     start_min: float = 0.0,
     notes: Sequence[str] = (),
     room: Array | None = None,
-) -> list[Swept]:
+) -> Sequence[Swept]:
     """RMSE (38) of the model over each window against identification time, from one filter pass, for S sensors values (S, N).
 
     The result at time I is that of ``identify --until I``: every state and every likelihood rests on the readings up to I alone.
     windows and times [min] are ascending; only times below a window count for it.
     """
     notes = tuple(notes) or ("",) * len(channels)
-    found: list[Swept | None] = [None] * len(channels)
-    for block in prepare_all(time_min, values, start_min):
-        job = _Block(run, channels, method, block, windows, np.array(times), tolerance_c, notes)
-        for row, swept in zip(block.rows.tolist(), job.swept(), strict=True):
-            found[row] = swept
-    whole = [one for one in found if one is not None]
+    blocks = prepare_all(time_min, values, start_min)
+    jobs = [_Block(run, channels, method, block, windows, np.array(times), tolerance_c, notes) for block in blocks]
+    found = [part for job in jobs for part in job.swept()]
+    whole = SweptBlock.joined([part for _, part in found])
+    order = np.argsort(np.concatenate([rows for rows, _ in found]))
+    if not np.array_equal(order, np.arange(len(order))):
+        whole = whole.taken(order)
     if not method.widens:
         return whole
 
@@ -77,7 +127,7 @@ def sweep_sensors(
     return _with_machine(whole, identified, tolerance_c)
 
 
-def _with_machine(swept: list[Swept], identified: Callable[[float], list[IdentifyRecord]], tolerance_c: float) -> list[Swept]:
+def _with_machine(swept: Sequence[Swept], identified: Callable[[float], list[IdentifyRecord]], tolerance_c: float) -> list[Swept]:
     """Status, and time from which the interval that counts the machine is narrow enough, by the records of ``identify``.
 
     identified gives those of all sensors at a time [min]. Half-widths are taken to fall, and the time is looked for by halving.
@@ -154,21 +204,24 @@ class _Block:
         """Readings of each window."""
         return [min(self.sensors.until(w), self.count) for w in self.windows]
 
-    def swept(self) -> list[Swept]:
-        """Of every sensor: those whose likelihood closes at each time together, the others one by one."""
-        found: dict[int, Swept] = {}
+    def swept(self) -> list[tuple[NDArray[np.intp], Sequence[Swept]]]:
+        """Rows of the run with what is found of them: those whose likelihood closes at each time together, others one by one."""
+        left = np.ones(len(self.sensors), dtype=bool)
+        alone: list[tuple[int, Swept]] = []
         for i in self.sensors.maybe_refused(self.windows[-1], RULES.fewest_readings):
             refused = refusal(self.sensors.one(i), self.windows[-1])
             if refused is not None:
-                found[i] = self._failed(i, refused[0], refused[1], self.notes[self.sensors.rows[i]])
-        going = np.array([i for i in range(len(self.sensors)) if i not in found], dtype=np.intp)
-        if len(going):
-            for chunk in np.array_split(going, -(-len(going) * len(self.times) * self.count // ELEMENTS)):
-                self._together(chunk, found)
-        for i in range(len(self.sensors)):
-            if i not in found:
-                found[i] = self._alone(i)
-        return [found[i] for i in range(len(self.sensors))]
+                alone.append((i, self._failed(i, refused[0], refused[1], self.notes[self.sensors.rows[i]])))
+                left[i] = False
+        found: list[tuple[NDArray[np.intp], Sequence[Swept]]] = []
+        if left.any() and (together := self._together(np.flatnonzero(left))) is not None:
+            rows, block = together
+            found.append((self.sensors.rows[rows], block))
+            left[rows] = False
+        alone += [(i, self._alone(i)) for i in np.flatnonzero(left).tolist()]
+        if alone:
+            found.append((self.sensors.rows[[i for i, _ in alone]], [one for _, one in alone]))
+        return found
 
     def _blank(self, i: int) -> tuple[SweepRecord, ...]:
         channel = self.channels[self.sensors.rows[i]]
@@ -180,32 +233,36 @@ class _Block:
         return Swept(tuple(replace(b, status=status, message=message) for b in self._blank(i)), self.times, nothing, nothing[0])
 
     def _indices(self, reading: Array, broken: int) -> NDArray[np.intp]:
-        """The last reading before each time (m,), -1 where a time is of no use to a sensor: too early, or the filter broke."""
-        last = np.searchsorted(self.sensors.time[: self.count], self.times * (1 + 1e-12) + 1e-9, "right") - 1
-        moved = np.flatnonzero(reading != reading[0])
-        least = max(RULES.fewest_readings - 1, int(moved[0]) if len(moved) else len(reading))
-        return np.where((last >= least) & (last < broken), last, -1)
+        """The last reading before each time, -1 where a time is of no use to a sensor: too early, or the filter broke.
 
-    def _together(self, rows: NDArray[np.intp], found: dict[int, Swept]) -> None:
-        """Sweep those of `rows` whose likelihood closes at each time."""
+        (S, m) of readings (S, n).
+        """
+        last = np.searchsorted(self.sensors.time[: self.count], self.times * (1 + 1e-12) + 1e-9, "right") - 1
+        moved = reading != reading[:, :1]
+        first = np.where(moved.any(axis=1), moved.argmax(axis=1), reading.shape[1])
+        least = np.maximum(RULES.fewest_readings - 1, first)
+        return np.where((last >= least[:, None]) & (last < broken), last, -1)
+
+    def _together(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.intp], SweptBlock] | None:
+        """Those of `rows` whose likelihood closes at each time, swept; None where there is none."""
         n, sensors, method = self.count, self.sensors, self.method
         time = sensors.time[:n]
         tracks = tracks_of(method.filter, method.model, time, sensors.reading[rows, :n], sensors.resolution[rows])
         if tracks is None:
-            return
-        at = np.array([self._indices(sensors.reading[i, :n], n) for i in rows])
+            return None
+        at = self._indices(sensors.reading[rows, :n], n)
         # All those that can use the same times; the few others go alone.
         usable = at.max(axis=0) >= 0
         same = consistent_until_the_end(method.filter, tracks, n) & (at[:, usable] >= 0).all(axis=1) & usable.any()
         if not same.any():
-            return
+            return None
         rows, indices = rows[same], at[same][0][usable]
         chosen = tracks.some(same)
-        reading, resolution = sensors.reading[rows, :n], sensors.resolution[rows]
+        reading, resolution = np.ascontiguousarray(sensors.reading[rows, :n]), sensors.resolution[rows]
         progress = progresses_of(method.filter, chosen, time, reading, indices, resolution, 2.0 * self.tolerance_c)
-        errors = progress.state[..., :1] + progress.state[..., 1:2] * growth(progress.state[..., 2:], time - time[indices][:, None])
-        errors -= reading[:, None, :]
-        rmse, width = self._rmse(errors, reading, resolution, usable), np.full((len(rows), len(self.times)), np.nan)
+        kept = spike_weights(reading, resolution)  # an outlier says nothing about the model: it counts in no window
+        squares = progress.stretches.squares(reading, kept, self.ends)
+        rmse, width = self._rmse(squares, kept > 0.0, usable), np.full((len(rows), len(self.times)), np.nan)
         width[:, usable] = progress.width
         doubted: dict[int, list[str]] = {}
         # Where the machine is counted, what it does is no doubt: see _with_machine.
@@ -220,25 +277,28 @@ class _Block:
                 int(j): doubts(last.one(i), int(ended.woke[i]), sensors.one(int(rows[j]))) for i, j in enumerate(unsure.tolist())
             }
         told = [[*doubted.get(j, []), *sensors.notes[i], self.notes[sensors.rows[i]]] for j, i in enumerate(rows.tolist())]
-        blanks = [self._blank(i) for i in rows.tolist()]
-        doubtful = [bool(doubted.get(j)) for j in range(len(rows))]
-        limits = self.tolerance_c, method.widens
-        records = sweep_records(blanks, doubtful, told, self.windows, self.times, rmse, width, self.ends, *limits)
-        for j, i in enumerate(rows.tolist()):
-            found[i] = Swept(records[j], self.times, rmse[j], width[j])
+        records = self._records(rows, [bool(doubted.get(j)) for j in range(len(rows))], told, rmse, width)
+        return rows, SweptBlock(records, len(self.windows), self.times, rmse, width)
 
-    def _rmse(self, errors: Array, reading: Array, resolution: Array, usable: NDArray[np.bool_]) -> Array:
-        """RMSE (S, windows, times) [K] from errors (S, m, n) at the usable times; nan where a time does not count."""
-        # An outlier says nothing about the model: it counts in no window.
-        kept = spike_weights(reading, resolution) > 0.0
-        squares = np.cumsum(errors**2 * kept[:, None, :], axis=2)
-        counts = np.cumsum(kept, axis=1)
-        rmse = np.full((len(reading), len(self.windows), len(self.times)), np.nan)
+    def _records(
+        self, rows: NDArray[np.intp], doubtful: Sequence[bool], told: Sequence[Sequence[str]], rmse: Array, width: Array
+    ) -> Records:
+        """A record for each of these sensors and each window."""
+        named = self.run, [self.channels[row] for row in self.sensors.rows[rows].tolist()], self.method.filter.name
+        limits = self.tolerance_c, self.method.widens
+        return sweep_records(named, doubtful, told, self.windows, self.times, rmse, width, self.ends, *limits)
+
+    def _rmse(self, squares: Array, kept: NDArray[np.bool_], usable: NDArray[np.bool_]) -> Array:
+        """RMSE (S, windows, times) [K] from sums of squares (S, m, windows) at the usable times; nan where a time does not count.
+
+        kept (S, n): which readings the sums are of.
+        """
+        rmse = np.full((len(kept), len(self.windows), len(self.times)), np.nan)
         for j, (window, end) in enumerate(zip(self.windows, self.ends, strict=True)):
             if end > 1:
-                number = counts[:, end - 1] - 1
+                number = kept[:, :end].sum(axis=1) - 1
                 with np.errstate(all="ignore"):
-                    rmse[:, j, usable] = np.sqrt(squares[:, :, end - 1] / np.where(number > 0, number, np.nan)[:, None])
+                    rmse[:, j, usable] = np.sqrt(squares[:, :, j] / np.where(number > 0, number, np.nan)[:, None])
             rmse[:, j, self.times >= window - 1e-9] = np.nan
         return rmse
 
@@ -249,7 +309,7 @@ class _Block:
             track = track_of(method.filter, method.model, time, reading, sensor.resolution)
         except FilterError as error:
             return self._failed(i, "diverged", str(error))
-        at = self._indices(reading, track.diverged_at if track.diverged_at is not None else n)
+        at = self._indices(reading[None], track.diverged_at if track.diverged_at is not None else n)[0]
         usable = at >= 0
         rmse, width = np.full((1, len(self.windows), len(self.times)), np.nan), np.full((1, len(self.times)), np.nan)
         doubted: list[str] = []
@@ -259,16 +319,15 @@ class _Block:
                 method.model, method.filter, track, time, reading, indices, sensor.resolution, 2.0 * self.tolerance_c
             )
             errors = window_errors(progress, indices, track.state, time, reading)
-            rmse = self._rmse(errors[None], reading[None], np.array([sensor.resolution]), usable)
+            kept = spike_weights(reading, sensor.resolution)
+            sums = np.concatenate([np.zeros((len(indices), 1)), np.cumsum(kept * errors**2, axis=1)], axis=1)
+            rmse = self._rmse(sums[None][..., self.ends], kept[None] > 0.0, usable)
             width[0, usable] = progress.width
             if not progress.sound and not method.widens:
                 last = estimate_at(method.model, method.filter, track, time, reading, indices[-1], sensor.resolution)
                 doubted = doubts(last, int(np.argmax(track.fading > 1.0)), sensor)
-        told = [[*doubted, *sensor.notes, note]]
-        blank = [self._blank(i)]
-        limits = self.tolerance_c, method.widens
-        records = sweep_records(blank, [bool(doubted)], told, self.windows, self.times, rmse, width, self.ends, *limits)
-        return Swept(records[0], self.times, rmse[0], width[0])
+        records = self._records(np.array([i]), [bool(doubted)], [[*doubted, *sensor.notes, note]], rmse, width)
+        return Swept(tuple(records), self.times, rmse[0], width[0])
 
 
 def _no_track(_: int) -> Track:
@@ -291,7 +350,7 @@ def window_errors(progress: Progress, indices: list[int], states: Array, time: A
 
 
 def sweep_records(
-    blanks: Sequence[tuple[SweepRecord, ...]],
+    named: tuple[str, Sequence[str], str],
     doubtful: Sequence[bool],
     messages: Sequence[Sequence[str]],
     windows: tuple[float, ...],
@@ -301,14 +360,15 @@ def sweep_records(
     ends: list[int],
     tolerance_c: float,
     machine_follows: bool = False,
-) -> list[tuple[SweepRecord, ...]]:
-    """Records of S sensors from their errors rmse (S, windows, times) [K] and widths (S, times) [K] by docs/architecture.md.
+) -> Records:
+    """Records of S sensors, for each of its windows, by docs/architecture.md.
 
-    machine_follows: widths are those of the readings alone, and what is said of them waits for what the machine adds.
+    named: run, the sensors' channels, filter; rmse (S, windows, times) [K], width (S, times) [K]. machine_follows: widths are those
+    of the readings alone, and what is said of them waits for what the machine adds.
     """
     counted = np.isfinite(rmse)
     least = np.where(counted, rmse, np.inf)
-    some = np.asarray(counted.any(axis=2))
+    some = np.asarray(counted.any(axis=2)).all(axis=1)
     best = least.argmin(axis=2)
     smallest = least.min(axis=2)
     # From the earliest time on the RMSE stays within (1 + 2 / sqrt(2 N)) of its minimum.
@@ -320,48 +380,48 @@ def sweep_records(
     serves = np.asarray((counted & (np.arange(len(times)) >= earliest[..., None])).any(axis=2))
     with np.errstate(invalid="ignore"):
         narrow = _from_there_on(width < 2.0 * tolerance_c)
-    records = []
-    for s, blank in enumerate(blanks):
-        told = [m for m in messages[s] if m]
-        if not some[s].all():
-            bad = ", ".join(f"{w:g}" for w, good in zip(windows, some[s], strict=True) if not good)
-            message = "; ".join([f"no identification time gave a model for the window of {bad} min", *told])
-            records.append(tuple(replace(b, status="diverged", message=message) for b in blank))
+    at = times[np.minimum(earliest, len(times) - 1)]
+    shortest, first = at.max(axis=1), at.min(axis=1)
+    served = serves.all(axis=1) & some
+    agreed = shortest - first <= RULES.agreed_min + 1e-9
+    said = []
+    for s, message in enumerate(messages):
+        told = [m for m in message if m]
+        if not some[s]:
+            bad = ", ".join(f"{w:g}" for w, good in zip(windows, counted[s].any(axis=1), strict=True) if not good)
+            said.append("; ".join([f"no identification time gave a model for the window of {bad} min", *told]))
             continue
         if narrow[s] < 0 and not machine_follows:
             finite = width[s][np.isfinite(width[s])]
             reached = f" (narrowest {rounded(0.5 * finite.min())} K)" if len(finite) and finite.min() > 2.0 * tolerance_c else ""
             told.insert(0, f"the steady state is not known to +-{tolerance_c:g} K at any of these times{reached}: measure longer")
-        shortest, agreed = None, None
-        if serves[s].all():
-            shortest = float(times[earliest[s].max()])
-            agreed = shortest - float(times[earliest[s].min()]) <= RULES.agreed_min + 1e-9
-        else:
+        if not served[s]:
             none = ", ".join(f"{w:g}" for w, good in zip(windows, serves[s], strict=True) if not good)
             why = "at the last the error is above its least; say longer --times"
             told.insert(0, f"no time tried serves for the window of {none} min: {why}")
-        status, message = "model_doubtful" if doubtful[s] else "ok", "; ".join(told)
-        tolerance_time = None if narrow[s] < 0 else float(times[narrow[s]])
-        records.append(
-            tuple(
-                SweepRecord(
-                    b.run,
-                    b.channel,
-                    b.filter,
-                    b.window_min,
-                    best_time_min=float(times[best[s, j]]),
-                    rmse_c=float(smallest[s, j]),
-                    earliest_time_min=float(times[earliest[s, j]]) if serves[s, j] else None,
-                    shortest_time_min=shortest,
-                    tolerance_time_min=tolerance_time,
-                    agreed=agreed,
-                    status=status,
-                    message=message,
-                )
-                for j, b in enumerate(blank)
-            )
-        )
-    return records
+        said.append("; ".join(told))
+    status = np.where(some, np.where(np.asarray(doubtful, dtype=bool), "model_doubtful", "ok"), "diverged").tolist()
+    run, channels, name = named
+    each, sound = len(windows), some[:, None]
+
+    def of_sensor(values: Sequence[Any]) -> list[Any]:
+        return [v for v in values for _ in range(each)]
+
+    columns: dict[str, Column] = {
+        "run": Same(run),
+        "channel": of_sensor(channels),
+        "filter": Same(name),
+        "window_min": np.tile(np.asarray(windows, dtype=float), len(channels)),
+        "best_time_min": np.where(sound, times[best], np.nan).ravel(),
+        "rmse_c": np.where(sound, smallest, np.nan).ravel(),
+        "earliest_time_min": np.where(serves & sound, at, np.nan).ravel(),
+        "shortest_time_min": np.repeat(np.where(served, shortest, np.nan), each),
+        "tolerance_time_min": np.repeat(np.where((narrow >= 0) & some, times[narrow], np.nan), each),
+        "agreed": of_sensor([a if s else None for a, s in zip(agreed.tolist(), served.tolist(), strict=True)]),
+        "status": of_sensor(status),
+        "message": of_sensor(said),
+    }
+    return Records(SweepRecord, len(channels) * each, columns)
 
 
 def _from_there_on(good: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -11,7 +11,7 @@ from thermofast.models.standards import Criterion
 
 from ..records import IdentifyRecord, SweepRecord
 from .identify import Found, Identified, Method, identify_sensors
-from .sweep import Swept, sweep_sensors
+from .sweep import Swept, SweptBlock, sweep_sensors
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def identify_lost(task: IdentifyTask, why: str) -> list[Identified]:
     return [Identified(IdentifyRecord(task.run, c, task.method.filter.name, status="failed", message=why)) for c in task.channels]
 
 
-def sweep_task(task: SweepTask) -> list[Swept]:
+def sweep_task(task: SweepTask) -> Sequence[Swept]:
     """Each sensor of the task swept."""
     swept = sweep_sensors(
         task.run,
@@ -109,7 +109,7 @@ def sweep_task(task: SweepTask) -> list[Swept]:
         task.room,
     )
     # Curves travel back from the worker only where a picture wants them.
-    return swept if task.want_curves else [replace(s, rmse=_NONE, times=_NONE, width=_NONE) for s in swept]
+    return swept if task.want_curves or not len(swept) else SweptBlock.of(swept).without_curves()
 
 
 _NONE = np.empty(0)

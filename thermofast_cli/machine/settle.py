@@ -130,10 +130,10 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
             doubted = [["the readings leave the model in a pattern"] if p < RULES.pattern else [] for p in sensor_p_values(fit)]
     swept = []
     for i, channel in enumerate(whole.channels):
-        blank = tuple(SweepRecord(task.run.name, channel, NAME, window_min=w) for w in windows)
         ends = [int(((whole.time <= w) & whole.used[i]).sum()) for w in windows]
-        one = [blank], [bool(doubted[i])], [doubted[i]], windows, np.array(times), rmse[i : i + 1], width[i : i + 1]
-        swept.append(Swept(sweep_records(*one, ends, tolerance_c)[0], np.array(times), rmse[i], width[i]))
+        named = task.run.name, (channel,), NAME
+        one = named, [bool(doubted[i])], [doubted[i]], windows, np.array(times), rmse[i : i + 1], width[i : i + 1]
+        swept.append(Swept(tuple(sweep_records(*one, ends, tolerance_c)), np.array(times), rmse[i], width[i]))
     order = {c: i for i, c in enumerate(task.run.channels)}
     return sorted([*swept, *alone], key=lambda one: order[one.records[0].channel])
 

@@ -97,6 +97,9 @@ def _arrow(values: list[Any]) -> Any:
         return _from_buffers(pa.float64(), [v if v is not None and math.isfinite(v) else None for v in values], np.float64)
     if kinds == {int}:
         return _from_buffers(pa.int64(), values, np.int64)
+    if kinds == {bool}:
+        held = pa.py_buffer(np.packbits([bool(v) for v in values], bitorder="little"))
+        return pa.Array.from_buffers(pa.bool_(), len(values), [_present(values), held])
     if kinds == {str}:
         return _from_text(values)
     values = [plain(v) for v in values]

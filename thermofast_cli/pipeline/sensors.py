@@ -11,10 +11,12 @@ from thermofast.models.standards import Criterion
 from ..errors import UsageError
 from ..estimation.identify import LET_GO, Found, Identified, Method
 from ..estimation.imperfect import GROUP
+from ..estimation.sweep import SweptBlock
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
+from ..output.columns import Records
 from ..reading import Run
 from ..reading.run import stretch
-from ..records import IdentifyRecord
+from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping
 from ..standards.stopping import with_last, with_limit, with_trips
 from ..standards.switching_off import after_switch_off, with_switch_off
@@ -240,7 +242,8 @@ def sweep_runs(
 
         doing = partial(sweep_with_model, method=method, windows=windows_min, times=times_min, tolerance_c=tolerance_c)
         by_run, interrupted = over_runs(doing, loop_tasks(started, model=model, drive=drive), sweep_model_lost, how)
-        swept = [one for results in by_run for one in results]
+        told = [one for results in by_run for one in results]
+        records, swept = Records.of(SweepRecord, [record for one in told for record in one.records]), tuple(told)
     else:
 
         def make(
@@ -252,11 +255,11 @@ def sweep_runs(
             started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1
         )
         by_task, interrupted = over_sensors(sweep_task, sensor_tasks, processes, sweep_lost, how, together)
-        swept = [one for found in by_task for one in found]
-    records = [record for one in swept for record in one.records]
-    if criterion is not None:
-        records = with_trips(records, criterion, started)
-    return Sweeping(tuple(records), tuple(run for run, _ in started), interrupted, tuple(swept) if details else ())
+        parts = [SweptBlock.of(found).records for found in by_task if len(found)]
+        records = Records.joined(parts) if parts else Records.of(SweepRecord, [])
+        swept = tuple(one for found in by_task for one in found) if details else ()
+    shown = with_trips(records, criterion, started) if criterion is not None else records
+    return Sweeping(shown, tuple(run for run, _ in started), interrupted, swept if details else ())
 
 
 def default_times(windows: tuple[float, ...]) -> tuple[float, ...]:

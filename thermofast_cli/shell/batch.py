@@ -40,10 +40,11 @@ class Batch:
         """The results of all files into the folder; the exit code."""
         return run_archive(analysis, self.runs, self.output or "", self.reading, self.jobs, self.quiet)
 
-    def read(self, *also: str | None, from_rise: bool = False, table: bool = True) -> Readings:
+    def read(self, *also: str | None, from_rise: bool = False, table: bool = True, search: bool = True) -> Readings:
         """Every run, once it is known that what shall be written can be; also: other tables to be written.
 
-        table is False where the output is none. from_rise as in :func:`~..workers.engine.with_start`.
+        table is False where the output is none. from_rise as in :func:`~..workers.engine.with_start`, search as in
+        :func:`~.session.read_all`.
 
         Raises
         ------
@@ -51,7 +52,7 @@ class Batch:
         """
         check_outputs([self.output if table else None, *also], self.save_plot)
         targets = [self.output, self.save_plot, *also]
-        return read_all(self.runs, self.reading, self.quiet, targets, self.jobs, from_rise=from_rise)
+        return read_all(self.runs, self.reading, self.quiet, targets, self.jobs, from_rise=from_rise, search=search)
 
     def working(self, readings: Readings, total: int, what: str) -> AbstractContextManager[Work]:
         """How the library is to work: see :func:`~.session.working`."""

@@ -57,10 +57,11 @@ def read_all(
     targets: Sequence[str | None] = (),
     jobs: int | None = None,
     from_rise: bool = True,
+    search: bool = True,
 ) -> Readings:
     """Read every run; what was taken for what goes to standard error.
 
-    from_rise: as in :func:`~..workers.engine.with_start`. targets are the files to be written, which may be no run.
+    from_rise: as in :func:`~..workers.engine.with_start`; search: as in :func:`~..workers.pool.new_pool`. targets are the files to be written, which may be no run.
 
     Raises
     ------
@@ -79,7 +80,7 @@ def read_all(
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))
     options, start = options_from({name: value for name, value in given.items() if name != "start"}), start_of(given["start"])
-    warm = warm_pool(jobs, sum(Path(s).stat().st_size for s in sources if Path(s).is_file()))
+    warm = warm_pool(jobs, sum(Path(s).stat().st_size for s in sources if Path(s).is_file()), search)
     found, unreadable = [], []
     last: ThermofastError | None = None
     for source in sources:

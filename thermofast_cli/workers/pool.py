@@ -63,17 +63,18 @@ def _end_with(sentinel: int) -> None:
     os._exit(1)
 
 
-def _context() -> multiprocessing.context.BaseContext:
+def _context(search: bool) -> multiprocessing.context.BaseContext:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["thermofast.estimation.work", "thermofast.models.search.discover"])
+    searching = ["thermofast.models.search.discover"] if search else []
+    context.set_forkserver_preload(["thermofast.estimation.work", *searching])
     return context
 
 
-def new_pool(jobs: int) -> ProcessPoolExecutor:
-    """Worker processes that are spawned, never forked from this one."""
-    return ProcessPoolExecutor(jobs, mp_context=_context(), initializer=_quiet_worker)
+def new_pool(jobs: int, search: bool = True) -> ProcessPoolExecutor:
+    """Worker processes that are spawned, never forked from this one; search: they will look for effects, and load what that needs."""
+    return ProcessPoolExecutor(jobs, mp_context=_context(search), initializer=_quiet_worker)
 
 
 def ended(pool: Executor) -> None:
@@ -88,12 +89,12 @@ def _nothing() -> None:
     """What a warming pool does."""
 
 
-def warm_pool(jobs: int | None, size_bytes: int) -> ProcessPoolExecutor | None:
-    """A pool that starts while a large record is still being read, or None where the work will not pay for one."""
+def warm_pool(jobs: int | None, size_bytes: int, search: bool = True) -> ProcessPoolExecutor | None:
+    """A :func:`new_pool` that starts while a large record is still being read, or None where the work will not pay for one."""
     processes = jobs if jobs is not None else cores()
     if processes < 2 or size_bytes < WARM_BYTES:
         return None
-    pool = new_pool(processes)
+    pool = new_pool(processes, search)
     # In a thread: a process is not there before the server of forks has imported what all of them need.
     Thread(target=_started, args=(pool, processes), daemon=True).start()
     return pool
