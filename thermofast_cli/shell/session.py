@@ -61,7 +61,8 @@ def read_all(
 ) -> Readings:
     """Read every run; what was taken for what goes to standard error.
 
-    from_rise: as in :func:`~..workers.engine.with_start`; search: as in :func:`~..workers.pool.new_pool`. targets are the files to be written, which may be no run.
+    from_rise: as in :func:`~..workers.engine.with_start`; search: as in :func:`~..workers.pool.new_pool`.
+    targets are the files to be written, which may be no run.
 
     Raises
     ------

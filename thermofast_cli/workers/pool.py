@@ -73,7 +73,7 @@ def _context(search: bool) -> multiprocessing.context.BaseContext:
 
 
 def new_pool(jobs: int, search: bool = True) -> ProcessPoolExecutor:
-    """Worker processes that are spawned, never forked from this one; search: they will look for effects, and load what that needs."""
+    """Worker processes that are spawned, never forked from this one; search: with what looking for effects needs loaded."""
     return ProcessPoolExecutor(jobs, mp_context=_context(search), initializer=_quiet_worker)
 
 
