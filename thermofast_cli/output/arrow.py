@@ -32,12 +32,7 @@ def to_arrow(columns: Sequence[str], rows: Sequence[Row], types: Mapping[str, An
     told = dict(zip(columns, _turned(columns, rows), strict=True))
     if types is None:
         return pa.table({c: _arrow(values) for c, values in told.items()})
-    words, nested = pa.string(), (dict, list, tuple)
-    for c, values in told.items():
-        if types[c] == words and any(issubclass(kind, nested) for kind in set(map(type, values))):
-            told[c] = [_as_text(v) for v in values]
-    found = {c: _arrow(values) for c, values in told.items()}
-    return pa.table({c: v if v.type == types[c] else v.cast(types[c]) for c, v in found.items()})
+    return pa.table({c: _of_type(values, len(rows), types[c]) for c, values in told.items()})
 
 
 def _turned(columns: Sequence[str], rows: Sequence[Row]) -> list[list[Any]]:
@@ -45,6 +40,12 @@ def _turned(columns: Sequence[str], rows: Sequence[Row]) -> list[list[Any]]:
     if len(columns) < 2 or not rows:
         return [[row[c] for row in rows] for c in columns]
     return [list(values) for values in zip(*map(itemgetter(*columns), rows), strict=True)]
+
+
+def _as_texts(values: list[Any]) -> list[Any]:
+    """What is nested as JSON; the values themselves where none is."""
+    nested = any(issubclass(kind, dict | list | tuple) for kind in set(map(type, values)))
+    return [_as_text(v) for v in values] if nested else values
 
 
 def _as_text(value: Any) -> Any:
@@ -60,7 +61,7 @@ def columns_to_arrow(records: Records, types: Mapping[str, Any]) -> Any:
 
 
 def _of_type(column: Column, count: int, kind: Any) -> Any:
-    """A column of records as one of that type."""
+    """A column as one of that type."""
     import pyarrow as pa
 
     if isinstance(column, np.ndarray):
@@ -71,8 +72,12 @@ def _of_type(column: Column, count: int, kind: Any) -> Any:
     if isinstance(column, Same):
         if column.value is None:
             return pa.nulls(count, kind)
+        if isinstance(column.value, str) and kind == pa.string():
+            word = column.value.encode("utf-8", errors="backslashreplace")
+            ends = np.arange(count + 1, dtype=np.int32) * len(word)
+            return pa.Array.from_buffers(kind, count, [None, pa.py_buffer(ends), pa.py_buffer(word * count)])
         column = [column.value] * count
-    found = _arrow([_as_text(v) for v in column] if kind == pa.string() else column)
+    found = _arrow(_as_texts(column) if kind == pa.string() else column)
     return found if found.type == kind else found.cast(kind)
 
 
