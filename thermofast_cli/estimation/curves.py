@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.filters import Track
+
 from ..records import IdentifyRecord
-from .estimate import Estimate
+from .estimate import Estimate, Model
 from .imperfect import Claims
 from .sensor import Sensor
 from .verdicts import marks
@@ -73,3 +75,29 @@ def curves_of(
         *marks(record, start, room_c),
         trace or {},
     )
+
+
+def trace_columns(model: Model, track: Track, time: Array, reading: Array) -> dict[str, Array]:
+    """Per reading (n,): the paper's convergence figures; nan before the filter has started."""
+    n = len(time)
+    temperature, rate, steady = (np.full(n, np.nan) for _ in range(3))
+    deviations = np.full((n, 3), np.nan)
+    for k in range(min(track.first, n), n):
+        t, s, b = model.curve_state(track.state[k])
+        temperature[k], rate[k], steady[k] = t, b, t + s / b if b != 0.0 else np.nan
+        deviations[k] = model.deviations(track.state[k], track.covariance[k] * track.noise_variance[k])
+    return {
+        "time_min": time,
+        "reading_c": reading,
+        "temperature_c": temperature,
+        "temperature_sd_c": deviations[:, 0],
+        "rate_per_min": rate,
+        "rate_sd_per_min": deviations[:, 1],
+        "steady_state_c": steady,
+        "steady_state_sd_c": deviations[:, 2],
+        "innovation_c": track.innovation,
+        "fading": track.fading,
+        "process_noise_k2": track.process_noise,
+        "measurement_noise_k2": track.noise_variance * track.noise_factor,
+        "weight": track.weight,
+    }

@@ -19,8 +19,8 @@ from thermofast.models.uncertainty.first_passage import Pace
 from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
 from ..standards.stopping import Trips, columns_of, trips_of
-from .closing import estimates_of, trace_columns, track_of, tracks_of
-from .curves import Curves, curves_of
+from .closing import estimates_of, track_of, tracks_of
+from .curves import Curves, curves_of, trace_columns
 from .estimate import Estimates, FilterError, Model, remaining
 from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, room_at, said_of_slow, times_asked
 from .measured import contradicts, measured_equilibria, outside_band
