@@ -49,6 +49,7 @@ def test_fits_agree(seed, n, even, signed):
 
 
 @settings(max_examples=25, deadline=None)
+@example(300, 80, True, math.inf)  # the first readings are left out: the grid begins later, and is even all the same
 @given(st.integers(0, 10**6), st.integers(12, 120), st.booleans(), st.sampled_from([math.inf, 0.5]))
 def test_likelihoods_agree(seed, n, even, wide):
     t, first, _ = record(seed, n, even, spikes=1)
@@ -192,6 +193,50 @@ def test_a_block_of_records_ends_where_each_alone_does(model, method):
         if name == "weight":  # before the start, which may leave a reading out
             assert (ours[:, 40:] == theirs[:, 40:]).all()
         assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-15), name
+
+
+@pytest.mark.parametrize("step_min", [1.0, 12.0])
+@pytest.mark.parametrize("method", [Afukf(), FadingUkf(), Ukf()], ids=lambda x: x.name)
+def test_records_side_by_side_break_and_begin_each_for_itself(method, step_min):
+    rng = np.random.default_rng(8)
+    t = step_min * np.arange(120.0)
+    noise = np.array([[0.005], [0.05], [0.1], [0.02], [0.02], [0.02]])  # so that their starts lie far apart
+    rate = rng.uniform(0.008, 0.03, (6, 1)) / step_min
+    y = 26.7 - 8.0 * np.exp(-rate * t) + noise * rng.standard_normal((6, 120))
+    y[1, 90:] = 1e14
+    steps = np.zeros(6)
+    block = method.tracks(Lump(), t, y, steps)
+    alone = Tracks.of([method.track(Lump(), t, row, 0.0) for row in y])
+    assert len(set(block.first[:4].tolist())) >= 3
+    assert (block.diverged_at == alone.diverged_at).all()
+    assert (block.diverged_at[[0, 2, 3, 4, 5]] == -1).all()
+    assert block.diverged_at[1] >= 90
+    sound = block.diverged_at < 0
+    for name in ("state", "covariance", "noise_variance", "forgotten", "woke"):
+        assert (getattr(block, name)[sound] == getattr(alone, name)[sound]).all(), name
+    assert (block.weight[sound, 60:] == alone.weight[sound, 60:]).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(4, 70), st.booleans())
+def test_squares_of_curves_agree(seed, n, even):
+    t, first, weights = record(seed, n, even)
+    y = np.stack([first, record(seed + 1, n, even)[1]])
+    counts = np.array([max(4, n // 2), n], dtype=np.intp)
+    fits = np.empty((2, 2), FIT)
+    _lump.likelihoods(
+        t, y, np.ones((2, n)), counts, np.full((2, 2), 2.2), np.zeros(2, np.intp), np.zeros(2), start_rule(), math.inf, fits
+    )
+    fits["rate"][1, 0] = 1e-6  # where the basis is taken by a series
+    kept = np.stack([(weights > 0.0).astype(float), np.ones(n)])
+    ends = np.array([0, 3, n], dtype=np.intp)
+    fast, plain = np.empty((2, 2, 3)), np.empty((2, 2, 3))
+    _lump.curve_squares(t, y, kept, fits, ends, fast)
+    _lump_numpy.curve_squares(t, y, kept, fits, ends, plain)
+    assert fast == pytest.approx(plain, rel=1e-7, abs=1e-9)
+    for module in (_lump, _lump_numpy):
+        with pytest.raises(ValueError, match="window"):
+            module.curve_squares(t, y, kept, fits, np.array([0, n + 1, n], dtype=np.intp), fast)
 
 
 def test_tails_agree_with_scipy():
