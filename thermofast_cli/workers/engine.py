@@ -90,28 +90,43 @@ class Work:
                 yield from in_order(flow, tasks, own)
 
 
+class Asked(Sequence[Any]):
+    """Tasks that are made each time they are asked for."""
+
+    def __init__(self, makers: Sequence[Callable[[], Any]]) -> None:
+        self._makers = makers
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+    def __getitem__(self, i: Any) -> Any:
+        return [make() for make in self._makers[i]] if isinstance(i, slice) else self._makers[i]()
+
+
 def share_out(
     started: Sequence[Started], jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False, together: int = 1
-) -> tuple[list[Any], int]:
+) -> tuple[Sequence[Any], int]:
     """Tasks over all sensors of all runs, and the number of processes that they pay for.
 
-    `whole` runs, or parts of them that hold each `together` neighbouring columns or a multiple.
+    `whole` runs, or parts of them that hold each `together` neighbouring columns or a multiple. A task takes its readings from the
+    run when it is asked for: a large file is not held twice.
     """
     sensors = sum(len(run.channels) for run, _ in started)
     longest = max((len(run.time_s) for run, _ in started), default=0)
     processes = jobs if jobs is not None else worth(sensors, longest, weight)
+
+    def task(run: Run, start: float, part: tuple[str, ...], room: Any) -> Any:
+        notes = tuple(run.channel_notes.get(c, "") for c in part)
+        return make(run.name, run.time_s / 60.0, part, np.stack([run.channels[c] for c in part]), notes, start, room)
+
     tasks = []
     for run, start in started:
         channels = list(run.channels)
         room = np.mean(list(run.ambient.values()), axis=0) if run.ambient else None
         size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
         size = len(channels) if whole else -(-size // together) * together
-        for i in range(0, len(channels), size):
-            part = tuple(channels[i : i + size])
-            values = np.stack([run.channels[c] for c in part])
-            notes = tuple(run.channel_notes.get(c, "") for c in part)
-            tasks.append(make(run.name, run.time_s / 60.0, part, values, notes, start, room))
-    return tasks, processes
+        tasks += [partial(task, run, start, tuple(channels[i : i + size]), room) for i in range(0, len(channels), size)]
+    return Asked(tasks), processes
 
 
 def over_sensors(
