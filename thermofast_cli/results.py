@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -97,9 +97,18 @@ class Result:
 
     def rows(self) -> list[dict[str, Any]]:
         """The records as dictionaries; what was guessed of a run stands in the message of each of its records."""
+        held = self._with_guesses()
+        return held.rows() if isinstance(held, Records) else [record.as_dict() for record in held]
+
+    def _with_guesses(self) -> Sequence[Any]:
+        """The records; what was guessed of a run stands in the message of each of its own."""
         guessed = {run.name: told(run.guesses) for run in self.runs if run.guesses}
-        rows = self.records.rows() if isinstance(self.records, Records) else [record.as_dict() for record in self.records]
-        return [_with_guesses(row, guessed) for row in rows] if guessed else rows
+        if not guessed:
+            return self.records
+        if not isinstance(self.records, Records):
+            return [replace(r, message=_joined(r.message, guessed.get(r.run, ""))) for r in self.records]
+        said = zip(self.records.column("message"), self.records.column("run"), strict=True)
+        return self.records.changed(message=[_joined(message, guessed.get(run, "")) for message, run in said])
 
     def input(self) -> list[dict[str, Any]]:
         """How each run was read: notes and guesses."""
@@ -115,8 +124,9 @@ class Result:
         """As the Parquet file of ``save``."""
         from .output.arrow import columns_to_arrow, to_arrow, types_of
 
-        if isinstance(self.records, Records) and not any(run.guesses for run in self.runs):
-            return columns_to_arrow(self.records, types_of(self.kind))
+        held = self._with_guesses()
+        if isinstance(held, Records):
+            return columns_to_arrow(held, types_of(self.kind))
         return to_arrow(self.kind.columns(), self.rows(), types_of(self.kind))
 
     def to_json(self) -> str:
@@ -162,9 +172,8 @@ class Result:
         return str(frame.to_html(index=False, float_format=lambda v: f"{v:.4g}", escape=True))
 
 
-def _with_guesses(row: dict[str, Any], guessed: dict[str, str]) -> dict[str, Any]:
-    words = guessed.get(row["run"])
-    return row if not words else {**row, "message": "; ".join(m for m in (row["message"], words) if m)}
+def _joined(message: str, guesses: str) -> str:
+    return f"{message}; {guesses}" if message and guesses else message or guesses
 
 
 def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":

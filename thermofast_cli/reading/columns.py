@@ -1,5 +1,6 @@
 """Which column is what: sensors, surroundings, logged inputs, counters; by unit first, by the words of the name then."""
 
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -316,27 +317,33 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
         return "other"
     if unit_told:
         return "sensor"
-    readings = column[np.isfinite(column)]
-    empty = not len(readings)
-    if sign.kind in ("named", "nameless", "other") and empty:
+    count = np.count_nonzero(np.isfinite(column))
+    if sign.kind in ("named", "nameless", "other") and not count:
         return "empty"
-    if sign.kind == "nameless" and len(readings) >= 10 and _constant(column):
+    if sign.kind == "nameless" and count >= 10 and _constant(column):
         return "constant"
     if _counts(name, sign, column):
         return "counter"
     if (
         sign.kind == "other"
         or (sign.kind == "nameless" and (said_somewhere or _code(column)))
-        or (sign.kind == "named" and (by_unit or (said_somewhere and float(np.median(np.abs(readings))) > HOTTEST)))
+        or (sign.kind == "named" and (by_unit or (said_somewhere and float(np.median(np.abs(_finite(column)))) > HOTTEST)))
     ):
         return "silent"
-    if said_somewhere and not empty and not readings.any():
+    if said_somewhere and count and not _finite(column).any():
         return "constant"
     return "sensor"
 
 
+def _finite(column: Array) -> Array:
+    return column[np.isfinite(column)]
+
+
 def _constant(column: Array) -> bool:
-    readings = column[np.isfinite(column)]
+    low, high = np.fmin.reduce(column, initial=np.inf), np.fmax.reduce(column, initial=-np.inf)
+    if math.isfinite(low) and math.isfinite(high):
+        return bool(low == high)
+    readings = _finite(column)
     return bool(len(readings)) and float(np.ptp(readings)) == 0.0
 
 
@@ -362,11 +369,10 @@ def _code(column: Array) -> bool:
 
 def _whole(column: Array) -> bool:
     """Whether all numbers of a column are whole; most that are not show it at once."""
-    for part in (column[:8], column):
-        good = part[np.isfinite(part)]
-        if (np.floor(good) != good).any():
-            return False
-    return True
+    if any(not v.is_integer() for v in column[:8].tolist() if math.isfinite(v)):
+        return False
+    good = _finite(column)
+    return not (np.floor(good) != good).any()
 
 
 def _with_words(

@@ -15,6 +15,9 @@ from .limits import Limits
 if TYPE_CHECKING:
     from .dialect import Dialect
 
+#: What most columns are, and what needs no look at what words they hold.
+FLOAT = pa.float64()
+NUMBERS = frozenset([FLOAT, pa.float32(), pa.int64(), pa.int32()])
 #: Digits of a date without signs between them.
 DATE = 8
 
@@ -67,13 +70,16 @@ def read_parquet(data: bytes, name: str, limits: Limits) -> Table:
         groups = [told.row_group(i) for i in range(told.num_row_groups)]
         limits.check_shape(name, max(told.num_rows, sum(g.num_rows for g in groups)), told.num_columns)
         # A long text may stand in a file once and in a million rows: words stay codes until their length is known.
-        words = [c.name for c in file.schema_arrow if pa.types.is_string(c.type) or pa.types.is_large_string(c.type)]
+        schema = file.schema_arrow
+        some = set(schema.types) - NUMBERS
+        words = [c.name for c in schema if pa.types.is_string(c.type) or pa.types.is_large_string(c.type)] if some else []
         if words:
             file = papq.ParquetFile(pa.BufferReader(data), pre_buffer=False, page_checksum_verification=True, read_dictionary=words)
         table = file.read(use_threads=False)
-        for n, column in zip(table.column_names, table.columns, strict=True):
-            if n in words or pa.types.is_dictionary(column.type):
-                limits.check_bytes(f"{name}, column {n!r}", _length(column))
+        if set(table.schema.types) - NUMBERS:
+            for n, column in zip(table.column_names, table.columns, strict=True):
+                if n in words or pa.types.is_dictionary(column.type):
+                    limits.check_bytes(f"{name}, column {n!r}", _length(column))
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
         raise InputError(
             f"{name}: not a readable Parquet file",
@@ -115,9 +121,11 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
     if len(set(table.column_names)) < len(table.column_names):
         twice = next(c for c in table.column_names if table.column_names.count(c) > 1)
         raise InputError(f"{name}: the column {twice!r} twice", allowed="one column of each name", do="rename one of them")
-    for column_name in table.column_names:
-        column = table.column(column_name)
+    for column_name, column in zip(table.column_names, table.columns, strict=True):
         kind = column.type
+        if kind == FLOAT:
+            columns[column_name] = to_floats(column)
+            continue
         if pa.types.is_dictionary(kind):
             column = column.cast(kind.value_type)
             kind = column.type
