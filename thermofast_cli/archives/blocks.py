@@ -120,7 +120,8 @@ class Block:
 
 def work_block(block: Block) -> list[Done]:
     """The table of each piece; what is wrong with a run is its record."""
-    return [_of_file(block.analysis, p) if isinstance(p, WholeFile) else _work(block.analysis, p, Work()) for p in block.pieces]
+    # In this process alone: its neighbours have the other cores.
+    return [_of_file(block.analysis, p) if isinstance(p, WholeFile) else _work(block.analysis, p, Work(1)) for p in block.pieces]
 
 
 def _of_file(analysis: Analysis, piece: WholeFile) -> Done:
@@ -131,7 +132,7 @@ def _of_file(analysis: Analysis, piece: WholeFile) -> Done:
         content, data = content_of(piece.file.path, piece.reading.options)
         started = piece.reading.started(piece.file.path, data)
         del data
-        table = pa.concat_tables([_work(analysis, one, Work()).table for one in cut(piece.source, started, 0, 0)])
+        table = pa.concat_tables([_work(analysis, one, Work(1)).table for one in cut(piece.source, started, 0, 0)])
     except ThermofastError as error:
         table = unreadable(analysis, piece.file.path, str(error))
     return _written(piece, content, table, time.perf_counter() - began)

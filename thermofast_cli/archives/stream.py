@@ -36,8 +36,9 @@ from .sources import SourceFile
 BLOCK_S = 0.8
 #: Cost of a reading [s] to begin with, least and most readings in a block: the way to a worker is to be worth it, and not too wide.
 FIRST_COST_S, FEWEST, MOST = 6e-6, 20_000, 1_500_000
-#: The same for bytes of files that a worker reads itself; from so many bytes on a file is read by one and shared by several.
-FIRST_BYTE_S, FEWEST_BYTES, MOST_BYTES, SMALL = 2e-6, 10_000, 50_000_000, 4_000_000
+#: The same for bytes of files that a worker reads itself: small ones, and up to LARGE where so many times as much is left for each
+#: worker that nobody waits for the last. Others are read by one and shared by several.
+FIRST_BYTE_S, FEWEST_BYTES, MOST_BYTES, SMALL, LARGE, LEFT = 2e-6, 10_000, 50_000_000, 4_000_000, 64_000_000, 2
 
 
 @dataclass
@@ -127,12 +128,16 @@ class _Stream:
         self.analysis, self.sources, self.parts, self.reading = analysis, sources, parts, reading
         self.limit_s, self.near, self.told = limit_s, near, told
         self.flow: Flow[Block, Done] = Flow(work_block, lambda block: block.singles(), self._lost, None, limit_s, sound=self._sound)
-        self.progress = Progress(len(sources), sum(s.size() for s in sources))
+        sizes = [s.size() for s in sources]
+        self.progress = Progress(len(sources), sum(sizes))
+        self.left = np.cumsum(sizes[::-1])[::-1].tolist()
+        self.slots = 1
         self.open_files: dict[int, _File] = {}
         self.cost, self.file_cost = _Cost(FIRST_COST_S, FEWEST, MOST), _Cost(FIRST_BYTE_S, FEWEST_BYTES, MOST_BYTES)
 
     def run(self, crew: Crew) -> Progress:
         """Until the last part is there."""
+        self.slots = crew.slots
         with closing(crew):
             for _, results in self.flow.results(self._blocks(), crew):
                 for one in results:
@@ -178,7 +183,8 @@ class _Stream:
     def _pieces(self) -> Iterator[Piece | WholeFile]:
         for number, source in enumerate(self.sources):
             size = source.size()
-            whole = self.near and (size < SMALL or not self.analysis.together)
+            several = size < LARGE and self.left[number] > LEFT * self.slots * size
+            whole = self.near and (size < SMALL or several or not self.analysis.together)
             if whole and not self.parts.resumed:
                 yield WholeFile(number, source, self.reading, self.parts)
                 continue
