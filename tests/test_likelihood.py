@@ -5,11 +5,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from scipy.optimize import curve_fit, minimize
 from scipy.special import stdtrit
 from simulator import lump, spindle
 
-from thermofast.models import DecayFit, fit_decay, interval, likelihoods, pattern_p_value, spike_weights, variance_inflation
+from thermofast.models import (
+    DecayFit,
+    fit_decay,
+    interval,
+    likelihood_sweeps,
+    likelihoods,
+    pattern_p_value,
+    spike_weights,
+    variance_inflation,
+)
 
 
 def likelihood(time, reading, weight):
@@ -138,3 +149,26 @@ def test_spikes_are_told_from_steps_and_steep_rises():
     y[30] += 3.0
     assert np.flatnonzero(spike_weights(y) == 0.0).tolist() == [30]
     assert spike_weights(y[:4]).all()
+
+
+@settings(max_examples=120, deadline=None)
+@example(818, 266, "jump", True)
+@example(1641, 317, "jump", False)
+@given(st.integers(0, 10**6), st.integers(20, 400), st.sampled_from(["none", "load", "jump", "wave", "outliers"]), st.booleans())
+def test_several_stretches_in_one_call_fit_as_each_alone(seed, n, event, even):
+    """Each begins its search where the one before ended, once the rate is known: what happens in between must not hold it there."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(float(n)) if even else np.cumsum(rng.uniform(0.3, 1.7, n))
+    rate, at = rng.uniform(0.5, 10.0) / t[-1], rng.integers(5, n)
+    y = 20.0 + 8.0 * -np.expm1(-rate * t)
+    y[at:] += {"load": 4.0 * -np.expm1(-rate * (t[at:] - t[at])), "jump": rng.uniform(-4.0, 4.0)}.get(event, 0.0)
+    y += (event == "wave") * 0.5 * np.sin(20.0 * t / t[-1]) + rng.choice([0.005, 0.05]) * rng.standard_normal(n)
+    if event == "outliers":
+        y[rng.integers(0, n, max(1, n // 40))] += 3.0
+    counts = np.unique(np.linspace(6, n, 40).astype(np.intp))
+    first, step, weight = np.array([9], dtype=np.intp), np.zeros(1), np.ones((1, n))
+    several = likelihood_sweeps(t, y[None], weight, counts, first, step).fits[0]
+    for i, m in enumerate(counts):
+        alone = likelihoods(t[:m], y[None, :m], weight[:, :m], step, first).fit
+        # Two rates that fit alike to a hundred-thousandth are two names of one curve.
+        assert several["rss"][i] == pytest.approx(alone.rss[0], rel=3e-5, abs=1e-12, nan_ok=True), m

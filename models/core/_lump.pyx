@@ -138,8 +138,9 @@ cdef enum:
     ANCHOR = 32         # blocks after which their exponential is taken anew, so that rounding does not add up
 
 
-cdef double KNOWN = 0.15    # standard deviation of a rate over the rate
+cdef double KNOWN = 0.08    # standard deviation of a rate over the rate
 cdef double NEXT = 1.1      # times as many readings as before
+cdef double GROWN = 1.1     # times the mean square of the residuals before: the best rate may be another
 
 
 cdef struct Sums:
@@ -996,12 +997,14 @@ cdef inline bint well_known(const Fit* fit) noexcept nogil:
 
 
 cdef void likely(_Scratch space, const double* t, const double* y, double* weights, Py_ssize_t n, double quantile,
-                 Py_ssize_t first, double resolution, StartRule* rule, double wide, double begun, Fit* out) noexcept nogil:
-    """Fit of n readings with its intervals; the weights become those that it ended with. begun: a rate near which the best is known
-    to lie, 0 where none is.
+                 Py_ssize_t first, double resolution, StartRule* rule, double wide, const Fit* before, Fit* out) noexcept nogil:
+    """Fit of n readings with its intervals; the weights become those that it ended with.
+
+    before: the fit of a few readings less where it knew its rate well, else NULL. The search begins there, and looks everywhere where
+    the new readings do not fit as well.
     """
     cdef Sums s
-    cdef double limit, noise, reach, steady
+    cdef double limit, noise, reach, steady, begun = before.rate if before != NULL else 0.0
     cdef double bounds[4]
     cdef bint done
     cdef Py_ssize_t round_
@@ -1012,6 +1015,7 @@ cdef void likely(_Scratch space, const double* t, const double* y, double* weigh
         if start_weights(p, &space.thin, space.values, t, y, n, resolution, rule, weights, &s, &noise, &done) < 0:
             return
         begun = s.rate      # the start has searched the same readings already
+        before = NULL
     if fill(p, t, y, weights, n, False):
         return
     if begun > p.low:
@@ -1019,6 +1023,9 @@ cdef void likely(_Scratch space, const double* t, const double* y, double* weigh
     else:
         search(p, &space.thin, False, &s)
     refine(p, &s)
+    if before != NULL and s.rss * before.n > GROWN * before.rss * p.n:
+        search(p, &space.thin, False, &s)
+        refine(p, &s)
     for round_ in range(2):
         if drop_outliers(p, &s, weights, n, rule.outlier, resolution, space.values) == 0:
             break
@@ -1051,7 +1058,7 @@ def likelihoods(const double[::1] t, const double[:, ::1] y, double[:, ::1] w, c
                 double wide, Fit[:, ::1] out):
     """See :func:`thermofast.models.core._lump_numpy.likelihoods`."""
     cdef Py_ssize_t rows = y.shape[0], several = counts.shape[0], i, j, k, n
-    cdef double begun
+    cdef const Fit* before
     cdef _Scratch space
     cdef StartRule r
     agree(t.shape[0], y.shape[1], "readings")
@@ -1067,15 +1074,14 @@ def likelihoods(const double[::1] t, const double[:, ::1] y, double[:, ::1] w, c
     r.settled, r.fewest, r.growing, r.outlier = rule
     with nogil:
         for k in range(rows):
-            begun = 0.0
             for i in range(several):
                 n = counts[i]
                 for j in range(n):
                     space.weights[j] = w[k, j]
-                if i and (not counts[i - 1] <= n <= NEXT * counts[i - 1]):
-                    begun = 0.0
-                likely(space, &t[0], &y[k, 0], space.weights, n, quantiles[k, i], first[k], resolution[k], &r, wide, begun, &out[k, i])
-                begun = out[k, i].rate if well_known(&out[k, i]) else 0.0
+                before = NULL
+                if i and counts[i - 1] <= n <= NEXT * counts[i - 1] and well_known(&out[k, i - 1]):
+                    before = &out[k, i - 1]
+                likely(space, &t[0], &y[k, 0], space.weights, n, quantiles[k, i], first[k], resolution[k], &r, wide, before, &out[k, i])
             if several == 1:    # the caller of one wants to know which readings were left out
                 for j in range(counts[0]):
                     w[k, j] = space.weights[j]
