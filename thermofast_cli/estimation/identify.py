@@ -371,7 +371,7 @@ class _Block:
         said = [self._said(i, messages.get(i, ()), claimed, tripped) for i in range(len(sensors))]
         for i, why in broken.items():
             status[i], said[i] = "diverged", _joined([why, self.notes[sensors.rows[i]]])
-        told = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}
+        told: dict[str, Column] = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}
         told |= {"filter": Same(self.filter), "until_min": Same(until), "samples": Same(n), "start_min": Same(self.start_min)}
         return Records(IdentifyRecord, len(sensors), {**told, **columns, "status": status, "message": said})
 

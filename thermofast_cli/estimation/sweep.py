@@ -368,7 +368,7 @@ def sweep_records(
     """
     counted = np.isfinite(rmse)
     least = np.where(counted, rmse, np.inf)
-    some = np.asarray(counted.any(axis=2)).all(axis=1)
+    some: NDArray[np.bool_] = np.asarray(np.all(counted.any(axis=2), axis=1))
     best = least.argmin(axis=2)
     smallest = least.min(axis=2)
     # From the earliest time on the RMSE stays within (1 + 2 / sqrt(2 N)) of its minimum.
@@ -382,8 +382,8 @@ def sweep_records(
         narrow = _from_there_on(width < 2.0 * tolerance_c)
     at = times[np.minimum(earliest, len(times) - 1)]
     shortest, first = at.max(axis=1), at.min(axis=1)
-    served = serves.all(axis=1) & some
-    agreed = shortest - first <= RULES.agreed_min + 1e-9
+    served: NDArray[np.bool_] = np.asarray(serves.all(axis=1)) & some
+    agreed: NDArray[np.bool_] = np.asarray(shortest - first <= RULES.agreed_min + 1e-9)
     said = []
     for s, message in enumerate(messages):
         told = [m for m in message if m]

@@ -57,7 +57,7 @@ def columns_to_arrow(records: Records, types: Mapping[str, Any]) -> Any:
     """Records held by columns as an Arrow table, with these types."""
     import pyarrow as pa
 
-    return pa.table({name: _of_type(column, records.count, types[name]) for name, column in records.columns.items()})
+    return pa.table({name: _of_type(column, records.size, types[name]) for name, column in records.columns.items()})
 
 
 def _of_type(column: Column, count: int, kind: Any) -> Any:

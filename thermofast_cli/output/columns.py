@@ -48,10 +48,10 @@ def in_full(column: Column, count: int) -> list[Any]:
 
 
 class Records(Sequence[Any]):
-    """``count`` records of `kind`, a dataclass; columns by the name of its fields, those not given at the field's default."""
+    """``size`` records of `kind`, a dataclass; columns by the name of its fields, those not given at the field's default."""
 
-    def __init__(self, kind: Any, count: int, columns: Mapping[str, Column]) -> None:
-        self.kind, self.count = kind, count
+    def __init__(self, kind: Any, size: int, columns: Mapping[str, Column]) -> None:
+        self.kind, self.size = kind, size
         self.columns: dict[str, Column] = {f.name: columns.get(f.name, Same(f.default)) for f in fields(kind)}
 
     @classmethod
@@ -72,7 +72,7 @@ class Records(Sequence[Any]):
         if len(parts) == 1:
             return parts[0]
         kind = parts[0].kind
-        counts = [p.count for p in parts]
+        counts = [p.size for p in parts]
         return cls(
             kind, sum(counts), {n: _joined([p.columns[n] for p in parts], counts, n in numeric(kind)) for n in parts[0].columns}
         )
@@ -83,19 +83,19 @@ class Records(Sequence[Any]):
 
     def column(self, name: str) -> list[Any]:
         """The values of one column."""
-        return in_full(self.columns[name], self.count)
+        return in_full(self.columns[name], self.size)
 
     def changed(self, **columns: Column) -> "Records":
         """The same with other columns in the place of some."""
-        return Records(self.kind, self.count, self.columns | columns)
+        return Records(self.kind, self.size, self.columns | columns)
 
     def rows(self) -> list[dict[str, Any]]:
         """A dictionary for each record."""
-        values = [repeat(c.value, self.count) if isinstance(c, Same) else in_full(c, self.count) for c in self.columns.values()]
+        values = [repeat(c.value, self.size) if isinstance(c, Same) else in_full(c, self.size) for c in self.columns.values()]
         return [dict(zip(self.columns, row, strict=True)) for row in zip(*values, strict=True)]
 
     def __len__(self) -> int:
-        return self.count
+        return self.size
 
     @cached_property
     def made(self) -> tuple[Any, ...]:
@@ -113,7 +113,7 @@ class Records(Sequence[Any]):
         return self.made == tuple(other) if isinstance(other, Sequence) else NotImplemented
 
     def __repr__(self) -> str:
-        return f"<{self.count} records of {self.kind.__name__}>"
+        return f"<{self.size} records of {self.kind.__name__}>"
 
     __hash__ = None  # type: ignore[assignment]
 

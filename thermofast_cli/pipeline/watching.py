@@ -82,7 +82,7 @@ def watch_run(
     begin = None if start == "auto" else float(start)
 
     def identify(run: Run) -> tuple[IdentifyRecord, ...]:
-        return identify_runs([with_start(run, begin, from_rise(model))], method, None, model, how=Work(1)).records
+        return tuple(identify_runs([with_start(run, begin, from_rise(model))], method, None, model, how=Work(1)).records)
 
     watch = Watch(identify, tolerance_c, model is not None)
     if speed is not None:
