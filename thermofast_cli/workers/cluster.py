@@ -21,7 +21,7 @@ import thermofast.models as models
 
 from ..errors import UsageError
 from .flow import LOOK_S, Crew, Given, Here, Local
-from .pool import cores, import_all
+from .pool import cores, import_all, keep_freed_memory
 
 #: How long a scheduler may take to answer [s].
 PATIENCE_S = 20.0
@@ -63,6 +63,7 @@ def checked(told: str, work: Callable[[Any], Any], task: Any) -> Any:
             allowed=told,
             do="install the same version there, with the same compiler or none",
         )
+    keep_freed_memory()
     return work(task)
 
 

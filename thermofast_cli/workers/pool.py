@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from multiprocessing import connection
 from pkgutil import walk_packages
@@ -38,7 +39,8 @@ def worth(sensors: int, readings: int, weight: float = 1.0) -> int:
     return max(1, min(cores(), int(seconds / POOL_COST_S)))
 
 
-def _keep_freed_memory() -> None:
+@cache
+def keep_freed_memory() -> None:
     """Lets this process keep what it frees: blocks of sensors need the same room again and again, and getting pages anew costs a
     sixth of the time (docs/figures.md). A process that has read a large file keeps it anyway. Nothing where there is no glibc.
     """
@@ -50,7 +52,7 @@ def _keep_freed_memory() -> None:
 
 def _quiet_worker() -> None:
     """The parent alone answers an interrupt, and no worker outlives it."""
-    _keep_freed_memory()
+    keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
