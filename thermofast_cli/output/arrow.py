@@ -88,11 +88,6 @@ def write_arrow(path: str, table: Any) -> None:
     papq.write_table(table, path)
 
 
-def write_parquet(path: str, columns: Sequence[str], rows: Sequence[Row], types: Mapping[str, Any] | None = None) -> None:
-    """Rows as a Parquet file."""
-    write_arrow(path, to_arrow(columns, rows, types))
-
-
 def _arrow(values: list[Any]) -> Any:
     """A column; lists of words stay lists, what is nested deeper becomes JSON text."""
     import pyarrow as pa

@@ -57,17 +57,13 @@ def write_table(
     rows: Sequence[Row],
     input_: Sequence[Row] = (),
     excel_csv: bool = False,
-    kind: type | None = None,
 ) -> None:
-    """A table in the format of the suffix; input_ says in JSON how the runs were read; excel_csv: as :func:`to_csv` has it.
-
-    kind: the class of the records, for the types of a Parquet file.
-    """
+    """A table in the format of the suffix; input_ says in JSON how the runs were read; excel_csv: as :func:`to_csv` has it."""
     suffix = Path(path).suffix.lower()
     if suffix == ".parquet":
-        from .arrow import types_of, write_parquet
+        from .arrow import to_arrow, write_arrow
 
-        write_whole(path, lambda p: write_parquet(p, columns, rows, types_of(kind) if kind is not None else None))
+        write_whole(path, lambda p: write_arrow(p, to_arrow(columns, rows)))
         return
     if suffix == ".xlsx":
         from .report.excel import write_rows

@@ -41,8 +41,8 @@ def worth(sensors: int, readings: int, weight: float = 1.0) -> int:
 
 @cache
 def keep_freed_memory() -> None:
-    """Lets this process keep what it frees: blocks of sensors need the same room again and again, and getting pages anew costs a
-    sixth of the time (docs/figures.md). A process that has read a large file keeps it anyway. Nothing where there is no glibc.
+    """Lets this process keep what it frees: blocks of sensors need the same room again and again, and getting pages anew costs
+    time. A process that has read a large file keeps it anyway. Nothing where there is no glibc.
     """
     with suppress(OSError, AttributeError):
         set_option = ctypes.CDLL(None).mallopt
