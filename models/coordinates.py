@@ -65,15 +65,23 @@ class SearchSpace:
         amplitudes = np.zeros(k) if amplitudes is None else amplitudes
         return np.concatenate([local, own], axis=1), np.concatenate([shared, amplitudes])
 
-    def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array | float, Array, Array]:
-        """(model (R, N), disturbance (R, N) or 0, derivatives by all local (a, R, N) and by all shared (b, R, N) coordinates)."""
+    def curve(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array | float]:
+        """Model (R, N) and disturbance (R, N), or 0."""
         common = np.broadcast_to(shared[: self.ks], (len(local), self.ks))
-        curve, by_local, by_shared = self.model.with_jacobian(local[:, : self.kl], common, sensor)
+        curve = self.model.forward(local[:, : self.kl], common, sensor)
         if not len(self.columns.own) and not len(self.columns.shared):
-            return curve, 0.0, by_local, by_shared
+            return curve, 0.0
         own, all_ = self.columns.own[:, sensor], self.columns.shared[:, sensor]
-        moved = np.einsum("rm,mrn->rn", local[:, self.kl :], own) + np.einsum("k,krn->rn", shared[self.ks :], all_)
-        return curve, moved, np.concatenate([by_local, own]), np.concatenate([by_shared, all_])
+        return curve, np.einsum("rm,mrn->rn", local[:, self.kl :], own) + np.einsum("k,krn->rn", shared[self.ks :], all_)
+
+    def slopes(self, local: Array, shared: Array, sensor: Any, curve: Array) -> tuple[Array, Array]:
+        """Derivatives by all local (a, R, N) and by all shared (b, R, N) coordinates, where the model is `curve` (R, N)."""
+        common = np.broadcast_to(shared[: self.ks], (len(local), self.ks))
+        _, by_local, by_shared = self.model.with_jacobian(local[:, : self.kl], common, sensor, curve)
+        if not len(self.columns.own) and not len(self.columns.shared):
+            return by_local, by_shared
+        own, all_ = self.columns.own[:, sensor], self.columns.shared[:, sensor]
+        return np.concatenate([by_local, own]), np.concatenate([by_shared, all_])
 
 
 def _beside(precision: Array, more: int) -> Array:

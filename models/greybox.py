@@ -146,25 +146,27 @@ class Model:
         rate, level, start = (here[:, self.column(key)] for key in (RATE, LEVEL, START))
         return drive.forward(self.run, rate, level - sink_c[:, 0], start)
 
-    def with_jacobian(self, local: Array, shared: Array, sensor: Any) -> tuple[Array, Array, Array]:
-        """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters)."""
+    def with_jacobian(self, local: Array, shared: Array, sensor: Any, curve: Array | None = None) -> tuple[Array, Array, Array]:
+        """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters); `curve` where it is known."""
         rows, kl, ks = len(sensor), len(self.local), len(self.shared)
         step_l = self._steps(local, self.low_local, self.high_local, self.log_local)
         step_s = self._steps(shared, self.low_shared, self.high_shared, self.log_shared)
+        first = 0 if curve is not None else 1
         # What belongs to one sensor stands together: rows beside each other with the same rate share the weights of their steps.
-        many_l = np.repeat(local[:, None], 1 + kl + ks, axis=1)
-        many_s = np.repeat(shared[:, None], 1 + kl + ks, axis=1)
+        many_l = np.repeat(local[:, None], first + kl + ks, axis=1)
+        many_s = np.repeat(shared[:, None], first + kl + ks, axis=1)
         for j in range(kl):
-            many_l[:, 1 + j, j] += step_l[:, j]
+            many_l[:, first + j, j] += step_l[:, j]
         for j in range(ks):
-            many_s[:, 1 + kl + j, j] += step_s[:, j]
-        several = rows * (1 + kl + ks)
-        curves = self.forward(many_l.reshape(several, kl), many_s.reshape(several, ks), np.repeat(sensor, 1 + kl + ks))
-        curves = curves.reshape(rows, 1 + kl + ks, -1).swapaxes(0, 1)
-        by = curves[1:] - curves[0]
+            many_s[:, first + kl + j, j] += step_s[:, j]
+        several = rows * (first + kl + ks)
+        curves = self.forward(many_l.reshape(several, kl), many_s.reshape(several, ks), np.repeat(sensor, first + kl + ks))
+        curves = curves.reshape(rows, first + kl + ks, -1).swapaxes(0, 1)
+        curve = curves[0] if curve is None else curve
+        by = curves[first:] - curve
         by[:kl] /= step_l.T[:, :, None]
         by[kl:] /= step_s.T[:, :, None]
-        return curves[0], by[:kl], by[kl:]
+        return curve, by[:kl], by[kl:]
 
     @staticmethod
     def _steps(values: Array, low: Array, high: Array, log: NDArray[np.bool_]) -> Array:

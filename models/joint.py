@@ -337,7 +337,7 @@ def search(
 
     def evaluate(at_local: Array, at_shared: Array, on: Any) -> tuple[Array, ...]:
         with np.errstate(all="ignore"):
-            curve, moved, dl, ds = whole.with_jacobian(at_local, at_shared, sensor[on])
+            curve, moved = whole.curve(at_local, at_shared, sensor[on])
             residual = np.where(used[on], reading[on] - curve, 0.0)
             if columns is not None:
                 residual = np.where(used[on], residual - moved, 0.0)
@@ -347,16 +347,28 @@ def search(
         bad = ~np.isfinite(cost)
         if bad.any():
             curve, residual = (np.clip(np.nan_to_num(v), -BEYOND, BEYOND) for v in (curve, residual))
-        return curve, dl, ds, residual, np.where(bad, np.inf, cost)
+        return curve, residual, np.where(bad, np.inf, cost)
 
-    # Rows that are searched apart and have ended are worked out no more.
+    # Rows that are searched apart and have ended are worked out no more; derivatives only where a step was taken.
     on = np.arange(rows)
-    curve, dl, ds, residual, cost = evaluate(local, shared, on)
+    curve, residual, cost = evaluate(local, shared, on)
+    dl, ds = (np.empty((k, *curve.shape)) for k in (local.shape[1], len(shared)))
+    old = np.ones(rows, dtype=bool)
+
+    def differentiate(who: NDArray[np.int_]) -> bool:
+        if len(who):
+            with np.errstate(all="ignore"):
+                dl[:, who], ds[:, who] = whole.slopes(local[who], shared, sensor[who], curve[who])
+            old[who] = False
+        return len(who) > 0
+
     local, damping, live, converged = local.copy(), np.full(rows, 1e-3), np.ones(rows, dtype=bool), False
     for _ in range(most):
         here, may_move = local[on], active[on]
-        slopes = finite_slopes(dl[:, on]), finite_slopes(ds[:, on])
-        blocks, border, corner, right, right_shared = assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
+        if differentiate(on[old[on]]) or not together:
+            slopes = finite_slopes(dl[:, on]), finite_slopes(ds[:, on])
+            parts = assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
+        blocks, border, corner, right, right_shared = parts
         if hold_shared:
             border, corner, right_shared = border[:, :, :0], corner[:0, :0], right_shared[:0]
         # A parameter at its bound that wants beyond it stays there for this step.
@@ -369,7 +381,7 @@ def search(
         trial = np.where(live[on, None] & may_move, np.clip(here + move, whole.low_local, whole.high_local), here)
         trial_shared = np.clip(shared + move_shared, whole.low_shared, whole.high_shared) if together else shared
         after = evaluate(trial, trial_shared, on)
-        total, new = (cost, after[4]) if not together else (np.full(rows, v.sum()) for v in (cost, after[4]))
+        total, new = (cost, after[2]) if not together else (np.full(rows, v.sum()) for v in (cost, after[2]))
         with np.errstate(invalid="ignore"):  # from one that was beyond all numbers to another
             gain = total[on] - new
         better = new < total[on]
@@ -377,8 +389,8 @@ def search(
         damping[on] = np.where(better, damping[on] * 0.2, damping[on] * 8.0)
         live[on] &= ~(done | (damping[on] > 1e8))
         took = on[better]
-        local[took], curve[took], residual[took] = trial[better], after[0][better], after[3][better]
-        dl[:, took], ds[:, took], cost[took] = after[1][:, better], after[2][:, better], after[4][better]
+        local[took], curve[took], residual[took], cost[took] = trial[better], *(a[better] for a in after)
+        old[took] = True
         if together and better[0]:
             shared = trial_shared
         if not live.any():
@@ -386,12 +398,15 @@ def search(
             break
         if not together and prior is None:
             on = np.flatnonzero(live)
+    everyone = np.arange(rows)
+    differentiate(everyone[old])
     for _ in range(polish):
         parts = assemble(dl, ds, residual, weight, active, prior, local, shared)
         still, none = ~active, np.zeros(len(shared), dtype=bool)
         move, move_shared = arrow_step(*parts, still, none, np.zeros(rows))
         local, shared = local + move, shared + move_shared
-        curve, dl, ds, residual, cost = evaluate(local, shared, np.arange(rows))
+        curve, residual, cost = evaluate(local, shared, everyone)
+        differentiate(everyone)
     rss = (run.weight[sensor] * residual**2).sum(axis=1)
     kl, ks = whole.kl, whole.ks
     noise = (columns, local[:, kl:], shared[ks:]) if columns is not None else ()

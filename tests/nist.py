@@ -57,7 +57,10 @@ class Law:
         self.low_shared = self.high_shared = np.zeros(0)
         self.active = np.ones((1, k), dtype=bool)
 
-    def with_jacobian(self, local: Array, shared: Array, sensor: Array) -> tuple[Array, Array, Array]:
+    def forward(self, local: Array, shared: Array, sensor: Array) -> Array:
+        return self.with_jacobian(local, shared, sensor)[0]
+
+    def with_jacobian(self, local: Array, shared: Array, sensor: Array, _: Array | None = None) -> tuple[Array, Array, Array]:
         x, rows = self.run.time, len(local)
         curve, by = np.zeros((rows, len(x))), np.zeros((len(self.local), rows, len(x)))
         for place in self.constant:

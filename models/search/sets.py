@@ -198,7 +198,8 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
         grown = _grown(base, best, effects, spread)
         if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
             return Sets()
-        glanced, grown[0] = grown[0], _refined(base, grown[0], 1)
+        glanced = grown[:2]
+        grown[:2] = spread(partial(_refined, base, rounds=1), glanced)
         most = RULES.most_left_of_little if left < RULES.little * misfit_power(base) else RULES.most_left
         if misfit_power(grown[0].fit) > most * left:
             return Sets()
@@ -269,14 +270,17 @@ def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread:
     return _distinct(base, spread(partial(_taken, quick=True), likely))
 
 
-def _improved(base: Fit, grown: list[Candidate], glanced: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
+def _improved(
+    base: Fit, grown: list[Candidate], glanced: Sequence[Candidate], effects: Sequence[Effect], spread: Spread
+) -> list[Candidate]:
     """The best sets with each effect looked for anew beside the others, and replaced where another does better.
 
-    The first of them was so once, and was `glanced` before: where that gained little it is not done again.
+    The first of them were so once, and were `glanced` before: where that gained little it is not done again.
     """
-    again = grown[:2] if _worth(base, grown[0]) >= _worth(base, glanced) + RULES.worth_another else grown[1:2]
+    pairs = zip(grown, glanced, strict=False)
+    again = [c for c, before in pairs if _worth(base, c) >= _worth(base, before) + RULES.worth_another]
     rest = [c for c in grown if not any(c is a for a in again)]
-    found = _distinct(base, [*spread(partial(_refined, base), again), *rest])
+    found = _distinct(base, [*spread(partial(_refined, base, rounds=1), again), *rest])
     if not _sound(found[0]):
         quick = _distinct(base, [c for some in _replaced(base, found[0], effects, RULES.replaced, spread) for c in some])
         found = _distinct(base, [*found, *spread(partial(_refined, base), quick[:2])])
