@@ -109,7 +109,8 @@ def read_table(source: Any, options: Options, name: str | None = None, data: byt
     # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
     if parquet:
         return read_parquet(held.pop(), name, limits)
-    if (lines := held[0].count(b"\n") - LONGEST_HEAD) > limits.max_rows:
+    # A row of readings has four bytes at least: to count the lines of a small file would be in vain.
+    if len(held[0]) > 4 * limits.max_rows and (lines := held[0].count(b"\n") - LONGEST_HEAD) > limits.max_rows:
         limits.check_shape(name, lines, 1)
     table = read_text(held.pop(), name, options)
     limits.check_shape(name, len(table.lines), len(table.columns))

@@ -2,6 +2,8 @@
 
 import codecs
 
+import numpy as np
+
 from ...errors import InputError
 
 #: Kinds of files that are no text, by their first bytes: what they are and what to do with them.
@@ -69,11 +71,14 @@ def detect_encoding(data: bytes, name: str) -> str:
     # A card pulled out of a logger leaves blocks of NULs in a file that is text otherwise.
     if control > 0.01 * len(head) or (b"\0" in head and head.count(0) > 0.5 * len(head)):
         raise binary(name)
-    try:
-        data.decode("utf-8")
-    except UnicodeDecodeError:
-        return _by_words(data) or "cp1252"
-    return "utf-8"
+    return "utf-8" if _is_utf8(data) else _by_words(data) or "cp1252"
+
+
+def _is_utf8(data: bytes) -> bool:
+    """Whether all of a file is UTF-8; below its first lines most are plain ASCII, which is told ten times as fast."""
+    start = data.find(b"\n", 65536) + 1
+    ascii_below = start > 0 and int(np.frombuffer(data, np.uint8, offset=start).max(initial=0)) < 128
+    return _decodes(data[:start] if ascii_below else data, "utf-8")
 
 
 def _by_words(data: bytes) -> str | None:
