@@ -196,25 +196,41 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
     for _ in range(RULES.most_effects - 2):
         left = min(misfit_power(c.fit) for c in best)
         grown = _grown(base, best, effects, spread)
-        if not grown or misfit_power(grown[0].fit) > RULES.most_left_quick * left:
+        if not grown or min(misfit_power(c.fit) for c in grown) > RULES.most_left_quick * left:
             return Sets()
         glanced = grown[:2]
         grown[:2] = spread(partial(_refined, base, rounds=1), glanced)
         most = RULES.most_left_of_little if left < RULES.little * misfit_power(base) else RULES.most_left
-        if misfit_power(grown[0].fit) > most * left:
+        if min(misfit_power(c.fit) for c in grown) > most * left:
             return Sets()
         best = [_unmirrored(c) for c in _improved(base, grown, glanced, effects, spread)[: RULES.grown]]
         down = [c for c in best if _down(c)]
+        if not down and _no_pattern(best[0]):
+            # Undetermined: what it takes the place of may not be, and with more effects nothing is more so.
+            down = _with_rivals(base, [best[0]], effects, spread)[1:]
+            down += [c for c in _with_one_less(base, best[0]) if _down(c)]
+            down = [c for c in _distinct(base, down) if _down(c)]
+            if not down:
+                return Sets()
         if down:
-            first = of_needed_effects(base, down[0], false_alarm, len(effects))
-            if first is None:
-                return Sets((down[0],))
             down = _with_rivals(base, down, effects, spread)
-            others = [of_needed_effects(base, c, false_alarm, len(effects)) for c in down if c is not down[0]]
-            return Sets(tuple(down), tuple(_distinct(base, [first, *others])))
-        if _no_pattern(best[0]):  # but undetermined: with more effects all the more so
-            return Sets()
+            needed = spread(partial(of_needed_effects, base, false_alarm=false_alarm, number=len(effects)), down)
+            return Sets(tuple(down), tuple(_distinct(base, needed)))
     return Sets()
+
+
+def _with_one_less(base: Fit, candidate: Candidate) -> list[Candidate]:
+    """The set without each of its effects in turn."""
+    new = [p for p in candidate.parts if p not in base.model.parts]
+    found = []
+    for part in new:
+        others = [p for p in candidate.parts if p is not part]
+        found.append(_of(base, fit_model(base.run, others, with_parts(candidate.fit, others))))
+    return found
+
+
+def _of(base: Fit, fit: Fit) -> Candidate:
+    return Candidate(fit, np.maximum(likelihood_ratios(base, fit), 0.0), 1.0)
 
 
 def _unmirrored(candidate: Candidate) -> Candidate:
@@ -262,12 +278,21 @@ def _distinct(base: Fit, candidates: Iterable[Candidate | None]) -> list[Candida
 def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """The roots with one effect more each, at a quick look: those that a first-order step promises most of."""
     promised: dict[frozenset[str], _Offer] = {}
-    # The roots come with the best first, and of one set the best root's offer is taken: from afar promises are too large.
-    for offers in spread(partial(_offers, base, effects, RULES.promise, RULES.partners, False), [c.fit for c in roots]):
+    # The roots come with the best first, and of one set the best root's offer is taken: from afar promises are too large, and
+    # beside a set that has bent to what is missing too small.
+    for offers in spread(partial(_offers, base, effects, -1.0, len(effects), False), [c.fit for c in roots]):
         for offer in offers:
             promised.setdefault(frozenset({*(p.id for p in offer.root.model.parts), offer.effect.id}), offer)
     likely = sorted(promised.values(), key=lambda o: -o.promised)[: RULES.quick_sets]
-    return _distinct(base, spread(partial(_taken, quick=True), likely))
+    return _distinct(base, spread(partial(_settled, base), likely))
+
+
+def _settled(base: Fit, offer: _Offer) -> Candidate | None:
+    """A quick look, and its model followed to the end."""
+    found = _taken(offer, True)
+    if found is None:
+        return None
+    return _of(base, fit_model(base.run, found.parts, found.fit.values))
 
 
 def _improved(
