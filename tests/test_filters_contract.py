@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from simulator import spindle
 
+from thermofast.errors import UsageError
 from thermofast.estimation.closing import estimate_at
 from thermofast.filters import BUILT_IN, PRINTED, Ekf, FadingUkf, Filter, LeastSquares, Ukf
 from thermofast.filters.fading import AdaptiveFading, InnovationFading, NoFading
@@ -14,7 +15,9 @@ from thermofast.filters.loop import GaussianFilter
 from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import Linearised, ScaledPoints, SymmetricPoints, semidefinite_root
 from thermofast.models import Lump, PrintedLump
+from thermofast.models.imperfection import NONE, TYPICAL
 from thermofast.models.lump import LumpStart
+from thermofast.pipeline.methods import choose
 from thermofast.plugins.filters import declaration_problem as check_filter
 
 GAUSSIAN = [f() for f in BUILT_IN if issubclass(f, GaussianFilter)]
@@ -206,3 +209,15 @@ def test_the_check_of_a_plug_in_explains_what_is_wrong():
     assert "no track" in check_filter(Trackless)
     assert check_filter(type("Mine", (Ukf,), {"name": "mine"})) is None
     assert replace(BUILT_IN[0](), gate=4.0).gate == 4.0
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [({"imperfection": replace(TYPICAL, strong_share=0.5)}, "--imperfection FILE"), ({"rates": "shared"}, "--rates shared")],
+)
+def test_what_a_filter_would_leave_out_without_a_word_is_refused(given, told):
+    for name, preset in (("ukf", None), ("afukf", "paper")):
+        with pytest.raises(UsageError, match=f"{told} enters the closing estimate"):
+            choose(name, preset, (), **given)
+    choose("afukf", None, (), **given)
+    choose("ukf", None, (), imperfection=NONE)

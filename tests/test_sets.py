@@ -14,7 +14,7 @@ from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import RATE, Key, fit_model, search
 from thermofast.models.search.candidates import Candidate, try_add
 from thermofast.models.search.discover import discover
-from thermofast.models.search.sets import Sets, _unmirrored, _with_rivals, larger_sets, of_needed_effects
+from thermofast.models.search.sets import Sets, _unmirrored, _with_one_less, _with_rivals, larger_sets, of_needed_effects
 
 EFFECTS = {kind.id: kind for kind in BUILT_IN}
 
@@ -30,6 +30,28 @@ def test_a_clear_set_is_named_whole():
     count, hidden, named, _, _ = judge((3, 50_009))
     assert len(hidden) == count
     assert named == hidden
+
+
+def test_a_set_is_found_although_its_pairs_have_bent_to_the_third():
+    """Of two sensors under a room, a hidden mass and a late probe: the one right pair comes third, and a quick look at it says little."""
+    _, hidden, named, _, _ = judge((3, 50_001))
+    assert hidden == {"ambient", "second_mode", "transport_delay"}
+    assert named == hidden
+
+
+def test_what_an_undetermined_set_takes_the_place_of_is_found():
+    """Four effects leave no pattern in this record and are not determined; without one of them they are the three hidden ones."""
+    _, hidden, named, also, _ = judge((3, 50_006))
+    assert hidden in (named, *also)
+
+
+def test_a_set_without_each_of_its_effects_in_turn():
+    hidden = ("ambient", "reading_jump")
+    seen = observe(as_run(draw(hidden, np.random.default_rng(1), "clear"))).seen
+    base = fit_model(seen)
+    less = _with_one_less(base, candidate_of(seen, [*hidden, "load_step"]))
+    assert [set(c.ids) for c in less] == [{"reading_jump", "load_step"}, {"ambient", "load_step"}, set(hidden)]
+    assert int(np.argmax([c.gain for c in less])) == 2
 
 
 def test_an_effect_that_is_not_needed_beside_the_others_is_left_out():
