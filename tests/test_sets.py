@@ -33,7 +33,7 @@ def test_a_clear_set_is_named_whole():
 
 
 def test_a_set_is_found_although_its_pairs_have_bent_to_the_third():
-    """Of two sensors under a room, a hidden mass and a late probe: the one right pair comes third, and a quick look at it says little."""
+    """Two sensors, a room, a hidden mass and a late probe: the one right pair comes third, and a quick look at it says little."""
     _, hidden, named, _, _ = judge((3, 50_001))
     assert hidden == {"ambient", "second_mode", "transport_delay"}
     assert named == hidden
