@@ -56,6 +56,18 @@ def _taken(offer: _Offer, quick: bool) -> Candidate | None:
     return try_add(offer.root, offer.effect, offer.scans, quick)
 
 
+def _settled(base: Fit, offer: _Offer) -> Candidate | None:
+    """A quick look, and its model followed to the end."""
+    found = _taken(offer, True)
+    if found is None:
+        return None
+    return _of(base, fit_model(base.run, found.parts, found.fit.values))
+
+
+def _of(base: Fit, fit: Fit) -> Candidate:
+    return Candidate(fit, np.maximum(likelihood_ratios(base, fit), 0.0), 1.0)
+
+
 def tried_pairs(
     base: Fit, singles: list[Candidate], effects: Sequence[Effect], good: list[Candidate], spread: Spread
 ) -> list[Candidate]:
@@ -125,13 +137,17 @@ def _held(base: Fit, pair: Candidate, without: str) -> Fit:
 
 
 def _refined(base: Fit, pair: Candidate, rounds: int = 2) -> Candidate:
-    """Each effect of a set looked for anew while the others stand as the set has them."""
+    """Each effect of a set looked for anew while the others stand as the set has them, again where these have changed since."""
+    looked: dict[str, float] = {}
     for _ in range(rounds):
         before = _worth(base, pair)
         for part in pair.parts:
+            if _worth(base, pair) - looked.get(part.id, -np.inf) < RULES.equal:
+                continue
             again = try_add(_held(base, pair, part.id), part.effect)
             if again is not None and _worth(base, again) > _worth(base, pair):
                 pair = again
+            looked[part.id] = _worth(base, pair)
         if _worth(base, pair) < before + RULES.worth_another:
             break
     return pair
@@ -147,7 +163,7 @@ def _replaced(base: Fit, candidate: Candidate, effects: Sequence[Effect], most: 
     others = [e for e in effects if e.id not in candidate.ids]
     held = [_held(base, candidate, p.id) for p in candidate.parts]
     offers = list(spread(partial(_offers, base, others, -1.0, most, False), held))
-    tried = iter(spread(partial(_taken, quick=True), [o for of in offers for o in of]))
+    tried = iter(spread(partial(_settled, base), [o for of in offers for o in of]))
     found = [[c for c in islice(tried, len(of)) if c is not None] for of in offers]
     return [sorted(some, key=lambda c: -total_likelihood_ratio(base, c)) for some in found]
 
@@ -229,10 +245,6 @@ def _with_one_less(base: Fit, candidate: Candidate) -> list[Candidate]:
     return found
 
 
-def _of(base: Fit, fit: Fit) -> Candidate:
-    return Candidate(fit, np.maximum(likelihood_ratios(base, fit), 0.0), 1.0)
-
-
 def _unmirrored(candidate: Candidate) -> Candidate:
     """The set with values that can really be, where that costs nothing."""
     for at in range(len(candidate.parts)):
@@ -287,14 +299,6 @@ def _grown(base: Fit, roots: list[Candidate], effects: Sequence[Effect], spread:
     return _distinct(base, spread(partial(_settled, base), likely))
 
 
-def _settled(base: Fit, offer: _Offer) -> Candidate | None:
-    """A quick look, and its model followed to the end."""
-    found = _taken(offer, True)
-    if found is None:
-        return None
-    return _of(base, fit_model(base.run, found.parts, found.fit.values))
-
-
 def _improved(
     base: Fit, grown: list[Candidate], glanced: Sequence[Candidate], effects: Sequence[Effect], spread: Spread
 ) -> list[Candidate]:
@@ -307,8 +311,10 @@ def _improved(
     rest = [c for c in grown if not any(c is a for a in again)]
     found = _distinct(base, [*spread(partial(_refined, base, rounds=1), again), *rest])
     if not _sound(found[0]):
-        quick = _distinct(base, [c for some in _replaced(base, found[0], effects, RULES.replaced, spread) for c in some])
-        found = _distinct(base, [*found, *spread(partial(_refined, base), quick[:2])])
+        least = total_likelihood_ratio(base, found[0]) - RULES.close
+        quick = _distinct(base, [c for some in _replaced(base, found[0], effects, RULES.replaced, spread) for c in some])[:2]
+        near = [c for c in quick if total_likelihood_ratio(base, c) > least]
+        found = _distinct(base, [*found, *spread(partial(_refined, base), near)])
     return found
 
 
