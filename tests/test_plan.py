@@ -51,6 +51,12 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     assert (hopeless["status"], hopeless["time_min"]) == ("hopeless", None)
     assert "the machine is the limit, not the readings, which alone would do after" in hopeless["message"]
     assert rows["a machine that is the law", 0.02]["status"] == "ok"
+    # Without past runs ``watch`` stops no earlier than after 1.5 time constants (of 65 min here); with them it may.
+    early = [r for r in rows.values() if r["status"] == "ok" and r["time_constants"] < 1.5]
+    waits = "watch does not stop before 1.5 time constants (97.5 min)"
+    assert {waits in r["message"] for r in early if "past run" not in r["channel"]} == {True}
+    assert {r["message"] for r in early if "past run" in r["channel"]} == {""}
+    assert not any(waits in r["message"] for r in rows.values() if (r["time_constants"] or 9.0) >= 1.5)
     assert picture.stat().st_size > 10_000
 
 

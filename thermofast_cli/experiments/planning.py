@@ -11,6 +11,7 @@ from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Part, Pa
 from thermofast.models.imperfection.draw import draw_record
 
 from ..analysis.watching import TOGETHER
+from ..analysis.watching import TURNS as WATCHED
 from ..errors import rounded
 from ..records import PlanRecord
 
@@ -150,7 +151,7 @@ def plan(
                     time_constants=time / one.tau_min if time is not None else None,
                     least_half_width_c=best if math.isfinite(best) else None,
                     status="ok" if time is not None else "hopeless",
-                    message="" if time is not None else _why(curve, law, tolerance, best),
+                    message=_watched(option, time) if time is not None else _why(curve, law, tolerance, best),
                 )
             )
     return rows, curves
@@ -174,6 +175,14 @@ def needed(time: Array, half_width: Array, tolerance_c: float) -> float | None:
     share = (sides[0] - math.log(tolerance_c)) / (sides[0] - sides[1])
     times = np.log(time[first - 1 : first + 1])
     return float(np.exp(times[0] + share * (times[1] - times[0])))
+
+
+def _watched(option: Option, time: float) -> str:
+    """What ``watch`` waits for although the tolerance is reached, where no past runs tell of a second mass."""
+    least = WATCHED * option.design.tau_min
+    if option.past is not None or time >= least:
+        return ""
+    return f"watch does not stop before {WATCHED:g} time constants ({rounded(least, 3)} min), in which a second mass shows"
 
 
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
