@@ -50,14 +50,15 @@ def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> Any:
     m = tangent.shape[-1]
     cosines = _cosines(n, count)
     # What the cosines explain beyond the tangent; a cosine that the fit can imitate is left with nothing but rounding.
-    across = np.ascontiguousarray(tangent.swapaxes(-1, -2))
-    across = across / np.maximum(np.sqrt(np.einsum("...mn,...mn->...m", across, across)), 1e-300)[..., None]
+    across = tangent.swapaxes(-1, -2)
     gram = np.empty((*residual.shape[:-1], m + count, m + count))
-    gram[..., :m, :m] = across @ across.swapaxes(-1, -2)
-    gram[..., :m, m:] = (across.reshape(-1, n) @ cosines).reshape(*across.shape[:-1], count)
+    gram[..., :m, :m] = across @ tangent
+    length = np.maximum(np.sqrt(np.einsum("...mm->...m", gram[..., :m, :m])), 1e-300)
+    gram[..., :m, :m] /= length[..., :, None] * length[..., None, :]
+    gram[..., :m, m:] = across @ cosines / length[..., None]
     gram[..., m:, :m] = gram[..., :m, m:].swapaxes(-1, -2)
     gram[..., m:, m:] = cosines.T @ cosines
-    along = np.concatenate([(across @ residual[..., None])[..., 0], residual @ cosines], axis=-1)
+    along = np.concatenate([(across @ residual[..., None])[..., 0] / length, residual @ cosines], axis=-1)
     np.einsum("...ii->...i", gram)[...] += 1e-11
     explained = (along * np.linalg.solve(gram, along[..., None])[..., 0]).sum(axis=-1)
     # At its optimum a fit leaves nothing along its own directions; the means of uneven blocks do.
