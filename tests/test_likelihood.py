@@ -172,3 +172,11 @@ def test_several_stretches_in_one_call_fit_as_each_alone(seed, n, event, even):
         alone = likelihoods(t[:m], y[None, :m], weight[:, :m], step, first).fit
         # Two rates that fit alike to a hundred-thousandth are two names of one curve.
         assert several["rss"][i] == pytest.approx(alone.rss[0], rel=3e-5, abs=1e-12, nan_ok=True), m
+
+
+def test_a_direction_that_moves_nothing_changes_no_p_value():
+    rng = np.random.default_rng(5)
+    residual, along = rng.normal(size=60), np.linspace(0.0, 1.0, 60)
+    two, three = np.stack([np.ones(60), along], axis=1), np.stack([np.ones(60), along, np.zeros(60)], axis=1)
+    with np.errstate(all="raise"):
+        assert pattern_p_value(residual, three) == pytest.approx(pattern_p_value(residual, two), rel=0.1)

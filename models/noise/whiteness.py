@@ -54,7 +54,8 @@ def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> Any:
     gram = np.empty((*residual.shape[:-1], m + count, m + count))
     gram[..., :m, :m] = across @ tangent
     length = np.maximum(np.sqrt(np.einsum("...mm->...m", gram[..., :m, :m])), 1e-300)
-    gram[..., :m, :m] /= length[..., :, None] * length[..., None, :]
+    # One after the other: the square of nothing's length is no number.
+    gram[..., :m, :m] = gram[..., :m, :m] / length[..., :, None] / length[..., None, :]
     gram[..., :m, m:] = across @ cosines / length[..., None]
     gram[..., m:, :m] = gram[..., :m, m:].swapaxes(-1, -2)
     gram[..., m:, m:] = cosines.T @ cosines
