@@ -353,19 +353,19 @@ def search(
     on = np.arange(rows)
     curve, residual, cost = evaluate(local, shared, on)
     dl, ds = (np.empty((k, *curve.shape)) for k in (local.shape[1], len(shared)))
-    old = np.ones(rows, dtype=bool)
+    stale = np.ones(rows, dtype=bool)
 
     def differentiate(who: NDArray[np.int_]) -> bool:
         if len(who):
             with np.errstate(all="ignore"):
                 dl[:, who], ds[:, who] = whole.slopes(local[who], shared, sensor[who], curve[who])
-            old[who] = False
+            stale[who] = False
         return len(who) > 0
 
     local, damping, live, converged = local.copy(), np.full(rows, 1e-3), np.ones(rows, dtype=bool), False
     for _ in range(most):
         here, may_move = local[on], active[on]
-        if differentiate(on[old[on]]) or not together:
+        if differentiate(on[stale[on]]) or not together:
             slopes = finite_slopes(dl[:, on]), finite_slopes(ds[:, on])
             parts = assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
         blocks, border, corner, right, right_shared = parts
@@ -390,7 +390,7 @@ def search(
         live[on] &= ~(done | (damping[on] > 1e8))
         took = on[better]
         local[took], curve[took], residual[took], cost[took] = trial[better], *(a[better] for a in after)
-        old[took] = True
+        stale[took] = True
         if together and better[0]:
             shared = trial_shared
         if not live.any():
@@ -399,7 +399,7 @@ def search(
         if not together and prior is None:
             on = np.flatnonzero(live)
     everyone = np.arange(rows)
-    differentiate(everyone[old])
+    differentiate(everyone[stale])
     for _ in range(polish):
         parts = assemble(dl, ds, residual, weight, active, prior, local, shared)
         still, none = ~active, np.zeros(len(shared), dtype=bool)

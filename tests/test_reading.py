@@ -336,3 +336,14 @@ def test_a_last_line_that_is_cut_short_is_named_by_its_line():
     assert any("the last line (11) is cut short and was left out" in note for note in table.notes)
     with pytest.raises(InputError, match="line 5"):
         read_text(text.replace(b"3,20.3,21.3", b"3,20.3"), "run.csv", Options())
+
+
+@pytest.mark.parametrize(("encoding", "minus"), [("cp1252", "-"), ("utf-8", "-"), ("utf-8", "\N{MINUS SIGN}")])
+def test_what_stands_far_down_a_long_file_is_read_as_at_its_beginning(encoding, minus):
+    """Its encoding and its signs are told by all of it, although most of a file is looked at for single bytes only."""
+    rows = [f"{k};{18.0 + 0.001 * k:.3f};ok" for k in range(9000)]
+    rows[8000] = f"8000;{minus}5.125;Kühlung an"
+    table = read_text(("time_min;T1;Bemerkung\n" + "\n".join(rows) + "\n").encode(encoding), "run.csv", Options())
+    assert table.dialect.encoding == encoding
+    assert table.columns["T1"][8000] == -5.125
+    assert table.columns["Bemerkung"][8000] == "Kühlung an"

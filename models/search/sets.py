@@ -65,6 +65,7 @@ def _settled(base: Fit, offer: _Offer) -> Candidate | None:
 
 
 def _of(base: Fit, fit: Fit) -> Candidate:
+    """A fit as a candidate beside the base model, whose chance is not known yet."""
     return Candidate(fit, np.maximum(likelihood_ratios(base, fit), 0.0), 1.0)
 
 
@@ -223,9 +224,8 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
         down = [c for c in best if _down(c)]
         if not down and _no_pattern(best[0]):
             # Undetermined: what it takes the place of may not be, and with more effects nothing is more so.
-            down = _with_rivals(base, [best[0]], effects, spread)[1:]
-            down += [c for c in _with_one_less(base, best[0]) if _down(c)]
-            down = [c for c in _distinct(base, down) if _down(c)]
+            instead = [*_with_rivals(base, [best[0]], effects, spread), *_with_one_less(base, best[0])]
+            down = [c for c in _distinct(base, instead) if _down(c)]
             if not down:
                 return Sets()
         if down:
@@ -266,7 +266,7 @@ def of_needed_effects(base: Fit, candidate: Candidate, false_alarm: float, numbe
         new = [p for p in candidate.parts if p not in base.model.parts]
         others = [p for p in candidate.parts if p is not new[int(np.argmin(worth))]]
         fit = fit_model(base.run, others, with_parts(candidate.fit, others))
-        candidate = Candidate(fit, np.maximum(likelihood_ratios(base, fit), 0.0), 1.0)
+        candidate = _of(base, fit)
     return None
 
 
