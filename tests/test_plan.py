@@ -58,6 +58,8 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     assert {r["message"] for r in early if "past run" in r["channel"]} == {""}
     assert not any(waits in r["message"] for r in rows.values() if (r["time_constants"] or 9.0) >= 1.5)
     assert picture.stat().st_size > 10_000
+    drawn = tool("plan", "--tolerance", 1.5, "--sensors", 3, "--interval", "30s", "--format", "table", "-q")
+    assert f"2 tests: {waits}" in drawn.out  # a machine that is the law, and one of quiet machines
 
 
 def test_a_test_like_another(tool, monkeypatch):

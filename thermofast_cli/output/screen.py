@@ -104,13 +104,14 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
                 for line in texts:
                     console.print(Text(line, style=style), no_wrap=True, overflow="ignore", crop=False)
             console.print()
+        kind = columns[keys - 1].heading
         for column in beneath:
             for message in dict.fromkeys(row[column] for row in mine if row[column]):
                 who = [row["channel"] for row in mine if row[column] == message]
                 names = ", ".join(dict.fromkeys(who))
                 lead = "" if column == "message" else f"{column.replace('_', ' ')}: "
                 everyone = len(set(who)) == len({row["channel"] for row in mine}) and len(mine) > 1
-                of = "" if everyone or not names else f"{names if len(names) < 60 else f'{len(set(who))} sensors'}: "
+                of = "" if everyone or not names else f"{names if len(names) < 60 else f'{len(set(who))} {kind}s'}: "
                 console.print(Text(f"  {of}{lead}{message}", style="dim"))
 
 
