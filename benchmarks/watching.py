@@ -1,8 +1,9 @@
 """Does ``watch`` stop in time, and with right numbers? Simulated tests followed to the moment at which it says "you can stop now".
 
-python -m benchmarks.watching [--tests 250] [--strong 150] [--seed 80000] [--growth 0.04] prints, for tolerances of 0.5 and 1 K and
-both simulators: the share of tests stopped, how many of those were within the tolerance at every sensor, the mean time of the stop
-over the first time at which intervals of the best constant width are as narrow. --cost times a watch of 40 h.
+python -m benchmarks.watching [--tests 250] [--strong 150] [--seed 80000] [--growth 0.04] [--calibrated] prints, for tolerances of
+0.5 and 1 K and both simulators: the share of tests stopped, how many of those were within the tolerance at every sensor, the mean
+time of the stop over the first time at which intervals of the best constant width are as narrow. --calibrated: with what
+``calibrate`` says of ten complete runs of other machines of the kind, too. --cost times a watch of 40 h.
 """
 
 import argparse
@@ -17,9 +18,10 @@ from functools import partial
 import numpy as np
 
 import thermofast as tf
-from benchmarks.imperfect import oracle
+from benchmarks.imperfect import learnt, oracle
 from benchmarks.machines.record import EFFECTS
 from thermofast.analysis.watching import Watch, first_readings, half_width
+from thermofast.models.imperfection import TYPICAL, Imperfection
 from thermofast.records import IdentifyRecord
 
 TOLERANCES = (0.5, 1.0)
@@ -38,7 +40,7 @@ class Test:
     narrow: tuple[float | None, ...]
 
 
-def follow(job: tuple[int, str | None], simulator: str, growth: float) -> Test:
+def follow(job: tuple[int, str | None], simulator: str, growth: float, prior: Imperfection = TYPICAL) -> Test:
     """One simulated test looked at whenever it has grown by `growth`."""
     seed, effect = job
     record = importlib.import_module(f"benchmarks.machines.{simulator}").simulate(seed, 1.0, effect).runs[0]
@@ -49,10 +51,10 @@ def follow(job: tuple[int, str | None], simulator: str, growth: float) -> Test:
 
     def identify(seen: tf.Run) -> tuple[IdentifyRecord, ...]:
         if len(seen.time_s) not in kept:
-            kept[len(seen.time_s)] = tf.identify(seen, details=False).records
+            kept[len(seen.time_s)] = tf.identify(seen, details=False, imperfection=prior).records
         return kept[len(seen.time_s)]
 
-    watches = [Watch(identify, tolerance) for tolerance in TOLERANCES]
+    watches = [Watch(identify, tolerance, prior.rarely_strong) for tolerance in TOLERANCES]
     stop: list[float | None] = [None] * len(watches)
     narrow: list[float | None] = [None] * len(watches)
     worst = [np.nan] * len(watches)
@@ -119,6 +121,7 @@ def main() -> None:
     for name, value in (("tests", 250), ("strong", 150), ("seed", 80_000)):
         parser.add_argument(f"--{name}", type=int, default=value)
     parser.add_argument("--growth", type=float, default=0.04)
+    parser.add_argument("--calibrated", action="store_true")
     parser.add_argument("--cost", action="store_true")
     asked = parser.parse_args()
     if asked.cost:
@@ -135,6 +138,10 @@ def main() -> None:
             effects = list(EFFECTS)
             jobs = [(asked.seed + 10_000 + i, effects[i % len(effects)]) for i in range(asked.strong)]
             told(list(pool.map(one, jobs, chunksize=2)), f"{simulator}, one strong effect", [None, None])
+            if asked.calibrated:
+                known = partial(one, prior=learnt(simulator, asked.seed + 2_000_000, False))
+                same = [(asked.seed + i, None) for i in range(asked.tests)]
+                told(list(pool.map(known, same, chunksize=2)), f"{simulator}, after calibrate on 10 past runs", first)
 
 
 if __name__ == "__main__":

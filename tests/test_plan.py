@@ -51,15 +51,16 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     assert (hopeless["status"], hopeless["time_min"]) == ("hopeless", None)
     assert "the machine is the limit, not the readings, which alone would do after" in hopeless["message"]
     assert rows["a machine that is the law", 0.02]["status"] == "ok"
-    # Without past runs ``watch`` stops no earlier than after 1.5 time constants (of 65 min here); with them it may.
+    # Without past runs, of the machine or of a lab of quiet ones, ``watch`` stops no earlier than after 1.5 time constants (of 65 min).
     early = [r for r in rows.values() if r["status"] == "ok" and r["time_constants"] < 1.5]
     waits = "watch does not stop before 1.5 time constants (97.5 min)"
-    assert {waits in r["message"] for r in early if "past run" not in r["channel"]} == {True}
-    assert {r["message"] for r in early if "past run" in r["channel"]} == {""}
+    known = ("past run", "quiet machines")
+    assert {waits in r["message"] for r in early if not any(k in r["channel"] for k in known)} == {True}
+    assert {r["message"] for r in early if any(k in r["channel"] for k in known)} == {""}
     assert not any(waits in r["message"] for r in rows.values() if (r["time_constants"] or 9.0) >= 1.5)
     assert picture.stat().st_size > 10_000
     drawn = tool("plan", "--tolerance", 1.5, "--sensors", 3, "--interval", "30s", "--format", "table", "-q")
-    assert f"2 tests: {waits}" in drawn.out  # a machine that is the law, and one of quiet machines
+    assert f"1 test: {waits}" in drawn.out or f"a machine that is the law: {waits}" in drawn.out
 
 
 def test_a_test_like_another(tool, monkeypatch):

@@ -243,3 +243,9 @@ def test_what_is_waited_for_is_said_where_all_are_within_the_tolerance(tool, tmp
     watched = tool("watch", path, "--tolerance", 1, "--replay", "max", "--imperfection", "none", "--to", 60)
     assert "2 of 2 sensors within the tolerance" in watched.err
     assert "no stop before 1.5 time constants (" in watched.err
+    # A lab whose runs showed no strong effects does not wait for a second mass.
+    (tmp_path / "lab.toml").write_text("[imperfection]\nstrong_share = 0.005\nmultiplier = 0.1\n")
+    lab = ("--tolerance", 1, "--replay", "max", "--imperfection", tmp_path / "lab.toml", "--to", 80)
+    assert "you can stop now" in tool("watch", path, *lab).err
+    (tmp_path / "lab.toml").write_text("[imperfection]\nmultiplier = 0.1\n")
+    assert "no stop before 1.5 time constants (" in tool("watch", path, *lab).err

@@ -76,6 +76,10 @@ STRONG = (
 )
 
 
+#: A strong effect in no more than so many records is known to be rare: ``calibrate`` says so where complete runs showed none.
+RARE = 0.05
+
+
 @dataclass(frozen=True)
 class Imperfection:
     """The prior of the discrepancy; ``TYPICAL`` is for machines that nobody knows, ``NONE`` the bare law.
@@ -109,6 +113,11 @@ class Imperfection:
     def none(self) -> bool:
         """Whether this is the bare law: no discrepancy at all."""
         return self.background == Sizes() and not self.strong
+
+    @property
+    def rarely_strong(self) -> bool:
+        """Whether strong effects are known to be rare, as of a lab whose complete runs were looked at."""
+        return not self.none and self.strong_share <= RARE
 
     def kinds(self) -> tuple[Array, Array]:
         """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect."""

@@ -30,8 +30,9 @@ MOST = 2000
 TOGETHER = 1.15
 #: Nothing is settled before some sensor has risen by this many tolerances: a machine that heat has not reached looks settled.
 RISEN = 2.0
-#: Time constants that must have been read where no past runs are known: before that a second mass is not to be seen, and a trial
-#: (python -m benchmarks.watching) stopped one test in six of those with a strong effect at a wrong number, against one in ten.
+#: Time constants that must have been read where neither past runs of the machine are known nor that strong effects are rare in
+#: this lab: before that a second mass is not to be seen, and a trial (python -m benchmarks.watching) stopped one test in six of
+#: those with a strong effect at a wrong number, against one in ten.
 TURNS = 1.5
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03
@@ -77,7 +78,7 @@ def half_width(record: IdentifyRecord) -> float | None:
 class Watch:
     """Looks at a growing record. identify: the records of a run; tolerance_c: half-width that is asked for [K].
 
-    known: past runs of the machine are counted, so that a short record may do.
+    known: past runs of the machine are counted, or the lab's runs show that second masses are rare: a short record may do.
     """
 
     identify: Callable[[Run], tuple[IdentifyRecord, ...]]
@@ -106,7 +107,8 @@ class Watch:
         elif within and all(within) and not long_enough and rates:
             least = rounded(TURNS / float(np.median(rates)), 3)
             waits = (
-                f"; no stop before {TURNS:g} time constants ({least} min), in which a second mass shows; --model knows it before"
+                f"; no stop before {TURNS:g} time constants ({least} min), in which a second mass shows; --model, "
+                "or a lab.toml by calibrate, knows it before"
             )
         return records, within, bool(within) and all(within) and risen and long_enough, waits
 

@@ -66,8 +66,9 @@ def command(
 
     RUN is a file that a logger is writing, or - for standard input. It is looked at again whenever it has grown by one per cent.
     "You can stop now" is said when every sensor is ok and within --tolerance (1.15 times its half-width, for all at once) and has
-    stayed so, some sensor has moved by two tolerances, and without --model not before 1.5 time constants, in which a second mass
-    shows. --channels chooses sensors. The last look is printed at the end: of the input, by --exit, or by Ctrl-C.
+    stayed so, some sensor has moved by two tolerances, and not before 1.5 time constants, in which a second mass shows, unless
+    past runs tell (--model of this machine, or --imperfection lab.toml where calibrate found strong effects rare). --channels
+    chooses sensors. The last look is printed at the end: of the input, by --exit, or by Ctrl-C.
     With --exit the exit code is 3 where the record ended before it could be stopped.
     """
     from ..output.screen import interval, number, say, text

@@ -178,9 +178,9 @@ def needed(time: Array, half_width: Array, tolerance_c: float) -> float | None:
 
 
 def _watched(option: Option, time: float) -> str:
-    """What ``watch`` waits for although the tolerance is reached, where no past runs tell of a second mass."""
+    """What ``watch`` waits for although the tolerance is reached, where nothing tells that there is no second mass."""
     least = WATCHED * option.design.tau_min
-    if option.past is not None or time >= least:
+    if option.past is not None or option.prior.rarely_strong or time >= least:
         return ""
     return f"watch does not stop before {WATCHED:g} time constants ({rounded(least, 3)} min), in which a second mass shows"
 

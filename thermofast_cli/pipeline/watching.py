@@ -84,7 +84,7 @@ def watch_run(
     def identify(run: Run) -> tuple[IdentifyRecord, ...]:
         return tuple(identify_runs([with_start(run, begin, from_rise(model))], method, None, model, how=Work(1)).records)
 
-    watch = Watch(identify, tolerance_c, model is not None)
+    watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong)
     if speed is not None:
         return _replayed(source, options, watch, speed, leave, tell, begin)
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
