@@ -1,6 +1,7 @@
 """Records as loggers write them, read right; and the rules that say so."""
 
 import io
+import re
 import zipfile
 from datetime import datetime, timedelta
 
@@ -347,3 +348,27 @@ def test_what_stands_far_down_a_long_file_is_read_as_at_its_beginning(encoding, 
     assert table.dialect.encoding == encoding
     assert table.columns["T1"][8000] == -5.125
     assert table.columns["Bemerkung"][8000] == "Kühlung an"
+
+
+@pytest.mark.parametrize(
+    ("rows", "where", "odd"),
+    [
+        ([f"{60 * k:,d};{20.25 + k:.2f};{19.5 + k:.2f}" for k in range(40)], "time_s", "'1,020', where '.'"),
+        ([f"{60 * k}.0;{20 + k},25;{19 + k},50" for k in range(40)], "time_s", "'0.0', where ','"),
+    ],
+)
+def test_a_second_decimal_sign_is_told_as_one(rows, where, odd, tmp_path):
+    path = written(tmp_path, "time_s;T1;T2\n" + "\n".join(rows) + "\n")
+    with pytest.raises(InputError, match=f"column '{where}': numbers written in another way") as refused:
+        read_run(path)
+    assert odd in str(refused.value)
+
+
+def test_marks_of_readings_are_never_the_readings_of_a_long_table(tmp_path):
+    """Where the values cannot be read, the column of their validity, a number in each row, was taken in their place."""
+    rows = [f'"{n}";"{k // 60:02d}:{k % 60:02d}:00";{20 + k / 8:.3f};{k % 7 > 0:d}' for k in range(90) for n in ("T_a", "T_b")]
+    text = '"VarName";"TimeString";"VarValue";"Validity"\n' + "\n".join(rows) + "\n"
+    assert list(read_run(written(tmp_path, text)).channels) == ["T_a", "T_b"]
+    path = written(tmp_path, re.sub(r";(\d)\n", r";\1.5\n", re.sub(r"(\d)\.(\d{3})", r"\1,\2", text)))
+    with pytest.raises(InputError, match="column 'VarValue'"):
+        read_run(path, Options(decimal="."))

@@ -11,7 +11,7 @@ from .run import Array, Guess
 from .tables.table import Table
 from .times import Time
 from .units import parse_unit, to_celsius
-from .vocabulary import READINGS, REMARKS, SENSOR_NAMES, UNITS, words
+from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 
 MOST_LABELS = 5000
 #: OPC's codes of quality: good from, bad below.
@@ -48,7 +48,7 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
     named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
     unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
     values = [n for n in table.names if n not in time.used and n not in repeated and isinstance(table.columns[n], np.ndarray)]
-    values = [n for n in values if _varies(table.columns[n]) and n not in table.faults]
+    values = [n for n in values if _varies(table.columns[n]) and n not in table.faults and not set(words(n)) <= FLAGS - READINGS]
     valued = [n for n in values if set(words(n)) & READINGS] or [
         n for n in values if sign_of(n, table.units.get(n, "")).temperature
     ]

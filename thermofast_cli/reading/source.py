@@ -28,6 +28,7 @@ from .degrees import Temperatures, unit_told, winding_temperature
 from .long import Layout, find_long, to_wide
 from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
+from .stamps import two_decimal_signs, two_signs
 from .tables.clocks import with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
@@ -348,6 +349,9 @@ def _why(name: str, role: str, table: Table, roles: Roles, spare: list[str], opt
 
 
 def _no_sensor(table: Table, roles: Roles, words: list[str], named: list[str]) -> InputError:
+    for n in words:
+        if two := two_signs(table.columns[n]):  # type: ignore[arg-type]
+            return two_decimal_signs(f"{table.name}, column {n!r}", two)
     found = [f"{n} ({u})" if (u := table.units.get(n, "")) else n for n in (named or words)]
     return InputError(
         f"{table.name}: no sensor column",

@@ -62,6 +62,7 @@ _ISO = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d(\.\d{1,9})?)?$")
 _EAST = re.compile(r"(\d+)[年년]\s*(\d+)[月월]\s*(\d+)[日일]")
 _EAST_CLOCK = re.compile(r"(\d+)\s*[时時点點시]\s*(?:(\d+)\s*[分분](?:\s*(\d+(?:\.\d+)?)\s*[秒초])?)?")
 _HALF_FIRST = re.compile(r"(上午|下午|午前|午後|오전|오후|[AaPp][Mm](?= *\d))\s*(\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?)")
+_PLAIN = re.compile(r"[+-]?\d[\d.,]*$")
 _FRENCH_CLOCK = re.compile(r"(?<![:\d])(\d{1,2}) ?h ?(\d{2})(?: ?(?:m|min|mn) ?(?:(\d{2}) ?s?)?)?$")
 _YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
 _OTHER_FORM = re.compile(
@@ -159,11 +160,31 @@ def _holds(m: re.Match[str]) -> bool:
 
 
 def _unreadable(cells: Sequence[str], at: int, place: str, lines: Sequence[int]) -> InputError:
+    if two := two_signs(cells):
+        return two_decimal_signs(place, two)
     return InputError(
         f"{place}, line {lines[at] + 1}: unreadable time",
         found=repr(cells[at]),
         allowed=ALLOWED,
         do="mend the cell or say --time-format, as in '%d.%m.%Y %H:%M:%S'",
+    )
+
+
+def two_signs(cells: Sequence[str]) -> str:
+    """The first cell with a point or comma where all cells are plain numbers, though not by the file's decimal sign; else empty."""
+    told = [c for c in cells if c.strip()]
+    if not told or not all(_PLAIN.match(c.strip()) for c in told):
+        return ""
+    return next((c for c in told if "." in c or "," in c), "")
+
+
+def two_decimal_signs(place: str, cell: str) -> InputError:
+    """Numbers of a column with another decimal sign than the rest of the file, or with signs between thousands."""
+    return InputError(
+        f"{place}: numbers written in another way than in the rest of the file",
+        found=f"{cell!r}, where '{'.' if ',' in cell else ','}' is the decimal sign elsewhere",
+        allowed="one decimal sign in the whole file, and none between thousands",
+        do="export the record again so",
     )
 
 
