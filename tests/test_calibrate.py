@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 import thermofast as tf
 from benchmarks.machines import bar
-from thermofast.analysis.calibration import CANDIDATES, PRIOR_RUNS, TURNS, Past, learn
+from thermofast.analysis.calibration import CANDIDATES, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn
 from thermofast.machine.lab import read_imperfection
 
 
@@ -33,12 +33,27 @@ def test_factors_are_those_of_the_formula():
     errors = [(0.5, -0.25), (0.75, 0.5), (-1.0, 0.25)]
     lab = learn(pasts(errors))
     squares = sum(np.mean((1.96 * np.array(pair) / 0.5) ** 2) for pair in errors)
-    size = np.sqrt((PRIOR_RUNS + squares) / (PRIOR_RUNS + 3))
+    pooled = (PRIOR_RUNS + squares) / (PRIOR_RUNS + 3)
+    size = np.sqrt((OTHER_TIMES * pooled + squares) / (OTHER_TIMES + 3))
     expected = student.ppf(0.975, PRIOR_RUNS + 3) * size / 1.96
     assert [factor for _, factor in lab.prior.factors] == pytest.approx([expected] * len(TURNS), rel=1e-6)
     assert lab.records[0].factor == pytest.approx(expected, rel=1e-6)
     assert lab.records[0].held_typical == pytest.approx(4 / 6)
     assert lab.records[0].conformal_factor is None  # 95 % of three runs cannot be told
+
+
+def test_a_time_at_which_all_ends_lie_far_off_widens_its_own_intervals_most():
+    plain, far = pasts([(0.1, 0.1)] * 3), pasts([(1.5, 1.5)] * 3)
+    for one, other in zip(plain, far, strict=True):
+        one.foretold[:, 2] = other.foretold[:, 2]
+    factors = [factor for _, factor in learn(plain).prior.factors]
+    squares = 3 * (1.96 * 1.5 / 0.5) ** 2
+    small = 3 * (1.96 * 0.1 / 0.5) ** 2
+    turns = len(TURNS)
+    pooled = (PRIOR_RUNS + (squares + (turns - 1) * small) / turns) / (PRIOR_RUNS + 3)
+    sizes = [np.sqrt((OTHER_TIMES * pooled + s) / (OTHER_TIMES + 3)) for s in (small, squares)]
+    expected = [student.ppf(0.975, PRIOR_RUNS + 3) * size / 1.96 for size in sizes]
+    assert [factors[0], factors[2]] == pytest.approx(expected, rel=1e-6)
 
 
 def test_conformal_prediction_is_shown_where_runs_suffice():

@@ -26,20 +26,27 @@ TURNS = (0.4, 0.6, 0.8, 1.0, 1.4, 2.0, 3.0)
 COMPLETE = 3.5
 #: Readings whose mean is the end of a run.
 LAST = 20
-#: Runs that "as wide as the prior says" counts for.
-PRIOR_RUNS = 6.0
+#: Runs that "as wide as the prior says" counts for, and "as wide as at the other times" at each of them.
+PRIOR_RUNS, OTHER_TIMES = 6.0, 12.0
 LEAST, MOST = 0.25, 4.0
 #: Runs from which on another prior than the typical one may be chosen: two alike may be chance.
 ENOUGH = 4
 
-#: Priors to choose among, from machines that nobody knows to machines that are the law.
+#: Deviation of the log scale between machines of a lab that are alike: what one record says of its own disturbances moves the width
+#: more than it foretells the error. Held against other runs of the same simulators (python -m benchmarks.imperfect --calibrated),
+#: the interval score over the oracle's is 0.98 and 0.99 with these priors, where it was 1.02 and 1.08 without.
+ALIKE = 0.15
+
+_alike = replace(TYPICAL, scale_spread=ALIKE, clean=0.0)
+#: Priors to choose among: machines that nobody knows, machines that are alike, machines that are the law.
 CANDIDATES = (
     TYPICAL,
     replace(TYPICAL, strong_share=0.05),
     replace(TYPICAL, strong_share=0.005),
-    replace(TYPICAL, strong_share=0.005, scale_spread=0.4),
-    replace(TYPICAL, strong_share=0.005, scale_spread=0.4, multiplier=0.6),
-    replace(TYPICAL, strong_share=0.005, scale_spread=0.4, multiplier=1.6),
+    _alike,
+    replace(_alike, strong_share=0.05),
+    replace(_alike, strong_share=0.005),
+    replace(_alike, strong_share=0.005, multiplier=1.6),
     replace(TYPICAL, strong_share=0.002, clean=0.9, multiplier=0.3),
 )
 
@@ -102,10 +109,8 @@ def learn(past: Sequence[Past]) -> Lab:
     for c in range(len(CANDIDATES) if len(past) >= ENOUGH else 1):
         scores = _scores(past, c, _left_out_factors(past, c))
         score = float(_mean(_mean(scores) / level))
-        # A prior other than the typical one has to show its worth, the more the fewer runs there are.
-        cost = 0.0 if c == 0 else 0.3 / np.sqrt(len(past))
-        if score + cost < best:
-            best, chosen = score + cost, c
+        if score < best:
+            best, chosen = score, c
     factors = _factors(past, chosen, np.arange(len(past)))
     prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)))
     return Lab(prior, tuple(_rows(past, chosen, factors)), tuple(p.name for p in past))
@@ -127,18 +132,19 @@ def _parts(one: Past, candidate: int, turn: int) -> tuple[Array, Array, Array]:
 
 
 def _factors(past: Sequence[Past], candidate: int, of: NDArray[np.intp]) -> Array:
-    """By what the half-widths of each turn (turns,) must be multiplied, from these runs."""
-    found = np.ones(len(TURNS))
-    for t in range(len(TURNS)):
-        squares = []
-        for k in of.tolist():
+    """By what the half-widths of each turn (turns,) must be multiplied, from these runs: drawn to one factor, and that to one."""
+    squares = np.full((len(of), len(TURNS)), np.nan)
+    for i, k in enumerate(of.tolist()):
+        for t in range(len(TURNS)):
             low, middle, high = _parts(past[k], candidate, t)
             if len(middle):
                 half = np.where(middle > 0.0, middle - low, high - middle)  # the side on which the end lies
-                squares.append(float(np.mean((1.96 * middle / half) ** 2)))
-        n = len(squares)
-        size = np.sqrt((PRIOR_RUNS + sum(squares)) / (PRIOR_RUNS + n))
-        found[t] = np.clip(float(t_quantile(PRIOR_RUNS + n)) * size / 1.96, LEAST, MOST)
+                squares[i, t] = np.mean((1.96 * middle / half) ** 2)
+    known = np.isfinite(squares)
+    of_runs = np.array([row[good].mean() for row, good in zip(squares, known, strict=True) if good.any()])
+    pooled = (PRIOR_RUNS + of_runs.sum()) / (PRIOR_RUNS + len(of_runs))
+    size = np.sqrt((OTHER_TIMES * pooled + np.where(known, squares, 0.0).sum(axis=0)) / (OTHER_TIMES + known.sum(axis=0)))
+    found: Array = np.clip(float(t_quantile(PRIOR_RUNS + len(of_runs))) * size / 1.96, LEAST, MOST)
     return found
 
 
