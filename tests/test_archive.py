@@ -168,7 +168,7 @@ def test_no_name_leaves_the_folder_of_results(tmp_path, name):
     from thermofast.archives.parts import Manifest, Parts
 
     parts = Parts(str(tmp_path), Manifest("identify", "1", "compiled", {}))
-    path = parts.path(SourceFile(name, name), "00")
+    path = parts.path(SourceFile(name, name, name), "00")
     assert path.resolve().parent.parent == tmp_path.resolve()
     assert all(len(part.encode()) < 200 for part in path.relative_to(tmp_path).parts)
     assert ":" not in path.name

@@ -1,9 +1,13 @@
 """One family of exceptions; only ``main`` turns them into an exit code."""
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from functools import partial
 from typing import Any
+
+#: What a terminal obeys or what turns a line about, and bytes of a name that are no text.
+_UNSHOWN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 class ThermofastError(Exception):
@@ -25,6 +29,23 @@ class InputError(ThermofastError):
 
 class UsageError(ThermofastError):
     """An option or a setting that cannot be used."""
+
+
+def visible(text: str) -> str:
+    """A text from outside as it may be shown: control characters and bytes that are no text by their number."""
+    return _UNSHOWN.sub(_escaped, text)
+
+
+def shown_name(name: str) -> str:
+    """The name of a file or a column as it may be shown, in one line."""
+    return visible(name).replace("\n", "\\n").replace("\t", " ")
+
+
+def _escaped(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    # 0xdc80 to 0xdcff stand for the bytes of a file's name that are no UTF-8.
+    code = code - 0xDC00 if 0xDC80 <= code <= 0xDCFF else code
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
 def rounded(value: float, digits: int = 2) -> str:

@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from . import __version__
-from .errors import ThermofastError, nearest
+from .errors import ThermofastError, nearest, visible
+from .output.pipe import Kept
 from .output.whole import written_together
 from .shell.made import ARGUMENTS
 
@@ -105,13 +106,17 @@ def run(arguments: list[str] | None = None) -> None:
 
     with suppress(ValueError):  # not in a thread of somebody else's program
         signal.signal(signal.SIGTERM, end)
+        # A terminal that is closed ends the work as a word would, unless nohup said to go on.
+        if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
+            signal.signal(signal.SIGHUP, end)
     if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")  # a degree sign must not end the work on a plain terminal
+    sys.stdout, sys.stderr = Kept.of(sys.stdout), Kept.of(sys.stderr)
     try:
         with written_together():
             code = cli.main(args=arguments, prog_name="thermofast", standalone_mode=False)
     except ThermofastError as error:
-        click.echo(f"Error: {error}", err=True)
+        click.echo(f"Error: {visible(str(error))}", err=True)
         code = 2
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
@@ -125,11 +130,13 @@ def run(arguments: list[str] | None = None) -> None:
     except UnicodeError as error:
         click.echo(f"Error: a name cannot be written here: {error}", err=True)
         code = 2
-    except BrokenPipeError:  # the reader of our output has gone: nothing more to say to it
-        sys.stderr.close()
-        code = 0
+    except MemoryError as error:
+        told = str(error).splitlines()[0][:120] if str(error) else ""
+        click.echo(f"Error: out of memory{f': {told}' if told else ''}", err=True)
+        click.echo("  do: give it more, cut the record (--from, --to, --channels), or name fewer files", err=True)
+        code = 2
     except OSError as error:
-        click.echo(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else ""), err=True)
+        click.echo(visible(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else "")), err=True)
         code = 2
     if ended:
         code = 128 + ended[0]

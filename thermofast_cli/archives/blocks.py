@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..errors import ThermofastError
+from ..errors import ThermofastError, shown_name
 from ..output.arrow import to_arrow, types_of
 from ..reading import Options, Run, read_runs
 from ..reading.source import content_of
@@ -18,6 +18,9 @@ from ..workers.engine import Work, with_start
 from ..workers.pool import ended
 from .parts import Parts
 from .sources import SourceFile
+
+#: Why a file that this process cannot hold has no records.
+OUT_OF_MEMORY = "out of memory while it was read"
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,7 @@ def _of_file(analysis: Analysis, piece: WholeFile) -> Done:
 
     began, content = time.perf_counter(), ""
     try:
-        content, data = content_of(piece.file.path, piece.reading.options)
+        content, data = content_of(piece.file.at, piece.reading.options, piece.file.path)
         started = piece.reading.started(piece.file.path, data)
         del data
         table = pa.concat_tables([_work(analysis, one, Work(1)).table for one in cut(piece.source, started, 0, 0)])
@@ -139,23 +142,22 @@ def _of_file(analysis: Analysis, piece: WholeFile) -> Done:
 
 
 def _written(piece: WholeFile, content: str, table: Any, seconds: float) -> Done:
-    if content:
-        piece.parts.write(piece.file, content, with_source(table, piece.file, content))
+    piece.parts.write(piece.file, content, with_source(table, piece.file, content))
     return Done(piece.source, 0, None, seconds, piece.units, Counter(table.column("status").to_pylist()))
 
 
 def with_source(table: Any, source: SourceFile, content: str) -> Any:
-    """A part's table with the columns that say which file it is of."""
+    """A part's table with the columns that say which file it is of; the hash is empty where it could not be read."""
     import pyarrow as pa
 
     rows = table.num_rows
-    table = table.append_column("source", pa.array([source.name] * rows, pa.string()))
+    table = table.append_column("source", pa.array([shown_name(source.name)] * rows, pa.string()))
     return table.append_column("source_sha256", pa.array([content] * rows, pa.string()))
 
 
 def read_pieces(piece: WholeFile) -> tuple[str, list[Piece]]:
     """(content, pieces) of a file, none where it is no record: what its worker began with."""
-    content, data = content_of(piece.file.path, piece.reading.options)
+    content, data = content_of(piece.file.at, piece.reading.options, piece.file.path)
     return content, cut(piece.source, piece.reading.started(piece.file.path, data), 0, 0)
 
 
@@ -207,7 +209,7 @@ def _lost_file(
         table = unreadable(analysis, piece.file.path, str(error))
     except (BrokenExecutor, TimeoutError, MemoryError):  # it cannot even be read
         with suppress(ThermofastError):
-            content = content_of(piece.file.path, piece.reading.options)[0]
+            content = content_of(piece.file.at, piece.reading.options, piece.file.path)[0]
         table = _told(analysis, analysis.failed(piece.file.path, "", "failed", why))
     finally:
         ended(reader)

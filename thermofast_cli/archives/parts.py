@@ -44,7 +44,7 @@ class Parts:
     """The parts below a folder."""
 
     def __init__(self, folder: str, manifest: Manifest, resumed: bool = False) -> None:
-        self.folder = Path(folder)
+        self.folder = Path(folder).absolute()  # workers may stand in other folders
         self.manifest = manifest
         #: Whether some may be there already.
         self.resumed = resumed
@@ -89,7 +89,7 @@ class Parts:
 
     def others(self, sources: "set[str]") -> int:
         """Parts of files that are not among those (their names) any more."""
-        mine = {str(self._place(s) / self._stem(s)) for s in (SourceFile(n, n) for n in sources)}
+        mine = {str(self._place(s) / self._stem(s)) for s in (SourceFile(n, n, n) for n in sources)}
         return sum(str(p).rpartition("-")[0] not in mine for p in self.folder.glob("folder=*/*.parquet"))
 
     def _place(self, source: SourceFile) -> Path:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, shown_name
 
 #: What is taken from a folder by its suffix; a file that is named is read whatever it is called.
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".parquet", ".pq", ".xlsx", ".xlsm", ".xls", ".ods", ".tdms", ".mat")
@@ -15,10 +15,13 @@ WILD = frozenset("*?[")
 
 @dataclass(frozen=True, order=True)
 class SourceFile:
-    """A file to read at `path`; `name` is its path below the folder that was named, with slashes."""
+    """A file called `path` where it is told of; `name` is its path below the folder that was named, with slashes; `at` where it
+    lies, whatever folder a worker stands in.
+    """
 
     name: str
     path: str
+    at: str
 
     @property
     def folder(self) -> str:
@@ -28,7 +31,7 @@ class SourceFile:
     def size(self) -> int:
         """Bytes; 0 where it has gone."""
         try:
-            return Path(self.path).stat().st_size
+            return Path(self.at).stat().st_size
         except OSError:
             return 0
 
@@ -68,7 +71,7 @@ def sources_of(given: Sequence[str], aside: str | None = None) -> list[SourceFil
             )
         for path in kept:
             name = path.absolute().relative_to(root.absolute()).as_posix()
-            found.setdefault(path.resolve(), SourceFile(name, str(path)))
+            found.setdefault(path.resolve(), SourceFile(name, shown_name(str(path)), str(path.absolute())))
     return sorted(found.values())
 
 

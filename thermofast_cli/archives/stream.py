@@ -17,6 +17,7 @@ from ..reading.source import content_of
 from ..workers.flow import NOT_TRIED, Crew, Flow
 from ..workers.pool import new_pool
 from .blocks import (
+    OUT_OF_MEMORY,
     Analysis,
     Block,
     Done,
@@ -162,8 +163,7 @@ class _Stream:
 
         one, source = self.open_files.pop(number), self.sources[number]
         table = pa.concat_tables([one.tables[i] for i in sorted(one.tables)])
-        if one.content:
-            self.parts.write(source, one.content, with_source(table, source, one.content))
+        self.parts.write(source, one.content, with_source(table, source, one.content))
         self.progress.finished(one.size, Counter(table.column("status").to_pylist()))
         self.told(self.progress)
 
@@ -190,7 +190,7 @@ class _Stream:
                 continue
             content = ""
             try:
-                content, data = content_of(source.path, self.reading.options)
+                content, data = content_of(source.at, self.reading.options, source.path)
                 if self.parts.is_there(source, content):
                     self.progress.there(size)
                     continue
@@ -199,8 +199,9 @@ class _Stream:
                     continue
                 started = self.reading.started(source.path, data)
                 del data
-            except ThermofastError as error:
-                self.open_files[number] = _File(content, size, 1, {0: unreadable(self.analysis, source.path, str(error))})
+            except (ThermofastError, MemoryError) as error:
+                why = str(error) if isinstance(error, ThermofastError) else OUT_OF_MEMORY
+                self.open_files[number] = _File(content, size, 1, {0: unreadable(self.analysis, source.path, why)})
                 self._finish(number)
                 continue
             mine = cut(number, started, self.analysis.together, self.cost.aim())

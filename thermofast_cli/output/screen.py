@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from ..errors import visible
 from .text import Row, short, to_csv, to_json, to_jsonl, to_markdown
 
 #: Headings of columns of words: to the left, and folded where they are long.
@@ -39,7 +40,7 @@ STYLES = {"ok": "", "not_determined": "yellow", "model_doubtful": "yellow", "par
 
 def say(text: str) -> None:
     """A line on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    print(visible(text), file=sys.stderr, flush=True)
 
 
 def chosen_format(wanted: str | None) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UsageError, listed
+from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
 from .columns import (
     Roles,
@@ -86,16 +86,34 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
 
 
 def read_table(source: Any, options: Options, name: str | None = None, data: bytes | None = None) -> Table:
-    """The table of a file or of something in memory, before anyone says what its columns are.
+    """The table of a file or of something in memory, before anyone says what its columns are; names as they may be shown.
 
     Raises
     ------
     InputError: as :func:`read_runs`.
     """
+    table = _table(source, options, name, data)
+    together = "".join(table.names)
+    if shown_name(together) == together:
+        return table
+    shown: dict[str, str] = {}
+    for n in table.names:
+        told = shown_name(n)
+        shown[n] = told if told not in shown.values() else f"{told} ({len(shown) + 1})"
+    return replace(
+        table,
+        names=list(shown.values()),
+        columns={shown[n]: v for n, v in table.columns.items()},
+        units={shown[n]: v for n, v in table.units.items()},
+        faults={shown[n]: v for n, v in table.faults.items()},
+    )
+
+
+def _table(source: Any, options: Options, name: str | None, data: bytes | None) -> Table:
     if not isinstance(source, str | Path):
         return table_of(source, name or IN_MEMORY)
     path, _ = _numbered(str(source))
-    name = name or ("stdin" if path == "-" else path)
+    name = name or ("stdin" if path == "-" else shown_name(path))
     limits = Limits(options.max_bytes, options.max_rows, options.max_columns)
     held = [unpacked(_bytes(path, limits) if data is None else data, name, limits)]
     if is_workbook(held[0]):
@@ -144,7 +162,8 @@ def sha256_of(source: str) -> str:
         return ""
 
 
-def _bytes(source: str, limits: Limits = Limits()) -> bytes:  # noqa: B008 - frozen
+def _bytes(source: str, limits: Limits = Limits(), name: str = "", waits: bool = True) -> bytes:  # noqa: B008 - frozen
+    name = name or source
     if source == "-":
         if sys.stdin is None:
             raise InputError("standard input is closed", do="pipe a record in, or name a file")
@@ -155,13 +174,15 @@ def _bytes(source: str, limits: Limits = Limits()) -> bytes:  # noqa: B008 - fro
     try:
         mode = path.stat()
         if stat.S_ISBLK(mode.st_mode) or (stat.S_ISCHR(mode.st_mode) and source != "/dev/stdin"):
-            raise InputError(f"{source}: a device", allowed="a file, or - for standard input", do="name the logger's file")
+            raise InputError(f"{name}: a device", allowed="a file, or - for standard input", do="name the logger's file")
+        if not waits and not stat.S_ISREG(mode.st_mode):
+            raise InputError(f"{name}: a pipe", allowed="a file", do="leave it out of the archive")
         if stat.S_ISREG(mode.st_mode):
-            limits.check_bytes(source, mode.st_size)
+            limits.check_bytes(name, mode.st_size)
             return path.read_bytes()
         with path.open("rb") as stream:
             data = stream.read(limits.max_bytes + 1)
-        limits.check_bytes(source, len(data))
+        limits.check_bytes(name, len(data))
         return data
     except FileNotFoundError:
         suffixes = (".csv", ".parquet", ".txt", ".lvm")
@@ -169,16 +190,14 @@ def _bytes(source: str, limits: Limits = Limits()) -> bytes:  # noqa: B008 - fro
         alike = get_close_matches(path.name, there, 3, 0.6)
         near = alike + [name for name in there if name not in alike]
         raise InputError(
-            f"{source}: no such file",
+            f"{name}: no such file",
             found=f"in {path.parent}: {listed(near, 6)}" if near else "",
             do="check the path",
         ) from None
     except IsADirectoryError:
-        raise InputError(
-            f"{source}: a folder", allowed="a CSV or Parquet file", do=f"name the files, as in {source}/*.csv"
-        ) from None
+        raise InputError(f"{name}: a folder", allowed="a CSV or Parquet file", do=f"name the files, as in {name}/*.csv") from None
     except OSError as error:
-        raise InputError(f"{source}: cannot be read", found=str(error.strerror), do="check the permissions") from None
+        raise InputError(f"{name}: cannot be read", found=str(error.strerror), do="check the permissions") from None
 
 
 def runs_from_table(table: Table, options: Options) -> list[Run]:
@@ -394,13 +413,13 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
     return None
 
 
-def content_of(source: str, options: Options | None = None) -> tuple[str, bytes]:
-    """(hash, bytes) of a file.
+def content_of(source: str, options: Options | None = None, name: str = "") -> tuple[str, bytes]:
+    """(hash, bytes) of a file, told of by its name; a pipe, for which one might wait for ever, is none.
 
     Raises
     ------
     InputError: it cannot be read.
     """
     limits = Limits(options.max_bytes) if options is not None else Limits()
-    data = _bytes(_numbered(source)[0], limits)
+    data = _bytes(_numbered(source)[0], limits, name, waits=False)
     return hashlib.sha256(data).hexdigest(), data

@@ -211,7 +211,13 @@ scale_options = _together(
     click.option(
         "--cluster", metavar="ADDRESS", expose_value=False, callback=_keep, help="Work on a Dask cluster, as tcp://scheduler:8786."
     ),
-    click.option("--mpi", is_flag=True, expose_value=False, callback=_keep, help="Work on the processes that mpiexec started."),
+    click.option(
+        "--mpi",
+        is_flag=True,
+        expose_value=False,
+        callback=_keep,
+        help="Work on processes of MPI that mpi4py starts.",
+    ),
     click.option(
         "--shared-files",
         is_flag=True,

@@ -178,10 +178,22 @@ STARTED_BY_MPI = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK", "
 LAUNCHERS = ("mpiexec", "mpirun", "hydra_pmi_proxy", "orted", "prted")
 
 
-class Mpi(Given):
-    """Workers that ``mpiexec`` started."""
+SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_NUM_TASKS")
 
-    def __init__(self) -> None:
+
+class Mpi(Given):
+    """Workers that ``mpiexec`` started.
+
+    handed_out: ``python -m mpi4py.futures`` runs us, in one process, and the others wait for work.
+    """
+
+    def __init__(self, handed_out: bool = False) -> None:
+        several = max((int(os.environ.get(n) or 1) for n in SIZES if (os.environ.get(n) or "1").isdigit()), default=1)
+        if several > 1 and not handed_out:
+            raise UsageError(
+                f"--mpi: mpiexec started {several} of us, and each would do all of the work",
+                do="start with mpiexec -n 8 python -m mpi4py.futures -m thermofast ..., of which one hands the work out",
+            )
         try:
             from mpi4py.futures import MPIPoolExecutor
         except (ImportError, RuntimeError) as error:
@@ -225,8 +237,9 @@ def crew_of(
         raise UsageError(f"{' and '.join(asked)}: each says who works", do="leave all but one out")
     if cluster is not None:
         return Dask(cluster)
-    if mpi or ("mpi4py.futures" in sys.modules and jobs is None and executor is None):
-        return Mpi()
+    by_futures = "mpi4py.futures" in sys.modules
+    if mpi or (by_futures and jobs is None and executor is None):
+        return Mpi(by_futures)
     if executor is not None:
         return Given(executor, int(getattr(executor, "_max_workers", 0)) or cores())
     wanted = jobs if jobs is not None else cores()

@@ -70,7 +70,7 @@ def _context(search: bool) -> multiprocessing.context.BaseContext:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     searching = ["thermofast.models.search.discover"] if search else []
-    context.set_forkserver_preload(["thermofast.estimation.work", *searching])
+    context.set_forkserver_preload(["thermofast.workers.starting", "thermofast.estimation.work", *searching])
     return context
 
 

@@ -68,7 +68,9 @@ def read_parquet(data: bytes, name: str, limits: Limits) -> Table:
         file = papq.ParquetFile(pa.BufferReader(data), pre_buffer=False, page_checksum_verification=True)
         told = file.metadata
         groups = [told.row_group(i) for i in range(told.num_row_groups)]
-        limits.check_shape(name, max(told.num_rows, sum(g.num_rows for g in groups)), told.num_columns)
+        rows = max(told.num_rows, sum(g.num_rows for g in groups))
+        limits.check_shape(name, rows, told.num_columns)
+        limits.check_unpacked(name, 8 * rows * told.num_columns, len(data))
         # A long text may stand in a file once and in a million rows: words stay codes until their length is known.
         schema = file.schema_arrow
         some = set(schema.types) - NUMBERS

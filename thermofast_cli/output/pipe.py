@@ -1,0 +1,40 @@
+"""Output whose reader may go, as ``| head`` does: the work goes on, files are written, and the exit code is that of the work."""
+
+import os
+from typing import Any, TextIO, cast
+
+
+class Kept:
+    """A text stream that says nothing more once nobody reads it; all else is the stream's own."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    @classmethod
+    def of(cls, stream: "TextIO | None") -> Any:
+        """The stream so; None where there is none."""
+        return None if stream is None else stream if isinstance(stream, cls) else cls(stream)
+
+    def write(self, text: str) -> int:
+        """As the stream writes it, or into nothing."""
+        try:
+            return self._stream.write(text)
+        except BrokenPipeError:
+            self._leave()
+            return len(text)
+
+    def flush(self) -> None:
+        """What waits, as far as somebody reads it."""
+        try:
+            self._stream.flush()
+        except BrokenPipeError:
+            self._leave()
+
+    def _leave(self) -> None:
+        """What waits and what comes goes into nothing, also at the end of the interpreter."""
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, self._stream.fileno())
+        os.close(nothing)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(cast(Any, self._stream), name)
