@@ -437,3 +437,23 @@ def test_a_probe_that_fell_off_does_not_make_its_neighbours_unsure():
         assert found[i].status == "ok"
         assert found[i].steady_state_lo_c <= 21.0 + rises[i] <= found[i].steady_state_hi_c
         assert found[i].steady_state_hi_c - found[i].steady_state_lo_c < 0.3
+
+
+@pytest.mark.parametrize("until", [45.0, 60.0])
+def test_a_sensor_that_disagrees_is_left_alone_although_a_strong_effect_could_explain_it(until):
+    """A motor of 40 min beside two bearings of 65 and 70: its interval was that of a strong effect beside their rate."""
+    time = np.arange(0.0, 120.0, 0.5)
+    rng = np.random.default_rng(3)
+    made = {
+        name: 20.0 + rise * -np.expm1(-time / tau) + 0.02 * rng.standard_normal(len(time))
+        for name, rise, tau in (("front", 9.0, 65.0), ("rear", 6.0, 70.0), ("motor", 12.0, 40.0))
+    }
+    auto, own = (tf.identify({"time_min": time, **made}, until=until, rates=rates).records for rates in ("auto", "own"))
+    motor, alone = auto[2], own[2]
+    assert motor.status == alone.status == "ok"
+    assert not motor.rate_shared_with
+    assert motor.steady_state_lo_c <= 32.0 <= motor.steady_state_hi_c
+    assert motor.steady_state_hi_c - motor.steady_state_lo_c < 1.1 * (alone.steady_state_hi_c - alone.steady_state_lo_c)
+    # The two that agree still help each other.
+    for helped, single in zip(auto[:2], own[:2], strict=True):
+        assert helped.steady_state_hi_c - helped.steady_state_lo_c < 0.9 * (single.steady_state_hi_c - single.steady_state_lo_c)

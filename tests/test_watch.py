@@ -5,14 +5,18 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import thermofast as tf
 from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, first_readings, thinned
+from thermofast.errors import InputError
 from thermofast.pipeline.watching import speed_of
+from thermofast.reading import Options
 from thermofast.reading.follow import Follower, whole_lines
+from thermofast.reading.source import CUT_ROW, read_growing
 from thermofast.records import IdentifyRecord
 
 HEAD = b"time_min,T1\n"
@@ -249,3 +253,40 @@ def test_what_is_waited_for_is_said_where_all_are_within_the_tolerance(tool, tmp
     assert "you can stop now" in tool("watch", path, *lab).err
     (tmp_path / "lab.toml").write_text("[imperfection]\nmultiplier = 0.1\n")
     assert "no stop before 1.5 time constants (" in tool("watch", path, *lab).err
+
+
+def test_a_row_that_a_dying_logger_left_behind_is_left_out_and_told(tool, tmp_path):
+    lines = Path("sample_runs/spindle.csv").read_text().splitlines(keepends=True)
+    glued = lines[150][:20] + lines[151]  # begun again without a line end
+    data = "".join([*lines[:120], lines[120][:25] + "\n", *lines[121:150], glued, *lines[152:]]).encode()
+    run = read_growing(data, Options(), "run.csv")
+    assert len(run.time_s) == len(lines) - 1 - 3
+    assert [n for n in run.notes if CUT_ROW in n] == [
+        f"line 121 {CUT_ROW} ({lines[120][:25]}) and was left out",
+        f"line 151 {CUT_ROW} ({glued[:40]}) and was left out",
+    ]
+    path = tmp_path / "run.csv"
+    path.write_bytes(data)
+    watched = tool("watch", path, "--tolerance", 2, "--give-up", 0.01, "--poll", 0.05, "--channels", "T3")
+    assert watched.code == 0
+    assert f"line 121 {CUT_ROW}" in watched.err
+    with pytest.raises(InputError, match="the row has"):
+        read_growing(b"".join([data[:3000], *[b"1,2\n3,4,5,6,7,8,9,10,11\n"] * 30, data[3000:]]), Options(), "run.csv")
+
+
+def test_watch_and_plan_take_the_machine_from_the_settings_too(tool, tmp_path, monkeypatch):
+    run = Path("sample_runs/spindle.csv").resolve()
+    monkeypatch.chdir(tmp_path)
+    given = ("watch", run, "--replay", "max", "--to", 60, "--channels", "T3", "--tolerance", 0.01, "--format", "json")
+    widths = []
+    for text in ("", "rates = 'own'\n[imperfection]\nmultiplier = 5\n"):
+        (tmp_path / "thermofast.toml").write_text(text)
+        (row,) = json.loads(tool(*given).out)["records"]
+        widths.append(row["steady_state_hi_c"] - row["steady_state_lo_c"])
+    assert widths[1] > 1.5 * widths[0]
+
+
+def test_a_tolerance_that_the_machine_forbids_is_told(tool):
+    watched = tool("watch", "sample_runs/spindle.csv", "--replay", "max", "--to", 100, "--channels", "T3,T4", "--tolerance", 0.1)
+    assert ", by the readings alone +-" in watched.err
+    assert "K: the machine is the limit" in watched.err

@@ -254,10 +254,12 @@ class _Run:
         each = np.where(np.isnan(self._known[0]), -np.inf, self._known[0])
         return log_sum(log_sum(each + self.log_prior, 2) + of_rate, 1)
 
-    def told(self, log_rate: Array, marginal: Array) -> tuple[Array, Array, Array]:
+    def told(self, log_rate: Array, marginal: Array, plain: Array) -> tuple[Array, Array, Array]:
         """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing.
 
-        Also, over common log rates (D,) less the centres, how likely each other agrees there (S, D).
+        They say nothing to a sensor that disagrees with them as the law and a background have it (plain: its log posterior so), for
+        a strong effect beside their rate could explain nearly any other. Also, over common log rates (D,) less the centres, how
+        likely each other agrees there (S, D).
         """
         prior, count = self.prior, self.count
         if self.rates == "own" or count < 2:
@@ -283,6 +285,11 @@ class _Run:
         counted = min(1.0, COUNTED_OTHERS / (count - 1)) if not prior.none else 1.0
         others = counted * (together.sum(axis=0) - together)
         said = np.stack([np.interp(rates, dense, line) for rates, line in zip(off, others, strict=True)])
+        if self.rates == "auto":
+            own = np.exp(plain - plain.max(axis=1, keepdims=True))
+            ratio = np.exp(said - log_sum(others + np.log(weight), 1)[:, None])
+            odds = (own * ratio).sum(axis=1) / own.sum(axis=1) * (1.0 - apart) / apart
+            said[odds < 1.0] = 0.0
         return said, dense, messages / (messages + apart)
 
     def agrees(self, log_rate: Array, marginal: Array, dense: Array, agreeing: Array) -> NDArray[np.bool_]:
@@ -340,8 +347,8 @@ class _Run:
             evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]
         self._known = evidence, squares
         posterior = self.weighed(log_rate, evidence)
-        marginal = log_sum(posterior, 2)
-        said, dense, agreeing = self.told(log_rate, marginal)
+        marginal, plain = log_sum(posterior, 2), log_sum(posterior[..., self.base], 2)
+        said, dense, agreeing = self.told(log_rate, marginal, plain)
         return posterior + said[..., None], marginal + said, squares, dense, agreeing
 
     def _few(self) -> NDArray[np.intp]:
@@ -395,7 +402,7 @@ class _Run:
                 check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
             # Readings beyond what the prior holds: as elsewhere in statistics, the spread makes room for what is left.
             beyond = float(np.sqrt(max(w @ left / w.sum() / (m - 2), 1.0))) if check[i] < DOUBTED else 1.0
-            factor = beyond * self._past_factor(self.blocks_of(i).last * rate[i, 1])
+            factor = beyond * self.prior.factor_at(self.blocks_of(i).last * rate[i, 1])
             self._stretch(steady[i], t95[i], at[i], factor)
             if drawn is not None:
                 drawn.factor[i] = factor
@@ -463,13 +470,6 @@ class _Run:
     def blocks_of(self, sensor: int) -> Blocks:
         """The blocks of the part that a sensor is in."""
         return self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1]
-
-    def _past_factor(self, read: float) -> float:
-        """What past runs ask half-widths to be multiplied by, `read` time constants into the record."""
-        if not self.prior.factors:
-            return 1.0
-        turns, factors = np.array(self.prior.factors).T
-        return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
 
     def _stretch(self, steady: Array, t95: Array, at: Array, factor: float) -> None:
         """Multiplies the half-widths of one sensor by `factor`."""

@@ -119,6 +119,13 @@ class Imperfection:
         """Whether strong effects are known to be rare, as of a lab whose complete runs were looked at."""
         return not self.none and self.strong_share <= RARE
 
+    def factor_at(self, read: float) -> float:
+        """What past runs ask half-widths to be multiplied by, `read` time constants into the record."""
+        if not self.factors:
+            return 1.0
+        turns, factors = np.array(self.factors).T
+        return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
+
     def kinds(self) -> tuple[Array, Array]:
         """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect."""
         both = [sizes.scaled(self.multiplier).variances() for sizes in (self.background, *self.strong)]

@@ -50,6 +50,7 @@ class Look:
     within: tuple[bool, ...]
     stop: bool
     waits: str = ""
+    tolerance_c: float = 0.0
 
     @property
     def words(self) -> str:
@@ -65,7 +66,15 @@ class Look:
         widest = max(known, key=lambda c: known[c])
         doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
         doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
-        return f"{self.minutes:.4g} min: {count}; widest {widest}, +-{rounded(known[widest])} K for all at once{doubt}{self.waits}"
+        told = f"{self.minutes:.4g} min: {count}; widest {widest}, +-{rounded(known[widest])} K for all at once"
+        return f"{told}{self._limit(widest, wide, known[widest])}{doubt}{self.waits}"
+
+    def _limit(self, channel: str, wide: float, half: float) -> str:
+        """Where the machine and not the readings keeps the widest sensor from the tolerance."""
+        alone = next(r.reading_half_width_c for r in self.records if r.channel == channel)
+        if alone is None or not wide * alone <= self.tolerance_c < half:
+            return ""
+        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit"
 
 
 def half_width(record: IdentifyRecord) -> float | None:
@@ -128,7 +137,7 @@ class Watch:
             self.since_min = before if held else minutes
         self.last_min = minutes
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
-        return Look(minutes, records, within, stop, waits)
+        return Look(minutes, records, within, stop, waits, self.tolerance_c)
 
 
 def first_readings(run: Run, count: int) -> Run:

@@ -379,14 +379,15 @@ class _Block:
         """What a sensor's row says in words: of its numbers, its readings, and of how it was read."""
         row = self.sensors.rows[i]
         let_go = claimed is not None and bool(claimed.let_go[i])
-        about = [n for n in self.notes[row].split("; ") if not (let_go and n.startswith("with "))] if self.notes[row] else []
+        of_past = ("with ", "by ") if let_go else ()
+        about = [n for n in self.notes[row].split("; ") if not n.startswith(of_past)] if self.notes[row] else []
         said = [*about_numbers, *self.sensors.notes[i], *about]
         if tripped is not None and tripped.late[i]:
             said.insert(0, "a long gap lies before the trip: the rule may have held earlier")
         if claimed is not None:
             if let_go:
                 said.insert(0, LET_GO[bool(self.method.past and self.method.past.guessed)])
-            if self.room_c is not None and self.room is None and self.method.past is None:
+            if self.room_c is not None and self.room is None and (self.method.past is None or self.method.past.guessed):
                 said.append("--room needs a column of the surroundings, and there is none")
             if self.room is not None and self.surroundings is None:
                 said.append("the logged surroundings move with the machine and are not used")

@@ -14,7 +14,7 @@ from ..errors import InputError, ThermofastError, UsageError, rounded
 from ..estimation.identify import Method
 from ..reading import Run, read_runs
 from ..reading.follow import Follower, Piped
-from ..reading.source import read_growing
+from ..reading.source import CUT_ROW, read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
 from ..workers.engine import Work, with_start
@@ -90,7 +90,7 @@ def watch_run(
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
     name = "stdin" if source == "-" else source
     last: tuple[Look, Run] | None = None
-    clock, trouble = _Clock(time.monotonic()), ""
+    clock, trouble, told = _Clock(time.monotonic()), "", set[str]()
     try:
         while True:
             ended = isinstance(follower, Piped) and follower.ended  # asked before what there is, so that no last line is lost
@@ -105,6 +105,8 @@ def watch_run(
                     run = None
                 if run is not None and _begun(run, begin) and _worth(watch, run, follower):
                     clock.interval = float(np.median(np.diff(run.time_s)))
+                    follower.notes += [n for n in run.notes if CUT_ROW in n and n not in told]
+                    told |= set(run.notes)
                     last = watch.look(run), run
                     tell(last[0], tuple(follower.notes))
                     follower.notes.clear()

@@ -45,16 +45,33 @@ from .vocabulary import words as words_of
 PARQUET_MAGIC = b"PAR1"
 #: Lines above the readings are not counted as rows: not more than these, before they are looked at.
 LONGEST_HEAD = 1000
+#: Rows of another width that are left out of a growing file: more are another layout.
+MOST_CUT, CUT_ROW = 20, "is no whole row"
 
 
 def read_growing(data: bytes, options: Options, name: str) -> Run:
     """The run that a logger is writing, from all whole lines so far: the last one, where time has begun anew.
 
+    A logger that died in mid-line and began again leaves a row of another width: up to MOST_CUT such rows are left out, and noted.
+
     Raises
     ------
     InputError, UsageError: as :func:`read_runs`.
     """
-    runs = runs_from_table(read_text(data, name, options), options)
+    cut: list[str] = []
+    while True:
+        try:
+            table = read_text(data, name, options)
+            break
+        except InputError as error:
+            found = re.search(r", line (\d+): the row has \d+ cells", error.what)
+            if found is None or len(cut) == MOST_CUT:
+                raise
+            cut.append(f"line {found[1]} {CUT_ROW} ({error.found[:40]}) and was left out")
+            lines = data.splitlines(keepends=True)
+            lines[int(found[1]) - 1] = b"\n"  # the others keep their numbers
+            data = b"".join(lines)
+    runs = runs_from_table(replace(table, notes=(*table.notes, *cut)), options)
     if options.strict:
         refuse_guesses(runs[-1])
     return stretch(runs[-1], options.from_min, options.to_min)

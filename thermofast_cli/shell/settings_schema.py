@@ -60,7 +60,10 @@ class Settings(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
         return {
             **dict.fromkeys(("identify", "sweep"), _given(shared | machine) | given),
             **dict.fromkeys(("compare", "diagnose", "improve", "inspect"), _given(reading) | given),
-            **dict.fromkeys(("calibrate", "changed", "displacement", "plan", "sensitivity", "validate", "watch"), _given(reads)),
+            "watch": _given({k: v for k, v in (shared | machine).items() if k != "jobs"}),
+            "plan": _given(reads | {"imperfection": machine["imperfection"]}),
+            "sensitivity": _given(shared),
+            **dict.fromkeys(("calibrate", "changed", "displacement", "validate"), _given(reads)),
         }
 
 
