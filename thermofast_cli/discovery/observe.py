@@ -24,8 +24,9 @@ FINE = 0.05
 #: No grid has more points than this.
 MOST_POINTS = 1500
 FEWEST_READINGS = 24
-#: Share of a drive's range that is a jump, and readings on either side of it that tell when in its interval it came.
-JUMP, ABOUT = 0.3, 10
+#: Share of a drive's range that is a jump; readings on either side of it that tell when in its interval it came: few, so that what the
+#: base law lacks has no time to show; and of how many jumps, the largest, this is asked.
+JUMP, ABOUT, ASKED_OF = 0.3, 5, 6
 #: Twice the log-likelihood ratio from which one reading of a logged jump is surely better than another.
 SURELY = 8.0
 #: The same ratio by which a jump at an end of its interval must beat one in its middle, which errs least.
@@ -137,7 +138,7 @@ def _driven(seen: Observations, drive: str) -> Observations:
     """The run with a logged column as its heat, of which the temperatures tell how the logger keeps it.
 
     Loggers hold a column, or tell what was, or mean a straight line. The one with which the base law leaves no pattern is right.
-    Else, where the column jumps, the readings about the largest jump decide: farther away the effects that a fit lacks would.
+    Else, where the column jumps, the readings about the largest jumps decide: farther away the effects that a fit lacks would.
     """
     ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
     fits = [fit_model(way) for way in ways]
@@ -148,17 +149,29 @@ def _driven(seen: Observations, drive: str) -> Observations:
     jumped = jumps > JUMP * float(np.ptp(column))
     best = int(np.argmin([float((fit.rss / way.noise**2).sum()) for fit, way in zip(fits, ways, strict=True)]))
     if jumped.any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
-        far = np.abs(np.arange(len(column)) - int(np.argmax(jumps)) - 0.5) > ABOUT
-        near = [way.without(far) for way in ways]
-        if int(near[0].used.sum(axis=1).min()) >= ABOUT:
-            readings = near[0].used.sum(axis=1)
-            middle, late, early = misfits = [readings * np.log(fit_model(way).rss + 1e-300) for way in near]
+        largest = [int(j) for j in np.argsort(-jumps)[:ASKED_OF] if jumped[j]]
+        told = [one for j in largest if (one := _misfits_about([*ways, seen], j)) is not None]
+        misfits = np.sum(told, axis=0) if told else np.zeros((4, 0))
+        # A sensor that does as well without the jumps does not follow them, and tells nothing of when they were.
+        misfits = misfits[:3, misfits[:3].min(axis=0) < misfits[3] - SURELY]
+        if misfits.size:
+            middle, late, early = misfits
             # A probe may be late, and so may most of them, but none is early: one that surely is tells when the switch was.
             refused = np.any(middle > early + SURELY), np.any(late > np.minimum(middle, early) + SURELY), False
             total = [np.inf if no else float(m.sum()) for m, no in zip(misfits, refused, strict=True)]
             total[0] -= RATHER
             best = int(np.argmin(total))
     return _about_jumps(ways[best], jumped)
+
+
+def _misfits_about(ways: list[Observations], jump: int) -> Array | None:
+    """Twice the negative log likelihood (ways, S) of the readings about the jump in interval `jump`; None where there are too few."""
+    far = np.abs(np.arange(len(ways[0].time)) - jump - 0.5) > ABOUT
+    near = [way.without(far) for way in ways]
+    readings = near[0].used.sum(axis=1)
+    if int(readings.min()) < ABOUT + 2:
+        return None
+    return np.array([readings * np.log(fit_model(way).rss + 1e-300) for way in near])
 
 
 def _about_jumps(seen: Observations, jumped: NDArray[np.bool_]) -> Observations:
