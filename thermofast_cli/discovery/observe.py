@@ -24,8 +24,8 @@ FINE = 0.05
 #: No grid has more points than this.
 MOST_POINTS = 1500
 FEWEST_READINGS = 24
-#: Share of a drive's range that is a jump; readings on either side of it that tell when in its interval it came: few, so that what the
-#: base law lacks has no time to show; and of how many jumps, the largest, this is asked.
+#: Share of a drive's range that is a jump; readings on either side of it that tell when in its interval it came: few, so that what
+#: the base law lacks has no time to show; and of how many jumps, the largest, this is asked.
 JUMP, ABOUT, ASKED_OF = 0.3, 5, 6
 #: Twice the log-likelihood ratio from which one reading of a logged jump is surely better than another.
 SURELY = 8.0
@@ -165,7 +165,7 @@ def _driven(seen: Observations, drive: str) -> Observations:
 
 
 def _misfits_about(ways: list[Observations], jump: int) -> Array | None:
-    """Twice the negative log likelihood (ways, S) of the readings about the jump in interval `jump`; None where there are too few."""
+    """Twice the negative log likelihood (ways, S) of the readings about a jump's interval; None where there are too few."""
     far = np.abs(np.arange(len(ways[0].time)) - jump - 0.5) > ABOUT
     near = [way.without(far) for way in ways]
     readings = near[0].used.sum(axis=1)

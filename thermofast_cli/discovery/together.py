@@ -1,5 +1,6 @@
 """``improve --together``: several runs of one machine in one fit, each left out in turn."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -146,6 +147,13 @@ def _each(runs: Sequence[OneOf], spread: Spread) -> list[Discovery]:
     return [search_run(run.task, run.prepared, spread).discovery for run in runs]
 
 
+def _scattering(past: Past) -> str:
+    """How far rates lay apart in these runs, and what is counted on in the next one, which few runs say little of."""
+    seen = math.sqrt(sum(s * s for s in past.stretches) / max(len(past.stretches) - 1, 1))
+    told = f"rates scattered by {rounded(100.0 * seen)} % from run to run"
+    return f"{told}; {rounded(100.0 * past.scatter)} % is counted on, as machines mostly do, until more runs are known"
+
+
 def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: list[str]) -> list[Improved]:
     last, first = stages[-1], runs[0]
     past = learnt_past([run_learnt_from(f, r.prepared.whole) for f, r in zip(last.fits, runs, strict=True)])
@@ -156,7 +164,7 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
     notes = [
         *notes,
-        f"rates scatter by {rounded(100.0 * past.scatter)} % from run to run",
+        _scattering(past),
         *_stretched(past, runs),
         *_differing(last, runs),
     ]
