@@ -372,3 +372,72 @@ def test_marks_of_readings_are_never_the_readings_of_a_long_table(tmp_path):
     path = written(tmp_path, re.sub(r";(\d)\n", r";\1.5\n", re.sub(r"(\d)\.(\d{3})", r"\1,\2", text)))
     with pytest.raises(InputError, match="column 'VarValue'"):
         read_run(path, Options(decimal="."))
+
+
+def rising(count=40):
+    return [(60.0 * k, 20.0 + 0.25 * k, 21.0 + 0.125 * k) for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("head", "line", "seconds"),
+    [
+        ("Time (100ms)", lambda t: f"{10 * t:g}", 60.0),
+        ("Time [x10 s]", lambda t: f"{t / 10:g}", 60.0),
+        ("Time (min.sec)", lambda t: f"{t // 60:.0f}.{t % 60:02.0f}", 60.0),
+        ("Time (s)", lambda t: f"{t:g}", 60.0),
+    ],
+)
+def test_clocks_that_count_steps_or_minutes_and_seconds(head, line, seconds, tmp_path):
+    rows = [f"{line(t)},{a:.3f}" for t, a, _ in rising()]
+    run = read_run(written(tmp_path, f"{head},Front (°C)\n" + "\n".join(rows) + "\n"))
+    assert np.allclose(np.diff(run.time_s), seconds)
+    assert bool(run.guesses) == (head != "Time (s)")
+
+
+def test_readings_that_a_mark_beside_them_calls_bad_are_none(tmp_path):
+    marked = [
+        f"{t:g},{a:.3f},GOOD,{0.0 if k in (5, 6) else b:.3f},{'BAD' if k in (5, 6) else 'GOOD'}"
+        for k, (t, a, b) in enumerate(rising())
+    ]
+    run = read_run(written(tmp_path, "time_s,T1 [°C],T1 Quality,T2 [°C],T2 Quality\n" + "\n".join(marked) + "\n"))
+    assert np.isfinite(run.channels["T1 [°C]"]).all()
+    assert np.flatnonzero(np.isnan(run.channels["T2 [°C]"])).tolist() == [5, 6]
+    assert any("'T2 Quality' marks as bad" in note for note in run.notes)
+
+
+def test_an_archive_of_siemens_keeps_its_fractions_of_a_second_and_its_validity(tmp_path):
+    rows = []
+    for k, (_, a, b) in enumerate(rising()):
+        moment = 45356354166.6667 + 0.25 * k / 0.0864
+        for name, value, valid in (("Front", a, 1), ("Rear", 0.0 if k == 7 else b, int(k != 7))):
+            stamp = f"05.03.2024 08:30:{k // 4:02d}"
+            rows.append(
+                f'"{name}";"{stamp}";{value:.4f};{valid};{moment:.4f}'.replace(".", ",").replace("05,03,2024", "05.03.2024")
+            )
+    text = '"VarName";"TimeString";"VarValue";"Validity";"Time_ms"\n' + "\n".join(rows) + "\n"
+    run = read_run(written(tmp_path, text))
+    assert np.allclose(np.diff(run.time_s), 0.25, atol=2e-3)
+    assert np.flatnonzero(np.isnan(run.channels["Rear"])).tolist() == [7]
+    assert run.channels["Front"][:2].tolist() == [20.0, 20.25]
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+def test_readings_with_clocks_of_their_own_are_not_put_on_one(stamped, tmp_path):
+    def told(t):
+        return f"2024-03-05 08:{int(t) // 60:02d}:{int(t) % 60:02d}" if stamped else f"{t:g}"
+
+    heads = ("Time Front", "Time Rear") if stamped else ("Time A (s)", "Time B (s)")
+    for factor, same in ((1.0, True), (0.5, False)):
+        rows = [f"{told(t)},{a:.3f},{told(factor * t)},{b:.3f}" for t, a, b in rising()]
+        path = written(tmp_path, f"{heads[0]},Front (°C),{heads[1]},Rear (°C)\n" + "\n".join(rows) + "\n")
+        if same:
+            assert list(read_run(path).channels) == ["Front (°C)", "Rear (°C)"]
+        else:
+            with pytest.raises(InputError, match=f"two clocks, '{heads[0].split()[0]}"):
+                read_run(path)
+
+
+def test_a_unit_that_changes_within_a_record_is_refused(tmp_path):
+    rows = [f"{t:g},{a:.3f},{'F' if t < 1200 else 'C'}" for t, a, _ in rising()]
+    with pytest.raises(InputError, match="the unit changes within the record"):
+        read_run(written(tmp_path, "time_s,Value,Unit\n" + "\n".join(rows) + "\n"))

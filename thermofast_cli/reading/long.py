@@ -1,15 +1,17 @@
 """Long tables: one row per sensor and time, the sensor's name in a column of its own."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import check_names, sign_of
 from .run import Array, Guess
 from .tables.table import Table
-from .times import Time
+from .times import Time, is_time_name
 from .units import parse_unit, to_celsius
 from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 
@@ -17,6 +19,10 @@ MOST_LABELS = 5000
 #: OPC's codes of quality: good from, bad below.
 GOOD, BAD_BELOW = 192.0, 64.0
 QUALITIES = frozenset(["quality", "qualität", "statuscode"])
+#: Words for a mark of 1 (good) or 0, and how marks begin that say that a reading is none.
+VALIDITIES = frozenset(["valid", "validity", "gültig"])
+_MARK = re.compile("|".join(sorted(QUALITIES | VALIDITIES, key=len, reverse=True)), re.I)
+BAD_WORDS = ("bad", "invalid", "ungültig", "false")
 
 
 @dataclass(frozen=True)
@@ -213,15 +219,52 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
 
 
 def _good_only(table: Table, value: Array) -> tuple[Array, int]:
-    """Readings with nan where a column of OPC's quality codes (192 is good, below 64 is bad) says so, and how many those are."""
+    """Readings with nan where a column of marks says that they are none, and how many those are."""
     for n in table.names:
-        code = table.columns[n]
-        if not set(words(n)) & QUALITIES or not isinstance(code, np.ndarray) or not np.isfinite(code).all():
-            continue
-        if code.min() >= 0.0 and GOOD <= code.max() <= 255.0 and (code % 1.0 == 0.0).all():
-            bad = code < BAD_BELOW
+        bad = marked_bad(n, table.columns[n])
+        if bad is not None:
             return np.where(bad, np.nan, value), int(bad.sum())
     return value, 0
+
+
+def marked_bad(name: str, marks: Array | list[str]) -> NDArray[np.bool_] | None:
+    """Which readings a column of marks says are none (n,); None where it holds no marks.
+
+    Marks are OPC's codes of quality (192 is good, below 64 is bad), 1 or 0 for valid, or words.
+    """
+    said = set(words(name))
+    if isinstance(marks, np.ndarray):
+        if not np.isfinite(marks).all() or marks.min() < 0.0 or (marks % 1.0 != 0.0).any():
+            return None
+        if said & QUALITIES and GOOD <= marks.max() <= 255.0:
+            return np.asarray(marks < BAD_BELOW)
+        return np.asarray(marks == 0.0) if said & VALIDITIES and marks.max() == 1.0 else None
+    if not said & (QUALITIES | VALIDITIES):
+        return None
+    bad = np.array([c.strip().lower().startswith(BAD_WORDS) for c in marks])
+    return bad if bad.any() and not bad.all() else None
+
+
+def _stem(name: str) -> str:
+    """A name without unit, signs and gaps."""
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower()))
+
+
+def good_readings(table: Table) -> Table:
+    """A wide table without the readings that a column of marks beside them (``T2 Quality`` for ``T2``) says are none."""
+    columns, notes = dict(table.columns), list(table.notes)
+    for n in table.names:
+        bad = marked_bad(n, table.columns[n])
+        if bad is None or not bad.any():
+            continue
+        mine = _stem(_MARK.sub("", n))
+        for other in table.names:
+            own = table.columns[other]
+            beside = mine and other != n and re.match(re.escape(mine) + r"(?!\d)", _stem(other)) and not is_time_name(other)
+            if beside and isinstance(own, np.ndarray):
+                columns[other] = np.where(bad, np.nan, own)
+                notes.append(f"{other}: {int(bad.sum())} readings that {n!r} marks as bad left out")
+    return replace(table, columns=columns, notes=tuple(notes)) if len(notes) > len(table.notes) else table
 
 
 def _label_cells(name: str, column: Array | list[str]) -> list[str]:

@@ -25,10 +25,10 @@ from .columns import (
     without_impossible,
 )
 from .degrees import Temperatures, unit_told, winding_temperature
-from .long import Layout, find_long, to_wide
+from .long import Layout, find_long, good_readings, to_wide
 from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
-from .stamps import two_decimal_signs, two_signs
+from .stamps import parse_stamps, two_decimal_signs, two_signs
 from .tables.clocks import with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
@@ -39,12 +39,15 @@ from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
 from .times import Time, find_time, in_zone, is_time_name
+from .units import parse_unit
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 
 PARQUET_MAGIC = b"PAR1"
 #: Lines above the readings are not counted as rows: not more than these, before they are looked at.
 LONGEST_HEAD = 1000
+#: Readings that tell how a clock runs, and seconds in the units that it may count.
+FEWEST_OF_CLOCK, SECONDS_IN = 6, (1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)
 #: Rows of another width that are left out of a growing file: more are another layout.
 MOST_CUT, CUT_ROW = 20, "is no whole row"
 
@@ -230,8 +233,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     if options.tz is not None:
         time = in_zone(time, options.tz, table.name)
     layout = find_long(table, time, options)
-    if layout is not None:
-        table = to_wide(table, layout, time)
+    table = to_wide(table, layout, time) if layout is not None else good_readings(table)
     notes, guesses = [*table.notes, time.note], [*table.guesses, *time.guesses]
     numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
     options = resolved(options, table.names, [n for n in numbers if not is_time_name(n)])
@@ -406,28 +408,61 @@ def _with_unit_column(table: Table, named: list[str]) -> dict[str, str]:
         told = {c.strip() for c in cells if c.strip()}
         order = list(table.columns)
         beside = [order[k] for k in (at - 1, at + 1) if 0 <= k < len(order) and order[k] in named]
+        kinds = {unit.symbol for t in told if (unit := parse_unit(t)) is not None and unit.temperature}
+        if len(kinds) > 1 and beside:
+            raise InputError(
+                f"{table.name}, column {n!r}: the unit changes within the record",
+                found=listed(sorted(told), 4),
+                allowed="readings of one unit in a column",
+                do="export the record in one unit, or cut it where the unit changes",
+            )
         if len(told) == 1 and beside:
             units[beside[0]] = units.get(beside[0]) or told.pop()
     return units
 
 
 def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -> InputError | None:
-    """Whether columns have a clock of their own: a second column of time of the same name that runs otherwise."""
+    """Whether columns have a clock of their own: a second one, of the same name or among the readings, that runs otherwise."""
     used = next(iter(time.used), "")
     if options.channels and options.time:
         return None
-    for n in spare:
+    words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray) and is_time_name(n)]
+    for n in (*spare, *words):
         alike = words_of(re.sub(r" \(\d+\)$", "", n)) == words_of(re.sub(r" \(\d+\)$", "", used))
         own, main = table.columns[n], table.columns.get(used, [])
-        if not (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)):
+        if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
             continue
-        if not np.array_equal(own, main, equal_nan=True):
+        if (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)) or _runs_otherwise(table, time, used, n):
             return InputError(
                 f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
                 allowed="one time for all columns read together",
                 do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns",
             )
     return None
+
+
+def _runs_otherwise(table: Table, time: Time, used: str, name: str) -> bool:
+    """Whether a column is the clock of the readings behind it: readings stand before it too, it goes on, and not as the other."""
+    names = table.names
+    first, at = names.index(used) if used in names else 0, names.index(name)
+    between, behind = names[first + 1 : at], names[at + 1 : at + 2]
+    if not all(any(isinstance(table.columns[n], np.ndarray) and not is_time_name(n) for n in some) for some in (between, behind)):
+        return False
+    own = table.columns[name]
+    if not isinstance(own, np.ndarray):
+        try:
+            own = parse_stamps(own, name, range(len(own)), table.name).seconds
+        except InputError:
+            return False
+    known = np.isfinite(own) & np.isfinite(time.seconds)
+    if known.sum() < FEWEST_OF_CLOCK or not np.all(np.diff(own[known]) > 0.0):
+        return False
+    spans = float(np.ptp(own[known])), float(np.ptp(time.seconds[known]))
+    if not min(spans) > 0.0:
+        return False
+    # The same clock in another unit of time is no other.
+    factor = spans[0] / spans[1]
+    return all(abs(factor * unit - 1.0) > 0.01 for unit in SECONDS_IN)
 
 
 def content_of(source: str, options: Options | None = None, name: str = "") -> tuple[str, bytes]:

@@ -28,18 +28,19 @@ _UNIT_WORDS = {
     "d": ("d", "day", "days", "tage"),
 }
 #: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
-EPOCH_S = (9.466848e8, 4.102448e9)
-SERIAL_DAYS = (36526.0, 73051.0)
+EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
+#: Steps of a clock in brackets, as (100ms) and [x10 s]; minutes and seconds with a point between them.
+_STEPS = re.compile(r"[\[(]\s*[x×*]?\s*(\d+(?:[.,]\d+)?)\s*[x×*]?\s*(us|ms|s|sec|min|h)\s*[\])]", re.I)
+_MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)\.(?:sec|ss|s)\s*[\])]", re.I)
 #: Words of a column that tells parts of the second of a stamp.
 MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
 #: Of a date written without signs, 20260131.
 DATE_DIGITS = 8
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
-
 #: Zones change their clocks at multiples of this [s].
 CELL_S = 900.0
 
@@ -145,6 +146,9 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
             stamped.append(n)
         elif looks_like_stamp(column[0]) and ":" not in column[0]:
             stamped.append(n)  # a date alone may be the same all day
+    archived = [n for n in numeric if words(n) == ["time", "ms"] and _of_archive(_values(table, n))]
+    if archived and stamped:
+        return archived[0], None
     named = [n for n in table.names if is_time_name(n)]
     full = {n: _first(table, n) for n in stamped}
     stamps = {n: c for n, c in full.items() if looks_like_stamp(c)}
@@ -245,6 +249,8 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
             allowed="a number in every row, up to 1e30",
             do="mend or remove the rows",
         )
+    if not options.time_unit and (counted := _counted(name, column)) is not None:
+        return counted
     unit = options.time_unit or unit_of(name, table.units.get(name, ""))
     written = _written_moments(table, name, column) if not options.time_unit else None
     if written is not None:
@@ -262,6 +268,27 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         guess = Guess("time", text, "--time-unit says otherwise")
         return Time(seconds, frozenset({name}), f"time: {name!r} in days", (guess,), unit="d")
     return _without_unit(table, name, column)
+
+
+def _of_archive(column: Array) -> bool:
+    """Whether these are the millionths of days that Siemens archives call milliseconds."""
+    return bool(np.isfinite(column).all()) and SERIAL_DAYS[0] <= column.min() / 1e6 and column.max() / 1e6 < SERIAL_DAYS[1]
+
+
+def _counted(name: str, column: Array) -> Time | None:
+    """Numbers that count otherwise than in one unit of time: steps, minutes.seconds, the clock of an archive."""
+    minutes = np.floor(column + 1e-9)
+    if words(name) == ["time", "ms"] and _of_archive(column):
+        seconds, said, guessed = np.round((column - column[0]) * DAY_S / 1e6, 3), "millionths of days, as archives have it", False
+    elif step := _STEPS.search(name):
+        size, unit = float(step[1].replace(",", ".")), unit_of(step[2]) or "s"
+        seconds, said, guessed = column * size * UNITS[unit], f"steps of {size:g} {unit}", size != 1.0
+    elif _MINUTES_SECONDS.search(name) and (column - minutes < 0.5999).all():
+        seconds, said, guessed = 60.0 * minutes + np.round(100.0 * (column - minutes), 3), "minutes and seconds", True
+    else:
+        return None
+    guess = (Guess("time", f"{name!r} read in {said}", "--time-unit says otherwise"),) if guessed else ()
+    return Time(seconds, frozenset({name}), f"time: {name!r} in {said}", guess, unit="stamp")
 
 
 def _written_moments(table: Table, name: str, column: Array) -> Time | None:

@@ -41,7 +41,7 @@ _SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s
 _UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
 _ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")
 _BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
-_ANYWHERE = re.compile(r"°[ ]?([CFK])\b(?!\s*/)|(℃)|(℉)|(?i:(?<![a-z])deg[ _]?([CFK])(?![a-z]))|(?i:(celsius|kelvin|fahrenheit))")
+_ANYWHERE = re.compile(r"[°º˚] ?([CFK])\b(?!\s*/)|(℃)|(℉)|(?i:(?<![a-z])deg[ _]?([CFK])(?![a-z]))|(?i:(celsius|kelvin|fahrenheit))")
 _LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
 
 

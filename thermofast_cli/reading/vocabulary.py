@@ -56,7 +56,7 @@ COUNTERS = _set("sweep frame place part no nr index idx sample scan record count
 #: Words of what is logged beside temperatures and means nothing for them.
 OTHER = _set(
     "flags heartbeat relay program segment loop frame sweep place part free ok valid sign bit bits sum checksum battery_low "
-    "output index idx "
+    "output index idx alm dio totalizer "
     "id serial status state code alarm flag error crc counter cycle cyc step rssi signal lat lon latitude longitude altitude "
     "depth seq sequence quality validity marker mode result table millisecond millitm msec position cell rack shelf test lot "
     "batch tvoc tds type"
