@@ -441,3 +441,33 @@ def test_a_unit_that_changes_within_a_record_is_refused(tmp_path):
     rows = [f"{t:g},{a:.3f},{'F' if t < 1200 else 'C'}" for t, a, _ in rising()]
     with pytest.raises(InputError, match="the unit changes within the record"):
         read_run(written(tmp_path, "time_s,Value,Unit\n" + "\n".join(rows) + "\n"))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        ",,,CH,0001,0002\n,,,Tag,Front,Rear\nDate,Time,sec,Unit,degC,degC\n",
+        '"CH","","","","0001","0002"\n"Tag","","","","Front","Rear"\n"Unit","","","","C","C"\n"Date","Time","sec","","",""\n',
+    ],
+)
+def test_columns_that_are_named_in_the_line_of_units(head, tmp_path):
+    """Yokogawa: a pause of two days was lost with the column of dates."""
+    rows = [f"2024/03/0{5 + 2 * (k // 20)},08:{k:02d}:00,.500,,{a:.2f},{b:.2f}" for k, (_, a, b) in enumerate(rising())]
+    run = read_run(written(tmp_path, head + "\n".join(rows) + "\n"))
+    assert list(run.channels) == ["Front", "Rear"]
+    assert run.time_s[-1] == 2 * 86400.0 + 39 * 60.0
+
+
+def test_a_footer_whose_first_cell_is_empty_is_left_out(tmp_path):
+    rows = [
+        f"{k};05.03.2024 08:{k:02d}:00;{a:.1f};{b:.1f}".replace(".", ",").replace("05,03,2024", "05.03.2024")
+        for k, (_, a, b) in enumerate(rising())
+    ]
+    text = (
+        "Id;Datum Zeit;Kanal 1 [°C];Kanal 2 [°C]\n"
+        + "\n".join(rows)
+        + "\n\n;Min:;20,0;21,0\n;Max:;29,8;25,9\n;Mittelwert:;24,9;23,4\n"
+    )
+    run = read_run(written(tmp_path, text))
+    assert len(run.time_s) == 40
+    assert any("3 lines below the readings left out (Min:, Max:, Mittelwert:)" in note for note in run.notes)

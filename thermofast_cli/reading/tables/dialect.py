@@ -314,6 +314,22 @@ def _is_process_line(cells: list[str]) -> bool:
     return known and sum(map(bool, told)) >= 0.5 * len(cells)
 
 
+def _named_below(cells: list[str], units: list[str], below: list[str], rows: list[list[str]]) -> tuple[list[str], list[str]]:
+    """Names and units where the line of units names the columns that have none above (Yokogawa: Date,Time,sec,Unit,degC below
+    ,,,Tag,front); a column that only labels the two lines has no name.
+    """
+    cells, units = list(cells), list(units)
+    for i, told in enumerate(below[: len(cells)]):
+        label = cells[i].strip().lower() in NAME_WORDS and told.strip().lower() in UNIT_WORDS
+        if label and all(not row[i].strip() for row in rows if len(row) > i):
+            cells[i] = units[i] = ""
+            continue
+        nameless = not cells[i].strip() or cells[i].strip().lower() in NAME_WORDS
+        if nameless and re.search(r"[A-Za-z]{3}", told) and parse_unit(told) is None and told.strip().lower() not in UNIT_WORDS:
+            cells[i], units[i] = told.strip(), ""
+    return cells, units
+
+
 def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
     """Names and units of the columns, from the first lines of a file.
 
@@ -351,6 +367,8 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
                 and (parse_unit(cell) or (not units[i] and is_unit_line(told)))
             ):
                 units[i] = cell.strip()
+    for line in dialect.unit_lines if cells else ():
+        cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
     names: list[str] = []
     taken: set[str] = set()
     if dialect.header_line is not None and any(not c.strip() for c in cells):

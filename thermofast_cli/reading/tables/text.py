@@ -186,10 +186,11 @@ def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
             stop -= 1
         at = max(body.rfind(b"\n", 0, stop), body.rfind(b"\r", 0, stop)) + 1
         cells = split(body[at:stop].decode("utf-8", errors="replace"), dialect.delimiter)
-        if at == 0 or len(cells) != dialect.width or _kind(cells[0], dialect.decimal) != "words":
+        begins = next((c.strip() for c in cells if c.strip()), "")  # Testo leaves the first cell empty: ;Min:;20,0
+        if at == 0 or len(cells) != dialect.width or _kind(begins, dialect.decimal) != "words":
             break
         end = at
-        dropped.append(cells[0].strip())
+        dropped.append(begins)
     return (
         (body[:end], [f"{len(dropped)} lines below the readings left out ({listed(dropped[::-1], 3)})"]) if dropped else (body, [])
     )
