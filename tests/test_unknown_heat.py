@@ -10,7 +10,7 @@ from simulator import held_response
 
 import thermofast as tf
 from benchmarks.unknown_heat import power_trial, powered, trial
-from thermofast.models.uncertainty.unknown_heat import Lump, smooth_heat
+from thermofast.models.uncertainty.unknown_heat import POWERS, Lump, shapes_of, smooth_heat
 
 
 def written(path, speed="speed", seed=3, second=0.0):
@@ -218,3 +218,22 @@ def test_a_column_that_is_held_between_its_readings_tells_the_heat_and_its_power
     away = np.abs(at - np.round(at / 20.0) * 20.0) > 1.0  # a knot at a jump lies on one of its sides
     assert np.mean((low <= true) & (true <= high), where=away) > 0.9
     assert np.mean(high - low) < 0.1 * heat.mean()
+
+
+def test_a_column_that_is_on_or_off_has_no_power_and_noise_is_not_followed_beside_it(tmp_path):
+    """Surroundings that do nothing but read with noise were claimed beside the pump, with a power of a half."""
+    time = np.arange(0.0, 300.0, 1.0)
+    rng = np.random.default_rng(8)
+    pump = ((time // 37).astype(int) % 2).astype(float)
+    assert {power for power, _ in shapes_of(pump, time, (0.0,))[1]} == {1.0}
+    assert {power for power, _ in shapes_of(0.2 + pump * time, time, (0.0,))[1]} == set(POWERS)
+    heat = 0.2 * (1.0 + 0.6 * pump)
+    body = np.zeros(len(time))
+    for k in range(1, len(time)):
+        body[k] = body[k - 1] + (heat[k - 1] - body[k - 1] / 50.0)
+    frame = pd.DataFrame({"time_min": time, "T1": 20.0 + body + 0.02 * rng.standard_normal(len(time)), "pump_on": pump})
+    frame["ambient"] = 20.0 + 0.03 * rng.standard_normal(len(time))
+    (told,) = tf.compare(frame, unknown_heat=True, ambient="ambient", inputs="pump_on")
+    assert "follows pump_on" in told.message
+    assert "pump_on^" not in told.message
+    assert "and with it" not in told.message

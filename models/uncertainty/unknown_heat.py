@@ -321,7 +321,7 @@ def shapes_of(
     column: Array, time: Array, delays: Sequence[float], powers: Sequence[float] = POWERS
 ) -> tuple[Array, list[tuple[float, float]]]:
     """Shapes (C, G) at :func:`moments` of a column (N,) to powers and delays, each of range 1, and their (power, delay [min])."""
-    if float(column.min()) < 0.0:
+    if float(column.min()) < 0.0 or len(np.unique(column)) == 2:  # what is on or off has no power
         powers = (1.0,)
     rows, told, grid = [], [], moments(time)
     for way, power, delay in itertools.product(between_readings(column, time), powers, delays):
@@ -443,13 +443,14 @@ def claims(
     lumps: Sequence[Lump], rates: Sequence[Sequence[float]], columns: dict[str, NDArray[np.float64]], time: Array, most: int = 3
 ) -> list[Follows]:
     """Columns that the heat is said to follow, each beside those before it: chance does not give such a ratio, and the columns tell
-    the heat where it was not fitted.
+    the heat where it was not fitted, the more of them the better.
     """
     found: list[Follows] = []
     left = dict(columns)
     while left and len(found) < most:
         follows = followed_column(lumps, rates, left, time, [f.shape for f in found if f.shape is not None])
-        best = next((f for f in follows if f.p < RULES.chance and f.correlation >= RULES.correlation), None)
+        least = found[-1].correlation if found else RULES.correlation
+        best = next((f for f in follows if f.p < RULES.chance and f.correlation >= least), None)
         if best is None:
             break
         found.append(best)
