@@ -43,10 +43,10 @@ def test_an_archive_holds_what_identify_says_of_each_file(archive, tool, tmp_pat
     into = tmp_path / "results"
     done = tool("identify", archive / "in", "--until", 60, "-o", f"{into}/", "--jobs", 1)
     assert done.code == 1  # one file is no record
-    assert done.err == f"{into}/: 9 files done (3 model_doubtful, 29 ok, 1 unreadable)\n"
+    assert done.err == f"{into}/: 9 files done (1 model_doubtful, 31 ok, 1 unreadable)\n"
     table = pd.read_parquet(into)
     assert set(table["folder"]) == {"machine 0", "machine 1", "machine 2"}
-    assert (table["status"] == "ok").sum() == 29
+    assert (table["status"] == "ok").sum() == 31
     told = table[table["status"] == "unreadable"].iloc[0]
     assert told["run"].endswith("broken.csv")
     assert "time" in told["message"]
@@ -72,7 +72,7 @@ def test_two_processes_write_the_same_bytes_as_one_and_as_any_executor(archive, 
         tf.archive("identify", str(archive / "in"), str(tmp_path / "threads"), until=60, executor=threads)
     assert same(tmp_path / "one", tmp_path / "two")
     assert same(tmp_path / "one", tmp_path / "threads")
-    assert (found[0].done, found[0].statuses) == (9, {"ok": 29, "model_doubtful": 3, "unreadable": 1})
+    assert (found[0].done, found[0].statuses) == (9, {"ok": 31, "model_doubtful": 1, "unreadable": 1})
     assert len(found[0].to_frame(["run", "steady_state_c"])) == 33
 
 
