@@ -744,3 +744,17 @@ def test_speeds_beside_temperatures_and_tables_that_lie_on_their_side(tmp_path):
     lying = "\n".join(["sensor," + ",".join(map(str, MINUTES)), "front," + ",".join(values(FRONT))])
     with pytest.raises(InputError, match=r"(?s)2 rows of 242 columns.*turn the table"):
         read_runs(written(tmp_path, lying))
+
+
+def test_a_clock_that_the_heading_calls_utc_is_not_changed(tmp_path):
+    """A pause of an hour where other clocks are put forward was taken out of the record."""
+    rows = []
+    for k in range(60):
+        minute = k + (60 if k >= 30 else 0)
+        rows.append(f"2024-03-31 {1 + minute // 60:02d}:{minute % 60:02d}:00,{20 + k / 8:.3f}")
+    for head, paused in (("time (UTC)", True), ("Date Time, GMT+01:00", True), ("time", False)):
+        path = tmp_path / "run.csv"
+        path.write_text(f'"{head}",T1 [C]\n' + "\n".join(rows) + "\n")
+        (run,) = read_runs(path)
+        assert run.time_s[-1] == (119.0 if paused else 59.0) * 60.0, head
+        assert any("clock was changed" in str(guess) for guess in run.guesses) is not paused

@@ -37,12 +37,10 @@ _STEPS = re.compile(r"[\[(]\s*[x×*]?\s*(\d+(?:[.,]\d+)?)\s*[x×*]?\s*(us|ms|s|s
 _MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)\.(?:sec|ss|s)\s*[\])]", re.I)
 #: Words of a column that tells parts of the second of a stamp.
 MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
-#: Of a date written without signs, 20260131.
-DATE_DIGITS = 8
+DATE_DIGITS = 8  # of a date written without signs, 20260131
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
-#: Zones change their clocks at multiples of this [s].
-CELL_S = 900.0
+CELL_S = 900.0  # zones change their clocks at multiples of this
 
 
 @dataclass(frozen=True)
@@ -219,7 +217,9 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
         seconds = stamps.seconds + 1e-3 * (table.columns[fine] - table.columns[fine][0])  # type: ignore[operator]
         stamps, used = replace(stamps, seconds=seconds), used | {fine}
     note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
-    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated, "stamp")
+    # A clock that the heading calls UTC, or a fixed step from it, is never changed.
+    starts = () if re.search(r"\b(UTC|GMT)\b", name) else stamps.starts
+    return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), starts, stamps.dated, "stamp")
 
 
 def _milliseconds(table: Table, seconds: Array) -> str | None:
