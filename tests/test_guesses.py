@@ -758,3 +758,25 @@ def test_a_clock_that_the_heading_calls_utc_is_not_changed(tmp_path):
         (run,) = read_runs(path)
         assert run.time_s[-1] == (119.0 if paused else 59.0) * 60.0, head
         assert any("clock was changed" in str(guess) for guess in run.guesses) is not paused
+
+
+def test_switches_among_the_sensors_of_a_long_table_are_left_out(tmp_path):
+    told = {
+        "sensor.front": lambda k: f"{20 + k / 8:.2f}",
+        "binary_sensor.door": lambda k: "on" if k % 3 else "off",
+        "sensor.rear": lambda k: "unavailable" if k == 4 else f"{21 + k / 16:.2f}",
+    }
+    rows = ["entity_id,state,last_changed"]
+    rows += [f"{name},{state(k)},2026-05-03T08:{k:02d}:00.000Z" for name, state in told.items() for k in range(40)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(rows) + "\n")
+    (run,) = read_runs(path)
+    assert list(run.channels) == ["sensor.front", "sensor.rear"]
+    assert run.channels["sensor.front"].tolist() == [round(20 + k / 8, 2) for k in range(40)]
+    assert np.flatnonzero(np.isnan(run.channels["sensor.rear"])).tolist() == [4]
+    assert any("what tells words left out: binary_sensor.door" in note for note in run.notes)
+    path.write_text(
+        "\n".join([*rows, "sensor.rear,high,2026-05-03T08:50:00.000Z"] + ["sensor.rear,odd,2026-05-03T08:51:00.000Z"] * 45) + "\n"
+    )
+    with pytest.raises(InputError):
+        read_runs(path)

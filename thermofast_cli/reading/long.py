@@ -10,6 +10,7 @@ from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import check_names, sign_of
 from .run import Array, Guess
+from .tables.dialect import is_missing, is_number, to_number
 from .tables.table import Table
 from .times import Time, is_time_name
 from .units import parse_unit, to_celsius
@@ -168,6 +169,38 @@ def _levels(cells: list[str] | None, value: Array) -> bool:
         within.append(np.abs(np.diff(own[np.isfinite(own)])))
     quiet = float(np.median(np.concatenate(within))) if within else np.inf
     return float(np.nanmedian(step[changed])) > 5.0 * max(quiet, 1e-9)
+
+
+def without_switches(table: Table) -> Table:
+    """A long table without the rows of things that tell words (a door: on, off), where others in it tell numbers."""
+    named = [n for n, c in table.columns.items() if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
+    labels = [c for c in (table.columns[n] for n in named) if not isinstance(c, np.ndarray) and _repeats(c)]
+    told = [n for n, c in table.columns.items() if set(words(n)) & READINGS and n not in named]
+    told = [n for n in told if n in table.faults or not isinstance(table.columns[n], np.ndarray)]
+    if len(labels) != 1 or len(told) != 1:
+        return table
+    column, decimal = table.columns[told[0]], table.dialect.decimal if table.dialect is not None else "."
+    if isinstance(column, np.ndarray):
+        value, odd = column, re.search(r" in (\d+) rows", table.faults[told[0]].found)
+        count = int(odd[1]) if odd else 1
+    else:
+        value = np.array([to_number(c, decimal) if is_number(c, decimal) else np.nan for c in column])
+        count = sum(not is_number(c, decimal) and not is_missing(c) for c in column)
+    good = {label for label, yes in zip(labels[0], np.isfinite(value), strict=True) if yes}
+    keep = np.array([label in good for label in labels[0]])
+    # Words among the numbers of one that is kept are for the user to mend.
+    if not good or count > int((~keep).sum()):
+        return table
+    rows = np.flatnonzero(keep).tolist()
+    columns = {n: c[keep] if isinstance(c, np.ndarray) else [c[i] for i in rows] for n, c in table.columns.items()}
+    others = dict.fromkeys(label for label, k in zip(labels[0], keep, strict=True) if not k)
+    return replace(
+        table,
+        columns=columns | {told[0]: value[keep]},
+        lines=[table.lines[i] for i in rows],
+        faults={n: f for n, f in table.faults.items() if n != told[0]},
+        notes=(*table.notes, f"what tells words left out: {listed(others, 6)}"),
+    )
 
 
 def to_wide(table: Table, layout: Layout, time: Time) -> Table:

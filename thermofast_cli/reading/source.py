@@ -25,7 +25,7 @@ from .columns import (
     without_impossible,
 )
 from .degrees import Temperatures, unit_told, winding_temperature
-from .long import Layout, find_long, good_readings, to_wide
+from .long import Layout, find_long, good_readings, to_wide, without_switches
 from .order import in_order
 from .run import Run, Seen, SeenColumn, renamed, stretch
 from .stamps import parse_stamps, two_decimal_signs, two_signs
@@ -228,7 +228,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
     UsageError: an option names no column.
     """
-    table = with_one_clock(table, options)
+    table = without_switches(with_one_clock(table, options))
     time = find_time(table, replace(options, time=column_named(options.time, table.names)))
     if options.tz is not None:
         time = in_zone(time, options.tz, table.name)
