@@ -18,10 +18,14 @@ MOST_DEVIATION = 2.0
 
 @dataclass(frozen=True)
 class Constants:
-    """Heat capacity C [J/K] and resistance R [K/W] to the surroundings, as one sensor sees them, with their 95 % intervals."""
+    """Heat capacity C [J/K] and resistance R [K/W] to the surroundings, as one sensor sees them, with their 95 % intervals.
+
+    to_all: R is to all that heat can leave to, parts of the machine that nobody measures too; what they give back is unknown heat.
+    """
 
     capacity: tuple[float, float, float]
     resistance: tuple[float, float, float]
+    to_all: bool = False
 
     def as_columns(self) -> dict[str, float]:
         """As a record has them."""
@@ -32,7 +36,8 @@ class Constants:
     def in_words(self) -> str:
         """'heat capacity 812 J/K (780 to 845), resistance 0.42 K/W (0.41 to 0.43)'."""
         c, r = (f"{v:.4g} {u} ({lo:.4g} to {hi:.4g})" for u, (v, lo, hi) in zip(("J/K", "K/W"), self._both, strict=True))
-        return f"heat capacity {c}, resistance to the surroundings {r}"
+        to = "all around it, unmeasured parts of the machine too," if self.to_all else "the surroundings"
+        return f"heat capacity {c}, resistance to {to} {r}"
 
     @property
     def _both(self) -> tuple[tuple[float, float, float], ...]:

@@ -51,7 +51,7 @@ class NeededHeat:
     def constants(self, sensor: int) -> Constants | None:
         """Heat capacity and resistance with the intervals that any other heat leaves them."""
         told = self.in_watts[sensor]
-        return Constants(told.capacity, told.resistance) if told is not None else None
+        return Constants(told.capacity, told.resistance, to_all=True) if told is not None else None
 
 
 def needed_of(task: "LoopTask", fit: Fit, whole: Observations) -> NeededHeat:
