@@ -28,6 +28,16 @@ def _settles(rows: list[dict[str, Any]]) -> list[str]:
     if timed:
         last = max(timed, key=lambda r: r["t95_min"])
         told.append(f"{_who(last, rows)} is the last to have done 95 % of its rise, after {_with(last, 't95', 'min', 'min', 0)}.")
+    limited = [r for r in rows if r.get("margin_k") is not None]
+    if limited:
+        least = min(limited, key=lambda r: r["margin_k"])
+        side = "below" if least["margin_k"] >= 0.0 else "above"
+        chance = least["over_limit_p"]
+        percent = (
+            "" if chance is None else ", chance of exceeding it " + ("below 0.1 %" if chance < 1e-3 else f"{100.0 * chance:.2g} %")
+        )
+        near = f"{_who(least, rows)} comes nearest to the limit of {least['limit_c']:g} degC"
+        told.append(f"{near}: {abs(least['margin_k']):.2f} K {side} it{percent}.")
     return told
 
 
