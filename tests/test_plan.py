@@ -92,3 +92,15 @@ def test_the_record_it_is_like_is_read_as_said(tool, monkeypatch, tmp_path):
     assert [(r["sensors"], r["interval_s"]) for r in json.loads(done.out)["records"] if r["channel"] == "as asked"] == [(1, 60.0)]
     refused = tool("plan", "--to", "200", *given)
     assert (refused.code, "--to: no file is read" in refused.err) == (2, True)
+
+
+def test_a_record_that_tells_nothing_of_the_machine_is_no_example_for_a_plan(tool, tmp_path):
+    time = np.arange(0.0, 200.0, 1.0)
+    rng = np.random.default_rng(2)
+    flat, ramp = (tmp_path / f"{name}.csv" for name in ("flat", "ramp"))
+    for path, column in ((flat, 0.0 * time), (ramp, 0.05 * time)):
+        rows = [f"{t:g},{20 + v:.3f}" for t, v in zip(time, column + 0.02 * rng.standard_normal(len(time)), strict=True)]
+        path.write_text("time_min,T1 [C]\n" + "\n".join(rows) + "\n")
+        refused = tool("plan", "--like", path)
+        assert refused.code == 2
+        assert "no sensor of it shows where it settles" in refused.err

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, listed
+from ..records import IdentifyRecord
 from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Simulated, Validation
 from ..workers.engine import Started, Work, over_runs
 
@@ -87,6 +88,15 @@ def changed_runs(old: Sequence[Started], new: Sequence[Started], model: "Model |
     return Changes(tuple(records), tuple(run for run, _ in (*old, *new)), difference=difference)
 
 
+#: Deviations of the noise that a sensor must rise by to tell of the machine.
+RISEN = 10.0
+
+
+def _rise(record: IdentifyRecord) -> float:
+    """How far the steady state lies from the start [K]."""
+    return abs((record.steady_state_c or 0.0) - (record.initial_c or 0.0))
+
+
 def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Design, NDArray[float64]]":
     """Sensors, interval, noise, rise and time constant of a record, and its half-widths (n,) [K] at the times that a plan looks at.
 
@@ -110,15 +120,21 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
     method = choose("afukf", None, ())
     found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start).records
     told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None]
+    noise = {
+        r.channel: third_difference_noise(v[k], minutes[k])
+        for r, v in zip(found, values, strict=True)
+        if (k := np.isfinite(v)).sum() > 8
+    }
+    # What stays within its noise, or bounds no rate, tells of no machine.
+    told = [r for r in told if r.status != "not_determined" and _rise(r) > RISEN * noise.get(r.channel, math.inf)]
     if not told:
         raise UsageError(f"{run.name}: no sensor of it shows where it settles", do="say --tau, --rise and --noise")
-    known = [np.isfinite(v) for v in values]
-    noises = [third_difference_noise(v[k], minutes[k]) for v, k in zip(values, known, strict=True) if k.sum() > 8]
+    noises = [noise[r.channel] for r in told]
     design = Design(
         len(run.channels),
         60.0 * float(np.median(np.diff(minutes))),
         max(float(np.median(noises)), 1e-6),
-        float(np.median([abs((r.steady_state_c or 0.0) - (r.initial_c or 0.0)) for r in told])),
+        float(np.median([_rise(r) for r in told])),
         1.0 / float(np.median([r.rate_per_min for r in told])),
     )
     half = np.full(len(TURNS), np.nan)
