@@ -1,6 +1,7 @@
 """Code and objects of others: what they may not touch, what is refused of them, and where it is told."""
 
 import json
+import pickle
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from conftest import ROOT
 import thermofast as tf
 from thermofast.models.drive import MOST_HIDDEN
 from thermofast.plugins import effects
+from thermofast.plugins.effects import chosen_effects, load_effect
 
 SPINDLE, COOL_DOWN = (ROOT / "sample_runs" / name for name in ("spindle.csv", "cool_down.csv"))
 MINUTES = np.arange(120.0)
@@ -202,3 +204,66 @@ def test_a_model_beside_a_filter_that_does_not_close_is_refused_by_sweep_as_by_i
 
 def test_what_a_prompt_shows_of_a_result_is_a_line():
     assert repr(tf.identify(SPINDLE, 60)) == "<Identification: 10 records (10 ok); .to_frame() shows them>"
+
+
+STEP = """
+import numpy as np
+from thermofast.models.effects import Effect, Parameter
+
+class Step(Effect):
+    id, summary, equation, tell_tale = "own_step", "a step", "heat = 1 + c (t OP event)", "a kink"
+    amplitude, event, scope = "c", "event", "run"
+    parameters = (Parameter("c", "1", -0.9, 3.0, 0.3, "change", null=0.0),
+                  Parameter("event", "min", 0.0, 1.0, 0.3, "when", belongs="run", share=True))
+    EXTRA
+
+    def apply(self, drive, run, p):
+        drive.heat = drive.heat * (1.0 + p.c * STEP)
+"""
+
+
+@pytest.mark.parametrize("step", ["(run.time > p.event)", "(run.time >= p.event)", "(run.time < p.event)"])
+def test_a_step_at_a_reading_has_no_derivative_whichever_way_it_is_written(step, tmp_path):
+    path = tmp_path / "step.py"
+    path.write_text(STEP.replace("STEP", step).replace("EXTRA", ""))
+    with pytest.raises(tf.ThermofastError, match="'event' has no derivative"):
+        load_effect(str(path))
+    good = tmp_path / "good.py"
+    good.write_text(STEP.replace("STEP", "run.after(p.event)").replace("EXTRA", "").replace("own_step", "good_step"))
+    assert load_effect(str(good)).id == "good_step"
+
+
+def test_an_effect_of_a_file_stands_twice_and_the_first_stays_as_it_is(tmp_path):
+    path = tmp_path / "twice.py"
+    path.write_text(STEP.replace("STEP", "run.after(p.event)").replace("EXTRA", "again = True").replace("own_step", "step_again"))
+    first, second = chosen_effects([str(path), "step_again.2"], ())
+    assert (first.id, first.number, second.id, second.number) == ("step_again", 1, "step_again.2", 2)
+    assert load_effect(str(path)).id == "step_again"
+    assert pickle.loads(pickle.dumps(second)).id == "step_again.2"
+    found = tf.diagnose("sample_runs/hidden.csv", channels="T1,T2", extra=(str(path),))
+    assert len(found.records) == 2
+
+
+@pytest.mark.parametrize(("extra", "words"), [("agian = True", "did you mean 'again'"), ("grids = None", "did you mean 'grid'")])
+def test_what_looks_like_a_slip_is_asked_about(extra, words, tmp_path):
+    path = tmp_path / "slip.py"
+    path.write_text(STEP.replace("STEP", "run.after(p.event)").replace("EXTRA", extra))
+    with pytest.raises(tf.ThermofastError, match=words):
+        load_effect(str(path))
+
+
+def test_an_old_import_is_answered_with_the_new_one(tmp_path):
+    path = tmp_path / "old.py"
+    path.write_text("from models.effects import Effect, Parameter\n")
+    with pytest.raises(tf.ThermofastError, match=r"write 'from thermofast.models.effects import ...'"):
+        load_effect(str(path))
+
+
+def test_true_and_false_are_no_temperatures():
+    time = np.arange(60.0)
+    rise = 20.0 - 5.0 * np.expm1(-time / 20.0)
+    for flags in ([True, False] * 30, [True, None] * 30):
+        run = tf.read({"time_min": time, "T1": rise, "T2": np.array(flags, dtype=object)})
+        assert list(run.channels) == ["T1"]
+    with pytest.raises(tf.ThermofastError, match="row 3, column 'T2': not a number"):
+        tf.read({"time_min": time, "T1": rise, "T2": np.array([20.0, 21.0, True] * 20, dtype=object)})

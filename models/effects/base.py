@@ -5,7 +5,6 @@ docs/add-an-effect.md. Effects add up: each changes the drive that the one befor
 """
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -171,7 +170,8 @@ class Effect:
 
     def numbered(self, number: int) -> "Effect":
         """The same effect standing once more in a model, as ``second_mode.2``."""
-        twin = copy(self)
+        twin = object.__new__(type(self))  # not a copy: what a plug-in is pickled as is one and the same wherever it is asked for
+        twin.__dict__.update(self.__dict__)
         # Of this one alone: the class stays as it is.
         twin.__dict__.update(id=f"{self.id.partition('.')[0]}.{number}", number=number)
         return twin

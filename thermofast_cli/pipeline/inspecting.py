@@ -26,6 +26,8 @@ def inspect(source: Any, *, name: str | None = None, **reading: Any) -> Inspecti
     ------
     InputError, UsageError: as :func:`thermofast.read`.
     """
+    if isinstance(source, Run):  # one that was read
+        return inspect_runs([source])
     return inspect_runs(read_runs(source, options_from(reading), name))
 
 

@@ -15,7 +15,7 @@ from thermofast.models.effects.base import Choice
 from ..errors import UsageError, nearest
 from .entrypoints import Broken, installed, taken
 from .files import class_in, is_file
-from .guard import PluginError, source_of, watched
+from .guard import PluginError, misspelt, source_of, watched
 
 GUIDE = "docs/add-an-effect.md"
 #: What the search may ask of an effect beside ``apply``.
@@ -25,6 +25,7 @@ SCOPES = ("run", "sensor", "one")
 #: Hidden masses of one effect: of several together there is room for four such effects.
 MOST_OWN_HIDDEN = 4
 #: Shares of its range by which a parameter of the trial is moved to see whether it does anything, and the least that this is [K].
+OFF_GRID = 0.0137  # of a range: between two readings of the trial
 MOVES, LEAST_MOVED = (0.2, -0.2, 0.5, -0.5, 0.9, -0.9), 1e-9
 
 
@@ -182,6 +183,13 @@ def declaration_problem(kind: Any) -> str | None:
     if not parameters or not all(isinstance(p, Parameter) for p in parameters):
         return "its parameters must be a tuple of Parameter(...), at least one"
     names = [p.name for p in parameters]
+    if len(set(names)) < len(names):
+        return f"each parameter needs a name of its own (found {names})"
+    for p in parameters:
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (p.low, p.high, p.start)):
+            return f"parameter {p.name!r}: low, high and start must be numbers (found {p.low!r}, {p.high!r}, {p.start!r})"
+    if slip := misspelt(kind, Effect):
+        return slip
     if kind.amplitude not in names:
         return f"its amplitude must be one of its parameters {names} (found {kind.amplitude!r})"
     main = parameters[names.index(kind.amplitude)]
@@ -217,6 +225,8 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
     run = Observations("trial", ("T1", "T2"), time, reading, np.ones_like(reading), full, full * 0.0, plenty, columns)
     with _guarded(effect):
         choices = list(effect.choices(run))
+    if not all(isinstance(choice, Choice) for choice in choices):
+        raise PluginError(f"{origin}: choices must give Choice(...)", found=repr(choices[0])[:60], do=f"see {GUIDE}")
     for choice in choices[:1]:
         values = {p.name: np.array([[p.start], [p.start]]) * (run.span if p.share else 1.0) for p in effect.active(choice)}
         main = effect.parameter(effect.amplitude)
@@ -276,13 +286,27 @@ def _has_derivatives(effect: Effect, run: Observations, choice: Choice, values: 
                 allowed="a parameter that the curve depends on",
                 do=f"use p.{p.name} in apply, assign what it makes to drive.<name>, or leave the parameter out",
             )
-        if moved(0.2) > 1e-3 and moved(1e-4) == 0.0 and moved(2e-4) == 0.0:
+        if max(moved(0.2), moved(-0.2)) > 1e-3 and _stands_still(effect, run, choice, {**strong}, p, by_row):
             raise PluginError(
                 f"{origin}: parameter {p.name!r} has no derivative: a small change of it changes nothing, a large one does",
                 found="a condition such as run.time > p.event",
                 allowed="what moves smoothly with the parameter",
                 do=f"write run.after(p.{p.name}), the share of each interval after that time, for a step",
             )
+
+
+def _stands_still(effect: Effect, run: Observations, choice: Choice, values: dict[str, Any], p: Parameter, by_row: bool) -> bool:
+    """Whether small changes of a parameter change nothing, at a value between the readings' times, either way."""
+    low, high = p.bounds(run)
+    value = float(values[p.name][0, 0])
+    aside = value + OFF_GRID * (high - low)
+    value = aside if aside <= high else value - OFF_GRID * (high - low)
+
+    def curve(at: float) -> Any:
+        return _curves(effect, run, {**values, p.name: np.full((2, 1), at)}, choice.constants, by_row)
+
+    here = curve(value)
+    return all(np.array_equal(curve(value + share * (high - low)), here) for share in (1e-4, -1e-4, 2e-4))
 
 
 def _masses(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> int:

@@ -3,7 +3,9 @@
 import hashlib
 import importlib.util
 import inspect
+import re
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +65,14 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
 
 def new_name(error: BaseException) -> str:
     """What to import in the place of a name that thermofast up to 0.3 had at the top level; empty for any other error."""
-    return _new_module(getattr(error, "name", None) or "") if isinstance(error, ModuleNotFoundError) else ""
+    if not isinstance(error, ModuleNotFoundError):
+        return ""
+    # The name of the error is that of the package alone: its line tells which part of it was meant.
+    missing = error.name or ""
+    lines = [f.line for f in traceback.extract_tb(error.__traceback__) if f.line and missing in f.line]
+    said = re.match(r"\s*(?:from|import)\s+([\w.]+)", lines[-1]) if lines else None
+    whole = said[1] if said and said[1].partition(".")[0] == missing else missing
+    return _new_module(whole)
 
 
 def _new_module(name: str) -> str:
@@ -72,4 +81,6 @@ def _new_module(name: str) -> str:
     if new is None:
         return ""
     rest = rest.removesuffix(".base")  # the class is given by the package above it
+    if rest and importlib.util.find_spec(f"{new}.{rest}") is None:
+        rest = ""
     return f"'from {new}.{rest} import ...'" if rest and rest != "base" else f"'from {new} import ...'"

@@ -11,7 +11,7 @@ from thermofast.models.observations import read_only
 
 from .entrypoints import Broken, installed, taken
 from .files import class_in, is_file
-from .guard import PluginError, watched
+from .guard import PluginError, misspelt, watched
 
 GROUP = "thermofast.filters"
 GUIDE = "docs/add-a-filter.md"
@@ -100,8 +100,12 @@ def declaration_problem(candidate: Any) -> str | None:
         if not {"meaning", "low", "high"} <= set(f.metadata):
             return f"its setting {f.name!r} must say its meaning and range: {f.name}: float = setting(DEFAULT, MEANING, LOW, HIGH)"
         low, high = f.metadata["low"], f.metadata["high"]
+        if not isinstance(f.default, int | float):
+            return f"its setting {f.name!r} must be a number (found {f.default!r})"
         if not low <= f.default <= high:
             return f"its setting {f.name!r} has a default outside {low:g} to {high:g} (found {f.default!r})"
+    if slip := misspelt(candidate, Filter):
+        return slip
     try:
         made = candidate()
     except Exception as error:  # whatever a stranger's class does when it is made

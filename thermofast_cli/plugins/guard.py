@@ -6,6 +6,7 @@ import signal
 import threading
 import traceback
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,15 @@ def source_of(member: Any) -> str:
         if file and not kind.__dict__.get("__guard__", False):
             return file
     return "?"
+
+
+def misspelt(kind: type, base: type) -> str:
+    """What a class of a user seems to have meant by an attribute that its base does not have; empty where nothing looks so."""
+    known = [n for n in dir(base) if not n.startswith("_")]
+    for name in vars(kind):
+        if not name.startswith("_") and name not in known and (near := get_close_matches(name, known, 1, 0.8)):
+            return f"it has {name!r}, which nothing reads: did you mean {near[0]!r}?"
+    return ""
 
 
 def advice(error: BaseException) -> str:

@@ -161,19 +161,26 @@ def _objects(key: str, cells: list[Any], name: str) -> Array | list[str]:
     if not all(isinstance(c, str) for c in cells):  # words for no reading among numbers
         missing = [none or (isinstance(c, str) and is_missing(c)) for c, none in zip(cells, missing, strict=True)]
     told = [c for c, none in zip(cells, missing, strict=True) if not none]
-    if all(isinstance(c, int | float | np.number) or type(c).__name__ == "Decimal" for c in told):
+    if told and all(isinstance(c, bool | np.bool_) for c in told):
+        return ["" if none else str(c) for c, none in zip(cells, missing, strict=True)]  # as in a CSV: no temperature
+    if all(_is_number(c) for c in told):
         return np.array([np.nan if none else float(c) for c, none in zip(cells, missing, strict=True)])
     if all(hasattr(c, "isoformat") for c in told):
         return ["" if none else _stamp(c) for c, none in zip(cells, missing, strict=True)]
     if all(isinstance(c, str) for c in told):
         return words_or_numbers(["" if none else str(c) for c, none in zip(cells, missing, strict=True)])
-    first = next(i for i, c in enumerate(cells) if not missing[i] and not isinstance(c, int | float | np.number))
+    first = next(i for i, c in enumerate(cells) if not missing[i] and not _is_number(c))
     raise InputError(
         f"{name}, row {first + 1}, column {key!r}: not a number",
         found=repr(cells[first]),
         allowed="numbers, stamps or words throughout",
         do="turn the column into numbers first, with nan for no reading",
     )
+
+
+def _is_number(cell: Any) -> bool:
+    """Whether an object is a number; True and False are none."""
+    return (isinstance(cell, int | float | np.number) and not isinstance(cell, bool)) or type(cell).__name__ == "Decimal"
 
 
 def _stamp(moment: Any) -> str:
