@@ -267,3 +267,35 @@ def test_true_and_false_are_no_temperatures():
         assert list(run.channels) == ["T1"]
     with pytest.raises(tf.ThermofastError, match="row 3, column 'T2': not a number"):
         tf.read({"time_min": time, "T1": rise, "T2": np.array([20.0, 21.0, True] * 20, dtype=object)})
+
+
+def test_a_filter_of_a_file_may_not_bear_the_name_of_a_built_in_one(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN_FILTER.replace("NAME", "afukf"))
+    with pytest.raises(tf.ThermofastError, match="its name 'afukf' is taken"):
+        tf.identify("sample_runs/spindle.csv", until=60, channels="T1", filter=str(path))
+    path.write_text(OWN_FILTER.replace("NAME", "own_ls"))
+    (row,) = tf.identify("sample_runs/spindle.csv", until=60, channels="T1", filter=str(path)).records
+    assert row.status in ("ok", "model_doubtful")
+
+
+#: As the guide says that a Track is.
+OWN_FILTER = """
+from dataclasses import dataclass
+import numpy as np
+from thermofast.filters import Filter, Track
+
+@dataclass(frozen=True)
+class Own(Filter):
+    name = "NAME"
+    summary = "no filter at all"
+    reference = "nobody 2026"
+    closing = "always"
+
+    def track(self, model, time, reading, resolution=0.0):
+        count, n = len(time), len(model.state_names)
+        none, one, zero = np.full(count, np.nan), np.ones(count), np.zeros(count)
+        return Track(first=count, state=np.full((count, n), np.nan), covariance=np.full((count, n, n), np.nan), noise_variance=none,
+                     innovation=none, innovation_variance=none, fading=one, process_noise=zero, noise_factor=one, weight=one,
+                     forgotten=zero, diverged_at=None)
+"""

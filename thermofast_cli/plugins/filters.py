@@ -54,6 +54,8 @@ def load_filter(spec: str) -> type[Filter]:
     """
     if spec not in _LOADED:
         kind = checked(class_in(spec, Filter, "filter", GUIDE), spec)
+        if kind.name in [built.name for built in BUILT_IN]:
+            raise PluginError(f"{spec}: its name {kind.name!r} is taken", allowed="a name of its own", do="rename it")
         extra = {"__reduce__": _reduce, "spec": spec, "__guard__": True, "__module__": kind.__module__, "__doc__": kind.__doc__}
         _LOADED[spec] = type(kind.__name__, (kind,), extra)
     return _LOADED[spec]
