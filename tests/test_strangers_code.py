@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 
 import numpy as np
 import pandas as pd
@@ -299,3 +300,23 @@ class Own(Filter):
                      innovation=none, innovation_variance=none, fading=one, process_noise=zero, noise_factor=one, weight=one,
                      forgotten=zero, diverged_at=None)
 """
+
+
+def test_what_a_plugin_prints_does_not_stand_among_the_records(tool, tmp_path):
+    path = tmp_path / "loud.py"
+    loud = STEP.replace("STEP", "run.after(p.event)").replace("EXTRA", "").replace("own_step", "loud_step")
+    path.write_text("print('hello')\n" + loud.replace("        drive.heat", "        print('applied')\n        drive.heat"))
+    done = tool(
+        "diagnose", "sample_runs/hidden.csv", "--channels", "T1,T2", "--effects", f"second_mode,{path}", "--format", "json", "-q"
+    )
+    assert len(json.loads(done.out)["records"]) == 2
+
+
+def test_a_model_file_without_the_key_of_what_was_searched_is_read(tool, tmp_path):
+    model = tmp_path / "machine.toml"
+    assert tool("improve", "sample_runs/hidden.csv", "--channels", "T1,T2", "--add", "second_mode", "-o", model, "-q").code == 0
+    before = tool("compare", "sample_runs/hidden.csv", "--channels", "T1,T2", "--model", model, "-q").out
+    text = re.sub(r"searched = \[[^\]]*\]\n", "", model.read_text())
+    assert "searched" not in text
+    model.write_text(text)
+    assert tool("compare", "sample_runs/hidden.csv", "--channels", "T1,T2", "--model", model, "-q").out == before

@@ -170,7 +170,8 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
     unknown = [n for n in entry.searched if n not in names]
     if unknown:
         raise UsageError(f"model file: effect {entry.id!r} has no parameter {unknown[0]!r}", allowed=", ".join(sorted(names)))
-    omitted = tuple(n for n in names if n not in entry.searched)
+    searched = entry.searched or {m.name for m in entry.parameters}  # as a file says that has no such key
+    omitted = tuple(n for n in names if n not in searched)
     constants, by_sensor = constants_of(entry, seen.channels)
     choice = Choice(entry.acts, constants, omitted, by_sensor=by_sensor)
     concerned = None if entry.channels is None else tuple(c in entry.channels for c in seen.channels)

@@ -6,6 +6,7 @@ import inspect
 import re
 import sys
 import traceback
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
     module = importlib.util.module_from_spec(module_spec)
     sys.modules[name] = module
     try:
-        with alarm(f"{path}: still importing"):
+        with alarm(f"{path}: still importing"), redirect_stdout(sys.stderr):
             module_spec.loader.exec_module(module)
     except PluginError:
         raise

@@ -3,9 +3,10 @@
 import inspect
 import re
 import signal
+import sys
 import threading
 import traceback
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,8 @@ def watched(member: Any, what: str) -> Any:
     """Turns whatever a plug-in raises into a :class:`PluginError` that names its line; `what` is it in words, as ``effect 'x'``."""
     file = source_of(member)
     try:
-        with alarm(f"{what} ({file})"):
+        # What it prints is for a person, not for the table that a pipe reads.
+        with alarm(f"{what} ({file})"), redirect_stdout(sys.stderr):
             yield
     except PluginError:
         raise
