@@ -106,3 +106,7 @@ def test_a_heat_that_follows_a_speed_late_and_to_a_power_is_told_with_both():
         for name, truth in (("power", 1.7), ("delay", 6.0)):
             told = row.parameters[f"load_step.{name}"]
             assert abs(told["value"] - truth) < 3.0 * told["standard_error"] < 0.15 * truth + 0.2
+    # A drive heats in proportion and at once: where it does not, the way to the power and the delay is told.
+    bound = tf.diagnose(tf.read(frame, inputs="speed", units="C"), effects="load_step", drive="speed")
+    assert all(row.verdict == "unexplained" for row in bound.records)
+    assert "load_step looks for that without --drive" in bound.records[0].advice
