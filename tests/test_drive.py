@@ -107,3 +107,17 @@ def test_a_machine_of_two_bodies_under_a_load_in_steps():
     sure = [held for _, _, status, held, _ in told if status == "ok"]
     assert len(sure) >= 8
     assert np.mean(sure) >= 0.9
+
+
+def test_a_heat_that_was_switched_off_leaves_no_rise_of_which_95_per_cent_could_be_told():
+    """Time to go was that of a hundredth of a kelvin, nine hours, where the machine was within a quarter of one at 290 min."""
+    power = np.where(TIME < 100.0, 600.0, 0.0)
+    body = response(50.0, 0.02, power, 20.0) + 0.02 * np.random.default_rng(3).standard_normal(len(TIME))
+    frame = pd.DataFrame({"time_min": TIME, "T1": body, "power_W": power})
+    (row,) = tf.identify(frame, until=140, drive="power_W").records
+    assert row.status == "ok"
+    assert row.steady_state_lo_c <= 20.0 <= row.steady_state_hi_c
+    assert (row.t95_min, row.time_to_go_min, row.unseen) == (None, None, "")
+    assert "settles where it began" in row.message
+    (on,) = tf.identify(frame, until=90, drive="power_W").records
+    assert on.t95_min is not None

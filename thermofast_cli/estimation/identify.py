@@ -26,7 +26,7 @@ from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, r
 from .measured import contradicts, measured_equilibria, outside_band
 from .rules import RULES
 from .sensor import Sensors, prepare_all, refusal
-from .verdicts import claimed_verdicts, law_verdicts, with_claims
+from .verdicts import claimed_verdicts, comes_back, law_verdicts, with_claims
 
 Array = NDArray[np.float64]
 
@@ -365,7 +365,8 @@ class _Block:
             columns["criterion"] = [self.criterion.text if w else "" for w in whole]
             columns["trip_from"] = [said if t else "" for said, t in zip(from_, trip, strict=True)]
         if claimed is not None:
-            rise = (found.steady_state - found.initial).tolist()
+            back = comes_back(found, found.steady_state, sensors)
+            rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
             columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
             columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]
         said = [self._said(i, messages.get(i, ()), claimed, tripped) for i in range(len(sensors))]

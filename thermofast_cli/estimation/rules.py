@@ -30,6 +30,9 @@ class EstimationRules:
     room_share: float = rule(
         0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND
     )
+    back: float = rule(
+        0.03, "1", "share of the way seen: a limit nearer than that to the beginning is a return, with no rise", BY_HAND
+    )
     room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     kept_share: float = rule(
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND

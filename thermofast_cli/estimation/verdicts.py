@@ -29,6 +29,7 @@ def with_claims(law: Estimates, claimed: Claims, sensors: Sensors) -> Estimates:
     steady[open_ & ~rises, 0] = np.nan
     t95[open_, 2] = np.nan
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
+    t95[comes_back(law, steady[:, 1], sensors)] = np.nan
     return replace(
         law,
         steady_state=steady[:, 1],
@@ -39,6 +40,14 @@ def with_claims(law: Estimates, claimed: Claims, sensors: Sensors) -> Estimates:
         t95_low=t95[:, 0],
         t95_high=t95[:, 2],
     )
+
+
+def comes_back(law: Estimates, steady: Array, sensors: Sensors) -> NDArray[np.bool_]:
+    """Whether a sensor (S,) settles where it began, as after a heat that was switched off: there is no rise to have 95 % of."""
+    away = np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None])
+    most = np.nanmax(np.where(np.isfinite(away), away, 0.0), axis=1)
+    near: NDArray[np.bool_] = (np.abs(steady - law.initial) < RULES.back * most) & (most > 20.0 * law.noise)
+    return near
 
 
 def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
@@ -56,7 +65,8 @@ def claimed_verdicts(
     found: Estimates, claimed: Claims, tracks: Tracks, sensors: Sensors, against: dict[int, float], until: float
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
-    bounded, seen = found.bounded, np.abs(found.state[:, 0] - found.initial)
+    back, seen = comes_back(found, found.steady_state, sensors), np.abs(found.state[:, 0] - found.initial)
+    bounded = found.bounded | (back & np.isfinite(found.steady_low) & np.isfinite(found.steady_high))
     with np.errstate(invalid="ignore"):
         width = found.steady_high - found.steady_low
         too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
@@ -72,8 +82,8 @@ def claimed_verdicts(
     doubted = unfit | strong | hides | swings
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    for i in np.flatnonzero(undetermined | doubted | faded | averaged | (out > 0)).tolist():
-        said = []
+    for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | (out > 0)).tolist():
+        said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
         elif too_wide[i]:
