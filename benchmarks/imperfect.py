@@ -210,14 +210,14 @@ def main() -> None:
         for simulator in ("bar", "network") if given.simulator == "both" else (given.simulator,):
             background = run(simulator, [None], 1.0, False, seeds)
             table(background, TIMES, f"{simulator}, background only")
-            if simulator == "plate":  # it has a background only
-                continue
             if given.calibrated:
-                for exact in (False, True):
+                for exact in (False,) if simulator == "plate" else (False, True):
                     prior = learnt(simulator, given.seed + 2_000_000, exact)
                     kind = "exact" if exact else "background only"
                     title = f"{simulator}, {kind}, after calibrate on 10 past runs of such machines"
                     table(run(simulator, [None], 1.0, exact, seeds, prior), TIMES, title)
+            if simulator == "plate":  # it has a background only
+                continue
             if given.scale:
                 for factor in (2.0, 0.4):
                     table(run(simulator, [None], factor, False, seeds), TIMES, f"{simulator}, background times {factor:g}")

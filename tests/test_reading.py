@@ -437,6 +437,22 @@ def test_readings_with_clocks_of_their_own_are_not_put_on_one(stamped, tmp_path)
                 read_run(path)
 
 
+def test_marks_mask_the_readings_that_they_name_and_no_others(tmp_path):
+    rows = [f"{t:g},{a:.3f},{b:.3f},{'BAD' if k == 3 else 'GOOD'}" for k, (t, a, b) in enumerate(rising())]
+    run = read_run(written(tmp_path, "time_s,T [°C],Table [°C],T Quality\n" + "\n".join(rows) + "\n"))
+    assert [int(np.isnan(v).sum()) for v in run.channels.values()] == [1, 0]
+
+
+@pytest.mark.parametrize("own", [lambda k: 60.0 * k + 7.0, lambda k: float(k)])
+def test_a_clock_some_seconds_late_or_in_minutes_is_no_other(own, tmp_path):
+    rows = [f"{t:g},{a:.3f},{own(k):g},{b:.3f}" for k, (t, a, b) in enumerate(rising())]
+    run = read_run(written(tmp_path, "Time A (s),Front (°C),Time B,Rear (°C)\n" + "\n".join(rows) + "\n"))
+    assert list(run.channels) == ["Front (°C)", "Rear (°C)"]
+    uneven = [f"{t:g},{a:.3f},{39 * 60.0 * (k / 39) ** 2:.1f},{b:.3f}" for k, (t, a, b) in enumerate(rising())]
+    with pytest.raises(InputError, match="two clocks"):
+        read_run(written(tmp_path, "Time A (s),Front (°C),Time B (s),Rear (°C)\n" + "\n".join(uneven) + "\n"))
+
+
 def test_a_unit_that_changes_within_a_record_is_refused(tmp_path):
     rows = [f"{t:g},{a:.3f},{'F' if t < 1200 else 'C'}" for t, a, _ in rising()]
     with pytest.raises(InputError, match="the unit changes within the record"):

@@ -270,6 +270,7 @@ def test_a_row_that_a_dying_logger_left_behind_is_left_out_and_told(tool, tmp_pa
     watched = tool("watch", path, "--tolerance", 2, "--give-up", 0.01, "--poll", 0.05, "--channels", "T3")
     assert watched.code == 0
     assert f"line 121 {CUT_ROW}" in watched.err
+    assert list(read_growing(data.replace(b"T3", b"T\x1b3"), Options(), "run.csv").channels)[2].startswith("T\\x1b3")
     with pytest.raises(InputError, match="the row has"):
         read_growing(b"".join([data[:3000], *[b"1,2\n3,4,5,6,7,8,9,10,11\n"] * 30, data[3000:]]), Options(), "run.csv")
 

@@ -23,6 +23,8 @@ QUALITIES = frozenset(["quality", "qualität", "statuscode"])
 #: Words for a mark of 1 (good) or 0, and how marks begin that say that a reading is none.
 VALIDITIES = frozenset(["valid", "validity", "gültig"])
 _MARK = re.compile("|".join(sorted(QUALITIES | VALIDITIES, key=len, reverse=True)), re.I)
+#: What may stand behind a sensor's name in that of its readings.
+VALUE_ENDINGS = frozenset(["", "value", "val", "wert", "messwert", "reading", "temp", "temperature", "c", "f", "k", "degc", "degf"])
 BAD_WORDS = ("bad", "invalid", "ungültig", "false")
 
 
@@ -173,16 +175,17 @@ def _levels(cells: list[str] | None, value: Array) -> bool:
 
 def without_switches(table: Table) -> Table:
     """A long table without the rows of things that tell words (a door: on, off), where others in it tell numbers."""
-    named = [n for n, c in table.columns.items() if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
+    # Of thousands of columns of numbers none is looked at.
+    odd = [n for n, c in table.columns.items() if n in table.faults or not isinstance(c, np.ndarray)]
+    named = [n for n in odd if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
     labels = [c for c in (table.columns[n] for n in named) if not isinstance(c, np.ndarray) and _repeats(c)]
-    told = [n for n, c in table.columns.items() if set(words(n)) & READINGS and n not in named]
-    told = [n for n in told if n in table.faults or not isinstance(table.columns[n], np.ndarray)]
+    told = [n for n in odd if set(words(n)) & READINGS and n not in named]
     if len(labels) != 1 or len(told) != 1:
         return table
     column, decimal = table.columns[told[0]], table.dialect.decimal if table.dialect is not None else "."
     if isinstance(column, np.ndarray):
-        value, odd = column, re.search(r" in (\d+) rows", table.faults[told[0]].found)
-        count = int(odd[1]) if odd else 1
+        value, said = column, re.search(r" in (\d+) rows", table.faults[told[0]].found)
+        count = int(said[1]) if said else 1
     else:
         value = np.array([to_number(c, decimal) if is_number(c, decimal) else np.nan for c in column])
         count = sum(not is_number(c, decimal) and not is_missing(c) for c in column)
@@ -285,15 +288,15 @@ def _stem(name: str) -> str:
 
 def good_readings(table: Table) -> Table:
     """A wide table without the readings that a column of marks beside them (``T2 Quality`` for ``T2``) says are none."""
+    marks = [n for n in table.names if _MARK.search(n)]
     columns, notes = dict(table.columns), list(table.notes)
-    for n in table.names:
-        bad = marked_bad(n, table.columns[n])
-        if bad is None or not bad.any():
+    for n in marks:
+        bad, mine = marked_bad(n, table.columns[n]), _stem(_MARK.sub("", n))
+        if bad is None or not bad.any() or not mine:
             continue
-        mine = _stem(_MARK.sub("", n))
         for other in table.names:
-            own = table.columns[other]
-            beside = mine and other != n and re.match(re.escape(mine) + r"(?!\d)", _stem(other)) and not is_time_name(other)
+            own, rest = table.columns[other], _stem(other)
+            beside = rest.startswith(mine) and rest[len(mine) :] in VALUE_ENDINGS and other not in marks and not is_time_name(other)
             if beside and isinstance(own, np.ndarray):
                 columns[other] = np.where(bad, np.nan, own)
                 notes.append(f"{other}: {int(bad.sum())} readings that {n!r} marks as bad left out")

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, UsageError, listed
 from .run import Array, Guess
+from .stamps import parse_stamps
+from .tables.table import Table
+from .times import Time, is_time_name
 
 FEWEST_ROWS = 2
 #: Rows of a stretch from which on a time that falls back is a run that begins anew, not a row out of place.
@@ -17,6 +20,9 @@ RUN_ROWS = 5
 HOUR_S = 3600.0
 #: Spread of readings at one stamp, in deviations of the readings from stamp to stamp, beyond which they are not one sensor's.
 MOST_SPREAD = 8.0
+
+#: Readings that tell how a clock runs, and seconds in the units that it may count.
+FEWEST_OF_CLOCK, SECONDS_IN = 6, (1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)
 
 
 @dataclass(frozen=True)
@@ -254,3 +260,27 @@ def clock_change(time: Array, starts: tuple[float, ...]) -> tuple[Array, Guess |
     return time + shift, Guess(
         "time", f"the clock was changed by an hour at {listed(words)}; the hour was taken out", "log in UTC to be sure"
     )
+
+
+def runs_otherwise(table: Table, time: Time, used: str, name: str) -> bool:
+    """Whether a column is the clock of the readings behind it: readings stand before it too, it goes on, and not as the other."""
+    names = table.names
+    first, at = names.index(used) if used in names else 0, names.index(name)
+    between, behind = names[first + 1 : at], names[at + 1 : at + 2]
+    if not all(any(isinstance(table.columns[n], np.ndarray) and not is_time_name(n) for n in some) for some in (between, behind)):
+        return False
+    own = table.columns[name]
+    if not isinstance(own, np.ndarray):
+        try:
+            own = parse_stamps(own, name, range(len(own)), table.name).seconds
+        except InputError:
+            return False
+    known = np.isfinite(own) & np.isfinite(time.seconds)
+    if known.sum() < FEWEST_OF_CLOCK or not np.all(np.diff(own[known]) > 0.0):
+        return False
+    main = time.seconds[known] - time.seconds[known][0]
+    if not main[-1] > 0.0:
+        return False
+    # The same clock in another unit of time, or some seconds late, is no other.
+    step = float(np.median(np.diff(main)))
+    return all(float(np.abs((own[known] - own[known][0]) * unit - main).max()) > max(step, 0.01 * main[-1]) for unit in SECONDS_IN)

@@ -26,9 +26,9 @@ from .columns import (
 )
 from .degrees import Temperatures, unit_told, winding_temperature
 from .long import Layout, find_long, good_readings, to_wide, without_switches
-from .order import in_order
+from .order import in_order, runs_otherwise
 from .run import Run, Seen, SeenColumn, renamed, stretch
-from .stamps import parse_stamps, two_decimal_signs, two_signs
+from .stamps import two_decimal_signs, two_signs
 from .tables.clocks import with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
@@ -46,10 +46,10 @@ from .vocabulary import words as words_of
 PARQUET_MAGIC = b"PAR1"
 #: Lines above the readings are not counted as rows: not more than these, before they are looked at.
 LONGEST_HEAD = 1000
-#: Readings that tell how a clock runs, and seconds in the units that it may count.
-FEWEST_OF_CLOCK, SECONDS_IN = 6, (1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)
 #: Rows of another width that are left out of a growing file: more are another layout.
 MOST_CUT, CUT_ROW = 20, "is no whole row"
+#: How texts of two bytes a sign begin, whose lines are not parted here.
+WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read_growing(data: bytes, options: Options, name: str) -> Run:
@@ -68,13 +68,13 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
             break
         except InputError as error:
             found = re.search(r", line (\d+): the row has \d+ cells", error.what)
-            if found is None or len(cut) == MOST_CUT:
+            if found is None or len(cut) == MOST_CUT or data.startswith(WIDE_MARKS):
                 raise
             cut.append(f"line {found[1]} {CUT_ROW} ({error.found[:40]}) and was left out")
             lines = data.splitlines(keepends=True)
             lines[int(found[1]) - 1] = b"\n"  # the others keep their numbers
             data = b"".join(lines)
-    runs = runs_from_table(replace(table, notes=(*table.notes, *cut)), options)
+    runs = runs_from_table(_shown(replace(table, notes=(*table.notes, *cut))), options)
     if options.strict:
         refuse_guesses(runs[-1])
     return stretch(runs[-1], options.from_min, options.to_min)
@@ -112,7 +112,11 @@ def read_table(source: Any, options: Options, name: str | None = None, data: byt
     ------
     InputError: as :func:`read_runs`.
     """
-    table = _table(source, options, name, data)
+    return _shown(_table(source, options, name, data))
+
+
+def _shown(table: Table) -> Table:
+    """A table with names as they may be shown."""
     together = "".join(table.names)
     if shown_name(together) == together:
         return table
@@ -432,37 +436,13 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
         own, main = table.columns[n], table.columns.get(used, [])
         if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
             continue
-        if (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)) or _runs_otherwise(table, time, used, n):
+        if (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)) or runs_otherwise(table, time, used, n):
             return InputError(
                 f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
                 allowed="one time for all columns read together",
                 do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns",
             )
     return None
-
-
-def _runs_otherwise(table: Table, time: Time, used: str, name: str) -> bool:
-    """Whether a column is the clock of the readings behind it: readings stand before it too, it goes on, and not as the other."""
-    names = table.names
-    first, at = names.index(used) if used in names else 0, names.index(name)
-    between, behind = names[first + 1 : at], names[at + 1 : at + 2]
-    if not all(any(isinstance(table.columns[n], np.ndarray) and not is_time_name(n) for n in some) for some in (between, behind)):
-        return False
-    own = table.columns[name]
-    if not isinstance(own, np.ndarray):
-        try:
-            own = parse_stamps(own, name, range(len(own)), table.name).seconds
-        except InputError:
-            return False
-    known = np.isfinite(own) & np.isfinite(time.seconds)
-    if known.sum() < FEWEST_OF_CLOCK or not np.all(np.diff(own[known]) > 0.0):
-        return False
-    spans = float(np.ptp(own[known])), float(np.ptp(time.seconds[known]))
-    if not min(spans) > 0.0:
-        return False
-    # The same clock in another unit of time is no other.
-    factor = spans[0] / spans[1]
-    return all(abs(factor * unit - 1.0) > 0.01 for unit in SECONDS_IN)
 
 
 def content_of(source: str, options: Options | None = None, name: str = "") -> tuple[str, bytes]:
