@@ -320,8 +320,9 @@ class _Block:
         if claimed is None:
             status, messages = law_verdicts(law, tracks, sensors, against, until_used)
         else:
-            found = with_claims(law, claimed, sensors)
-            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used)
+            back = comes_back(law, claimed.steady[:, 1], sensors)
+            found = with_claims(law, claimed, sensors, back)
+            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back)
         elapsed = max(found.time - self.start_min, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
         faded = found.faded if claimed is None else np.zeros_like(found.faded)
@@ -365,7 +366,6 @@ class _Block:
             columns["criterion"] = [self.criterion.text if w else "" for w in whole]
             columns["trip_from"] = [said if t else "" for said, t in zip(from_, trip, strict=True)]
         if claimed is not None:
-            back = comes_back(found, found.steady_state, sensors)
             rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
             columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
             columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]

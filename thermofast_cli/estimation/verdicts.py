@@ -19,8 +19,11 @@ from .sensor import Sensor, Sensors
 Array = NDArray[np.float64]
 
 
-def with_claims(law: Estimates, claimed: Claims, sensors: Sensors) -> Estimates:
-    """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan."""
+def with_claims(law: Estimates, claimed: Claims, sensors: Sensors, back: NDArray[np.bool_]) -> Estimates:
+    """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan.
+
+    back: as :func:`comes_back` says of each sensor.
+    """
     steady, t95 = claimed.steady.copy(), claimed.t95.copy()
     # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior.
     rises = law.state[:, 0] >= law.initial
@@ -29,7 +32,7 @@ def with_claims(law: Estimates, claimed: Claims, sensors: Sensors) -> Estimates:
     steady[open_ & ~rises, 0] = np.nan
     t95[open_, 2] = np.nan
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
-    t95[comes_back(law, steady[:, 1], sensors)] = np.nan
+    t95[back] = np.nan
     return replace(
         law,
         steady_state=steady[:, 1],
@@ -62,10 +65,16 @@ def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
 
 
 def claimed_verdicts(
-    found: Estimates, claimed: Claims, tracks: Tracks, sensors: Sensors, against: dict[int, float], until: float
+    found: Estimates,
+    claimed: Claims,
+    tracks: Tracks,
+    sensors: Sensors,
+    against: dict[int, float],
+    until: float,
+    back: NDArray[np.bool_],
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
-    back, seen = comes_back(found, found.steady_state, sensors), np.abs(found.state[:, 0] - found.initial)
+    seen = np.abs(found.state[:, 0] - found.initial)
     bounded = found.bounded | (back & np.isfinite(found.steady_low) & np.isfinite(found.steady_high))
     with np.errstate(invalid="ignore"):
         width = found.steady_high - found.steady_low

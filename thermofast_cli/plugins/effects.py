@@ -24,8 +24,8 @@ GROUP = "thermofast.effects"
 SCOPES = ("run", "sensor", "one")
 #: Hidden masses of one effect: of several together there is room for four such effects.
 MOST_OWN_HIDDEN = 4
-#: Shares of its range by which a parameter of the trial is moved to see whether it does anything, and the least that this is [K].
 OFF_GRID = 0.0137  # of a range: between two readings of the trial
+#: Shares of its range by which a parameter of the trial is moved to see whether it does anything, and the least that this is [K].
 MOVES, LEAST_MOVED = (0.2, -0.2, 0.5, -0.5, 0.9, -0.9), 1e-9
 
 
