@@ -220,6 +220,18 @@ def test_any_executor_carries_the_work(told):
     assert sum(done) == 10
 
 
+def test_a_script_without_a_guard_is_run_once(tmp_path):
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "import thermofast as tf\nprint('begun')\n"
+        f"print(*[r.status for r in tf.identify({str(SPINDLE)!r}, until=60, jobs=2)])\n"
+        f"print(*[r.verdict for r in tf.diagnose({str(SPINDLE)!r}, effects=['second_mode'], jobs=2)])\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
+    assert done.stdout.split("\n") == ["begun", " ".join(["ok"] * 10), " ".join(["none"] * 10), ""]
+    assert done.stderr == ""
+
+
 def test_the_loop_from_python(tmp_path):
     found = tf.improve(HIDDEN, auto=True)
     assert found.model.effects == ("second_mode",)

@@ -4,6 +4,7 @@ import ctypes
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -12,7 +13,8 @@ from functools import cache
 from importlib import import_module
 from multiprocessing import connection
 from pkgutil import walk_packages
-from threading import Thread
+from threading import Lock, Thread
+from types import ModuleType
 from typing import Any
 
 #: Starting a pool costs about this long; below it one process is faster.
@@ -65,13 +67,37 @@ def _end_with(sentinel: int) -> None:
     os._exit(1)
 
 
+METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+_usual: Any = multiprocessing.get_context(METHOD)
+_hiding = Lock()
+
+
+class Worker(_usual.Process):  # type: ignore[misc]
+    """A process that does not run the user's script again.
+
+    Python's own would import it, as a task might be defined there. None of ours is; and a script without ``if __name__ ==
+    "__main__"`` would do its work, and write its files, once more in each worker.
+    """
+
+    @staticmethod
+    def _Popen(process: Any) -> Any:  # noqa: N802 - the name is multiprocessing's
+        with _hiding:
+            script = sys.modules["__main__"]
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                return _usual.Process._Popen(process)
+            finally:
+                sys.modules["__main__"] = script
+
+
 def _context(search: bool) -> multiprocessing.context.BaseContext:
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    searching = ["thermofast.models.search.discover"] if search else []
-    context.set_forkserver_preload(["thermofast.workers.starting", "thermofast.estimation.work", *searching])
-    return context
+    context: Any = type(_usual)()
+    context.Process = Worker
+    if METHOD == "forkserver":
+        searching = ["thermofast.models.search.discover"] if search else []
+        context.set_forkserver_preload(["thermofast.workers.starting", "thermofast.estimation.work", *searching])
+    found: multiprocessing.context.BaseContext = context
+    return found
 
 
 def new_pool(jobs: int, search: bool = True) -> ProcessPoolExecutor:
