@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.fft import dct
 from scipy.integrate import solve_ivp
@@ -276,3 +277,26 @@ def test_parameters_are_no_surer_than_a_disturbance_lets_them():
         assert both.values[START] == pytest.approx(20.0, abs=0.2)
     assert np.mean(white) < 0.6
     assert np.mean(disturbed) > 0.85
+
+
+def test_runs_of_two_machines_are_told_and_nothing_is_named(tool, tmp_path):
+    def run(tau, seed):
+        time = np.arange(0.0, 400.0)
+        late = np.random.default_rng(seed).normal(0.0, 0.02, (3, len(time)))
+        heat = [
+            8.0 * (1 + 0.1 * i) * (-np.expm1(-time / tau) - 0.3 * (-np.expm1(-np.maximum(time - 150, 0) / tau))) for i in range(3)
+        ]
+        return {"time_min": time} | {f"T{i}": 20.0 + h + n for i, (h, n) in enumerate(zip(heat, late, strict=True))}
+
+    paths = [tmp_path / f"{name}.csv" for name in ("one", "again", "other")]
+    for path, tau, seed in zip(paths, (60.0, 63.0, 160.0), (1, 2, 3), strict=True):
+        pd.DataFrame(run(tau, seed)).to_csv(path, index=False)
+    same = tf.diagnose(paths[:2], effects=["load_step", "second_mode"], together=True)
+    assert {r.verdict for r in same.records} == {"load_step"}
+    mixed = tf.diagnose([paths[0], paths[2]], effects=["load_step", "second_mode"], together=True)
+    assert {r.verdict for r in mixed.records} == {"unexplained"}
+    assert "two machines (other is 2.7 times as slow as one)" in mixed[0].message.replace(f"{tmp_path}/", "").replace(".csv", "")
+    assert "of the same size and colour" not in mixed[0].message
+    assert "give runs of one machine" in mixed[0].advice
+    grown = tf.improve([paths[0], paths[2]], auto=True, together=True)
+    assert "two machines" in grown.records[0].stopped_because

@@ -34,7 +34,7 @@ from .loop import (
     refused_records,
 )
 from .remains import explained, shares
-from .several import OneOf, common_runs, ready_runs, refuse_copies
+from .several import OneOf, common_runs, ready_runs, refuse_copies, two_machines, unnamed
 from .wording import ROOMS, fails_beyond, rivals, unlogged_room, words
 
 Found = TypeVar("Found")
@@ -69,10 +69,14 @@ def search_run(task: LoopTask, prepared: Ready, spread: Spread = map) -> Told:
 
 @dataclass(frozen=True)
 class ToldTogether:
-    """What one search said of several runs, in their order, and the effects that could not be used."""
+    """What one search said of several runs, in their order, and the effects that could not be used.
+
+    another: what to say where they look like runs of two machines; then nothing is named.
+    """
 
     discoveries: tuple[Discovery, ...]
     broken: tuple[str, ...]
+    another: str = ""
 
 
 def search_together(runs: Sequence[OneOf], spread: Spread = map) -> ToldTogether:
@@ -86,7 +90,11 @@ def search_together(runs: Sequence[OneOf], spread: Spread = map) -> ToldTogether
         return discover_together([r.prepared.seen for r in runs], some, task.false_alarm, spread)
 
     found, broken = _without_broken(effects, search)
-    return ToldTogether(tuple(_ahead_of(f, r.prepared, task.until_min) for f, r in zip(found, runs, strict=True)), broken)
+    another = two_machines(found, [r.task.run.name for r in runs])
+    if another:
+        found = unnamed(found)
+    told = tuple(_ahead_of(f, r.prepared, task.until_min) for f, r in zip(found, runs, strict=True))
+    return ToldTogether(told, broken, another)
 
 
 def _without_broken(effects: list[Effect], search: Callable[[list[Effect]], Found]) -> tuple[Found, tuple[str, ...]]:
@@ -147,7 +155,8 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     refuse_copies([r.task.run.name for r in runs])
     runs, notes = common_runs(runs)
     told = search_together(runs, spread)
-    said = (*_who_shows(told.discoveries, [r.task.run.name for r in runs]), *notes, *told.broken)
+    names = [r.task.run.name for r in runs]
+    said = (*([told.another] if told.another else _who_shows(told.discoveries, names)), *notes, *told.broken)
     seen = [r.prepared.seen for r in runs]
     # One machine: what is open is asked of the first run that leaves anything open, beside all that were seen.
     after = next((e for r, f in zip(runs, told.discoveries, strict=True) if (e := _next(r.task, r.prepared, f, spread, seen))), [])

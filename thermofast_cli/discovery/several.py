@@ -4,15 +4,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from thermofast.models import Observations
+import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import ThermofastError, UsageError
+from thermofast.models import Observations
+from thermofast.models.joint import RATE, Fit
+from thermofast.models.search.discover import Discovery
+
+from ..errors import ThermofastError, UsageError, rounded
 from ..reading.source import sha256_of
 from ..records import Record
 from .loop import LoopTask, Ready, failure_records, ready, refused_records
 
+Array = NDArray[np.float64]
+
 #: Of a run left out the first so much of the record is read, where --until does not say otherwise; the rest is foretold.
 READ = 1.0 / 3.0
+#: How far apart logarithms of rates are, in the median sensor and of sensors against each other, where runs are of two machines.
+ALL_FASTER, OUT_OF_STEP = 0.7, 0.35
+#: Why nothing is named then.
+TWO_MACHINES = "two machines"
 
 
 @dataclass(frozen=True)
@@ -70,6 +81,41 @@ def common_runs(runs: list[OneOf]) -> tuple[list[OneOf], list[str]]:
     notes = [f"not in every run and left out: {', '.join(left)}"] if left else []
     cut = [replace(r, prepared=_only(r.prepared, shared)) for r in runs]
     return cut, notes
+
+
+def two_machines(found: Sequence[Discovery], names: Sequence[str]) -> str:
+    """What to say of runs whose rates lie so far apart, without effects and with those named, that they are of two machines."""
+    base = [d.base for d in found]
+    best = [d.base if d.named is None else d.named.fit for d in found]
+    for k, name in enumerate(names[1:], 1):
+        off, other = (_log_rates(fits[k]) - _log_rates(fits[0]) for fits in (base, best))
+        faster, rest = float(np.median(off)), off - np.median(off)
+        if abs(faster) > ALL_FASTER and float(np.median(other)) * np.sign(faster) > ALL_FASTER:
+            how = f"{name} is {rounded(float(np.exp(abs(faster))))} times as {'fast' if faster > 0.0 else 'slow'} as {names[0]}"
+        elif len(off) > 2 and min(_size(rest), _size(other - np.median(other))) > OUT_OF_STEP:
+            sensor = int(np.argmax(np.abs(rest)))
+            times = rounded(float(np.exp(abs(rest[sensor]))))
+            how = f"beside the other sensors {base[0].run.channels[sensor]} is {times} times out of step in {name}"
+        else:
+            continue
+        return f"these runs look like those of two machines ({how})"
+    return ""
+
+
+def _log_rates(fit: Fit) -> Array:
+    return np.log(np.broadcast_to(fit.values[RATE], fit.run.sensors))
+
+
+def _size(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def unnamed(found: Sequence[Discovery]) -> list[Discovery]:
+    """Verdicts with their names taken back."""
+    return [
+        d if d.named is None else replace(d, named=None, also=(d.named, *d.also), ahead=None, why=TWO_MACHINES, stages=(), held=())
+        for d in found
+    ]
 
 
 def refuse_copies(sources: Sequence[str]) -> None:

@@ -121,6 +121,8 @@ def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list
     """Effects that the search names, as long as the runs left out are foretold better."""
     named: dict[str, tuple[Effect, int]] = {}
     found = search_together(runs, spread)
+    if found.another:
+        return found.another, [base]
     for one in found.discoveries if any(d.named is not None for d in found.discoveries) else _each(runs, spread):
         for part in one.named.parts if one.named is not None else ():
             named[part.id] = part.effect, named.get(part.id, (part.effect, 0))[1] + 1

@@ -18,6 +18,7 @@ from thermofast.models.search.rules import RULES
 from ..errors import rounded
 from .loop import pooled
 from .remains import remaining_words, shares
+from .several import TWO_MACHINES
 from .stretches import steps_near
 
 #: Error ahead, in deviations of the noise, beyond which the first minutes did not show all.
@@ -92,6 +93,9 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         f"the base model fails in {f'{_listed(above)} {where}'.strip()}, and no effect of the catalogue, alone or with a second "
         f"one, explains it better than an unknown disturbance of the same size and colour would; nearest: {near or 'none'}"
     )
+    if found.why == TWO_MACHINES:
+        evidence = f"nothing is named from runs of two machines; nearest in this run: {near or 'none'}"
+        return evidence, "give runs of one machine, or search each by itself, without --together", "model_doubtful"
     begins = _worst(found, seen)
     steps = steps_near(seen, begins[0]) if begins else []
     advice = short or "; ".join(
