@@ -1,6 +1,9 @@
 """Files and calls that readers from outside tried: each was read wrong, or silently not counted."""
 
 import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from simulator import held_response
 
@@ -119,3 +122,54 @@ def test_a_held_speed_to_a_power_is_named_without_a_delay_where_no_room_is_logge
     run = {f"T{k}": reading + rng.normal(0.0, 0.02, 420) for k in range(2)}
     found = tf.diagnose({"time_min": time, **run, "speed_rpm": speed}, inputs=["speed_rpm"])
     assert found[0].verdict == "load_step"
+
+
+def _clock(minute):
+    return f"2026-03-05 08:{int(minute):02d}:00"
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        # Lascar EL-USB: the serial number stands in the first row alone.
+        (
+            ["Oven,Time,Celsius(°C),High Alarm,Low Alarm,Serial Number"],
+            lambda i, a, b: f"{i + 1},{_clock(i)},{a:.2f},40,0" + ",1001" * (not i),
+        ),
+        # R's write.table: names of rows under no name, between blanks and between commas.
+        (['"time_min" "front"'], lambda i, a, b: f'"{i + 1}" {i} {a:.2f}'),
+        (['"time_min","front"'], lambda i, a, b: f'"{i + 1}",{i},{a:.2f}'),
+        # Names, units, and where the probes sit.
+        (["Zeit;vorne;hinten", "[min];[°C];[°C]", "Zeit;Lager;Lager"], lambda i, a, b: f"{i};{a:.2f};{b:.2f}"),
+        (["Zeit;Temp.;Temp.", "[min];[°C];[°C]", "Zeit;vorne;hinten"], lambda i, a, b: f"{i};{a:.2f};{b:.2f}"),
+        # Numbers in groups: one of several groups says what 60,000 is.
+        (["time_ms,front"], lambda i, a, b: f'"{i * 60000:,}",{a:.2f}'),
+        # No name says time, a unit does.
+        (["Ablauf;vorne", "[min];[°C]"], lambda i, a, b: f"{i};{a:.2f}"),
+    ],
+)
+def test_headers_as_loggers_write_them(tmp_path, head, row):
+    rows = [row(i, a, b) for i, (a, b) in enumerate(zip(FRONT[:40], REAR[:40], strict=True))]
+    run = tf.read(written(tmp_path, head, rows))
+    assert np.allclose(run.time_s, 60.0 * np.arange(40))
+    assert next(iter(run.channels.values())) == pytest.approx(np.round(FRONT[:40], 2), abs=0.006)
+    assert not any('"' in name for name in run.channels)
+
+
+def test_texts_of_a_sheet_are_read_with_their_decimal_commas(tmp_path):
+    texts = {"Zeit": [_clock(i) for i in range(40)], "vorne [°C]": [f"{a:.2f}".replace(".", ",") for a in FRONT[:40]]}
+    path = tmp_path / "pasted.xlsx"
+    pd.DataFrame(texts).to_excel(path, index=False)
+    assert tf.read(path).channels["vorne [°C]"] == pytest.approx(np.round(FRONT[:40], 2), abs=0.006)
+
+
+def test_a_column_of_durations_is_the_time(tmp_path):
+    pq.write_table(pa.table({"since": pa.array(np.arange(40) * 60, pa.duration("s")), "T1": FRONT[:40]}), tmp_path / "d.parquet")
+    assert tf.read(tmp_path / "d.parquet").time_s[-1] == 2340.0
+
+
+def test_turkish_names_and_a_dew_point(tmp_path):
+    rows = [f"{i};{a:.2f};9,0".replace(".", ",") for i, a in enumerate(FRONT[:40])]
+    (tmp_path / "t.csv").write_bytes("\n".join(["Zaman [min];İş mili sıcaklığı (°C);Taupunkt (°C)", *rows]).encode("cp1254"))
+    run = tf.read(tmp_path / "t.csv")
+    assert list(run.channels) == ["İş mili sıcaklığı (°C)"]

@@ -142,7 +142,7 @@ def _table(source: Any, options: Options, name: str | None, data: bytes | None) 
     held = [unpacked(_bytes(path, limits) if data is None else data, name, limits)]
     if is_workbook(held[0]):
         text, sheet = sheet_text(held.pop(), name, options.sheet, limits)
-        table = read_text(text, name, replace(options, delimiter=options.delimiter or ",", decimal=options.decimal or "."))
+        table = read_text(text, name, replace(options, delimiter=options.delimiter or ","))
         return replace(table, notes=(f"Excel, sheet {sheet!r}", *table.notes[1:]), dialect=None)
     if is_measured(held[0]):
         return measured_table(held.pop(), name, options.sheet, limits)

@@ -15,18 +15,9 @@ from .columns import check_names
 from .run import Array, Guess
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
 from .tables.table import Table
-from .vocabulary import TIME, TIME_NAMES, TIME_PARTS, words
+from .vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
-_UNIT_WORDS = {
-    "ns": ("ns", "nanoseconds"),
-    "us": ("us", "µs", "μs", "microseconds"),
-    "ms": ("ms", "msec", "millis", "msecs", "millis", "milliseconds"),
-    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒"),
-    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟"),
-    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时"),
-    "d": ("d", "day", "days", "tage"),
-}
 #: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
 EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
 FEWEST_ROWS = 2
@@ -63,7 +54,7 @@ def unit_of(name: str, unit_cell: str = "") -> str | None:
     said = words(name)
     said = said[: said.index("of")] if "of" in said else said  # seconds of the day are seconds
     for word in [w.strip("[](){} ") for w in (unit_cell.lower(),)] + said[::-1]:
-        for unit, known in _UNIT_WORDS.items():
+        for unit, known in TIME_UNITS.items():
             if word in known:
                 return unit
     return "s" if name == "X_Value" else None  # a LabVIEW measurement file says so in its definition
@@ -180,7 +171,10 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     first = table.columns[table.names[0]]
     if isinstance(first, np.ndarray) and table.names[0] == "column 1" and np.isfinite(first).all() and (np.diff(first) > 0).all():
         return table.names[0], None
-    return None
+    # No name says so, but one column alone goes on in seconds or minutes.
+    going = [n for n in numeric if table.units.get(n, "").strip("[]() ").lower() in sum(TIME_UNITS.values(), ())]
+    going = [n for n in going if (np.diff(_values(table, n)) > 0).all()]
+    return (going[0], None) if len(going) == 1 else None
 
 
 def _first(table: Table, name: str) -> str:

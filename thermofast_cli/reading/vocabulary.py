@@ -42,10 +42,10 @@ INPUTS = _set(
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
-#: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.
+#: A temperature that is asked for, that air would have, or that the instrument needs for itself, is logged but no sensor of the machine.
 WANTED = _set(
     "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
-    "führungsgröße offset tolerance uncertainty alarm set "
+    "dew dewpoint taupunkt führungsgröße offset tolerance uncertainty alarm set "
     "setpoint setpt sp sv soll sollwert solltemperatur target command cmd"
 )
 REFERENCE = _set(
@@ -134,3 +134,14 @@ TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Secon
 UNIT_SUFFIXES = _set(
     "mv uv kv volts ohm ohms kohm ma kw watt watts kwh wh mah ah percent pct psi mbar bar hpa kpa rpm hz khz mhz lpm lux ppm kn %"
 )
+
+#: Words for the units of time.
+TIME_UNITS: dict[str, tuple[str, ...]] = {
+    "ns": ("ns", "nanoseconds"),
+    "us": ("us", "µs", "μs", "microseconds"),
+    "ms": ("ms", "msec", "millis", "msecs", "millis", "milliseconds"),
+    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒"),
+    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟"),
+    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时"),
+    "d": ("d", "day", "days", "tage"),
+}

@@ -24,7 +24,7 @@ MISSING = frozenset(
         "-burnout", "open tc", "open circuit", "over range", "overrange", "+over", "-over", "under", "underrange",
         "n. def.", "not connected", "disconnected", "timeout", "lo", "hi", "-----", "------", "---.-",
         "--.-", "+++++++", "-------", "######", "#######", "########", "no probe", "sensor break", "#name?",
-        "#ref!", "#div/0", "*.*",
+        "#ref!", "#div/0", "*.*", "-ol-",
     ]
 )  # fmt: skip
 #: A line that begins so is a comment, or the names.
@@ -109,7 +109,7 @@ def is_number(cell: str, decimal: str) -> bool:
 def split(line: str, delimiter: str) -> list[str]:
     """Cells of one line; quotes are understood, a run of blanks is one delimiter."""
     if delimiter == " ":
-        return line.split()
+        return [c.strip('"') for c in line.split()] if '"' in line else line.split()
     # A carriage return within a line is no more than a gap; the csv module would raise.
     return next(csv.reader([line.replace("\r", " ")], delimiter=delimiter), [])
 
@@ -282,7 +282,18 @@ def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tupl
             units.append(header)
         named.pop()
         header = named[-1]
+    if not units and len(named) > 2 and is_unit_line(rows[named[-2]]) and len(rows[named[-3]]) == len(rows[header]):
+        # Names, units, and below them places, groups or remarks: the names are those that tell columns apart.
+        units.append(named[-2])
+        if _tell_apart(rows[named[-3]]) and not _tell_apart(rows[header]):
+            header = named[-3]
     return header, tuple(units)
+
+
+def _tell_apart(cells: list[str]) -> bool:
+    """Whether each cell of a line is another word."""
+    told = [c.strip() for c in cells]
+    return all(told) and len(set(told)) == len(told)
 
 
 def _starts(cells: list[str], width: int, decimal: str) -> bool:
@@ -330,6 +341,11 @@ def _named_below(cells: list[str], units: list[str], below: list[str], rows: lis
     return cells, units
 
 
+def _counts(cells: list[str]) -> bool:
+    """Whether cells are 1, 2, 3, ..."""
+    return len(cells) > 2 and cells == [str(i + 1) for i in range(len(cells))]
+
+
 def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
     """Names and units of the columns, from the first lines of a file.
 
@@ -347,6 +363,10 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
     rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
     if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
         cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
+    if len(cells) == width - 1 and _counts([row[0] for row in rows if len(row) == width]):
+        cells.insert(0, "")  # R writes the names of rows under no name
+    if len(cells) > width and rows and len(rows[0]) == len(cells):
+        del cells[width:]  # what the first row alone has: Lascar's serial number
     while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
         cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
     if cells and len(cells) != width:

@@ -31,6 +31,9 @@ from .vendors import joined_segments, plain_scope
 SAMPLE_BYTES = 1 << 18
 LINE_END = re.compile(r"\r\n|\n|\r")
 _UNIT_ABOVE = re.compile(r"(?i)\W*(?:temperature |temp\.? )?(?:units?|einheit)\W+?([^\s;,\"]+(?: [cfk])?)[\"\s;,]*$")
+#: A number in several groups of thousands, and in one, which alone may be a decimal sign.
+_THOUSANDS = {d: re.compile(rf"\s*[+-]?\d{{1,3}}(?:[{o}]\d{{3}}){{2,}}\s*$") for d, o in (".,", ",.")}
+_THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
 #: Share of a column's cells that must be numbers for it to be one of numbers.
 MOSTLY = 0.5
 
@@ -75,6 +78,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         # Rows of nothing but delimiters, as sheets have them, are empty.
         body = re.sub(rb"(?m)^" + blank + rb"+(?=\r?$)", b"", body)
     guesses: list[Guess] = []
+    body = _first_row_as_wide(body, head, dialect)
     body, cut = _without_cut_end(body, dialect)
     body, footer = _without_footer(body, head, dialect)
     notes += [*cut, *footer]
@@ -144,6 +148,17 @@ def _offset(data: bytes, line: int) -> int:
         found = re.compile(rb"\r\n|\n|\r").search(data, position)
         position = found.end() if found else len(data)
     return position
+
+
+def _first_row_as_wide(body: bytes, head: list[str], dialect: Dialect) -> bytes:
+    """Without what the first row alone has more than the others, under a name of its own: the logger's serial number."""
+    first = split(head[dialect.data_line], dialect.delimiter) if dialect.data_line < len(head) else []
+    names = split(head[dialect.header_line], dialect.delimiter) if dialect.header_line is not None else []
+    if not dialect.width < len(first) == len(names) or any('"' in cell for cell in first):
+        return body
+    end = body.find(b"\n")
+    kept = dialect.delimiter.join(first[: dialect.width]).encode()
+    return kept + body[end:]
 
 
 def _without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
@@ -395,6 +410,9 @@ def _cells(
             return cells, _wordy(cells, column, dialect, name, lines), ""
     values = np.full(len(cells), np.nan)
     bad: list[int] = []
+    if any(_THOUSANDS[dialect.decimal].match(c) for c in cells):
+        # One of several groups says what a single group is: 60,000 beside 1,020,000.
+        cells = [re.sub(r"(?<=\d)[.,](?=\d{3}$)", "", c) if _THOUSAND[dialect.decimal].match(c) else c for c in cells]
     for i, cell in enumerate(cells):
         if is_missing(cell, more):
             continue

@@ -7,6 +7,8 @@ import zipfile
 from typing import Any
 
 from ...errors import InputError, UsageError, listed
+from ..stamps import looks_like_stamp
+from .dialect import is_number
 from .limits import Limits, check_workbook
 from .packed import DAMAGED
 
@@ -59,7 +61,15 @@ def _rows(book: Any, sheet: str) -> list[list[Any]]:
 
 def _is_table(rows: list[list[Any]]) -> bool:
     numbers = sum(sum(isinstance(c, int | float | dt.date | dt.time | dt.timedelta) for c in row) >= LEAST_COLUMNS for row in rows)
-    return numbers >= LEAST_ROWS
+    # Texts that a logger's export pasted: numbers with a decimal comma and stamps.
+    return numbers >= LEAST_ROWS or sum(sum(map(_reads, row)) >= LEAST_COLUMNS for row in rows) >= LEAST_ROWS
+
+
+def _reads(cell: Any) -> bool:
+    """Whether a cell holds a number or a stamp, if as text."""
+    if not isinstance(cell, str):
+        return isinstance(cell, int | float | dt.date | dt.time | dt.timedelta)
+    return is_number(cell, ".") or is_number(cell, ",") or looks_like_stamp(cell)
 
 
 def _cell(value: Any) -> str:
