@@ -42,10 +42,10 @@ INPUTS = _set(
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
-#: A temperature that is asked for, that air would have, or that the instrument needs for itself, is logged but no sensor of the machine.
+#: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.
 WANTED = _set(
     "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
-    "dew dewpoint taupunkt führungsgröße offset tolerance uncertainty alarm set "
+    "führungsgröße offset tolerance uncertainty alarm set "
     "setpoint setpt sp sv soll sollwert solltemperatur target command cmd"
 )
 REFERENCE = _set(
