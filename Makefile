@@ -37,7 +37,7 @@ audit: $(STAMP)  ## known faults of what is installed; needs the network
 	$(BIN)/pip-audit --skip-editable
 
 dist: $(STAMP)  ## sdist and wheel, each installed and tried in an environment of its own
-	$(BIN)/python -m benchmarks.release
+	$(BIN)/python -m benchmarks.project.release
 
 site: $(STAMP)  ## docs/ as pages, with the reference that the program writes; every warning is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -E -b html docs out/site
@@ -46,13 +46,13 @@ bench: $(STAMP)  ## every figure of docs/figures.md, beside its peer
 	$(BIN)/python -m benchmarks
 
 proof: $(STAMP)  ## how often the discovery loop is right, on simulated machines: writes docs/proof.md (an hour or two)
-	$(BIN)/python -m benchmarks.proof
+	$(BIN)/python -m benchmarks.discovery.proof
 
 docs: $(STAMP)  ## pictures and tables in docs/ that programs make
-	$(BIN)/python -m benchmarks.pictures
-	$(BIN)/python -m benchmarks.tutorial
+	$(BIN)/python -m benchmarks.documents.pictures
+	$(BIN)/python -m benchmarks.documents.tutorial
 	$(BIN)/python -m pip install --quiet nbclient ipykernel
-	$(BIN)/python -m benchmarks.notebook
+	$(BIN)/python -m benchmarks.documents.notebook
 
 clean:
 	rm -rf .venv build dist out *.egg-info models/core/*.so models/imperfection/*.so filters/*.so models/core/*.c models/imperfection/*.c filters/*.c

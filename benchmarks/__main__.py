@@ -1,37 +1,11 @@
 """All benchmarks, one after the other: ``python -m benchmarks``."""
 
-from . import (
-    accuracy,
-    auto,
-    certified,
-    changed,
-    clean_stretches,
-    coarse_readings,
-    corpus,
-    criterion,
-    disturbance,
-    dominant,
-    filter_table,
-    imperfect,
-    joint,
-    loop_speed,
-    next_experiment,
-    past_runs,
-    planning,
-    reading_speed,
-    real_loop,
-    real_records,
-    real_settling,
-    reports,
-    row_and_flow,
-    several_effects,
-    speed,
-    states,
-    switch_off,
-    thermal_constants,
-    unknown_heat,
-    watching,
-)
+from .analysis import changed, thermal_constants, unknown_heat
+from .discovery import auto, clean_stretches, dominant, loop_speed, next_experiment, real_loop, row_and_flow, several_effects
+from .estimation import accuracy, certified, coarse_readings, disturbance, filter_table, joint, real_records, speed, states
+from .intervals import criterion, imperfect, past_runs, planning, real_settling, switch_off, watching
+from .reading import corpus, reading_speed
+from .scale import reports
 
 for part in (
     accuracy,

@@ -1,9 +1,9 @@
-"""A small sample of benchmarks/accuracy.py: the default filter, blind, beside curve_fit started at the truth."""
+"""A small sample of benchmarks/estimation/accuracy.py: the default filter, blind, beside curve_fit started at the truth."""
 
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import CELLS, run_cell
+from benchmarks.estimation.accuracy import CELLS, run_cell
 
 
 @pytest.mark.parametrize(("noise", "minutes"), [c for c in CELLS if c in {(0.005, 28), (0.02, 60), (0.05, 120), (0.02, 195)}])
@@ -18,7 +18,7 @@ def test_as_good_as_curve_fit_and_covering(noise, minutes):
 
 
 def test_under_an_unknown_disturbance_the_default_is_no_worse_ahead():
-    from benchmarks.disturbance import CASES, compare
+    from benchmarks.estimation.disturbance import CASES, compare
 
     for case in CASES:
         errors = compare(case, draws=12, noise=0.02, seed=99)

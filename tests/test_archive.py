@@ -19,7 +19,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from benchmarks.killed import children_of, half_files, left_of, make_archive, same
+from benchmarks.scale.killed import children_of, half_files, left_of, make_archive, same
 from thermofast.archives.blocks import Analysis
 from thermofast.archives.sources import SourceFile, sources_of
 from thermofast.archives.stream import Progress

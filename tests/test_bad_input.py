@@ -6,7 +6,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from benchmarks.mutated import outcome
+from benchmarks.reading.mutated import outcome
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
 GOOD = "time_min,T1\n" + "".join(f"{i},{18 + 8 * (1 - np.exp(-0.02 * i)):.3f}\n" for i in range(60))

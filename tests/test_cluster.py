@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from benchmarks.killed import make_archive, same
+from benchmarks.scale.killed import make_archive, same
 from thermofast.workers.cluster import STARTED_BY_MPI, Dask, Mpi, build, checked, crew_of
 from thermofast.workers.flow import Flow, Given, Here, Local, in_order
 

@@ -9,7 +9,7 @@ from conftest import ROOT
 from scipy.signal import lfilter
 
 import thermofast as tf
-from benchmarks.denoised import MINUTES, NOISE, cycle, figures, nothing, record, second_mode
+from benchmarks.analysis.denoised import MINUTES, NOISE, cycle, figures, nothing, record, second_mode
 from thermofast.models.noise import denoise
 
 

@@ -9,8 +9,8 @@ from machines import EFFECTS
 from scipy.stats import truncnorm
 from test_effects_contract import record
 
-from benchmarks.coarse_readings import trial
-from benchmarks.proof import Job, guarded
+from benchmarks.discovery.proof import Job, guarded
+from benchmarks.estimation.coarse_readings import trial
 from thermofast.discovery.compare import failing_stretches
 from thermofast.discovery.diagnose import own_verdict
 from thermofast.models.effects import BUILT_IN

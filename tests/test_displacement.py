@@ -95,7 +95,7 @@ def test_failing_stretches_are_rare_on_clean_records_and_sudden_faults_are_found
     rng = np.random.default_rng(3)
     time, weight = np.arange(400.0), np.ones(400)
     alarms = sum(bool(failing_stretches(time, 0.02 * rng.standard_normal(400), weight, 0.02)) for _ in range(400))
-    assert alarms <= 8  # 2 %; benchmarks.false_alarms counts more of them
+    assert alarms <= 8  # 2 %; benchmarks.discovery.false_alarms counts more of them
     slow = 0.1 * np.sin(time / 60.0)
     fault = slow + 0.02 * rng.standard_normal(400)
     fault[200:206] += 0.3

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 import thermofast as tf
-from benchmarks.displacement_methods import machine, warm_ups
+from benchmarks.documents.displacement_methods import machine, warm_ups
 from thermofast.displacements import METHODS, TOGETHER, arx
 from thermofast.models.displacement import Sample
 from thermofast.models.displacement.scoring import compare

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import multivariate_normal
 
 import thermofast as tf
-from benchmarks.dominant import BACKGROUND, judge, runs_of
+from benchmarks.discovery.dominant import BACKGROUND, judge, runs_of
 from benchmarks.machines import bar
 from thermofast.discovery.observe import observe
 from thermofast.models.coloured import fit_disturbed

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import thermofast as tf
-from benchmarks.driven import judged
+from benchmarks.intervals.driven import judged
 
 TIME = np.arange(0.0, 300.0, 1.0)
 POWER = np.where(TIME < 40, 600.0, np.where(TIME < 70, 300.0, np.where(TIME < 110, 900.0, 500.0)))

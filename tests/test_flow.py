@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from benchmarks.killed import make_archive
+from benchmarks.scale.killed import make_archive
 from thermofast.archives.blocks import Analysis
 from thermofast.archives.library import into_folder
 from thermofast.errors import ThermofastError, UsageError

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal, norm
 from simulator import held_response
 
 import thermofast as tf
-from benchmarks.half_explained import machine
+from benchmarks.intervals.half_explained import machine
 from thermofast.discovery.observe import observe
 from thermofast.estimation import imperfect
 from thermofast.machine.learnt import EFFECT_AGAIN, carry

@@ -10,8 +10,8 @@ import pytest
 from scipy.io import savemat
 
 import thermofast as tf
-from benchmarks.fuzz import TARGETS, fuzz
-from benchmarks.hostile import KINDS, bombs, columns, outcomes, read
+from benchmarks.reading.fuzz import TARGETS, fuzz
+from benchmarks.reading.hostile import KINDS, bombs, columns, outcomes, read
 from thermofast.reading.tables import limits, packed
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from benchmarks.linked import MINUTES, machine, settled
+from benchmarks.intervals.linked import MINUTES, machine, settled
 from thermofast.discovery.observe import observe
 from thermofast.machine.rise import _extended, _of_others, free_run, together
 from thermofast.models.effects import BUILT_IN

@@ -8,8 +8,8 @@ from conftest import ROOT, SHARED
 
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.corpus import FORMS, judged
-from benchmarks.loggers import FOLDER, GIVEN, judge
+from benchmarks.reading.corpus import FORMS, judged
+from benchmarks.reading.loggers import FOLDER, GIVEN, judge
 
 TRUTHS = json.loads((FOLDER / "truth.json").read_text()) if (FOLDER / "truth.json").is_file() else {}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from benchmarks.thermal_constants import driven, held
+from benchmarks.analysis.thermal_constants import driven, held
 from thermofast.analysis.power import watts
 
 

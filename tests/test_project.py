@@ -159,6 +159,6 @@ def test_documents_name_files_that_exist():
 
 
 def test_the_page_of_thresholds_is_what_the_program_uses():
-    from benchmarks.thresholds import PAGE, page
+    from benchmarks.documents.thresholds import PAGE, page
 
     assert PAGE.read_text() == page()

@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.random_records import metamorphic, outcome
-from benchmarks.soak import soak
+from benchmarks.reading.random_records import metamorphic, outcome
+from benchmarks.scale.soak import soak
 
 
 @pytest.mark.parametrize("first", [0, 500_000])

@@ -82,7 +82,7 @@ def test_the_pots_water_is_no_single_lump(shared, tool):
 
 
 def test_the_loop_ranks_the_known_physics_first_and_admits_what_it_lacks(shared):
-    from benchmarks.real_loop import judged
+    from benchmarks.discovery.real_loop import judged
 
     pipe = judged("ulg_pipe/151204_1.csv", ("outlet_pipe", "inlet_pipe"), None, ("transport_delay", "second_mode"))
     assert pipe["first"] == "transport_delay"
@@ -95,7 +95,7 @@ def test_the_loop_ranks_the_known_physics_first_and_admits_what_it_lacks(shared)
 
 
 def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
-    from benchmarks.real_loop import judged
+    from benchmarks.discovery.real_loop import judged
 
     block = judged("heatshield/duty_sequence.csv", (), "heater_duty", ("nonlinear_loss", "second_mode"))
     assert block["before"] < 1.2
@@ -103,7 +103,7 @@ def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
     assert block["verdict"] == "second_mode"
 
 
-# Two of the records of docs/real-records.md; python -m benchmarks.real_loop tries them all.
+# Two of the records of docs/real-records.md; python -m benchmarks.discovery.real_loop tries them all.
 @pytest.mark.parametrize(
     ("name", "channels", "drive", "first", "falls_to"),
     [
@@ -112,7 +112,7 @@ def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
     ],
 )
 def test_records_of_three_effects_are_unexplained_and_the_ranking_helps(shared, name, channels, drive, first, falls_to):
-    from benchmarks.real_loop import judged
+    from benchmarks.discovery.real_loop import judged
 
     told = judged(name, channels, drive, ())
     assert told["verdict"] == "unexplained"

@@ -106,7 +106,7 @@ def test_broken_plug_ins_are_lines_in_the_catalogue_and_stop_nothing(tool, monke
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
 @pytest.mark.parametrize(("kind", "more"), [("csv", 1), ("parquet", 0)])
 def test_reading_starts_no_threads_that_could_abort_a_refusal(kind, more, tmp_path):
-    # pyarrow's own threads, still starting as the process ended, aborted one refusal in forty; benchmarks/refusals.py counts them.
+    # pyarrow's own threads, still starting as the process ended, aborted one refusal in forty; benchmarks/reading/refusals.py counts them.
     # The one that hands a CSV file's block over has done so when the file is read.
     path = tmp_path / f"run.{kind}"
     frame = pd.read_csv(SPINDLE)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from benchmarks.row_and_flow import KINDS, judge, pipe, rod
+from benchmarks.discovery.row_and_flow import KINDS, judge, pipe, rod
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -5,9 +5,9 @@ import importlib
 import numpy as np
 import pytest
 
-from benchmarks.dominant import runs_of
-from benchmarks.proof import as_run
-from benchmarks.several_effects import judge
+from benchmarks.discovery.dominant import runs_of
+from benchmarks.discovery.proof import as_run
+from benchmarks.discovery.several_effects import judge
 from tests.machines import draw
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import thermofast as tf
-from benchmarks.thermal_constants import driven
+from benchmarks.analysis.thermal_constants import driven
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import Key, Model, Part

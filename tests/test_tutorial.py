@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from benchmarks.tutorial import BLOCK, PAGE, REAL, REAL_PAGE, run, workplace
+from benchmarks.documents.tutorial import BLOCK, PAGE, REAL, REAL_PAGE, run, workplace
 
 NUMBER = re.compile(r"^[-+]?\d+(\.\d+)?$")
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from benchmarks.acts_twice import changed_load
+from benchmarks.discovery.acts_twice import changed_load
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import Key, Part

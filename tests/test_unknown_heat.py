@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from simulator import held_response
 
 import thermofast as tf
-from benchmarks.unknown_heat import power_trial, powered, trial
+from benchmarks.analysis.unknown_heat import power_trial, powered, trial
 from thermofast.models.uncertainty.unknown_heat import POWERS, Lump, shapes_of, smooth_heat
 
 

@@ -9,7 +9,7 @@ from conftest import ROOT
 from scipy.signal import lfilter
 
 import thermofast as tf
-from benchmarks.validated import LAWS, run_of
+from benchmarks.analysis.validated import LAWS, run_of
 from thermofast.analysis.validate import DRAWS, SHARES, Bounds, Judged, judge
 
 HIDDEN = [str(ROOT / "sample_runs" / name) for name in ("hidden.csv", "hidden_second_run.csv")]

@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from benchmarks.killed import half_files, make_archive, same
+from benchmarks.scale.killed import half_files, make_archive, same
 from thermofast.output import whole
 from thermofast.workers import flow
 

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Blocks of a record: half as many leave the intervals as they are to a few per cent (``python -m benchmarks.imperfect``).
+#: Blocks of a record: half as many leave the intervals as they are to a few per cent (``python -m
+#: benchmarks.intervals.imperfect``).
 MOST = 12
 #: Points and time constants that the pilot looks at.
 PILOT_POINTS, PILOT_RATES = 40, 60

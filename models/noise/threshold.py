@@ -20,7 +20,7 @@ def adaptive_threshold(
     it: as printed a lasting fault is inside its own limits as soon as it fills the window. guard = inf lets all readings in.
     floor is the least standard deviation, such as that of a logger's rounding. nan for the first `window` readings.
     The window follows a slow drift, which stays inside: this finds what comes abruptly.
-    White Gaussian residuals leave the limits as often as Student's t says (benchmarks.clean_stretches).
+    White Gaussian residuals leave the limits as often as Student's t says (benchmarks.discovery.clean_stretches).
 
     Raises
     ------

@@ -55,13 +55,13 @@ class SearchRules:
         5.0,
         "times what chance gives",
         "evidence over an unknown disturbance from which an effect is named although a pattern remains",
-        "benchmarks.dominant: wrong names against missed ones on one simulator, tried on two others",
+        "benchmarks.discovery.dominant: wrong names against missed ones on one simulator, tried on two others",
     )
     least_evidence: float = rule(
         100.0,
         "likelihood ratio",
         "evidence over an unknown disturbance below which an effect is not named while a pattern remains",
-        "benchmarks.dominant: a thermometer's drift named on backgrounds of one simulator in 4 of 160 without it",
+        "benchmarks.discovery.dominant: a thermometer's drift named on backgrounds of one simulator in 4 of 160 without it",
     )
     beyond_alone: float = rule(
         1.5,
@@ -80,18 +80,20 @@ class SearchRules:
         0.9,
         "1",
         "share of the misfit below which twice the evidence is asked for",
-        "benchmarks.dominant: disturbances outside the catalogue",
+        "benchmarks.discovery.dominant: disturbances outside the catalogue",
     )
     overruled: float = rule(
         2.5, "1", "times that evidence overrules an amplitude that is near nothing by the curvature there", "records without a room"
     )
     white_share: float = rule(0.1, "misfit", "structure below this share of the misfit counts as white", "trial of six rules")
-    rival: float = rule(0.75, "1", "share of the best one's evidence from which another one may be as good", "benchmarks.dominant")
+    rival: float = rule(
+        0.75, "1", "share of the best one's evidence from which another one may be as good", "benchmarks.discovery.dominant"
+    )
     as_good: float = rule(
         0.85,
         "1",
         "the same of its likelihood ratio under white noise, and of the evidence where the best is not sound",
-        "benchmarks.dominant",
+        "benchmarks.discovery.dominant",
     )
     most_effects: int = rule(4, "effects", "that are named beside each other", "what a reader takes in")
     pairs: int = rule(24, "pairs", "looked at", COST)

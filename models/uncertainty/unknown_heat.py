@@ -42,7 +42,7 @@ class HeatRules:
         0.002,
         "1",
         "nominal chance, over everything tried, of a claim where nothing follows; the ratio's own law is wider than chi-square",
-        "set by hand, with room; what it comes to: python -m benchmarks.unknown_heat",
+        "set by hand, with room; what it comes to: python -m benchmarks.analysis.unknown_heat",
     )
     correlation: float = rule(
         0.5,

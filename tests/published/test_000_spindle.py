@@ -9,13 +9,13 @@
 | R, Q after the rule of figure 1 | 1.932e-9, 1e-7 | 1.2e-9, 1e-8 with alpha held at 1 |
 | the filter as printed | runs | breaks at the second reading of every record |
 
-docs/paper.md has all of it, by ``python -m benchmarks.paper``; this holds a sample to it.
+docs/paper.md has all of it, by ``python -m benchmarks.documents.paper``; this holds a sample to it.
 """
 
 import numpy as np
 import pytest
 
-from benchmarks.paper import END, IDENTIFIED, STEADY, T95, VARIANTS, _identified, _limit, measured, printed
+from benchmarks.documents.paper import END, IDENTIFIED, STEADY, T95, VARIANTS, _identified, _limit, measured, printed
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.005, 0.02])

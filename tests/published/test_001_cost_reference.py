@@ -28,7 +28,7 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from benchmarks.clean_stretches import false_alarm_rate
+from benchmarks.discovery.clean_stretches import false_alarm_rate
 from thermofast.filters.cost_reference import (
     AdaptiveCostReference,
     CostReference,

@@ -16,7 +16,7 @@ import warnings
 import numpy as np
 import pytest
 
-from benchmarks.displacement_methods import machine
+from benchmarks.documents.displacement_methods import machine
 from thermofast.models.displacement.neural import HIDDEN, _layers, swarm, trained
 
 sklearn = pytest.importorskip("sklearn.neural_network", reason="the extra thermofast[neural] is not installed")

@@ -34,7 +34,7 @@ ENOUGH = 4
 
 #: Deviation of the log scale between machines of a lab that are alike: what one record says of its own disturbances moves the width
 #: more than it foretells the error (chosen on eight labs of ten runs of each simulator, each held against the other seven; what
-#: it brings on fresh machines: python -m benchmarks.imperfect --calibrated).
+#: it brings on fresh machines: python -m benchmarks.intervals.imperfect --calibrated).
 ALIKE = 0.15
 
 _alike = replace(TYPICAL, scale_spread=ALIKE, clean=0.0)

@@ -31,8 +31,8 @@ TOGETHER = 1.15
 #: Nothing is settled before some sensor has risen by this many tolerances: a machine that heat has not reached looks settled.
 RISEN = 2.0
 #: Time constants that must have been read where neither past runs of the machine are known nor that strong effects are rare in
-#: this lab: before that a second mass is not to be seen, and a trial (python -m benchmarks.watching) stopped one test in six of
-#: those with a strong effect at a wrong number, against one in ten.
+#: this lab: before that a second mass is not to be seen, and a trial (python -m benchmarks.intervals.watching) stopped one test
+#: in six of those with a strong effect at a wrong number, against one in ten.
 TURNS = 1.5
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03

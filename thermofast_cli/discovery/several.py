@@ -103,7 +103,8 @@ def two_machines(found: Sequence[Discovery], names: Sequence[str]) -> str:
 
 
 def _log_rates(fit: Fit) -> Array:
-    return np.log(np.broadcast_to(fit.values[RATE], fit.run.sensors))
+    found: Array = np.log(np.broadcast_to(fit.values[RATE], fit.run.sensors))
+    return found
 
 
 def _size(values: Array) -> float:

@@ -8,7 +8,8 @@ from scipy.special import ndtr
 
 from ..records import IdentifyRecord
 
-#: Probability that what was added is not what is at work: what benchmarks.dominant finds wrong, and look-alikes in a short record.
+#: Probability that what was added is not what is at work: what benchmarks.discovery.dominant finds wrong, and look-alikes in a
+#: short record.
 UNTRUE = 0.15
 #: An interval that grows by more than this factor is told.
 WIDER = 1.5

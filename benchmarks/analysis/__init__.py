@@ -1,0 +1,1 @@
+"""Comparisons of runs, hidden heat, thermal constants, denoised curves and validated models."""

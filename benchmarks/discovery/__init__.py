@@ -1,0 +1,1 @@
+"""Whether the effect that is missing is named, and nothing else."""

@@ -1,0 +1,98 @@
+"""How often an effect that acts twice is found: ``python -m benchmarks.discovery.acts_twice [--each 20] [--seed 1]``.
+
+Machines by a simulator of its own (Euler steps of 0.1 min; scipy's solver for the masses): two changes of the load, or a fast and a
+slow hidden mass; the exact law, and machines whose room wanders, load flutters, loss rises and probes lag. "or" is where the true
+pair stands among those said to fit as well; a name is wrong where neither verdict nor rivals hold it.
+"""
+
+import argparse
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import thermofast as tf
+
+TIME = np.arange(421.0)
+NOISE = 0.02
+TRUE = {"load": "load_step+load_step.2", "masses": "second_mode+second_mode.2"}
+
+
+def changed_load(rng: np.random.Generator, imperfect: bool) -> dict[str, Any]:
+    """A record of three sensors whose heat changes twice."""
+    when = rng.uniform(80.0, 160.0), rng.uniform(220.0, 320.0)
+    change = [rng.uniform(0.15, 0.4) * rng.choice([-1.0, 1.0]) for _ in when]
+    room = np.cumsum(rng.normal(0.0, 0.012 * imperfect, len(TIME)))
+    load = 1.0 + 0.01 * imperfect * np.sin(2.0 * np.pi * TIME / rng.uniform(20.0, 90.0) + rng.uniform(0.0, 6.0))
+    columns: dict[str, Any] = {"time_min": TIME}
+    for k in range(3):
+        tau, rise = rng.uniform(30.0, 70.0), rng.uniform(6.0, 12.0)
+        body = probe = 20.0
+        read = []
+        for i, now in enumerate(TIME):
+            read.append(probe)
+            for t in now + 0.1 * np.arange(10):
+                heat = rise * (1.0 + sum(size for at, size in zip(when, change, strict=True) if t > at)) * load[i]
+                over = body - 20.0 - room[i] + room[0]
+                body += 0.1 * (heat - over * (1.0 + 0.01 * imperfect * over / rise)) / tau
+                probe = probe + 0.1 * (body - probe) / 0.5 if imperfect else body
+        columns[f"T{k + 1}"] = np.array(read) + rng.normal(0.0, NOISE, len(TIME))
+    return columns
+
+
+def two_masses(rng: np.random.Generator, imperfect: bool) -> dict[str, Any]:
+    """A record of three sensors, each with a fast and a slow hidden mass."""
+    fast, slow = rng.uniform(0.03, 0.08), rng.uniform(0.003, 0.007)
+    room = np.cumsum(rng.normal(0.0, 0.004 * imperfect, len(TIME)))
+    columns: dict[str, Any] = {"time_min": TIME}
+    for k in range(3):
+        loss, to_fast, to_slow = 1.0 / rng.uniform(30.0, 60.0), rng.uniform(0.015, 0.04), rng.uniform(0.003, 0.009)
+        heat = loss * rng.uniform(6.0, 12.0)
+
+        def slope(_t: float, y: Any, heat: float = heat, loss: float = loss, a: float = to_fast, b: float = to_slow) -> list[float]:
+            gives = a * (y[0] - y[1]) + b * (y[0] - y[2])
+            return [heat - loss * (y[0] - 20.0) - gives, fast * (y[0] - y[1]), slow * (y[0] - y[2])]
+
+        solved = solve_ivp(slope, (0.0, float(TIME[-1])), [20.0] * 3, "LSODA", TIME, rtol=1e-10, atol=1e-10)
+        columns[f"T{k + 1}"] = solved.y[0] + room + rng.normal(0.0, NOISE, len(TIME))
+    return columns
+
+
+def judge(job: tuple[str, bool, int]) -> tuple[str, bool, str]:
+    """Kind, whether imperfect, and what the search says of it."""
+    kind, imperfect, seed = job
+    record = (changed_load if kind == "load" else two_masses)(np.random.default_rng(seed), imperfect)
+    row = tf.diagnose(record, jobs=1)[0]
+    if row.verdict == TRUE[kind]:
+        return kind, imperfect, "named"
+    if TRUE[kind] in row.also_possible and row.verdict != "unexplained":
+        return kind, imperfect, "or"
+    mine = TRUE[kind].partition("+")[0]
+    if row.verdict == mine:
+        return kind, imperfect, "one of the two"
+    return kind, imperfect, "none" if row.verdict in ("none", "unexplained") else "wrong"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--each", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args()
+    jobs = [(k, i, given.seed + n) for k in TRUE for i in (False, True) for n in range(given.each)]
+    with ProcessPoolExecutor() as pool:
+        found = list(pool.map(judge, jobs))
+    ways = ("named", "or", "one of the two", "none", "wrong")
+    print("| acts twice | machine | of | " + " | ".join(ways) + " |")
+    print("| --- | --- | ---: |" + " ---: |" * len(ways))
+    for kind in TRUE:
+        for imperfect in (False, True):
+            some = Counter(way for k, i, way in found if (k, i) == (kind, imperfect))
+            told = " | ".join(str(some[w]) for w in ways)
+            print(f"| {kind} | {'imperfect' if imperfect else 'exact'} | {some.total()} | {told} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What writes a page of the documentation, its pictures or the notebook."""

@@ -1,0 +1,1 @@
+"""How well one curve, its rate and its limit are estimated."""

@@ -1,0 +1,1 @@
+"""Whether intervals, limits and stop times hold on machines that are not the law."""

@@ -1,0 +1,74 @@
+"""A load in steps that is logged: do limits hold with `--drive` where a machine is not one body?
+
+python -m benchmarks.intervals.driven
+
+Machines of one or two exponentials (exact steps), the faster or slower one with 0, 5, 10 or 20 % of the rise at a third to a
+twentieth of the other's time constant; two to four loads before the last reading used, the last change half a time constant
+before it or earlier. Printed of sensors whose status is `ok`: what the 95 % intervals of the limit at the last load hold, and
+their width over the rise; beside it the same machines at a constant load.
+"""
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+import thermofast as tf
+
+SHARES, NOISE, STEP = (0.0, 0.05, 0.1, 0.2), 0.02, 0.5
+
+
+def record(seed: int, share: float, constant: bool) -> tuple[tf.Run, float, float]:
+    """A record used to its end, the limit of its one sensor at the last load [degC], and its rise to that [K]."""
+    rng = np.random.default_rng([seed, int(100 * share), 7])
+    tau, times = rng.uniform(25.0, 80.0), rng.uniform(3.0, 20.0)
+    taus, parts = np.array([tau, tau / times]), np.array([1.0 - share, share])
+    end, room, heat = tau * rng.uniform(1.0, 2.5), rng.uniform(18.0, 25.0), rng.uniform(8.0, 25.0)
+    loads = rng.uniform(0.4, 1.0, rng.integers(2, 5))
+    starts = np.concatenate([[0.0], np.sort(rng.uniform(0.1 * end, end - 0.5 * tau, len(loads) - 1))])
+    if constant:
+        loads, starts = loads[-1:], starts[:1]
+    time = np.arange(0.0, end, STEP)
+    load = loads[np.searchsorted(starts, time, "right") - 1]
+    change = np.diff(loads, prepend=0.0)
+    since = np.maximum(time[:, None] - starts, 0.0)
+    body = (parts * -np.expm1(-since[..., None] / taus)).sum(axis=-1) @ change
+    reading = np.round(room + heat * body + NOISE * rng.standard_normal(len(time)), 2)
+    return (
+        tf.read({"time_min": time, "T1 [°C]": reading, "load": load}, inputs=("load",)),
+        room + heat * loads[-1],
+        heat * loads[-1],
+    )
+
+
+def judged(job: tuple[int, float, bool]) -> tuple[float, bool, str, bool, float]:
+    seed, share, constant = job
+    run, limit, rise = record(seed, share, constant)
+    r = tf.identify(run, drive=None if constant else "load", jobs=1).records[0]
+    low = -np.inf if r.steady_state_lo_c is None else r.steady_state_lo_c
+    high = np.inf if r.steady_state_hi_c is None else r.steady_state_hi_c
+    return share, constant, r.status, low <= limit <= high, (high - low) / rise
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--each", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=4000)
+    given = parser.parse_args()
+    jobs = [(given.seed + k, s, c) for c in (False, True) for s in SHARES for k in range(given.each)]
+    with ProcessPoolExecutor() as pool:
+        rows = list(pool.map(judged, jobs))
+    print("| load | share of the second part | `ok` | limit held | median width over the rise |")
+    print("| --- | ---: | ---: | ---: | ---: |")
+    for constant in (False, True):
+        for share in SHARES:
+            mine = [r for r in rows if r[:2] == (share, constant)]
+            ok = [r for r in mine if r[2] == "ok"]
+            held = f"{100 * np.mean([r[3] for r in ok]):.0f} %" if ok else "-"
+            width = np.median([r[4] for r in ok]) if ok else np.nan
+            name = "constant" if constant else "steps, `--drive`"
+            print(f"| {name} | {100 * share:.0f} % | {len(ok)} of {len(mine)} | {held} | {width:.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

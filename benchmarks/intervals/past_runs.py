@@ -1,0 +1,110 @@
+"""What past runs of the same machine buy: identify with a model that improve --together learnt from 1, 4 and 10 of them.
+
+OMP_NUM_THREADS=1 python -m benchmarks.intervals.past_runs [--machines 40] [--seed 70000] prints, for two simulators and for runs of
+../shared/cases/lab where they are (each run foretold from the others), by identification time: coverage of the end, RMS error,
+median width, and the interval score over that without a past.
+"""
+
+import argparse
+import importlib
+import json
+import os
+from collections import defaultdict
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import thermofast as tf
+from benchmarks.intervals.imperfect import score
+
+LAB = Path(__file__).parents[3] / "shared" / "cases" / "lab"
+TIMES = (12.0, 30.0, 45.0, 90.0)
+COUNTS = (0, 1, 4, 10)
+END = 410.0
+#: (low, middle, high, truth) of a sensor, by (past runs, minutes).
+Told = dict[tuple[int, float], list[tuple[float, float, float, float]]]
+
+
+def foretold(run: tf.Run, end: dict[str, float], at: float, past: Sequence[tf.Run], counts: Sequence[int]) -> Told:
+    """Intervals for the end of a run from its beginning, with the first so many past runs."""
+    found: Told = defaultdict(list)
+    for count in counts:
+        if count > len(past):
+            continue
+        model = None
+        if count:
+            some = list(past[:count])
+            model = tf.improve(some, together=count > 1, start=0.0).model
+        for until in TIMES:
+            for r in tf.identify(run, until=until, at=at, model=model, start=0.0, details=False).records:
+                if r.channel in end and r.at_c is not None:
+                    low, high = (np.nan if v is None else v for v in (r.at_lo_c, r.at_hi_c))
+                    found[count, until].append((low, r.at_c, high, end[r.channel]))
+    return dict(found)
+
+
+def simulated(seed: int, simulator: str) -> Told:
+    """The first run of a machine, foretold from its others."""
+    machine = importlib.import_module(f"benchmarks.machines.{simulator}").simulate(seed, 1.0, None, runs=11, load_spread=0.1)
+    runs = []
+    for k, record in enumerate(machine.runs):
+        good = np.isfinite(record.reading).all(axis=0)
+        columns = {f"T{i}": line for i, line in enumerate(record.reading[:, good])}
+        runs.append(tf.read({"time_min": record.time[good]} | columns, name=f"run {k}"))
+    first = machine.runs[0]
+    last = int(np.abs(first.time - END).argmin())
+    end = {f"T{i}": float(line[last]) for i, line in enumerate(first.clean)}
+    return foretold(runs[0], end, float(first.time[last] - first.time[0]), runs[1:], COUNTS)
+
+
+def of_lab(machine: int) -> Told:
+    """Every run of a machine of the lab foretold from its other four."""
+    key = json.loads((LAB / "key.json").read_text())
+    names = [f"machine{machine:02d}_run{k}" for k in range(5)]
+    runs = [tf.read(str(LAB / f"{name}.csv"), channels=",".join(key[name]["end"])) for name in names]
+    found: Told = defaultdict(list)
+    for k, (name, run) in enumerate(zip(names, runs, strict=True)):
+        others = [r for j, r in enumerate(runs) if j != k]
+        at = float(run.time_s[-20:].mean() / 60.0)
+        for where, rows in foretold(run, key[name]["end"], at, others, (0, 1, 4)).items():
+            found[where] += rows
+    return dict(found)
+
+
+def table(title: str, parts: Sequence[Told]) -> None:
+    """One population."""
+    whole: dict[tuple[int, float], Any] = defaultdict(list)
+    for part in parts:
+        for where, rows in part.items():
+            whole[where] += rows
+    print(f"\n{title}: {len(parts)} machines, {len(whole[0, TIMES[1]])} intervals at each time\n")
+    print("| past runs | min | held | RMS K | width K | score K | score over none |")
+    print("|" + " ---: |" * 7)
+    for count, until in sorted(whole):
+        low, middle, high, end = np.array([row for row in whole[count, until] if np.isfinite(row).all()]).T
+        bare = np.array([row for row in whole[0, until] if np.isfinite(row).all()]).T
+        mine, none = (float(np.mean(score(v[0], v[2], v[3]))) for v in ((low, middle, high, end), bare))
+        parts_ = [f"{np.mean((low <= end) & (end <= high)):.3f}", f"{np.sqrt(np.mean((middle - end) ** 2)):.2f}"]
+        print(f"| {count} | {until:g} | {' | '.join(parts_)} | {np.median(high - low):.2f} | {mine:.2f} | {mine / none:.2f} |")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--machines", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=70_000)
+    asked = parser.parse_args()
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        if LAB.is_dir():
+            table("lab", list(pool.map(of_lab, range(20))))
+        for simulator in ("bar", "network"):
+            table(
+                simulator, list(pool.map(partial(simulated, simulator=simulator), range(asked.seed, asked.seed + asked.machines)))
+            )
+
+
+if __name__ == "__main__":
+    main()

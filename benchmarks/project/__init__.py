@@ -1,0 +1,1 @@
+"""The release as built, and whether tests would notice wrong code."""

@@ -1,0 +1,1 @@
+"""Whether files are read right, or refused in words, and how fast."""

@@ -1,0 +1,1 @@
+"""Archives, workers that die, long work, pages and workbooks."""
