@@ -457,3 +457,13 @@ def test_a_sensor_that_disagrees_is_left_alone_although_a_strong_effect_could_ex
     # The two that agree still help each other.
     for helped, single in zip(auto[:2], own[:2], strict=True):
         assert helped.steady_state_hi_c - helped.steady_state_lo_c < 0.9 * (single.steady_state_hi_c - single.steady_state_lo_c)
+
+
+def test_a_record_that_is_no_exponential_at_all_is_not_ok():
+    """A load that cycles: the filter forgot so much that its law misses the beginning by twice the rise."""
+    run = bar.simulate(9034, 1.0, "cyclic_load").runs[0]
+    found = tf.identify({"time_min": run.time} | {f"T{i}": line for i, line in enumerate(run.reading)}, until=400)
+    lawless = [r for r in found.records if r.rmse_fit_c > 10.0]
+    assert len(lawless) == 1
+    assert lawless[0].status == "model_doubtful"
+    assert "one exponential does not describe these readings (16 K rms)" in lawless[0].message

@@ -27,6 +27,12 @@ class EstimationRules:
         3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
     )
     hides: float = rule(0.1, "1", "probability that a slow second mass moves the limit out of the interval", BY_HAND)
+    lawless: float = rule(
+        0.15,
+        "range of the readings",
+        "residuals of the law, in a pattern, from which one exponential is no word about the record",
+        "simulated machines with a dominant effect whose rows are `ok` leave 0.05 at most",
+    )
     room_share: float = rule(
         0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND
     )

@@ -82,13 +82,14 @@ def claimed_verdicts(
         unfit = claimed.check_p < RULES.unfit
         strong = claimed.strong > RULES.strong
         hides = claimed.hides > RULES.hides
+    lawless = _lawless(found, sensors) & ~claimed.other_rise
     out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
     # Innovations of averaged readings are alike: that they are says nothing of the law.
     averaged = claimed.averaged > 1
     faded = found.faded & ~claimed.other_rise & ~averaged
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
-    doubted = unfit | strong | hides | swings
+    doubted = unfit | strong | hides | swings | lawless
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | (out > 0)).tolist():
@@ -101,6 +102,10 @@ def claimed_verdicts(
         if unfit[i]:
             p = f"p = {claimed.check_p[i]:.1g}"
             said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
+        elif lawless[i]:
+            said.append(
+                f"one exponential does not describe these readings ({rounded(float(found.misfit[i]))} K rms): see thermofast diagnose"
+            )
         elif strong[i]:
             said.append("an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it")
         if faded[i]:
@@ -148,6 +153,16 @@ def law_verdicts(
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
         messages[i] = [words(size, until), *messages.get(i, [])]
     return status, messages
+
+
+def _lawless(found: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
+    """Whether the law leaves more of what was read (S,) in a pattern than any machine that it says something about."""
+    far: NDArray[np.bool_] = found.too_large.copy()
+    if far.any():
+        read = sensors.reading[far][:, sensors.time <= found.time]
+        most, least = np.nanpercentile(read, (99, 1), axis=1)
+        far[far] = found.misfit[far] > RULES.lawless * (most - least)
+    return far
 
 
 def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
