@@ -44,11 +44,19 @@ def test_the_layers_hold(path):
 
 
 def test_a_newcomer_reads_the_tree():
-    for folder in FOLDERS:
+    for folder in (*FOLDERS, "benchmarks"):
         for place in [ROOT / folder, *(p for p in (ROOT / folder).rglob("*") if p.is_dir() and p.name != "__pycache__")]:
             held = [p for p in place.iterdir() if p.suffix in (".py", ".pyx", ".pyi")]
             if held and str(place.relative_to(ROOT)) not in CATALOGUES:
                 assert len(held) <= 12, f"{place}: {len(held)} files"
+
+
+def test_every_benchmark_can_be_imported():
+    """Hardly one of them runs here: a name that has gone shows at least."""
+    modules = sorted(p.relative_to(ROOT).with_suffix("") for p in (ROOT / "benchmarks").rglob("*.py") if p.stem != "__main__")
+    code = "\n".join(f"import {'.'.join(m.parts)}".removesuffix(".__init__") for m in modules)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
 
 
 def test_nothing_strays_at_the_top():

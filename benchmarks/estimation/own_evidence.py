@@ -18,7 +18,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from machines import draw
 
-from thermofast import identify
+from thermofast import identify, read
 from thermofast.records import IdentifyRecord
 
 LAB = ROOT.parent / "shared" / "cases" / "lab"
@@ -33,7 +33,7 @@ def exact(machines: int) -> None:
         columns = draw((), np.random.default_rng([9, seed])).columns
         table = {name: values for name, values in columns.items() if name == "time_min" or name.startswith("T")}
         until = float(np.random.default_rng(seed).choice([0.2, 0.35, 0.5])) * float(columns["time_min"][-1])
-        found = identify(table, name=f"exact{seed}", until=until, jobs=1)
+        found = identify(read(table, name=f"exact{seed}"), until=until, jobs=1)
         rows += len(found)
         against += sum(LEAVES in r.message for r in found)
     print(f"exact machines: {against} of {rows} rows told that their later readings leave the band")
