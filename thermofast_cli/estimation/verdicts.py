@@ -103,9 +103,8 @@ def claimed_verdicts(
             p = f"p = {claimed.check_p[i]:.1g}"
             said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
         elif lawless[i]:
-            said.append(
-                f"one exponential does not describe these readings ({rounded(float(found.misfit[i]))} K rms): see thermofast diagnose"
-            )
+            left = rounded(float(found.misfit[i]))
+            said.append(f"one exponential does not describe these readings ({left} K rms): see thermofast diagnose")
         elif strong[i]:
             said.append("an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it")
         if faded[i]:
