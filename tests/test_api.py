@@ -220,6 +220,15 @@ def test_any_executor_carries_the_work(told):
     assert sum(done) == 10
 
 
+def test_a_run_cannot_be_written_to(frame):
+    mine = np.array(frame["time_min"])
+    run = tf.read({"time_min": mine, "T1": 20.0 + mine**0.5})
+    for held in (run, pickle.loads(pickle.dumps(run))):
+        with pytest.raises(ValueError, match="read-only"):
+            held.channels["T1"][0] = 0.0
+    mine[0] = mine[0]  # the caller's own stays his
+
+
 def test_a_script_without_a_guard_is_run_once(tmp_path):
     script = tmp_path / "mine.py"
     script.write_text(

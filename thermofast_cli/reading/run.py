@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models.observations import read_only
+
 from ..errors import UsageError
 
 Array = NDArray[np.float64]
@@ -79,7 +81,7 @@ class Run:
     """One run: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 
     `notes` say what was taken for what, and what was mended; `guesses` what the file did not say; `channel_notes` what was mended
-    in one sensor. `displacements` are columns in um.
+    in one sensor. `displacements` are columns in um. Its arrays can be read, not written to.
     """
 
     name: str
@@ -92,6 +94,15 @@ class Run:
     displacements: dict[str, Array] = field(default_factory=dict)
     guesses: tuple[Guess, ...] = ()
     seen: Seen | None = None
+
+    def __post_init__(self) -> None:
+        self.__dict__["time_s"] = read_only(self.time_s)
+        for group in ("channels", "ambient", "inputs", "displacements"):
+            self.__dict__[group] = {name: read_only(column) for name, column in getattr(self, group).items()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.__post_init__()  # what comes from another process can be written to
 
 
 def renamed(run: Run, pairs: Iterable[str]) -> Run:
