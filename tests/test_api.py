@@ -349,7 +349,46 @@ def test_results_compare_slice_and_refuse_in_words():
     for call, words in (
         (lambda: tf.sweep(record, windows="an hour"), "windows: not a list of minutes"),
         (lambda: tf.identify(record, rates="OWN"), "rates: not one of what sensors may share"),
-        (lambda: tf.identify(record, jobs=0), "jobs: not a number of processes"),
+        (lambda: tf.identify(record, jobs=0), "jobs: not understood"),
     ):
         with pytest.raises(tf.UsageError, match=words):
             call()
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: tf.identify(SPINDLE, settings=3), "settings: not understood"),
+        (lambda: tf.identify(SPINDLE, drive=3), "drive: not understood"),
+        (lambda: tf.identify(SPINDLE, progress=3), "progress: not understood"),
+        (lambda: tf.identify(SPINDLE, pace=1.5), "pace: not understood"),
+        (lambda: tf.identify(SPINDLE, joint=1), "joint: not understood"),
+        (lambda: tf.identify(SPINDLE, start=np.arange(2)), "start: not understood"),
+        (lambda: tf.sweep(SPINDLE, rates=np.arange(2)), "rates: not understood"),
+        (lambda: tf.diagnose(SPINDLE, effects=3), "effects: not understood"),
+        (lambda: tf.diagnose(SPINDLE, effects=[3]), "effects: not understood"),
+        (lambda: tf.diagnose(SPINDLE, effects={"load_step": 1}), "effects: not understood"),
+        (lambda: tf.diagnose(SPINDLE, false_alarm=None), "false_alarm: None"),
+        (lambda: tf.compare(SPINDLE, input_range=3), "input_range: not understood"),
+        (lambda: tf.simulate(seed=None), "seed: None"),
+        (lambda: tf.archive("identify", 3, "out"), "sources: not understood"),
+        (lambda: tf.archive("identify", [str(SPINDLE)], "out", jobs=0), "jobs: not understood"),
+        (lambda: tf.archive("identify", [str(SPINDLE)], "out", task_timeout="x"), "task_timeout: not understood"),
+        (lambda: tf.displacement(SPINDLE, order=3), "order: not understood"),
+        (lambda: tf.watch(3), "source: not a file to follow"),
+        (lambda: tf.effects(3), "effects: not a file"),
+        (lambda: tf.read({"time": np.arange(9).astype("timedelta64[M]"), "T1": np.arange(9.0)}), "months and years have no length"),
+    ],
+)
+def test_arguments_of_another_kind_are_told(call, told, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(tf.ThermofastError, match=told):
+        call()
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_may_be_any_iterable_and_an_arrow_reader_is_read():
+    one = tf.diagnose(SPINDLE, effects=(e for e in ["load_step", "sensor_lag"]))
+    assert {r["effect"] for r in one[0].ranking} <= {"load_step", "sensor_lag"}
+    table = pa.table({"time_min": np.arange(60.0), "T1": 20.0 + np.arange(60.0) ** 0.5})
+    assert len(tf.read(table.to_reader()).time_s) == 60

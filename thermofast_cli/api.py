@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from .errors import InputError, UsageError
-from .given import Source, Start, in_range, keeps_details, model_of, setting_texts, started_of, work_of
+from .given import Source, Start, checked, in_range, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
 from .reading_options import names, options_from
 from .results import (
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .machine.model import Model
 
 
+@checked
 def read(source: Source, *, name: str | None = None, **reading: Any) -> Run:
     """One run from a file or from memory; `reading` are the options of ``thermofast help reading``, with underlines.
 
@@ -50,6 +51,7 @@ def read(source: Source, *, name: str | None = None, **reading: Any) -> Run:
     return runs[0]
 
 
+@checked
 def read_all(source: Source, *, name: str | None = None, **reading: Any) -> list[Run]:
     """The runs of a file or table, mostly one.
 
@@ -60,6 +62,7 @@ def read_all(source: Source, *, name: str | None = None, **reading: Any) -> list
     return read_runs(source, options_from(reading), name)
 
 
+@checked
 def identify(
     runs: Source,
     until: float | None = None,
@@ -110,6 +113,7 @@ def identify(
     return identify_runs(started, method, until, learnt, joint, kept, work, at, room, drive, auto, rule, limit, switch_off_at)
 
 
+@checked
 def calibrate(
     runs: Source,
     *,
@@ -129,6 +133,7 @@ def calibrate(
     return calibrate_runs(started_of(runs, start, True, reading), choose("afukf", None, ()), work_of(1, None, progress))
 
 
+@checked
 def changed(
     old: Source = None, new: Source = None, *, model: "Model | str | Path | None" = None, start: Start = "auto", **reading: Any
 ) -> Changes:
@@ -144,6 +149,7 @@ def changed(
     return changed_runs(before, after, model_of(model))
 
 
+@checked
 def plan(
     tolerance: float | Sequence[float] = 0.5,
     *,
@@ -176,6 +182,7 @@ def plan(
     return plan_design(dict(design), wishes, prior, base, work_of(1, None, progress), known, learnt)
 
 
+@checked
 def watch(
     source: str | Path,
     tolerance: float = 0.5,
@@ -205,6 +212,8 @@ def watch(
     from .pipeline.watching import speed_of, watch_run
 
     in_range(tolerance=tolerance, poll=poll, give_up=give_up)
+    if not isinstance(source, str | Path):
+        raise UsageError("source: not a file to follow", found=repr(source)[:60], allowed="a path, or '-' for standard input")
 
     def tell(look: "Look | None", _notes: tuple[str, ...]) -> None:
         if told is not None and look is not None:
@@ -216,6 +225,7 @@ def watch(
     return Watching(last.records, (run,), looked=last)
 
 
+@checked
 def sweep(
     runs: Source,
     windows: Sequence[float] = (40.0, 45.0, 50.0, 55.0),
@@ -258,6 +268,7 @@ def sweep(
     return sweep_runs(started, method, spans, grid, tolerance, learnt, details, work, drive, rule)
 
 
+@checked
 def compare(
     runs: Source,
     until: float | None = None,
@@ -304,6 +315,7 @@ def compare(
     )
 
 
+@checked
 def diagnose(
     runs: Source,
     until: float | None = None,
@@ -346,6 +358,7 @@ def diagnose(
     )
 
 
+@checked
 def write_effect(
     run: Source,
     path: str | Path,
@@ -368,6 +381,7 @@ def write_effect(
     return write_effect_of(started_of(run, start, False, reading), str(path), until_min=until, drive=drive, model=model_of(model))
 
 
+@checked
 def improve(
     runs: Source,
     until: float | None = None,
@@ -407,6 +421,7 @@ def improve(
     )
 
 
+@checked
 def simulate(
     *,
     effects: str | Iterable[str] = (),

@@ -3,6 +3,8 @@
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
+from .errors import UsageError
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -18,6 +20,8 @@ def effects(*own: str) -> "pd.DataFrame":
 
     from .plugins.effects import known_effects
 
+    if not all(isinstance(one, str) for one in own):
+        raise UsageError("effects: not a file", found=repr(own)[:60], allowed="FILE.py or FILE.py:CLASS, one after the other")
     told = ("id", "summary", "equation", "tell_tale", "scope", "needs", "mistaken_for", "separate", "reference")
     rows = []
     for effect in known_effects(own).values():

@@ -1,9 +1,12 @@
 """What the library's functions are given, checked and made ready: runs, processes, models."""
 
-from collections.abc import Callable, Mapping, Sequence
+import functools
+import inspect
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -20,6 +23,101 @@ Source = Any
 Start = float | Literal["auto"]
 #: Sensors up to which details for pictures are kept where it is left to the library.
 DETAILS_UP_TO = 100
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _texts(value: Any) -> Any:
+    """Names as :func:`~.reading_options.names` takes them: a text, or a tuple of texts; None where they are none."""
+    if isinstance(value, str):
+        return value
+    if not isinstance(value, Iterable) or isinstance(value, Mapping | bytes):
+        return None
+    found = tuple(os.fspath(v) if isinstance(v, os.PathLike) else v for v in value)
+    return found if all(isinstance(v, str) for v in found) else None
+
+
+def _count(value: Any) -> Any:
+    return value if isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= 1 else None
+
+
+def _minutes(value: Any) -> Any:
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    return value if number or (isinstance(value, str) and value == "auto") else None
+
+
+def _pair(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(v, int) for v in value) else None
+
+
+#: What an argument of a name may be, wherever it occurs: (what of it is used, None where it is wrong; what is allowed).
+KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    **dict.fromkeys(
+        ("drive", "preset", "pace", "name", "rates", "replay", "cluster", "command"),
+        (lambda v: v if isinstance(v, str) else None, "a text"),
+    ),
+    **dict.fromkeys(("effects", "extra", "add", "columns", "methods", "uniform"), (_texts, "names, as 'a,b' or a list")),
+    **dict.fromkeys(
+        (
+            "auto",
+            "joint",
+            "together",
+            "next_experiment",
+            "unknown_heat",
+            "denoise",
+            "cooling",
+            "leave",
+            "details",
+            "resume",
+            "shared_files",
+        ),
+        (lambda v: v if isinstance(v, bool | np.bool_) else None, "True or False"),
+    ),
+    **dict.fromkeys(
+        ("settings", "input_range", "sizes"), (lambda v: v if isinstance(v, Mapping) else None, "a mapping of names to values")
+    ),
+    **dict.fromkeys(("progress", "told"), (lambda v: v if callable(v) else None, "a function")),
+    "into": (lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else None, "a folder"),
+    "start": (_minutes, "minutes, or 'auto'"),
+    "sources": (lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else _texts(v), "a path or pattern, or a list of them"),
+    "jobs": (_count, "a whole number above zero, or None for all cores"),
+    "executor": (lambda v: v if callable(getattr(v, "submit", None)) else None, "a concurrent.futures.Executor"),
+    "task_timeout": (lambda v: v if isinstance(v, int | float) and not isinstance(v, bool) and v > 0 else None, "seconds above 0"),
+    "order": (_pair, "two whole numbers"),
+    "imperfection": (lambda v: os.fspath(v) if isinstance(v, os.PathLike) else v, "'typical', 'none', a file or a prior"),
+}
+#: For which None has a meaning, whatever they are by default, or is told of elsewhere.
+MAY_BE_NONE = frozenset({"jobs", "runs", "run", "source"})
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, with its arguments looked at before any work is done.
+
+    Raises
+    ------
+    UsageError: an argument is of a kind that it cannot be.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def after_a_look(*args: P.args, **kwargs: P.kwargs) -> R:
+        bound = signature.bind(*args, **kwargs)
+        for name, value in bound.arguments.items():
+            default = signature.parameters[name].default
+            if value is None:
+                if default is not None and name not in MAY_BE_NONE:
+                    usual = "" if default is inspect.Parameter.empty else f"; left out it is {default!r}"
+                    raise UsageError(f"{name}: None", allowed=f"a value{usual}")
+            elif name in KINDS:
+                used, allowed = KINDS[name][0](value), KINDS[name][1]
+                if used is None:
+                    raise UsageError(f"{name}: not understood", found=repr(value)[:60], allowed=allowed)
+                bound.arguments[name] = used
+        return function(*bound.args, **bound.kwargs)
+
+    return after_a_look
 
 
 #: In place of runs: options are checked, and nothing is done.
@@ -53,20 +151,7 @@ def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str
 
 
 def work_of(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
-    """Who works, and who hears of it.
-
-    Raises
-    ------
-    UsageError: jobs is no whole number above zero.
-    """
-    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
-        raise UsageError(
-            "jobs: not a number of processes", found=repr(jobs), allowed="a whole number above zero, or None for all cores"
-        )
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise UsageError(
-            "executor: nothing that work can be given to", found=repr(executor), allowed="a concurrent.futures.Executor"
-        )
+    """Who works, and who hears of it."""
     return Work(jobs, executor, progress or (lambda _steps: None))
 
 
@@ -95,7 +180,7 @@ def model_of(model: "Model | str | Path | None") -> "Model | None":
 
 
 #: What numbers may be, as the command's options have it.
-RANGES = {
+RANGES: dict[str, tuple[float, float]] = {
     "reach": (0.0, 1e7),
     "until": (1e-9, 1e7),
     "at": (1e-9, 1e7),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import UsageError
-from .given import Source, Start, in_range, model_of, setting_texts, started_of, work_of
+from .given import Source, Start, checked, in_range, model_of, setting_texts, started_of, work_of
 from .reading_options import names
 from .results import Bench, Displacement, Sensitivity, Validation
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .machine.model import Model
 
 
+@checked
 def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **reading: Any) -> Bench:
     """Every filter on each run, and which one to use there: ``thermofast filters bench``.
 
@@ -28,6 +29,7 @@ def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **
     return bench_runs(started_of(runs, start, True, reading), until)
 
 
+@checked
 def sensitivity(
     runs: Source,
     until: float | None = None,
@@ -74,6 +76,7 @@ def sensitivity(
     return sensitivity_runs(started, method, Sizes(**(sizes or {}), uniform=even), until, learnt, work_of(jobs, executor, None))
 
 
+@checked
 def displacement(
     runs: Source,
     columns: str | Iterable[str] = (),
@@ -100,6 +103,7 @@ def displacement(
     return displacement_runs(started_of(runs, start, False, reading), names(columns), names(methods), order, together)
 
 
+@checked
 def validate(
     model: "Model | str | Path",
     runs: Source,

@@ -8,7 +8,7 @@ from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
-from ..given import NOTHING, Start, model_of
+from ..given import NOTHING, Start, checked, model_of
 from ..reading_options import Options, options_from
 from ..records import CompareRecord, DiagnoseRecord, IdentifyRecord, SweepRecord
 from ..results import Result
@@ -44,6 +44,7 @@ class Archived:
         return pd.read_parquet(self.folder, columns=list(columns) if columns is not None else None)
 
 
+@checked
 def archive(
     command: str,
     sources: str | Sequence[str],

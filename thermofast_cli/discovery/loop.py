@@ -1,6 +1,6 @@
 """One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from ..plugins.effects import chosen_effects
 from ..reading import Run
 from ..reading.columns import column_named
 from ..records import Record
-from .observe import Note, Observed, observe
+from .observe import FEWEST_READINGS, Note, Observed, observe
 
 Array = NDArray[np.float64]
 
@@ -83,17 +83,23 @@ def check_drive(run: Run, drive: str | None) -> None:
 
 
 def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
-    """What the reader found of a run, and its observations, None where no sensor is usable.
+    """What the reader found of a run, and its observations, None where no sensor is usable or too little is read before --until.
 
     Raises
     ------
-    UsageError: --drive names no logged input, or the record is too short before --until.
+    UsageError: --drive names no logged input.
     """
     check_drive(task.run, task.drive)
     observed = observe(task.run, task.start_min, task.drive, task.until_min)
     if observed.seen is None:
         return observed, None
-    return observed, Ready(observed.notes, observed.readings, observed.seen, observed.seen.until(task.until_min))
+    seen = observed.seen.until(task.until_min)
+    read = int(seen.used.sum(axis=1).max())
+    if task.model is None and read < FEWEST_READINGS:
+        why = f"{read} readings before --until {task.until_min:g}: at least {FEWEST_READINGS} are needed to judge a model"
+        refused = tuple((c, "too_short", why) for c in seen.channels)
+        return replace(observed, seen=None, refused=(*observed.refused, *refused)), None
+    return observed, Ready(observed.notes, observed.readings, observed.seen, seen)
 
 
 def check_inputs(effects: list[Effect], whole: Observations) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ThermofastError
+from ..given import checked
 from ..reading import Run
 from ..reading.run import Guess, SeenColumn
 from ..reading.source import read_runs, read_table
@@ -19,6 +20,7 @@ GAP = 2.5
 HELD = {"sensor": "channels", "ambient": "ambient", "input": "inputs", "displacement": "displacements"}
 
 
+@checked
 def inspect(source: Any, *, name: str | None = None, **reading: Any) -> Inspection:
     """What is read of a file or table, column by column, before any mathematics; `reading` as in :func:`thermofast.read`.
 

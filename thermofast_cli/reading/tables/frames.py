@@ -27,6 +27,10 @@ def table_of(data: Any, name: str = NAME) -> Table:
 
         if isinstance(data, pa.RecordBatch):
             data = pa.Table.from_batches([data])
+        elif isinstance(data, pa.RecordBatchReader):
+            data = data.read_all()
+        if not isinstance(data, pa.Table):
+            raise InputError(f"{name}: not a record", found=type(data).__name__, allowed="an Arrow table or record batches")
         return from_arrow(data, name, [f"Arrow table, {data.num_rows} rows"])
     if type(data).__module__.startswith("pandas"):
         data = _columns_of_frame(data, name)
@@ -129,6 +133,10 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     if array.dtype.kind in "fiu":
         return np.array(array, dtype=np.float64, order="C"), ""  # what the caller does with his own later is not ours
     if array.dtype.kind == "m":
+        if np.datetime_data(array.dtype)[0] in ("Y", "M"):
+            raise InputError(
+                f"{name}, column {key!r}: months and years have no length", found=str(array.dtype), allowed="seconds, ..."
+            )
         return array / np.timedelta64(1, "s"), "s"
     if array.dtype.kind == "M":
         return ["" if np.isnat(v) else str(v) for v in array.astype("datetime64[us]")], ""
