@@ -175,11 +175,11 @@ def test_options_are_met_as_the_command_line_meets_them(frame):
     assert tf.read(SPINDLE, channels=["T5", "T2"]).channels.keys() == few.channels.keys()
     rows = frame.melt("time_min", ["T1", "T2"], "sensor", "value")
     assert set(tf.read(rows, long="sensor,value").channels) == {"T1", "T2"}
-    with pytest.raises(tf.UsageError, match="--long: not two columns"):
+    with pytest.raises(tf.UsageError, match="long: not two columns"):
         tf.read(rows, long="sensor")
-    with pytest.raises(tf.UsageError, match=r"(?s)--joint runs the AFUKF over all sensors.*found: --preset paper"):
+    with pytest.raises(tf.UsageError, match=r"(?s)joint=True runs the AFUKF over all sensors.*found: preset paper"):
         tf.identify(SPINDLE, joint=True, preset="paper")
-    with pytest.raises(tf.UsageError, match=r"(?s): --start 500 is outside the record.*found: 400 min"):
+    with pytest.raises(tf.UsageError, match=r"(?s): start=500 is outside the record.*found: 400 min"):
         tf.identify(SPINDLE, start=500)
 
 
@@ -208,7 +208,7 @@ def test_guesses_stand_in_the_rows_and_strict_refuses_them(frame):
     given = frame.rename(columns={"time_min": "Time"})
     found = tf.identify(given, until=60)
     assert all("'Time' has no unit, taken as min" in row["message"] for row in found.rows())
-    with pytest.raises(tf.InputError, match="--strict refuses"):
+    with pytest.raises(tf.InputError, match="strict=True refuses"):
         tf.identify(given, strict=True)
 
 
@@ -392,3 +392,15 @@ def test_names_may_be_any_iterable_and_an_arrow_reader_is_read():
     assert {r["effect"] for r in one[0].ranking} <= {"load_step", "sensor_lag"}
     table = pa.table({"time_min": np.arange(60.0), "T1": 20.0 + np.arange(60.0) ** 0.5})
     assert len(tf.read(table.to_reader()).time_s) == 60
+
+
+def test_errors_name_keywords_where_keywords_were_given(frame):
+    with pytest.raises(tf.UsageError) as told:
+        tf.identify(SPINDLE, drive="power")
+    assert "drive='power' is no logged input" in str(told.value)
+    assert "name a column with inputs to make it one" in str(told.value)
+    with pytest.raises(tf.InputError, match="strict=True refuses.*\n.*\n.*time_unit min confirms it"):
+        tf.read(frame.rename(columns={"time_min": "Time"}), strict=True)
+    with pytest.raises(tf.UsageError) as wrong:
+        tf.read(SPINDLE, time="T99")
+    assert "--" not in str(wrong.value)

@@ -78,7 +78,7 @@ def test_limits_are_the_users(tmp_path, option, most, what):
     path.write_bytes(KINDS["parquet"]())
     with pytest.raises(tf.InputError, match=what) as refusal:
         tf.read(path, **{option: most})
-    assert f"--{option.replace('_', '-')}" in str(refusal.value)
+    assert option in str(refusal.value)
     assert len(tf.read(path, **{option: 1_000_000}).time_s) == 60
     with pytest.raises(tf.UsageError, match="a whole number above zero"):
         tf.read(path, **{option: 0})
@@ -89,7 +89,7 @@ def test_text_has_limits_of_rows_and_columns(tmp_path):
     path.write_text("time_min,T1,T2\n" + "".join(f"{i},{20 + i / 10},{20 + i / 20}\n" for i in range(60)))
     assert len(tf.read(path, max_rows=100).channels) == 2
     for option in ({"max_rows": 30}, {"max_columns": 2}, {"max_bytes": 100}):
-        with pytest.raises(tf.InputError, match="--max-"):
+        with pytest.raises(tf.InputError, match=r"max_(rows|columns|bytes)"):
             tf.read(path, **option)
 
 

@@ -57,10 +57,10 @@ def test_one_of_several_groups_is_named(tmp_path):
     with nptdms.TdmsWriter(path) as writer:
         for n, shift in (("A", 0.0), ("B", 5.0)):
             writer.write_segment([nptdms.ChannelObject(n, "front", READING + shift, properties=CLOCK)])
-    with pytest.raises(tf.InputError, match=r"(?s)2 TDMS groups of channels.*A, B.*--sheet NAME"):
+    with pytest.raises(tf.InputError, match=r"(?s)2 TDMS groups of channels.*A, B.*sheet=NAME"):
         tf.read(path)
     assert tf.read(path, sheet="B").channels["front"] == pytest.approx(READING + 5.0)
-    with pytest.raises(tf.UsageError, match="--sheet 'C' is none of its TDMS groups"):
+    with pytest.raises(tf.UsageError, match="sheet='C' is none of its TDMS groups"):
         tf.read(path, sheet="C")
 
 

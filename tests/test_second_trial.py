@@ -42,7 +42,7 @@ def test_an_hour_shown_once_where_it_comes_twice_is_a_guess(tmp_path):
     run = tf.read(path, tz="Europe/Berlin")
     assert run.time_s[-1] == 295 * 60
     assert any("taken for the second time" in g.text for g in run.guesses)
-    with pytest.raises(tf.InputError, match="--strict"):
+    with pytest.raises(tf.InputError, match="strict=True"):
         tf.read(path, tz="Europe/Berlin", strict=True)
 
 

@@ -271,9 +271,9 @@ def test_a_rule_is_foretold_with_the_power_held_and_not_beside_other_paces():
     constant = tf.identify({"time_min": minutes[:91], "T1": reading[:91]}, criterion="2K/h")[0]
     assert found.trip_min == pytest.approx(constant.trip_min, rel=0.05)
     assert found.at_c == pytest.approx(found.steady_state_c, abs=1.5)
-    with pytest.raises(tf.UsageError, match="--pace"):
+    with pytest.raises(tf.UsageError, match="pace"):
         tf.identify(run, until=90, criterion="2K/h", pace="60:0.5")
-    with pytest.raises(tf.UsageError, match="--preset paper"):
+    with pytest.raises(tf.UsageError, match="preset paper"):
         tf.identify(run, until=90, criterion="2K/h", preset="paper")
     for name, value in (("limit", "30"), ("limit", math.nan), ("switch_off_at", -math.inf), ("room", math.nan), ("at", True)):
         with pytest.raises(tf.UsageError, match=f"{name}: not a number in its range"):

@@ -48,10 +48,10 @@ def test_resistance_of_copper_and_of_what_is_told(tmp_path):
     plain = tmp_path / "plain.csv"
     plain.write_text("time_s,a\n" + "".join(f"{10 * i},{2.0 - 0.01 * i}\n" for i in range(30)))
     assert tf.read(plain, resistance="2.0,20", channels="a").channels["a"][0] == pytest.approx(20.0)
-    with pytest.raises(tf.UsageError, match="--resistance: no column is in ohms"):
+    with pytest.raises(tf.UsageError, match="resistance: no column is in ohms"):
         tf.read(plain, resistance="2.0,20")
     for wrong in ("1.84", "0,20", "a,b", "1,2,3,4", "1,-400"):
-        with pytest.raises(tf.UsageError, match="--resistance: not a resistance and its temperature"):
+        with pytest.raises(tf.UsageError, match="resistance: not a resistance and its temperature"):
             tf.read(path, resistance=wrong)
 
 

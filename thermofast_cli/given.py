@@ -3,16 +3,18 @@
 import functools
 import inspect
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 
-from .errors import UsageError
+from .errors import ThermofastError, UsageError
 from .reading import Run, read_runs
-from .reading_options import options_from
+from .reading_options import SPOKEN, Options, options_from
 from .workers.engine import Started, Work, with_start
 
 if TYPE_CHECKING:
@@ -115,9 +117,35 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                 if used is None:
                     raise UsageError(f"{name}: not understood", found=repr(value)[:60], allowed=allowed)
                 bound.arguments[name] = used
-        return function(*bound.args, **bound.kwargs)
+        try:
+            return function(*bound.args, **bound.kwargs)
+        except ThermofastError as error:
+            raise _as_called(error, {n: p.default for n, p in signature.parameters.items()}) from None
 
     return after_a_look
+
+
+def _as_called(error: ThermofastError, mine: Mapping[str, Any]) -> ThermofastError:
+    """The error with a command's options under the names that a function has for them: ``--drive 'rpm'`` as ``drive='rpm'``."""
+    known = {f.name: f.default for f in fields(Options)} | {"interval": None} | dict(mine)
+    spoken = {told: name for name, told in SPOKEN.items() if name != "interval_s"}
+
+    def name_of(found: "re.Match[str]") -> str:
+        name = found[1].replace("-", "_")
+        name = spoken.get(name, name)
+        if name not in known:
+            return found[0]
+        if known[name] is False:
+            return f"{name}=True"
+        # A value that stands behind it is given as one: drive='power'.
+        return f"{name}=" if found[2] else name
+
+    said = {part: _OPTION.sub(name_of, getattr(error, part)) for part in ("what", "found", "allowed", "do")}
+    return type(error)(said.pop("what"), **said)
+
+
+#: An option in a message, and the blank before a value in quotes, in capitals or in digits.
+_OPTION = re.compile(r"--([a-z][a-z0-9-]*[a-z0-9])( (?=['\"A-Z0-9-]))?")
 
 
 #: In place of runs: options are checked, and nothing is done.
