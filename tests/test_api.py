@@ -404,3 +404,30 @@ def test_errors_name_keywords_where_keywords_were_given(frame):
     with pytest.raises(tf.UsageError) as wrong:
         tf.read(SPINDLE, time="T99")
     assert "--" not in str(wrong.value)
+
+
+def test_a_diagnosis_and_a_bench_have_pictures(tmp_path):
+    found = tf.diagnose(HIDDEN)
+    figure = found.plot(tmp_path / "d.png")
+    assert (tmp_path / "d.png").stat().st_size > 5_000
+    axis = figure.axes[0]
+    assert axis.get_title() == "hidden.csv: second_mode"
+    labels = [t.get_text() for t in axis.get_yticklabels()]
+    assert labels == [one["effect"] for one in found[0].ranking]
+    dots = axis.collections[0].get_offsets()
+    assert np.asarray(dots)[:, 0] == pytest.approx([one["rmse_fit_c"] for one in found[0].ranking])
+    bars = tf.bench(SPINDLE, until=60).plot().axes[0].patches
+    assert bars[0].get_width() == pytest.approx(0.0585, abs=0.001)
+    with pytest.raises(tf.UsageError, match="nothing to draw"):
+        tf.diagnose({"time_min": np.arange(9.0), "T1": np.arange(9.0)}).plot(tmp_path / "none.png")
+
+
+def test_runs_and_simulated_records_show_themselves():
+    run = tf.read(
+        {"time_min": np.arange(60.0), "<b>T1</b> temp": 20.0 + np.arange(60.0) ** 0.5, "room": np.full(60, 21.0)}, name="a<b"
+    )
+    assert repr(run) == "Run('a<b': 60 readings in 59 min of <b>T1</b> temp; beside them room)"
+    shown = run._repr_html_()
+    assert "&lt;b&gt;T1&lt;/b&gt; temp</td><td>sensor</td><td>20</td><td>27.68</td><td>0" in shown
+    assert "<b>" not in shown
+    assert "hidden: sensor_lag" in tf.simulate(effects=["sensor_lag"], sensors=2)._repr_html_()

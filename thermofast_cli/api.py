@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from .errors import InputError, UsageError
+from .experiments.simulated import Simulated
 from .given import Source, Start, checked, in_range, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
 from .reading_options import names, options_from
@@ -18,7 +19,6 @@ from .results import (
     Identification,
     Improvement,
     Plan,
-    Simulated,
     Sweeping,
     Watching,
 )

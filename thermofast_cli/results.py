@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from .errors import UsageError
 from .output.columns import Records
-from .reading import Run, read_runs, told
+from .reading import Run, told
 from .records import (
     BenchRecord,
     CalibrateRecord,
@@ -337,6 +337,12 @@ class Diagnosis(Result):
     command: ClassVar[str] = "diagnose"
     kind: ClassVar[type[Row]] = DiagnoseRecord
 
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """What is left of the misfit with each effect that was tried, named ones in colour, the noise beside."""
+        from .output.pictures.ranking import draw_ranking
+
+        return _drawn(draw_ranking(self.records), path)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Watching(Identification):
@@ -386,6 +392,12 @@ class Bench(Result):
     command: ClassVar[str] = "filters bench"
     kind: ClassVar[type[Row]] = BenchRecord
 
+    def plot(self, path: str | Path | None = None) -> "Figure | None":
+        """The error of each filter, the one chosen in colour."""
+        from .output.pictures.ranking import draw_bench
+
+        return _drawn(draw_bench(self.records), path)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity(Result):
@@ -429,42 +441,6 @@ class Displacement(Result):
         from .output.pictures.displacement import draw_displacement
 
         return _drawn(draw_displacement(self.panels), path)
-
-
-@dataclass(frozen=True)
-class Simulated:
-    """A simulated record: its columns (N,) by name, the time first, and the truth behind it."""
-
-    columns: dict[str, Any]
-    truth: dict[str, Any]
-
-    def run(self, name: str = "simulated") -> Run:
-        """The record as it is read."""
-        (found,) = read_runs(self.columns, name=name)
-        return found
-
-    def to_frame(self) -> "pd.DataFrame":
-        """A row for each reading, a column for each sensor, the time [min] first."""
-        import pandas as pd
-
-        return pd.DataFrame(self.columns)
-
-    def to_arrow(self) -> "pa.Table":
-        """As the Parquet file of ``save``."""
-        import pyarrow as pa
-
-        return pa.table(self.columns)
-
-    def save(self, path: str | Path, key: str | Path | None = None) -> None:
-        """Write the record (.csv, .parquet) and the truth (.json), each whole or not at all."""
-        from .output.files import check_target, write_columns, write_json
-
-        check_target(str(path), (".csv", ".parquet"))
-        if key is not None:
-            check_target(str(key), (".json",))
-        write_columns(str(path), self.columns)
-        if key is not None:
-            write_json(str(key), self.truth)
 
 
 def failed(kind: type[Any], unreadable: Sequence[tuple[str, str]], **more: Any) -> list[Any]:

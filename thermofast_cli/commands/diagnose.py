@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 @model_option
 @reading_options
 @output_options
+@click.option("--save-plot", metavar="FILE", help="Draw what is left with each effect that was tried: .png .pdf .svg.")
 @scale_options
 @batched
 def command(
@@ -73,7 +74,7 @@ def command(
     from ..archives.blocks import Analysis
     from ..pipeline.loop import diagnose_runs
     from ..records import DiagnoseRecord
-    from ..shell.session import load_model
+    from ..shell.session import draw, load_model
 
     if write_effect:
         from ..analysis.effect_file import check_effect_runs, check_effect_target
@@ -92,6 +93,7 @@ def command(
     with batch.working(readings, len(readings.runs), "models tried" if len(readings.runs) == 1 else "runs") as how:
         result = work(readings.runs, how=how)
     code = batch.tell(result, readings, _drawn(), "message", "advice")
+    draw(result, batch.save_plot)
     if write_effect:
         _write(readings.runs, write_effect, batch.quiet, {k: options[k] for k in ("until_min", "drive", "model")})
     return code

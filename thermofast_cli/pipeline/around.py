@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, listed
+from ..experiments.simulated import Simulated
 from ..records import IdentifyRecord
-from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Simulated, Validation
+from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Validation
 from ..workers.engine import Started, Work, over_runs
 
 if TYPE_CHECKING:

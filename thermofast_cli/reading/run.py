@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermofast.models.observations import read_only
 
-from ..errors import UsageError
+from ..errors import UsageError, listed
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,11 @@ class Seen:
     long: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+#: Columns of a role that a notebook shows.
+MOST_SHOWN = 20
+
+
+@dataclass(frozen=True, repr=False)
 class Run:
     """One run: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 
@@ -99,6 +104,28 @@ class Run:
         self.__dict__["time_s"] = read_only(self.time_s)
         for group in ("channels", "ambient", "inputs", "displacements"):
             self.__dict__[group] = {name: read_only(column) for name, column in getattr(self, group).items()}
+
+    def __repr__(self) -> str:
+        minutes = float(self.time_s[-1]) / 60.0 if len(self.time_s) else 0.0
+        beside = [*self.ambient, *self.inputs, *self.displacements]
+        more = f"; beside them {listed(beside, 6)}" if beside else ""
+        return f"Run({self.name!r}: {len(self.time_s)} readings in {minutes:.4g} min of {listed(self.channels, 6)}{more})"
+
+    def _repr_html_(self) -> str:
+        """For a notebook: a row for each column, with its first and last reading; names stay text."""
+        lines = [f"<caption>{escape(self.name)}: {len(self.time_s)} readings</caption>"]
+        lines.append("<tr><th>column</th><th>role</th><th>first</th><th>last</th><th>missing</th></tr>")
+        groups = ("sensor", self.channels), ("ambient", self.ambient), ("input", self.inputs), ("displacement", self.displacements)
+        for role, columns in groups:
+            for name, values in list(columns.items())[:MOST_SHOWN]:
+                there = values[np.isfinite(values)]
+                ends = [f"{v:.4g}" for v in (there[0], there[-1])] if len(there) else ["", ""]
+                cells = [escape(name), role, *ends, str(len(values) - len(there))]
+                lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+            if len(columns) > MOST_SHOWN:
+                lines.append(f"<tr><td>and {len(columns) - MOST_SHOWN} more</td><td>{role}</td></tr>")
+        notes = "; ".join([*self.notes, *map(str, self.guesses)])
+        return f"<table>{''.join(lines)}</table><p>{escape(notes)}</p>"
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

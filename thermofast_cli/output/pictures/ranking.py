@@ -1,0 +1,58 @@
+"""Pictures of ``diagnose`` and of ``filters bench``: what is left of the misfit with each effect, and the error of each filter."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ...records import BenchRecord, DiagnoseRecord
+from .plots import MARK, MEASURED, MODEL, new_figure, styled
+
+#: Runs beside each other, and effects of one, at most.
+MOST_RUNS, MOST_TRIED = 6, 14
+
+
+@styled
+def draw_ranking(records: Sequence[DiagnoseRecord]) -> Any:
+    """A dot for each effect or set that was tried, at the rms residual of the run with it; named ones in colour."""
+    runs = list(dict.fromkeys(r.run for r in records if r.ranking))[:MOST_RUNS]
+    if not runs:
+        return None
+    first = {run: next(r for r in records if r.run == run and r.ranking) for run in runs}
+    tried = {run: [one for one in first[run].ranking if one["rmse_fit_c"] is not None][:MOST_TRIED] for run in runs}
+    figure = new_figure(5.2 * len(runs), 1.5 + 0.26 * max(map(len, tried.values())))
+    for axis, run in zip(figure.subplots(1, len(runs), squeeze=False)[0], runs, strict=True):
+        mine = [r for r in records if r.run == run]
+        named = {frozenset(r.verdict.split("+")) for r in mine}
+        labels = [one["effect"] for one in tried[run]]
+        colours = [MODEL if frozenset(label.split("+")) in named else MEASURED for label in labels]
+        places = range(len(labels))[::-1]
+        axis.scatter([one["rmse_fit_c"] for one in tried[run]], places, color=colours, s=42, zorder=3)
+        noise = [r.noise_c for r in mine if r.noise_c is not None]
+        if noise:
+            axis.axvline(sorted(noise)[len(noise) // 2], color=MARK, lw=1.2, ls="--", label="noise")
+            axis.legend(loc="upper right")
+        axis.set_yticks(places, labels)
+        axis.set_xscale("log")
+        axis.set_xlabel("residuals with it, rms K")
+        verdicts = list(dict.fromkeys(r.verdict for r in mine))
+        axis.set_title(f"{Path(run).name}: {', '.join(verdicts)}".replace("$", r"\$"))
+    return figure
+
+
+@styled
+def draw_bench(records: Sequence[BenchRecord]) -> Any:
+    """A bar for each filter, its length the error ahead where readings follow, else that of the fit; the one chosen in colour."""
+    runs = list(dict.fromkeys(r.run for r in records if r.rmse_fit_c is not None))[:MOST_RUNS]
+    if not runs:
+        return None
+    ahead = any(r.rmse_ahead_c is not None for r in records)
+    shown = {run: [r for r in records if r.run == run] for run in runs}
+    figure = new_figure(5.2 * len(runs), 1.5 + 0.26 * max(map(len, shown.values())))
+    for axis, run in zip(figure.subplots(1, len(runs), squeeze=False)[0], runs, strict=True):
+        places = range(len(shown[run]))[::-1]
+        errors = [(r.rmse_ahead_c if ahead else r.rmse_fit_c) or 0.0 for r in shown[run]]
+        axis.barh(places, errors, color=[MODEL if r.chosen else MEASURED for r in shown[run]], height=0.7)
+        axis.set_yticks(places, [r.filter for r in shown[run]])
+        axis.set_xlabel("error ahead, rms K" if ahead else "residuals, rms K")
+        axis.set_title(Path(run).name.replace("$", r"\$"))
+    return figure
