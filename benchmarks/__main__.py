@@ -1,9 +1,9 @@
 """All benchmarks, one after the other: ``python -m benchmarks``."""
 
-from .analysis import changed, thermal_constants, unknown_heat
+from .analysis import changed, criterion, switch_off, thermal_constants, unknown_heat
 from .discovery import auto, clean_stretches, dominant, loop_speed, next_experiment, real_loop, row_and_flow, several_effects
 from .estimation import accuracy, certified, coarse_readings, disturbance, filter_table, joint, real_records, speed, states
-from .intervals import criterion, imperfect, past_runs, planning, real_settling, switch_off, watching
+from .intervals import imperfect, past_runs, planning, real_settling, watching
 from .reading import corpus, reading_speed
 from .scale import reports
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from simulator import lump
 
 import thermofast as tf
-from benchmarks.intervals.criterion import trial
+from benchmarks.analysis.criterion import trial
 from thermofast.models import third_difference_noise
 from thermofast.models.imperfection import TYPICAL, Part, pilot, settle
 from thermofast.models.standards import PRESETS, criterion_from, three_point

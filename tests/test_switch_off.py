@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from benchmarks.intervals.switch_off import cooling, trial
+from benchmarks.analysis.switch_off import cooling, trial
 from thermofast.models.standards import temperature_at_switch_off
 
 

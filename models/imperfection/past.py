@@ -27,8 +27,8 @@ SLOW_MODES, FAST_MODES = (0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
 #: Prior deviations of all slow modes, all fast modes and the exponent: of machines that are all but the law, of machines as they
 #: mostly are, and of those with a strong effect of their own; and how likely each is. Runs of one length tell slow modes from a
 #: level only so far: were all machines taken for the last kind, no model of an exact one would ever be sure of its limit.
-SHAPE_SIZES = ((0.003, 0.01, 0.01), (0.02, 0.03, 0.04), (0.1, 0.15, 0.1))
-SHAPE_WEIGHTS = np.array([0.25, 0.5, 0.25])
+SHAPE_SIZES = ((0.003, 0.01, 0.01), (0.02, 0.03, 0.04), (0.1, 0.15, 0.1), (0.4, 0.15, 0.1))
+SHAPE_WEIGHTS = np.array([0.25, 0.5, 0.2, 0.05])
 #: Share of the typical structure (slow modes, loss exponent) that a shape learnt leaves open: the modes are few. Fast modes stay
 #: as they are: each run starts from its own uneven temperatures.
 LEFT_OPEN = 0.15

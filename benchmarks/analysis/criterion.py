@@ -1,6 +1,6 @@
 """Does a stopping rule trip when it was foretold, and is as much missing then? From the first third of simulated runs.
 
-python -m benchmarks.intervals.criterion [--runs 500] [--seed 60000] [--rule "2K/h, 2x30min"] [--share 0.333] prints, for lumps
+python -m benchmarks.analysis.criterion [--runs 500] [--seed 60000] [--rule "2K/h, 2x30min"] [--share 0.333] prints, for lumps
 that obey the law (scipy's solver, 20 mK of noise) and for imperfect machines of two kinds (rod of a bar, network of masses), of
 sensors on which the rule has not tripped yet: how often the foretold time is within 10 % and the kelvin missing within 0.1 K, how
 often the 95 % intervals hold both, and the RMS error of the steady state against that of the three-point extrapolation of the

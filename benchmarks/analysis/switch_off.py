@@ -1,6 +1,6 @@
 """The temperature at switch-off from a first reading that comes 30 to 120 s late: does the interval hold it, and how near is it?
 
-python -m benchmarks.intervals.switch_off [--records 500] [--seed 80000] prints, for one body and for a winding in iron (scipy's
+python -m benchmarks.analysis.switch_off [--records 500] [--seed 80000] prints, for one body and for a winding in iron (scipy's
 solver; read every 5 to 30 s for 10 to 60 min, noise 0.05 to 0.3 K): the coverage of the 95 % interval, the RMS error over the
 Cramer-Rao limit of the modes that are there, and that of one exponential through all readings, as a lab would draw it. A rod of
 thirty slices, which is no sum of two, is told beside.
