@@ -8,9 +8,11 @@ import pytest
 from scipy.stats import t as student
 
 import thermofast as tf
+from benchmarks.intervals.two_masses import machine
 from benchmarks.machines import bar
 from thermofast.analysis.calibration import CANDIDATES, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn
 from thermofast.machine.lab import read_imperfection
+from thermofast.models.imperfection import TYPICAL
 
 
 def columns(run, until=None):
@@ -136,3 +138,13 @@ def test_complete_runs_of_machines_that_are_far_from_the_law_are_used_too():
     found = tf.calibrate(runs)
     assert sum(r.status == "not_used" for r in found.records) == 0
     assert found.records[-1].runs == 6
+
+
+def test_machines_with_a_slow_mass_each_are_not_said_to_have_none():
+    """What each run goes on to climb is no room's wandering, of which the priors that take strong effects for rare make it."""
+    past = [tf.read({n: c for n, c in machine(3000 + k, 1)[1][0][0].items() if n != "ambient"}, name=f"p{k}") for k in range(5)]
+    lab = tf.calibrate(past)
+    assert lab.prior.strong_share == TYPICAL.strong_share
+    assert not lab.prior.rarely_strong
+    assert "strong effects are common in these machines" in lab.records[0].message
+    assert "improve --together" in lab.records[0].message
