@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import thermofast as tf
 from thermofast.discovery.observe import observe
@@ -243,3 +244,27 @@ def test_a_warm_start_is_no_change_of_the_heat():
         assert less[0].size_lo < 0.6 < less[0].size_hi
     with pytest.raises(tf.UsageError, match="opposite ways"):
         tf.changed(warm([20.0] * 3, seed=1), warm([32.0, 38.0, 45.0], 0.0, seed=2))
+
+
+@pytest.mark.parametrize(("what", "verdict", "size"), [("probe", "sensor", 0.75), ("loss", "loss", 1.3)])
+def test_a_model_of_sensors_that_warm_each_other_stands_for_the_old_machine(what, verdict, size):
+    """The old side is what the model's bodies do to each other; the new run's neighbours are a part of what changed."""
+    rng = np.random.default_rng(4)
+    time = np.arange(0.0, 401.0, 2.0)
+
+    def record(name, change=""):
+        loss = np.array([0.02, 0.03, 0.025]) * (1.3 if change == "loss" else 1.0)
+        link = np.array([[0.0, 0.05, 0.0], [0.05, 0.0, 0.04], [0.0, 0.04, 0.0]])
+        flow = link - np.diag(loss + link.sum(axis=1))
+        limit = np.linalg.solve(-flow, [0.6, 0.1, 0.3])
+        rise = np.array([limit - expm(flow * t) @ limit for t in time])
+        rise[:, 1] *= 0.75 if change == "probe" else 1.0
+        noisy = 20.0 + rise + rng.normal(0.0, 0.02, rise.shape)
+        return tf.read({"time_min": time} | {f"T{i}": noisy[:, i] for i in range(3)}, name=name)
+
+    model = tf.improve([record("a"), record("b")], add="neighbour_heat", together=True).model
+    found = tf.changed(new=record("new", what), model=model)
+    kind = next(r for r in found.records if r.change == verdict)
+    assert kind.size == pytest.approx(size, abs=0.05)  # 0.64 and 1.07 with the new run's neighbours
+    assert kind.size_lo <= size <= kind.size_hi
+    assert tf.changed(new=record("again"), model=model).verdict == "nothing"

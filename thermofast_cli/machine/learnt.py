@@ -18,6 +18,9 @@ from ..errors import UsageError
 from ..plugins.effects import known_effects, named_effect
 from ..reading.source import sha256_of
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
+from .rise import AT_REST, LEAST_RISE, ROUNDS
+
+Array = NDArray[np.float64]
 
 #: A machine's constant is held no tighter than this share of itself: two runs of one machine are not exactly alike.
 LEAST_SHARE = 1e-3
@@ -114,8 +117,22 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
         if key in told:
             told[key] = told[key] + warmer
     local, shared = layout.vector(told)
-    curve = layout.forward(local, np.broadcast_to(shared, (len(channels), len(shared))), np.arange(len(channels)))
+    everyone = np.broadcast_to(shared, (len(channels), len(shared))), np.arange(len(channels))
+    curve = layout.forward(local, *everyone)
+    if any(part.effect.reads_sensors for part in layout.parts):
+        curve = _beside_each_other(layout, local, *everyone, curve)
     return replace(seen, name=model_path, reading=curve)
+
+
+def _beside_each_other(layout: Model, local: Array, shared: Array, sensors: NDArray[np.intp], curve: Array) -> Array:
+    """Curves (S, N) of sensors that warm each other as the model has them, not as the run at hand read its neighbours."""
+    size = np.maximum(np.ptp(curve, axis=1), LEAST_RISE)
+    for _ in range(ROUNDS):
+        before = curve
+        curve = Model(replace(layout.run, reading=before), layout.parts).forward(local, shared, sensors)
+        if np.all(np.abs(curve - before).max(axis=1) <= AT_REST * size):
+            break
+    return curve
 
 
 def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
