@@ -14,8 +14,11 @@ from benchmarks.estimation.coarse_readings import trial
 from thermofast.discovery.compare import failing_stretches
 from thermofast.discovery.diagnose import own_verdict
 from thermofast.models.effects import BUILT_IN
+from thermofast.models.effects.load_step import LoadStep
+from thermofast.models.joint import fit_model
 from thermofast.models.noise.rounding import _in_cell
 from thermofast.models.search.discover import discover
+from thermofast.models.search.scan import scan
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -94,3 +97,21 @@ def test_a_sensor_that_no_named_effect_concerns_may_still_be_unexplained():
         base_floor=np.array([1e-9, 1e-9, 0.5]),
     )
     assert [own_verdict(found, i) for i in range(3)] == ["neighbour_heat", "unexplained", "none"]
+
+
+def test_a_run_forward_that_overflows_points_nowhere():
+    """Squares of it are no numbers: it must neither win the scan nor warn on the screen."""
+
+    class Overflowing(LoadStep):
+        def response(self, points, run, rate, rise):
+            curves = super().response(points, run, rate, rise)
+            curves = np.ones((1, len(points), len(run.time))) if curves is None else np.array(curves)
+            curves[:, 0] = 1e200
+            return curves
+
+    run = record()
+    fit, effect = fit_model(run), Overflowing()
+    found = scan(fit, effect, effect.choices(run)[0])
+    assert np.isfinite(found.gain).all()
+    assert np.all(found.gain[0] == 0.0)
+    assert found.shared_gain[0] == 0.0

@@ -16,6 +16,8 @@ from ..joint import LEVEL, RATE, START, Fit, Key, Model, Part, with_parts
 
 #: Rows times readings that one forward run takes at once.
 CHUNK = 1_500_000
+#: Deviations of the noise by which no curve is changed: beyond them a run forward has overflowed, and points nowhere.
+WILD = 1e100
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
             else:
                 assert change is not None
                 h = np.nan_to_num(((change[:, i] - fit.curve[i]) * (root[i] / nudge))[:, seen])
+            h[~(np.abs(h).max(axis=1) < WILD)] = 0.0
             whole = (h * h).sum(axis=1)
             h = h - (h @ fit.directions[i]) @ fit.directions[i].T
             along[first : first + len(some), i] = h @ residual[i]
