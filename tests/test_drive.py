@@ -1,6 +1,7 @@
 """A logged drive in identify and sweep: the law of a machine whose heat is not constant."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -103,10 +104,30 @@ def test_the_bare_law_takes_no_drive(tool):
 
 
 def test_a_machine_of_two_bodies_under_a_load_in_steps():
-    told = [judged((seed, share, False)) for seed in range(5000, 5008) for share in (0.05, 0.1)]
-    sure = [held for _, _, status, held, _ in told if status == "ok"]
+    told = [judged((seed, share, False, 1.0)) for seed in range(5000, 5008) for share in (0.05, 0.1)]
+    sure = [held for _, _, _, status, held, _ in told if status == "ok"]
     assert len(sure) >= 8
     assert np.mean(sure) >= 0.9
+
+
+def test_a_heat_that_follows_a_power_of_the_drive():
+    """Taken in proportion, half of such rows were `ok` beside the truth."""
+    told = [judged((seed, 0.0, False, 1.7)) for seed in range(5000, 5012)]
+    sure = [held for *_, status, held, _ in told if status == "ok"]
+    assert len(sure) >= 8
+    assert np.mean(sure) >= 0.9
+    speed = (POWER / 900.0) ** 0.5
+    body = response(50.0, 0.02, POWER, 20.0) + 0.02 * np.random.default_rng(3).standard_normal(len(TIME))
+    frame = pd.DataFrame({"time_min": TIME, "T1": body, "speed": 6000.0 * speed})
+    run = tf.read(frame, inputs="speed")
+    told = float(re.search(r"follows speed to the power (\S+) ±", tf.identify(run, drive="speed")[0].message)[1])
+    assert told == pytest.approx(2.0, abs=0.05)
+    plain = tf.read(frame.assign(speed=POWER), inputs="speed")
+    assert "to the power" not in tf.identify(plain, drive="speed")[0].message
+    model = tf.improve(run, drive="speed", auto=True).model
+    assert model.effects == ("load_step",)
+    again = tf.identify(run, until=150, model=model)[0]
+    assert again.steady_state_lo_c <= 30.0 <= again.steady_state_hi_c  # 500 W at 0.02 K/W in a room of 20 degC
 
 
 def test_a_heat_that_was_switched_off_leaves_no_rise_of_which_95_per_cent_could_be_told():

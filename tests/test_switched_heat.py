@@ -106,7 +106,14 @@ def test_a_heat_that_follows_a_speed_late_and_to_a_power_is_told_with_both():
         for name, truth in (("power", 1.7), ("delay", 6.0)):
             told = row.parameters[f"load_step.{name}"]
             assert abs(told["value"] - truth) < 3.0 * told["standard_error"] < 0.15 * truth + 0.2
-    # A drive heats in proportion and at once: where it does not, the way to the power and the delay is told.
+    # Given as the drive it is found as the drive's own law, and identify counts it without being asked to look for effects.
     bound = tf.diagnose(tf.read(frame, inputs="speed", units="C"), effects="load_step", drive="speed")
-    assert all(row.verdict == "unexplained" for row in bound.records)
-    assert "load_step looks for that without --drive" in bound.records[0].advice
+    for row in bound.records:
+        assert (row.verdict, row.status) == ("load_step", "ok")
+        assert "(speed to the power 1 + change, later)" in row.message
+        for name, truth in (("change", 0.7), ("delay", 6.0)):
+            told = row.parameters[f"load_step.{name}"]
+            assert abs(told["value"] - truth) < 3.0 * told["standard_error"] < 0.15 * truth + 0.2
+    told = tf.identify(tf.read(frame, inputs="speed", units="C"), drive="speed")[0].message
+    assert "the heat follows speed to the power 1.7" in told
+    assert "delay 6" in told

@@ -15,11 +15,14 @@ import numpy as np
 
 import thermofast as tf
 
+POWERS = (1.5, 2.5)
 SHARES, NOISE, STEP = (0.0, 0.05, 0.1, 0.2), 0.02, 0.5
 
 
-def record(seed: int, share: float, constant: bool) -> tuple[tf.Run, float, float]:
-    """A record used to its end, the limit of its one sensor at the last load [degC], and its rise to that [K]."""
+def record(seed: int, share: float, constant: bool, power: float = 1.0) -> tuple[tf.Run, float, float]:
+    """A record used to its end, the limit of its one sensor at the last load [degC], and its rise to that [K]; logged is a speed
+    of which the heat is a power.
+    """
     rng = np.random.default_rng([seed, int(100 * share), 7])
     tau, times = rng.uniform(25.0, 80.0), rng.uniform(3.0, 20.0)
     taus, parts = np.array([tau, tau / times]), np.array([1.0 - share, share])
@@ -35,19 +38,19 @@ def record(seed: int, share: float, constant: bool) -> tuple[tf.Run, float, floa
     body = (parts * -np.expm1(-since[..., None] / taus)).sum(axis=-1) @ change
     reading = np.round(room + heat * body + NOISE * rng.standard_normal(len(time)), 2)
     return (
-        tf.read({"time_min": time, "T1 [°C]": reading, "load": load}, inputs=("load",)),
+        tf.read({"time_min": time, "T1 [°C]": reading, "load": load ** (1.0 / power)}, inputs=("load",)),
         room + heat * loads[-1],
         heat * loads[-1],
     )
 
 
-def judged(job: tuple[int, float, bool]) -> tuple[float, bool, str, bool, float]:
-    seed, share, constant = job
-    run, limit, rise = record(seed, share, constant)
+def judged(job: tuple[int, float, bool, float]) -> tuple[float, bool, float, str, bool, float]:
+    seed, share, constant, power = job
+    run, limit, rise = record(seed, share, constant, power)
     r = tf.identify(run, drive=None if constant else "load", jobs=1).records[0]
     low = -np.inf if r.steady_state_lo_c is None else r.steady_state_lo_c
     high = np.inf if r.steady_state_hi_c is None else r.steady_state_hi_c
-    return share, constant, r.status, low <= limit <= high, (high - low) / rise
+    return share, constant, power, r.status, low <= limit <= high, (high - low) / rise
 
 
 def main() -> None:
@@ -55,18 +58,19 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=60)
     parser.add_argument("--seed", type=int, default=4000)
     given = parser.parse_args()
-    jobs = [(given.seed + k, s, c) for c in (False, True) for s in SHARES for k in range(given.each)]
+    kinds = [(False, 1.0), *((False, power) for power in POWERS), (True, 1.0)]
+    jobs = [(given.seed + k, s, c, p) for c, p in kinds for s in SHARES for k in range(given.each)]
     with ProcessPoolExecutor() as pool:
         rows = list(pool.map(judged, jobs))
     print("| load | share of the second part | `ok` | limit held | median width over the rise |")
     print("| --- | ---: | ---: | ---: | ---: |")
-    for constant in (False, True):
+    for constant, power in kinds:
         for share in SHARES:
-            mine = [r for r in rows if r[:2] == (share, constant)]
-            ok = [r for r in mine if r[2] == "ok"]
-            held = f"{100 * np.mean([r[3] for r in ok]):.0f} %" if ok else "-"
-            width = np.median([r[4] for r in ok]) if ok else np.nan
-            name = "constant" if constant else "steps, `--drive`"
+            mine = [r for r in rows if r[:3] == (share, constant, power)]
+            ok = [r for r in mine if r[3] == "ok"]
+            held = f"{100 * np.mean([r[4] for r in ok]):.0f} %" if ok else "-"
+            width = np.median([r[5] for r in ok]) if ok else np.nan
+            name = "constant" if constant else "steps, `--drive`" + (f", heat as speed^{power:g}" if power != 1.0 else "")
             print(f"| {name} | {100 * share:.0f} % | {len(ok)} of {len(mine)} | {held} | {width:.2f} |", flush=True)
 
 

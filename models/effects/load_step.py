@@ -9,13 +9,19 @@ from ..drive import Drive
 from ..observations import Observations
 from .base import Choice, Effect, Parameter, driven, heated, tried_columns
 
+#: Levels of a drive of which more say to which power the heat follows it: of on and off all powers are one.
+FEWEST_LEVELS = 2
+
 
 class LoadStep(Effect):
-    """The heat steps at an unknown time, or follows a logged column."""
+    """The heat steps at an unknown time, follows a logged column, or follows the drive in another way than in proportion."""
 
     id = "load_step"
     summary = "the load changes during the run"
-    equation = "heat(t) = 1 + change after event; or 1 + change ((u(t - delay)/u0)^power - 1), u a logged column"
+    equation = (
+        "heat(t) = 1 + change after event; or 1 + change ((u(t - delay)/u0)^power - 1), u a logged column; "
+        "or (u(t - delay)/u0)^(1 + change), u the drive"
+    )
     tell_tale = "kink in slope at the event, then a new exponential with the same b"
     mistaken_for = ("cooling_switch", "reading_jump")
     separate = "log the speed or the power"
@@ -55,6 +61,11 @@ class LoadStep(Effect):
     def choices(self, run: Observations) -> Sequence[Choice]:
         free = Choice("", {"column": "", "power": 1.0, "ending": 0.5, **driven(run)}, ("power", "delay"))
         found = [free]
+        if run.heat is not None and len(np.unique(run.heat)) > FEWEST_LEVELS and float(run.heat.min()) >= 0.0:
+            own = {"column": "", "own": str(run.drive)}
+            way = f"{run.drive} to the power 1 + change"
+            found.append(Choice(way, own, ("event", "power", "delay"), coupled=("change",)))
+            found.append(Choice(f"{way}, later", own, ("event", "power"), simple=False, coupled=("change",)))
         for name, column in tried_columns(run).items():
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
             ways = [{**constants, "ending": ending} for ending in endings(column)]
@@ -69,11 +80,20 @@ class LoadStep(Effect):
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
+        if getattr(p, "own", ""):
+            drive.heat = later(run, drive.heat * raised(run.heat, p.change), getattr(p, "delay", 0.0))
+            return
         if not p.column:
             drive.heat = heated(drive, p.change * run.after(p.event), p)
             return
         level = held(run, p.column, p.scale, p.power, p.ending)
         drive.heat = heated(drive, p.change * (later(run, level, getattr(p, "delay", 0.0)) - 1.0), p)
+
+
+def raised(level: Any, power: Any) -> Any:
+    """A level (N,), a share from 0 to 1, to a power (B, 1): (B, N); what is off stays off."""
+    on = level > 0.0
+    return np.where(on, np.where(on, level, 1.0) ** power, 0.0)
 
 
 def later(run: Observations, level: Any, delay: Any) -> Any:
@@ -100,3 +120,10 @@ def held(run: Observations, name: str, scale: float, power: Any, ending: float =
     """A logged column over `scale`, to a power, as mean over the interval that ends at each reading; (1 or B, N)."""
     level = np.maximum(run.inputs[name] / scale, 0.0) if np.any(np.asarray(power) != 1.0) else run.inputs[name] / scale
     return run.over_intervals(level**power, ending)
+
+
+class DriveLaw(LoadStep):
+    """The drive followed to a power, or late: what is asked of a run whose drive is given before anything else is."""
+
+    def choices(self, run: Observations) -> Sequence[Choice]:
+        return [c for c in super().choices(run) if "own" in c.constants]

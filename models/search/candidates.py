@@ -201,10 +201,13 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
             continue
         part = replace(best[2], choice=choice)
         parts = [*before.model.parts, part]
-        fit = fit_model(before.run, parts, values)
-        value = _value(before, fit, part)
-        if value > best[0] + RULES.worth:
-            best = value, fit, part
+        # What acts in quite another way does not begin where the simple one ended.
+        starts = [values] if choice.constants.keys() <= best[2].choice.constants.keys() else [values, with_parts(before, parts)]
+        for start in starts:
+            fit = fit_model(before.run, parts, start)
+            value = _value(before, fit, part)
+            if value > best[0] + RULES.worth:
+                best = value, fit, part
     return best
 
 

@@ -100,7 +100,6 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     steps = steps_near(seen, begins[0]) if begins else []
     advice = short or "; ".join(
         [
-            *_of_drive(seen),
             *(
                 [f"{s}, where the model fails: look at it first" for s in steps]
                 or ["log what changed at that time" + _unlogged(seen)]
@@ -211,15 +210,6 @@ def hints_of(candidates: Sequence[Candidate], seen: Observations) -> list[str]:
     logged = {"ambient": bool(seen.ambient), "speed": bool(seen.inputs), "power": bool(seen.inputs), "duty": bool(seen.inputs)}
     logged |= {"coolant": any("cool" in n or "fan" in n for n in seen.inputs)}
     return [h for h in hints if not (h.startswith("log ") and any(word in h and there for word, there in logged.items()))]
-
-
-def _of_drive(seen: Observations) -> list[str]:
-    """What else a run with a drive may be searched for: a drive heats in proportion and at once."""
-    if seen.drive is None:
-        return []
-    return [
-        f"the heat may follow {seen.drive} to a power, late, or beside another column: load_step looks for that without --drive"
-    ]
 
 
 def _unlogged(seen: Observations) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from thermofast.models import Observations
 from thermofast.models.coloured import fit_disturbed
+from thermofast.models.effects.load_step import DriveLaw
 from thermofast.models.imperfection import (
     FAST_MODES,
     GUESSED_NODES,
@@ -21,9 +22,10 @@ from thermofast.models.imperfection import (
     widths_left_out,
 )
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
+from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Discovery, discover
-from thermofast.models.search.dominant import misfit_power
-from thermofast.models.search.judge import sensor_p_values
+from thermofast.models.search.dominant import beats_disturbance, misfit_power
+from thermofast.models.search.judge import sensor_p_values, widening
 from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
@@ -149,6 +151,9 @@ def _guessed(task: LoopTask) -> Knowledge:
         if found.named is None and task.drive is None:
             return Knowledge(name, notes=tuple(notes))
         fit = fit_disturbed(found.named.fit) if found.named is not None else found.base
+    elif task.drive is not None:
+        fit, told = _as_it_follows(fit)
+        notes += told
     log_rates = np.log(fit.values[RATE])
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
@@ -157,6 +162,19 @@ def _guessed(task: LoopTask) -> Knowledge:
     uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
     return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
+
+
+def _as_it_follows(fit: Fit) -> tuple[Fit, list[str]]:
+    """The fit with the power to which the heat follows its drive, and how late, where the readings tell it from a disturbance."""
+    law = try_add(fit, DriveLaw())
+    if law is None or not law.identifiable.ok or not beats_disturbance(fit, law, RULES.false_alarm, 1):
+        return fit, []
+    at, effect = len(law.parts) - 1, law.parts[-1].effect
+    amplitude = Key(at, effect.amplitude)
+    power, error = 1.0 + float(law.fit.values[amplitude]), 1.96 * widening(law.fit) * float(law.fit.deviations[amplitude])
+    others = [p for p in effect.active(law.parts[-1].choice) if p.name != effect.amplitude]
+    beside = "".join(f", {p.name} {rounded(float(law.fit.values[Key(at, p.name)]))} {p.unit}" for p in others)
+    return fit_disturbed(law.fit), [f"the heat follows {fit.run.drive} to the power {power:.3g} ± {error:.2g}{beside}"]
 
 
 def _wishes(task: LoopTask) -> str:
