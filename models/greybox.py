@@ -83,7 +83,8 @@ class Model:
         self.active = np.ones((n, len(self.local)), dtype=bool) if active is None else active.copy()
         for j, c in enumerate(self.local):
             if c.part >= 0 and active is None:
-                self.active[:, j] = self.parts[c.part].concerns(n)
+                part = self.parts[c.part]
+                self.active[:, j] = part.concerns(n) & part.effect.acting(c.parameter, part.choice, n)
         self.active.flags.writeable = False
 
     def of_machine(self, column: Column) -> bool:

@@ -8,8 +8,10 @@ from benchmarks.intervals.linked import MINUTES, machine, settled
 from thermofast.discovery.observe import observe
 from thermofast.machine.rise import _extended, _of_others, free_run, together
 from thermofast.models.effects import BUILT_IN
-from thermofast.models.joint import RATE, Key, fit_model
+from thermofast.models.imperfection.known import Known
+from thermofast.models.joint import RATE, Key, Part, fit_model
 from thermofast.models.search.candidates import try_add
+from thermofast.models.search.mutual import both_ways
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +121,37 @@ def test_a_logged_load_counts_as_it_was_last_and_one_that_cycles_as_its_mean():
         (found,) = tf.identify(record, until=until, drive="power [W]")
         assert found.steady_state_lo_c <= 20.0 + 0.05 * level <= found.steady_state_hi_c
         assert found.steady_state_c == pytest.approx(20.0 + 0.05 * level, abs=0.5)
+
+
+def test_heat_flows_back_along_a_link_that_the_readings_asked_for_in_one_direction_only():
+    seen = observe(tf.read(machine(503, 3)[1][0])).seen
+    link = next(effect() for effect in BUILT_IN if effect.id == "neighbour_heat")
+    row = next(choice for choice in link.choices(seen) if choice.label == "row")
+    one_way = fit_model(seen, [Part(link, row, (False, True, False))])
+    both = both_ways(one_way)
+    assert both.model.parts[0].choice.ways(seen.channels, both.model.parts[0].concerns(3)) == [
+        "T1 by T2",
+        "T2 by T1 and T3",
+        "T3 by T2",
+    ]
+    assert both.rss.sum() < one_way.rss.sum()
+    # Each side of the middle has a coupling of its own; the ends have one neighbour, and no ratio that does anything.
+    assert both.model.active[:, both.model.column(Key(0, "ratio"))].tolist() == [False, True, False]
+    assert float(both.values[Key(0, "ratio")][1]) != pytest.approx(1.0, abs=1e-3)
+
+
+def test_after_a_change_of_load_all_linked_sensors_settle_where_the_law_says():
+    """Linked bodies whose load rises by half at 100 min, read up to 150 min: one exponential would miss by many kelvin."""
+    for seed in (502, 507, 511):
+        record, limits, _ = machine(seed, 3, step=0.5)[1]
+        for i, r in enumerate(tf.identify(record, until=150, auto=True)):
+            if r.status == "ok":
+                assert r.steady_state_lo_c <= limits[i] <= r.steady_state_hi_c
+
+
+def test_what_neighbours_bring_counts_among_what_a_sensor_does():
+    """A curve that ends at three times the rise of its own heat, and one at half of it: what may be wrong is a share of the larger."""
+    x = np.linspace(0.0, 20.0, 50)
+    curve = np.array([3.0, 0.5])[:, None, None] * -np.expm1(-x)
+    known = Known(np.zeros((2, 2)), x, curve, curve, curve, np.zeros((2, 0, 50)))
+    np.testing.assert_allclose(known.moved, [3.0, 1.0], rtol=1e-6)

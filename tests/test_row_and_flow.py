@@ -20,8 +20,9 @@ def test_no_sensor_is_warmed_by_one_that_is_not_its_neighbour(seed, pairs):
     assert judge(("pairs" if pairs else "row", seed))[1] == "right"
 
 
-def test_which_sensor_warms_which_is_told(tool, tmp_path):
-    run, coupling = rod(1)
+@pytest.mark.parametrize("kind", ["row", "uneven row"])
+def test_which_sensor_warms_which_is_told(kind, tmp_path):
+    run, coupling = rod(1, kind)
     told = tf.diagnose(run)[0]
     names = list(run.channels)
     assert f"({names[0]} by {names[1]}, {names[1]} by {names[0]} and {names[2]}, " in told.message

@@ -14,11 +14,15 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 
-KINDS = ("row", "pairs", "flow", "one delay")
+KINDS = ("row", "uneven row", "pairs", "flow", "one delay")
+RODS = ("row", "uneven row", "pairs")
 
 
-def rod(seed: int, pairs: bool = False, noise: float = 0.01) -> tuple[tf.Run, float]:
-    """(run, coupling [1/min]) of bodies in a row, each linked to the next; with `pairs` only the first to the second and so on."""
+def rod(seed: int, kind: str = "row", noise: float = 0.01) -> tuple[tf.Run, float]:
+    """(run, coupling of the first [1/min]) of bodies in a row, each linked to the next, uneven: by conductances and masses of up to
+    a factor of two; pairs: only the first to the second and so on.
+    """
+    pairs = kind == "pairs"
     rng = np.random.default_rng(seed)
     count = 4 if pairs else int(rng.integers(3, 7))
     loss = rng.uniform(0.01, 0.03)
@@ -26,9 +30,12 @@ def rod(seed: int, pairs: bool = False, noise: float = 0.01) -> tuple[tf.Run, fl
     heat = loss * rng.uniform(2.0, 6.0, count)
     heat[0] += 3.0 * loss * rng.uniform(5.0, 12.0)
     matrix = np.diag(-losses)
+    uneven = kind == "uneven row"
+    conductance, mass = (rng.uniform(0.7, 1.4, count) if uneven else np.ones(count) for _ in range(2))
     for i in range(0, count - 1, 2 if pairs else 1):
-        matrix[[i, i + 1], [i, i + 1]] -= coupling
-        matrix[[i, i + 1], [i + 1, i]] += coupling
+        both = coupling * conductance[i] / mass[[i, i + 1]]
+        matrix[[i, i + 1], [i, i + 1]] -= both
+        matrix[[i, i + 1], [i + 1, i]] += both
     time = np.linspace(0.0, 4.0 / loss, 400)
 
     def law(t: float, y: np.ndarray) -> np.ndarray:
@@ -38,7 +45,7 @@ def rod(seed: int, pairs: bool = False, noise: float = 0.01) -> tuple[tf.Run, fl
     reading = 21.0 + rise + noise * rng.standard_normal(rise.shape)
     room = 21.0 + 0.01 * rng.standard_normal(len(time))
     data = {"time_min": time, **{f"T{i + 1}": row for i, row in enumerate(reading)}, "room": room}
-    return tf.read(data, ambient="room", name=f"rod {seed}"), coupling
+    return tf.read(data, ambient="room", name=f"rod {seed}"), float(matrix[0, 1])
 
 
 def pipe(seed: int, follows: bool = True, noise: float = 0.02, run: int = 0) -> tuple[tf.Run, float]:
@@ -62,16 +69,16 @@ def pipe(seed: int, follows: bool = True, noise: float = 0.02, run: int = 0) -> 
 def judge(job: tuple[str, int]) -> tuple[str, str, float]:
     """(kind, 'right', 'other way' or what was said, relative error of the number) of one record."""
     kind, seed = job
-    run, true = rod(seed, kind == "pairs") if kind in ("row", "pairs") else pipe(seed, kind == "flow")
+    run, true = rod(seed, kind) if kind in RODS else pipe(seed, kind == "flow")
     record = tf.diagnose(run)[0]
-    name, key = ("neighbour_heat", "kappa") if kind in ("row", "pairs") else ("transport_delay", "delay")
+    name, key = ("neighbour_heat", "kappa") if kind in RODS else ("transport_delay", "delay")
     if record.verdict != name:
         return kind, record.verdict, np.nan
     told, names = set(filter(None, record.ranking[0]["acts"].split(", "))), list(run.channels)
     row = {f"{c} by {' and '.join(names[j] for j in (i - 1, i + 1) if 0 <= j < len(names))}" for i, c in enumerate(names)}
     pairs = {f"{c} by {names[i ^ 1]}" for i, c in enumerate(names)} if kind == "pairs" else set()
-    true_ways = {"row": row, "pairs": pairs, "flow": {"flow_lpm"}, "one delay": set()}[kind]
-    said = "right" if told == true_ways else "not all" if kind in ("row", "pairs") and told < true_ways else "other way"
+    true_ways = {"row": row, "uneven row": row, "pairs": pairs, "flow": {"flow_lpm"}, "one delay": set()}[kind]
+    said = "right" if told == true_ways else "not all" if kind in RODS and told < true_ways else "other way"
     return kind, said, abs(record.parameters[f"{name}.{key}"]["value"] / true - 1.0)
 
 

@@ -3,8 +3,9 @@
 python -m benchmarks.intervals.linked [--machines 20] [--seed 500]
 
 Two and three bodies in a row, linked to each other both ways about as strongly as to the room (exact, by the matrix exponential):
-the link learnt from one run (`improve --add neighbour_heat`) and a second run of another load identified with it; and
-`identify --auto` on the second run alone. Printed: what of the 95 % intervals held of limit, t95 and the temperature at 400 min.
+the link learnt from one run (`improve --add neighbour_heat`) and a second run of another load identified with it;
+`identify --auto` on the second run alone; and on a second run whose load rises by half at STEPPED min. Printed: what of the 95 %
+intervals held of limit, t95 and the temperature at 400 min.
 """
 
 import argparse
@@ -20,11 +21,14 @@ import thermofast as tf
 
 Array = NDArray[np.float64]
 MINUTES, NOISE = np.arange(401.0), 0.02
-UNTIL = (40.0, 80.0, 160.0)
+UNTIL = {"--model": (40.0, 80.0, 160.0), "--auto": (40.0, 80.0, 160.0), "--auto, load": (150.0, 220.0)}
+STEPPED = 100
 
 
-def machine(seed: int, bodies: int, runs: int = 2) -> list[tuple[dict[str, Array], Array, Array]]:
-    """(record, limits (S,), curves (N, S)) [degC] of runs that differ in load, room and start."""
+def machine(seed: int, bodies: int, runs: int = 2, step: float = 0.0) -> list[tuple[dict[str, Array], Array, Array]]:
+    """(record, limits (S,), curves (N, S)) [degC] of runs that differ in load, room and start; the load rises
+    by a share `step` at STEPPED.
+    """
     rng = np.random.default_rng(seed)
     loss = rng.uniform(0.008, 0.03, bodies)
     flow = -np.diag(loss)
@@ -35,12 +39,14 @@ def machine(seed: int, bodies: int, runs: int = 2) -> list[tuple[dict[str, Array
         flow[i, i + 1] += there
         flow[i + 1, i + 1] -= back
         flow[i + 1, i] += back
-    heat, step, found = loss * rng.uniform(1.0, 14.0, bodies), expm(flow), []
+    heat, minute, found = loss * rng.uniform(1.0, 14.0, bodies), expm(flow), []
     for _ in range(runs):
         load, room = rng.uniform(0.8, 1.2), rng.normal(20.0, 1.0)
         limit, curve = np.linalg.solve(-flow, heat * load), [rng.uniform(-0.5, 0.5, bodies)]
-        for _ in MINUTES[1:]:
-            curve.append(limit + step @ (curve[-1] - limit))
+        for at in MINUTES[:-1]:
+            if at == STEPPED:
+                limit = limit * (1.0 + step)
+            curve.append(limit + minute @ (curve[-1] - limit))
         curves = room + np.array(curve)
         noisy = np.round(curves + NOISE * rng.standard_normal(curves.shape), 3)
         found.append(({"time_min": MINUTES} | {f"T{i + 1}": noisy[:, i] for i in range(bodies)}, room + limit, curves))
@@ -59,12 +65,13 @@ def within(low: float | None, value: float | None, high: float | None) -> bool |
     return (low is None or low <= value) and (high is None or value <= high)
 
 
-def judged(seed: int, bodies: int, auto: bool) -> list[tuple[float, str, float, bool | None, bool | None, bool | None]]:
+def judged(seed: int, bodies: int, how: str) -> list[tuple[float, str, float, bool | None, bool | None, bool | None]]:
     """(until, status, error of the limit [K], whether intervals of limit, t95 and end held) of the second run's sensors."""
-    (first, _, _), (second, limits, curves) = machine(seed, bodies)
+    auto = how != "--model"
+    (first, _, _), (second, limits, curves) = machine(seed, bodies, step=0.5 if "load" in how else 0.0)
     model = None if auto else tf.improve(first, add=["neighbour_heat"]).model
     found = []
-    for until in UNTIL:
+    for until in UNTIL[how]:
         for i, r in enumerate(tf.identify(second, until=until, at=400, model=model, auto=auto, jobs=1)):
             error = abs((np.nan if r.steady_state_c is None else r.steady_state_c) - limits[i])
             limit = within(r.steady_state_lo_c, limits[i], r.steady_state_hi_c)
@@ -87,14 +94,13 @@ def main() -> None:
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     seeds = range(given.seed, given.seed + given.machines)
     with ProcessPoolExecutor() as pool:
-        for auto in (False, True):
+        for how in UNTIL:
             for bodies in (2, 3):
-                rows = [r for one in pool.map(partial(judged, bodies=bodies, auto=auto), seeds) for r in one]
-                for until in UNTIL:
+                rows = [r for one in pool.map(partial(judged, bodies=bodies, how=how), seeds) for r in one]
+                for until in UNTIL[how]:
                     mine = [r for r in rows if r[0] == until]
                     ok = sum(r[1] == "ok" for r in mine)
                     held = " | ".join(share([r[k] for r in mine]) for k in (3, 4, 5))
-                    how = "--auto" if auto else "--model"
                     error = np.nanmedian([r[2] for r in mine])
                     print(f"| {how} | {bodies} | {until:g} | {ok} of {len(mine)} | {error:.3f} | {held} |", flush=True)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.kernel import Array
 from ..drive import Drive
@@ -190,6 +191,10 @@ class Effect:
     def active(self, choice: Choice) -> tuple[Parameter, ...]:
         """Parameters that are searched under a choice."""
         return tuple(p for p in self.parameters if p.name not in choice.omitted)
+
+    def acting(self, parameter: Parameter, choice: Choice, sensors: int) -> NDArray[np.bool_]:
+        """Sensors (S,) in which a parameter of their own does anything under a choice."""
+        return np.ones(sensors, dtype=bool)
 
     def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:
         """Values of the parameters other than the amplitude from which to start a search."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.kernel import Array
 from ..drive import Drive
@@ -14,6 +15,8 @@ from .base import Choice, Effect, Parameter
 MOST_COUPLED = 25.0
 #: Constants that name a sensor for each sensor; a sensor that is its own `other` has one neighbour.
 SENSORS = ("source", "other")
+#: Parameters that are not searched where both neighbours of a row are coupled alike, or there is one.
+EVEN = ("ratio",)
 
 
 class NeighbourHeat(Effect):
@@ -21,7 +24,10 @@ class NeighbourHeat(Effect):
 
     id = "neighbour_heat"
     summary = "another measured part warms this one"
-    equation = "dT/dt = ... - kappa (T - T_neighbour), T_neighbour as measured; in a row - kappa (2 T - T_before - T_after)"
+    equation = (
+        "dT/dt = ... - kappa (T - T_neighbour), T_neighbour as measured; in a row - kappa ((T - T_before) + ratio (T - T_after)), "
+        "ratio 1 where one is enough"
+    )
     tell_tale = "follows the neighbour, delayed by 1/b"
     mistaken_for = ("second_mode", "ambient")
     needs = "a second sensor"
@@ -45,6 +51,9 @@ class NeighbourHeat(Effect):
             fastest=2.0,
             typical=(0.008, 0.02),
         ),
+        Parameter(
+            "ratio", "1", 0.02, 50.0, 1.0, "coupling to the neighbour after over that to the one before", each="sensor", log=True
+        ),
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
@@ -52,12 +61,19 @@ class NeighbourHeat(Effect):
         if n < 2 or n > 40:
             return ()
         own = np.arange(n)
-        single = [Choice(f"+{d}", {"source": (own + d) % n, "other": own}, by_sensor=SENSORS) for d in range(1, n)]
+        single = [Choice(f"+{d}", {"source": (own + d) % n, "other": own}, EVEN, by_sensor=SENSORS) for d in range(1, n)]
         if n < 3:
             return single
         before, after = np.abs(own - 1), np.minimum(own + 1, n - 1)
         after[0] = 0  # the ends have one neighbour
-        return [*single, Choice("row", {"source": before, "other": after}, by_sensor=SENSORS)]
+        row = {"source": before, "other": after}
+        return [*single, Choice("row", row, EVEN, by_sensor=SENSORS), Choice("uneven row", row, simple=False, by_sensor=SENSORS)]
+
+    def acting(self, parameter: Parameter, choice: Choice, sensors: int) -> NDArray[np.bool_]:
+        if parameter.name not in EVEN:
+            return super().acting(parameter, choice, sensors)
+        both: NDArray[np.bool_] = np.asarray(choice.constants.get("other", np.arange(sensors))) != np.arange(sensors)
+        return both
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         source = np.asarray(p.source)[drive.sensor]
@@ -65,13 +81,17 @@ class NeighbourHeat(Effect):
         other = np.asarray(getattr(p, "other", np.arange(run.sensors)))[drive.sensor]
         both = other != drive.sensor
         if np.any(both):
-            drive.links.append((p.kappa * both[:, None], run.filled[other]))
+            drive.links.append((p.kappa * getattr(p, "ratio", 1.0) * both[:, None], run.filled[other]))
 
     def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
         ends = {int(choice.constants[k][sensor]) for k in SENSORS if k in choice.constants} - {sensor}
-        share = own["kappa"] / (len(ends) * own["kappa"] + rate)
-        return share * float(np.sqrt(sum(run.noise[i] ** 2 for i in ends)))
+        # The one before is named by the first constant, the one after by the other.
+        couplings = [own["kappa"], own["kappa"] * own.get("ratio", 1.0)][: len(ends)]
+        share = [k / (sum(couplings) + rate) for k in couplings]
+        first = [int(choice.constants[k][sensor]) for k in SENSORS if k in choice.constants]
+        return float(np.sqrt(sum((w * run.noise[i]) ** 2 for w, i in zip(share, first, strict=False))))
 
     def physical(self, choice: Choice, who: Any, rate: Array, own: dict[str, Array]) -> bool:
         """Heat is conducted both ways; a sensor that only follows its neighbour, with hardly a loss of its own, is no link."""
-        return bool(np.all((own["kappa"] < MOST_COUPLED * rate)[who]))
+        most = np.maximum(own.get("ratio", np.ones_like(rate)), 1.0)
+        return bool(np.all((own["kappa"] * most < MOST_COUPLED * rate)[who]))

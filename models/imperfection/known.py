@@ -63,6 +63,12 @@ class Known:
         return found
 
     @cached_property
+    def moved(self) -> Array:
+        """Where each sensor ends, with its neighbours and later loads, over the rise of its own heat (s,); no less than that."""
+        middle = int(np.abs(self.nodes).argmin())
+        return np.maximum(np.abs(self.held[:, middle, -1]), 1.0)
+
+    @cached_property
     def pace(self) -> Array:
         """How fast the 5 % that are left at `turns` fall there (s, L), over the rate."""
         found = np.ones_like(self.turns)
@@ -97,7 +103,7 @@ class Known:
         return found
 
     def doubts(self, time: Array, asked: Asked) -> Array:
-        """Covariance (s, m + k, m + k) over the square of the rise, at the known rates."""
+        """Covariance (s, m + k, m + k) over the square of what each sensor does in all, at the known rates."""
         found = []
         middle = int(np.abs(self.nodes).argmin())
         for i, columns in enumerate(self.doubt):
@@ -106,7 +112,7 @@ class Known:
             rows = np.array([self._rows(c, c[-1], at, rate, time[:, None], asked) for c, at in zip(columns, late, strict=True)])
             # An effect that would grow without end says nothing there; numbers beyond all scales would spoil what it does say.
             rows *= np.minimum(1.0, MOST_DOUBTED / np.maximum(np.sqrt((rows**2).sum(axis=0)), 1.0))
-            found.append(rows.T @ rows)
+            found.append(rows.T @ rows / self.moved[i] ** 2)
         return np.array(found)
 
     def beside_at(self, time: Array, spread: Array, asked: Asked) -> Array:

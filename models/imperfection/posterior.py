@@ -155,10 +155,10 @@ class _Run:
         self.centre = np.full(self.count, -np.log(tau)) if self.known is None else self.known[:, 0]
         self.shape = [p.known for p in parts]
         there = list(zip(self.shape, self.blocks, self.asked, strict=True))
+        self.moved = [np.ones((len(p.reading), 1)) if p.known is None else p.known.moved[:, None] for p in parts]
         self.doubt = [np.zeros((0, 0, 0)) if k is None else np.ascontiguousarray(k.doubts(b.time, a)) for k, b, a in there]
         self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, b.spread, a) for k, b, a in there]
-        none = [np.full((len(p.reading), 2), np.nan) for p in parts]
-        law_rate = np.concatenate([n if p.log_rate is None else p.log_rate for p, n in zip(parts, none, strict=True)])
+        law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
         self._known = np.zeros(0), np.zeros(0)
 
@@ -196,7 +196,7 @@ class _Run:
                 self.covariance[i],
                 self.relative,
                 self.absolute,
-                np.ascontiguousarray(rise[rows] ** 2),
+                np.ascontiguousarray((self.moved[i] * rise[rows]) ** 2),
                 self.doubt[i],
                 self.kind,
                 self.scale,

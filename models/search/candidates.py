@@ -172,7 +172,7 @@ def unmirrored(fit: Fit, at: int) -> Fit:
     """The fit with values that can really be, where those of part `at` are their mirror: a lag and a time constant exchanged."""
     part = fit.model.parts[at]
     who = part.concerns(fit.run.sensors)
-    own = {p.name: fit.values[Key(at, p.name)] for p in part.effect.parameters if p.each == "sensor"}
+    own = {p.name: fit.values[Key(at, p.name)] for p in part.effect.active(part.choice) if p.each == "sensor"}
     mirrored = part.effect.mirrored(np.where(who, fit.values[RATE], 0.0), own)
     if mirrored is None:
         return fit
@@ -194,6 +194,8 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         more += [replace(c, constants={**c.constants, "product": other}) for c in more[1:]]
     if not more or best[0] < RULES.worth or least_p(sensor_p_values(best[1])) >= RULES.pattern:
         return best
+    if more[0].by_sensor:  # where each has found neighbours of its own it may also keep those
+        more = [replace(c, label=best[2].choice.label, constants=best[2].choice.constants) for c in more] + more
     values = best[1].values
     for choice in more:
         label = best[2].choice.constants.get("column")
@@ -262,7 +264,7 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
     best_rows = _both_ways(looked, best_rows, best_cost, before.dof)
     gained = log_ratio(before.rss, best_cost, before.dof)
     own = np.array([g if r is not None else 0.0 for g, r in zip(gained, best_rows, strict=True)])
-    free = len(effect.parameters)
+    free = len(effect.active(looked[0][0]))
     number = trials(effect, run)
     concerned = np.array([chance(effect, np.eye(n)[i] * own[i], free, number) < RULES.concerned for i in range(n)])
     if not concerned.any():

@@ -191,7 +191,7 @@ def _own_doubts(fit: Fit, p: int, part: Part, local: Array) -> str:
         spread = np.sqrt(np.maximum(np.diag(local[i]), 1e-300))
         why = ""
         for j, c in enumerate(model.local):
-            if c.part != p or why:
+            if c.part != p or why or not model.active[i, j]:
                 continue
             bounds = model.low_local[j], model.high_local[j]
             why = _doubt(part.effect, c.parameter, float(fit.local[i, j]), float(local[i, j, j]), *bounds, fit)

@@ -162,13 +162,13 @@ def parameters_of(fit: Fit, sensor: int | None = None, wider: float = 1.0) -> di
     """
     found: dict[str, dict[str, Any]] = {}
     values, errors = fit.values, fit.deviations
-    for c in (*fit.model.local, *fit.model.shared):
+    for j, c in enumerate((*fit.model.local, *fit.model.shared)):
         if c.part < 0:
             continue
         key = c.key
         part = fit.model.parts[c.part]
         if c.parameter.each == "sensor":
-            if sensor is None or not part.concerns(fit.run.sensors)[sensor]:
+            if sensor is None or not fit.model.active[sensor, j]:
                 continue
             value, error = float(values[key][sensor]), float(errors[key][sensor])
         else:

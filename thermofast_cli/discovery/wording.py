@@ -161,11 +161,13 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
             continue
         value, error = fit.values[key], fit.deviations[key]
         unit = "" if name.unit == "1" else f" {name.unit}"
-        if name.each == "sensor" and int(who.sum()) > 1:
-            numbers.append(f"{name.name} {rounded(value[who].min())} to {rounded(value[who].max())}{unit} by sensor")
-            continue
         if name.each == "sensor":
-            i = int(np.flatnonzero(who)[0])
+            mine = np.flatnonzero(who & fit.model.active[:, fit.model.column(key)])
+            if len(mine) > 1:
+                numbers.append(f"{name.name} {rounded(value[mine].min())} to {rounded(value[mine].max())}{unit} by sensor")
+            if len(mine) != 1:
+                continue
+            i = int(mine[0])
             value, error = float(value[i]), float(error[i])
         error = 1.96 * times * error * (abs(value) if name.log else 1.0)
         numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")

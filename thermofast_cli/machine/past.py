@@ -26,6 +26,7 @@ from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Discovery, discover
 from thermofast.models.search.dominant import beats_disturbance, misfit_power
 from thermofast.models.search.judge import sensor_p_values, widening
+from thermofast.models.search.mutual import both_ways
 from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
@@ -150,7 +151,7 @@ def _guessed(task: LoopTask) -> Knowledge:
         notes.append(_looked_for(found))
         if found.named is None and task.drive is None:
             return Knowledge(name, notes=tuple(notes))
-        fit = fit_disturbed(found.named.fit) if found.named is not None else found.base
+        fit = fit_disturbed(both_ways(found.named.fit)) if found.named is not None else found.base
     elif task.drive is not None:
         fit, told = _as_it_follows(fit)
         notes += told

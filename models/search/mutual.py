@@ -1,0 +1,70 @@
+"""Links in both directions: a sensor that warms another is warmed by it, whether or not the readings ask for that."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..core.kernel import Array
+from ..effects.base import Choice
+from ..joint import RATE, Fit, Key, Part, fit_model, with_parts
+
+
+def both_ways(fit: Fit) -> Fit:
+    """The fit with the other direction of each link that it has in one only, as far as a link can have it.
+
+    A search gives a sensor what its readings cannot do without. Heat is conducted both ways (Fourier): how much of it flows back
+    is then unknown rather than nothing, and the covariance of the fit says so.
+    """
+    for at, part in enumerate(fit.model.parts):
+        if part.effect.reads_sensors:
+            fit = _each_its_own(_completed(fit, at), at)
+    return fit
+
+
+def _completed(fit: Fit, at: int) -> Fit:
+    for sensor in range(fit.run.sensors):
+        found = [_with(fit, at, sensor, choice) for choice in _fuller(fit, fit.model.parts[at], sensor)]
+        better = [other for other in found if other.physical and other.rss.sum() <= fit.rss.sum() * (1.0 + 1e-9)]
+        fit = min(better, key=lambda other: float(other.rss.sum()), default=fit)
+    return fit
+
+
+def _each_its_own(fit: Fit, at: int) -> Fit:
+    """The fit with the parameters of the part that the search left out as not needed: neighbours are hardly ever coupled alike."""
+    part, parts = fit.model.parts[at], [*fit.model.parts]
+    for choice in part.effect.choices(fit.run):
+        if choice.by_sensor and set(choice.omitted) < set(part.choice.omitted):
+            parts[at] = replace(part, choice=replace(part.choice, omitted=choice.omitted))
+            values, key = with_parts(fit, parts), Key(at, part.effect.amplitude)
+            # Where the search has come to nothing of it, a ratio to that changes nothing.
+            anew = values | {key: np.maximum(values[key], 0.5 * fit.values[RATE] * part.concerns(fit.run.sensors))}
+            for found in (fit_model(fit.run, parts, start) for start in (values, anew)):
+                fit = found if found.physical and found.rss.sum() <= fit.rss.sum() * (1.0 + 1e-9) else fit
+    return fit
+
+
+def _fuller(fit: Fit, part: Part, sensor: int) -> Iterator[Choice]:
+    """Choices that keep what a sensor is warmed by and add most of those that it warms."""
+    who = part.concerns(fit.run.sensors)
+    have = part.choice.ends(sensor) if who[sensor] else set()
+    warmed = {int(j) for j in np.flatnonzero(who) if sensor in part.choice.ends(int(j))}
+    could = [(c, c.ends(sensor)) for c in part.effect.choices(fit.run)]
+    could = [(c, ends) for c, ends in could if have < ends and ends <= have | warmed]
+    most = max((len(ends) for _, ends in could), default=0)
+    return (c for c, ends in could if len(ends) == most)
+
+
+def _with(fit: Fit, at: int, sensor: int, choice: Choice) -> Fit:
+    part, sensors = fit.model.parts[at], range(fit.run.sensors)
+    who = part.concerns(fit.run.sensors)
+    mine = Choice.composed([choice if i == sensor else part.choice for i in sensors])
+    parts = [*fit.model.parts]
+    parts[at] = replace(part, choice=mine, concerned=tuple(bool(w or i == sensor) for i, w in enumerate(who)))
+    values = with_parts(fit, parts)
+    if not who[sensor]:
+        key = Key(at, part.effect.amplitude)
+        amplitude: Array = np.array(values[key], dtype=float)
+        amplitude[sensor] = 0.5 * float(fit.values[RATE][sensor])
+        values[key] = amplitude
+    return fit_model(fit.run, parts, values)
