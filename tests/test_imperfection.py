@@ -115,6 +115,7 @@ def mixture_case(rng, asked=4):
     y = 8 * -np.expm1(-RATE * TIME) + 0.05 * rng.standard_normal((2, len(TIME)))
     rates = np.array([[0.02, 0.021, 0.022]] * 2)
     doubt = rng.standard_normal((2, found.shape[-1], 3))
+    beside = rng.standard_normal((2, found.shape[-1], 2))
     shape = (2, 3, len(kind))
     given = {
         "reading": np.ascontiguousarray(np.broadcast_to(y[:, None], (2, 3, len(TIME)))),
@@ -128,6 +129,7 @@ def mixture_case(rng, asked=4):
         "absolute": np.ascontiguousarray(kinds[:, 1]),
         "rise": np.full((2, 3), 64.0),
         "doubt": 1e-4 * doubt @ np.swapaxes(doubt, 1, 2),
+        "beside": 1e-4 * beside @ np.swapaxes(beside, 1, 2),
         "kind": kind,
         "scale": np.array([0.04, 1.0, 0.3, 1.0, 0.3, 1.0]),
         "active": np.ones(shape, dtype=np.uint8),
@@ -176,6 +178,7 @@ def test_evidence_and_predictions_are_those_of_one_large_gaussian():
     for h in range(6):
         kinds = 64.0 * given["relative"] + given["absolute"]
         types = np.einsum("kn,nrc->krc", kinds, given["covariance"][0])
+        types[0] += 64.0 * given["beside"][0]
         whole = given["scale"][h] * types[given["kind"][h]] + (types[0] if given["kind"][h] else 0.0)
         whole = whole + 64.0 * given["doubt"][0]
         x = np.stack([given["ones"], given["law"][0, 0]], axis=1)

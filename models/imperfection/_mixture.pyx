@@ -110,6 +110,7 @@ def mixture(
     const double[:, ::1] absolute,
     const double[:, ::1] rise,
     const double[:, :, ::1] doubt,
+    const double[:, :, ::1] beside,
     const Py_ssize_t[::1] kind,
     const double[::1] scale,
     const unsigned char[:, :, ::1] active,
@@ -138,6 +139,9 @@ def mixture(
     cdef bint doubted = doubt.shape[0] > 0
     if doubted and (doubt.shape[0] < sensors or doubt.shape[1] < wide or doubt.shape[2] < wide):
         raise ValueError("fewer rows of doubt than quantities asked for")
+    cdef bint more = beside.shape[0] > 0
+    if more and (beside.shape[0] < sensors or beside.shape[1] < wide or beside.shape[2] < wide):
+        raise ValueError("fewer rows beside than quantities asked for")
     parts = <double *> malloc((components + kinds + LANES) * m * all_ * sizeof(double))
     if parts == NULL:
         raise MemoryError()
@@ -194,6 +198,12 @@ def mixture(
                                 row[j] += v * from_[j]
                         for j in range(asked):
                             own_kind[k * asked + j] += v * own[n * asked + j]
+                    if more and k == 0:
+                        for r in range(m):
+                            for j in range(r, wide):
+                                types[r * wide + j] += rise[i, f] * beside[i, r, j]
+                        for j in range(asked):
+                            own_kind[j] += rise[i, f] * beside[i, m + j, m + j]
                 h = 0
                 while h < hypotheses:
                     lanes = 0

@@ -30,6 +30,7 @@ def mixture(
     absolute: Array,
     rise: Array,
     doubt: Array,
+    beside: Array,
     kind: NDArray[np.intp],
     scale: Array,
     active: NDArray[np.uint8],
@@ -44,6 +45,7 @@ def mixture(
     reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k); node (S, F) and share (S, F) place a rate between nodes of
     covariance (G, components, m + k, m + k); relative, absolute (kinds, components); rise (S, F) [K^2]; kind, scale (H,).
     doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a shape that past runs told; (0, 0, 0) for none.
+    beside is another, which belongs to the background and has its scale.
     """
     m = reading.shape[2]
     wide = m + asked
@@ -52,6 +54,8 @@ def mixture(
         g, w = node[i, f], share[i, f]
         parts = (1.0 - w) * covariance[g, :, :wide, :wide] + w * covariance[g + 1, :, :wide, :wide]
         types = np.einsum("kn,nrc->krc", rise[i, f] * relative + absolute, parts)
+        if len(beside):
+            types[0] += rise[i, f] * beside[i, :wide, :wide]
         rows = np.flatnonzero(active[i, f])
         whole = scale[rows, None, None] * types[kind[rows]] + np.where(kind[rows, None, None] > 0, types[0], 0.0)
         if len(doubt):

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 #: Points of a block at which a curve with corners is averaged.
 POINTS = 8
 
+#: No covariance of anything.
+NOTHING = np.zeros((0, 0, 0))
 #: A past leaves a temperature open by so many rises at most, which is open to all that matters.
 MOST_DOUBTED = 100.0
 
@@ -34,7 +36,8 @@ class Known:
     sensor does over where it ends, what is not proportional to the rise too. doubt (s, J, n): columns whose amplitudes are
     standard normal, relative to the rise, in which the curve may be wrong. beside (s, k) [K] at beside_time (k,) [min after the
     first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit. guessed: log_rate is no
-    knowledge, but a guess from the record itself.
+    knowledge, but a guess from the record itself. others (s, J, n): columns as those of doubt, of the size that the background of
+    machines typically has: how far this machine's is from it the readings tell.
     """
 
     log_rate: Array
@@ -48,6 +51,7 @@ class Known:
     beside: Array | None = None
     beside_end: Array | None = None
     guessed: bool = False
+    others: Array | None = None
 
     @cached_property
     def turns(self) -> Array:
@@ -104,9 +108,17 @@ class Known:
 
     def doubts(self, time: Array, asked: Asked) -> Array:
         """Covariance (s, m + k, m + k) over the square of what each sensor does in all, at the known rates."""
+        return self._covariance(self.doubt, time, asked)
+
+    def wrong(self, time: Array, asked: Asked, others: bool) -> tuple[Array, Array]:
+        """The same, and that of `others`: (0, 0, 0) where there are none or none are wanted."""
+        more = NOTHING if self.others is None or not others else self._covariance(self.others, time, asked)
+        return self.doubts(time, asked), more
+
+    def _covariance(self, lines: Array, time: Array, asked: Asked) -> Array:
         found = []
         middle = int(np.abs(self.nodes).argmin())
-        for i, columns in enumerate(self.doubt):
+        for i, columns in enumerate(lines):
             rate, turns = float(np.exp(self.log_rate[i, 0])), self.turns[i, middle]
             late = [float(np.interp(turns, self.x, c)) - 0.95 * c[-1] - 0.05 * c[0] for c in columns]
             rows = np.array([self._rows(c, c[-1], at, rate, time[:, None], asked) for c, at in zip(columns, late, strict=True)])

@@ -107,8 +107,8 @@ class SensorShape:
 class Rise:
     """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
 
-    curve, held, whole (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt (J, n), beside (k,) [K]
-    at beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
+    curve, held, whole (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt, others (J, n), beside
+    (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
     """
 
     log_rate: float
@@ -120,6 +120,7 @@ class Rise:
     beside: Array
     beside_end: float
     nodes: Array = field(default_factory=lambda: NODES)
+    others: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
 
     def about(self, log_rate: float) -> tuple[Array, Array, Array]:
         """The three curves (L, n) at nodes about another rate."""
@@ -200,6 +201,7 @@ class Past:
             np.array([r.beside for r in rises]),
             np.array([r.beside_end for r in rises]),
             self.guessed,
+            np.array([r.others for r in rises]) if len(rises[0].others) else None,
         )
 
 

@@ -16,7 +16,7 @@ from ..core.tails import f_tail, normal_tail
 from ..decay import LOG_TWENTY
 from .blocks import Blocks, block_means
 from .draw import Drawn, conditional, normal_draws
-from .known import Known
+from .known import NOTHING, Known
 from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
 from .prior import COMPONENTS, Imperfection
 from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room
@@ -156,7 +156,7 @@ class _Run:
         self.shape = [p.known for p in parts]
         there = list(zip(self.shape, self.blocks, self.asked, strict=True))
         self.moved = [np.ones((len(p.reading), 1)) if p.known is None else p.known.moved[:, None] for p in parts]
-        self.doubt = [np.zeros((0, 0, 0)) if k is None else np.ascontiguousarray(k.doubts(b.time, a)) for k, b, a in there]
+        self.wrong = [(NOTHING, NOTHING) if k is None else k.wrong(b.time, a, not prior.none) for k, b, a in there]
         self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, b.spread, a) for k, b, a in there]
         law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
@@ -197,7 +197,7 @@ class _Run:
                 self.relative,
                 self.absolute,
                 np.ascontiguousarray((self.moved[i] * rise[rows]) ** 2),
-                self.doubt[i],
+                *self.wrong[i],
                 self.kind,
                 self.scale,
                 np.ascontiguousarray(active[rows], dtype=np.uint8),
@@ -453,8 +453,8 @@ class _Run:
             sizes = [1.0, self.scale[h]] if self.kind[h] else [self.scale[h]]
             amounts = [z * (rise[f] ** 2 * self.relative[n] + self.absolute[n]) for z, n in zip(sizes, kinds, strict=True)]
             whole = np.tensordot(np.sum(amounts, axis=0), parts, axes=1)
-            if len(self.doubt[part]):
-                whole = whole + rise[f] ** 2 * self.doubt[part][row]
+            for size, wrong in zip((1.0, sizes[0]), self.wrong[part], strict=True):
+                whole = whole + size * rise[f] ** 2 * wrong[row] if len(wrong) else whole
             given = blocks.mean[row] - known[f, :m], blocks.noise[row], ones, of_law[row, f], whole, wanted
             some = normal_draws(*conditional(*given), int(counts[k]), rng) + known[f, wanted]
             into.limit[sensor, at : at + len(some)], into.curve[sensor, at : at + len(some)] = some[:, 0], some[:, 1:]

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations, averaging_window, fit_decay, spike_weights, third_difference_noise
 from thermofast.models.joint import fit_model
+from thermofast.models.noise.chain import came_off, originals
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
+from ..errors import rounded
 from ..estimation.sensor import logger_step, saturated
 from ..reading import Run
 
@@ -58,10 +60,12 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
     keep = run.time_s / 60.0 >= start_min - 1e-9
     time = run.time_s[keep] / 60.0 - start_min
     channels, rows, weights, steps, refused, notes = [], [], [], [], [], []
-    for name, values in run.channels.items():
-        reading = values[keep]
+    every = [values[keep] for values in run.channels.values()]
+    for name, reading, first in zip(run.channels, every, originals(every).tolist(), strict=True):
         good = np.isfinite(reading)
         status = _refusal(reading[good])
+        if not status and reading is not every[first]:
+            status = "no_data", f"every reading is that of {list(run.channels)[first]}, and so no evidence of its own"
         if status:
             refused.append((name, *status))
             continue
@@ -79,6 +83,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
         steps.append(step)
     if not channels:
         return Observed(None, tuple(refused), tuple(notes))
+    notes += _without_fallen(time, channels, rows, weights, run, keep)
     window = averaging_window(time, np.array([_filled(time, row) for row in rows]))
     if window > 1:
         notes.append(Note(None, _one_of(window, weights)))
@@ -107,6 +112,33 @@ def _one_of(window: int, weights: list[Array]) -> str:
     for weight in weights:
         weight[np.arange(len(weight))[::-1] % window != 0] = 0.0
     return f"{told}: one of each {window} is looked at"
+
+
+def _without_fallen(
+    time: Array, channels: list[str], rows: list[Array], weights: list[Array], run: Run, keep: NDArray[np.bool_]
+) -> list[Note]:
+    """What to say of probes that came off; their weights, changed in place, are none from there on."""
+    used = np.array(weights) > 0.0
+    noise = np.array([_noise(time, r, w, None) for r, w in zip(rows, weights, strict=True)])
+    notes = []
+    for i, fell in came_off(time, np.array(rows), used, noise).items():
+        begins, ends = time[fell.first], time[fell.first] + 2.0 * fell.minutes
+        if any(_jumps_within(time, column[keep], begins - fell.minutes, ends) for column in run.inputs.values()):
+            continue  # what was switched at that time may have cooled it
+        weights[i][time >= begins] = 0.0
+        text = (
+            f"it falls {rounded(fell.fall)} K in {rounded(fell.minutes)} min at {begins:.4g} min, and stays at {fell.level:.4g} "
+            "degC, where it began, while the other sensors go on: did the probe come off? Readings from there on are left out"
+        )
+        notes.append(Note(channels[i], text))
+    return notes
+
+
+def _jumps_within(time: Array, column: Array, begins: float, ends: float) -> bool:
+    """Whether a logged column moves by the share of its range that is a jump between two moments [min]."""
+    within = column[(time >= begins) & (time <= ends)]
+    within, whole = within[np.isfinite(within)], column[np.isfinite(column)]
+    return len(within) > 1 and float(np.ptp(within)) > JUMP * float(np.ptp(whole))
 
 
 def _of_columns(columns: Mapping[str, Array], keep: NDArray[np.bool_], drive: str | None) -> list[Note]:

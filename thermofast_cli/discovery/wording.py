@@ -26,8 +26,19 @@ BEYOND = 5.0
 #: Gain at which an effect would have been named, for telling how small a one would have been seen.
 SEEN_GAIN = 70.0
 
+#: A model that fails from within this share of the record on fails from the start.
+FROM_THE_START = 0.03
+#: Noise of no more than this share of the logger's step is that of its rounding.
+COARSE = 0.3
+
 #: Effects that need the surroundings logged.
 ROOMS = tuple(kind.id for kind in BUILT_IN if kind.follows_ambient)
+#: What the names of columns contain that tell of a machine's load and cooling.
+USUAL = {
+    "speed": ("speed", "rpm", "drehzahl", "转速", "轉速", "回転"),
+    "power": ("power", "load", "duty", "current", "watt", "leistung", "last", "功率", "电流", "電力", "電流"),
+    "coolant": ("cool", "fan", "flow", "kühl", "kuehl", "冷却"),
+}
 
 
 def rivals(found: Discovery) -> list[Candidate]:
@@ -102,8 +113,9 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         [
             *(
                 [f"{s}, where the model fails: look at it first" for s in steps]
-                or ["log what changed at that time" + _unlogged(seen)]
+                or [f"log what {_when(begins, seen)}{_unlogged(seen)}"]
             ),
+            *_coarse(seen),
             *hints_of(found.also[:2], seen)[:2],
             "or write the effect yourself: docs/add-an-effect.md",
         ]
@@ -209,16 +221,34 @@ def hints_of(candidates: Sequence[Candidate], seen: Observations) -> list[str]:
     hints = dict.fromkeys(
         part.strip() for c in candidates for p in c.parts for part in p.effect.separate.split(";") if p.effect.separate
     )
-    logged = {"ambient": bool(seen.ambient), "speed": bool(seen.inputs), "power": bool(seen.inputs), "duty": bool(seen.inputs)}
-    logged |= {"coolant": any("cool" in n or "fan" in n for n in seen.inputs)}
+    logged = _logged(seen)
+    logged["duty"] = logged["power"]
     return [h for h in hints if not (h.startswith("log ") and any(word in h and there for word, there in logged.items()))]
+
+
+def _logged(seen: Observations) -> dict[str, bool]:
+    """Which of the usual columns a run logs, by their names."""
+    names = [n.lower() for n in seen.inputs]
+    return {"ambient": bool(seen.ambient)} | {k: any(w in n for n in names for w in words) for k, words in USUAL.items()}
 
 
 def _unlogged(seen: Observations) -> str:
     """The usual columns that a run does not log, to name them."""
-    usual = [] if seen.inputs else ["speed", "power", "coolant"]
-    usual += [] if seen.ambient else ["room"]
+    logged = _logged(seen)
+    usual = [k for k in ("speed", "power", "coolant") if not logged[k]] + ([] if logged["ambient"] else ["room"])
     return f" ({', '.join(usual)})" if usual else ""
+
+
+def _when(begins: tuple[float, float, float] | None, seen: Observations) -> str:
+    """What to look for: something that changed where the model begins to fail; from the first reading on nothing need have."""
+    there = begins is not None and begins[0] > seen.time[0] + FROM_THE_START * seen.span
+    return f"changed at {begins[0]:.4g} min" if begins is not None and there else "may change"
+
+
+def _coarse(seen: Observations) -> list[str]:
+    """What to say of readings whose steps are all their noise."""
+    steps = seen.resolution[seen.noise <= COARSE * seen.resolution]
+    return [f"readings in steps of {rounded(float(steps.max()))} K hide what is smaller: log more digits"] if len(steps) else []
 
 
 def _seen_as(named: Candidate) -> str:

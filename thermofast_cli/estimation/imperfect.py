@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
+from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
 
 from ..errors import rounded
@@ -192,22 +193,41 @@ def _claim(
     rises = past.rises if past is not None else {}
     other = [np.array([n in rises for n in block]) for block in of_block]
     parts = [_part(closed[i], rows, strange) for (i, rows), strange in zip(some, other, strict=True)]
+    asked, place = _once(parts) if past is None else (parts, np.arange(len(names)))
     of_rates = past or scale
     if of_rates is None:
-        tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in parts])))
+        tau = float(np.median(np.concatenate([pilot(part.time, part.reading) for part in asked])))
     else:
         tau = float(np.exp(-np.median([of_rates.shapes[n].log_rate for n in names])))
     if past is not None:
-        parts = [replace(part, known=past.known(block)) for part, block in zip(parts, of_block, strict=True)]
-    found = settle(parts, tau, prior, into[0].times, rates)
-    trips = _trips(criterion, parts, tau, prior, rates, found)
+        asked = [replace(part, known=past.known(block)) for part, block in zip(parts, of_block, strict=True)]
+    names = [names[k] for k in np.unique(place, return_index=True)[1]]
+    found = settle(asked, tau, prior, into[0].times, rates)
+    trips = _trips(criterion, asked, tau, prior, rates, found)
     at = 0
     for (i, rows), strange, part in zip(some, other, parts, strict=True):
-        _put(into[i], rows, found, slice(at, at + len(rows)), names)
-        into[i].trips[rows], into[i].missing[rows] = (three[at : at + len(rows)] for three in trips)
+        of = place[at : at + len(rows)]
+        _put(into[i], rows, found, of, names)
+        into[i].trips[rows], into[i].missing[rows] = (three[of] for three in trips)
         into[i].other_rise[rows] = strange
         into[i].averaged[rows] = part.averaged
         at += len(rows)
+
+
+def _once(parts: Sequence[Part]) -> tuple[list[Part], NDArray[np.intp]]:
+    """Each sensor once, a second column of its readings being no further evidence; of each column the place of its sensor there."""
+    first = originals([reading for part in parts for reading in part.reading])
+    keep = first == np.arange(len(first))
+    ends = np.cumsum([len(part.reading) for part in parts])[:-1]
+    once = [_some(part, mine) for part, mine in zip(parts, np.split(keep, ends), strict=True) if mine.any()]
+    return once, (np.cumsum(keep) - 1)[first]
+
+
+def _some(part: Part, keep: NDArray[np.bool_]) -> Part:
+    if keep.all():
+        return part
+    log_rate = None if part.log_rate is None else part.log_rate[keep]
+    return replace(part, reading=part.reading[keep], noise=part.noise[keep], resolution=part.resolution[keep], log_rate=log_rate)
 
 
 def _trips(
@@ -336,7 +356,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
     )
 
 
-def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: slice, names: Sequence[str]) -> None:
+def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: NDArray[np.intp], names: Sequence[str]) -> None:
     for name in ("steady", "t95", "at", "rate", "rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence"):
         getattr(into, name)[rows] = getattr(found, name)[of]
     for row, agrees in zip(rows.tolist(), found.agrees[of], strict=True):

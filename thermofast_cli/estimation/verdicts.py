@@ -18,6 +18,9 @@ from .sensor import Sensor, Sensors
 
 Array = NDArray[np.float64]
 
+#: Readings have gone some way and come back that went farther than so many times where they are, and than so much noise.
+TURNED, BEYOND_NOISE = 2.0, 10.0
+
 
 def with_claims(law: Estimates, claimed: Claims, sensors: Sensors, back: NDArray[np.bool_]) -> Estimates:
     """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan.
@@ -64,6 +67,17 @@ def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
     return found
 
 
+def _wide_words(width: float, rise: float, found: Estimate, reading: Array) -> str:
+    """Of an interval [K] many times the rise [K] of readings; where those (N,) went farther and came back, that they did."""
+    went = float(np.abs(reading[: len(found.weights)] - found.initial).max())
+    if went <= max(TURNED * rise, BEYOND_NOISE * found.noise):
+        return f"the steady state is known only to within {width:.3g} K, many times the rise so far; measure longer"
+    return (
+        f"the steady state is known only to within {width:.3g} K: the readings went {went:.3g} K and came back, which is no "
+        "approach to one; see thermofast diagnose"
+    )
+
+
 def claimed_verdicts(
     found: Estimates,
     claimed: Claims,
@@ -97,8 +111,7 @@ def claimed_verdicts(
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
         elif too_wide[i]:
-            unsure = "the steady state is known only to within"
-            said.append(f"{unsure} {width[i]:.3g} K, many times the rise so far; measure longer")
+            said.append(_wide_words(float(width[i]), float(seen[i]), found.one(i), sensors.reading[i]))
         if unfit[i]:
             p = f"p = {claimed.check_p[i]:.1g}"
             said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
@@ -145,8 +158,7 @@ def law_verdicts(
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
-            unsure = "the steady state is known only to within"
-            said.insert(0, f"{unsure} {width[i]:.3g} K, many times the rise so far; measure longer")
+            said.insert(0, _wide_words(float(width[i]), float(seen[i]), found.one(i), sensors.reading[i]))
         messages[i] = said
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]

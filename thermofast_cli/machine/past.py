@@ -47,6 +47,9 @@ FEWEST = 8
 GUESS = 0.6
 #: Of what a sensor moved, what a drive must have brought to be followed.
 LEAST_HEAT = 0.1
+#: Share of its heat (1 sd) that a sensor may follow at another rate than that of the fit: of a drive that is logged; of a load or a
+#: cooling that changed on the way, of which one rate was told from what came before and after together.
+DRIVEN, AT_EVENTS = 0.06, 0.1
 SINK_KEY = Key(-1, SINK.name)
 
 
@@ -159,10 +162,17 @@ def _guessed(task: LoopTask) -> Knowledge:
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
-    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, other_modes=task.drive is not None)
+    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(task, fit))
     uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
     return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
+
+
+def _other_modes(task: LoopTask, fit: Fit) -> float:
+    """Share of its heat that a sensor may follow faster or slower than the fit says, where the heat was seen to change."""
+    if any(part.effect.event for part in fit.model.parts):
+        return AT_EVENTS
+    return DRIVEN if task.drive is not None else 0.0
 
 
 def _as_it_follows(fit: Fit) -> tuple[Fit, list[str]]:

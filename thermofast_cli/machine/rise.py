@@ -20,8 +20,8 @@ LEAST_RISE = 1e-3
 MOST_DOUBT = 2.0
 #: An effect that grows without end moves a temperature by so much at most [K].
 MOST_MOVED = 1e6
-#: A body with a faster or slower part follows a drive at these log rates beside its own, of which each takes such a share (1 sd).
-DRIVEN_MODES, MODE_SHARE = np.log([0.2, 0.45, 2.0, 5.0, 12.0]), 0.03
+#: A body with a faster or slower part follows a drive, or a load that changes, at these log rates beside its own.
+DRIVEN_MODES = np.log([0.2, 0.45, 2.0, 5.0, 12.0])
 #: Share of a logged column's range that is a jump.
 JUMP = 0.3
 #: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
@@ -29,13 +29,14 @@ ROUNDS, AT_REST = 400, 1e-6
 
 
 def rises_of(
-    fit: Fit, whole: Observations, nodes: Array = NODES, until_min: float | None = None, other_modes: bool = False
+    fit: Fit, whole: Observations, nodes: Array = NODES, until_min: float | None = None, other_modes: float = 0.0
 ) -> dict[str, Rise]:
     """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
 
     Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
     the rise; the uncertainty of an effect's parameters, level, start and rate given, is its doubt. nodes (L,) are the log rates
     about that of the fit at which it is worked out. What is logged counts up to until_min, as long as the record without.
+    other_modes: share (1 sd) of what the heat does that a sensor may follow at each of DRIVEN_MODES.
     """
     used = np.flatnonzero(fit.run.used.any(axis=0))
     last = int(used[-1])
@@ -46,8 +47,7 @@ def rises_of(
     told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, until_min * (1.0 + 1e-12) + 1e-9, "right"))
     held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
     of_others = _of_others(fit, seen, last)
-    modes = DRIVEN_MODES if other_modes else np.zeros(0)
-    return {channel: _rise(fit, i, seen, held, of_others[:, i], nodes, modes) for i, channel in enumerate(fit.run.channels)}
+    return {c: _rise(fit, i, seen, held, of_others[:, i], nodes, other_modes) for i, c in enumerate(fit.run.channels)}
 
 
 def _of_others(fit: Fit, over: Observations, last: int) -> Array:
@@ -72,7 +72,7 @@ def _of_others(fit: Fit, over: Observations, last: int) -> Array:
     return np.array(found)
 
 
-def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: Array, about: Array, modes: Array) -> Rise:
+def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: Array, about: Array, other_modes: float) -> Rise:
     level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
     log_rate = float(np.log(fit.values[RATE][i]))
     rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
@@ -93,9 +93,8 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
     whole = kept[:nodes] - kept[:nodes, :1]
     whole = np.where(np.abs(whole[:, -1:]) > LEAST_RISE, whole / np.where(whole[:, -1:] == 0.0, 1.0, whole[:, -1:]), of_end)
     wrong = [np.interp(over[middle], time, c / rise) for c in (*(curves[2 * nodes :] - curves[middle]), *of_others)]
-    wrong += [
-        MODE_SHARE * np.interp(over[middle], time, u - unit[middle]) for u in _driven(fit, i, seen, log_rate + modes, start, rise)
-    ]
+    followed = _driven(fit, i, seen, log_rate + DRIVEN_MODES, start, rise) if other_modes > 0.0 else ()
+    others = [other_modes * np.interp(over[middle], time, u - unit[middle]) for u in followed]
 
     def on_grid(lines: Array) -> Array:
         return np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, lines, strict=True)])
@@ -110,6 +109,7 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
         curves[nodes + middle] - start,
         float(kept[nodes + middle, -1] - start),
         about,
+        np.array(others).reshape(-1, len(GRID)),
     )
 
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from thermofast.models.noise.chain import originals
+
 from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
 from .columns import (
@@ -321,7 +323,22 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         )
         for k, part in enumerate(stretches)
     ]
-    return [renamed(run, options.rename) for run in runs] if options.rename else runs
+    return [_copies_told(renamed(run, options.rename) if options.rename else run) for run in runs]
+
+
+def _copies_told(run: Run) -> Run:
+    """With a word for each sensor that holds the readings of another."""
+    names = list(run.channels)
+    first = originals(list(run.channels.values())).tolist()
+    said = {
+        n: f"every reading is that of {names[k]}: one sensor logged twice?"
+        for n, k in zip(names, first, strict=True)
+        if names[k] != n
+    }
+    if not said:
+        return run
+    notes = {n: "; ".join(t for t in (run.channel_notes.get(n, ""), said.get(n, "")) if t) for n in names}
+    return replace(run, channel_notes={n: t for n, t in notes.items() if t})
 
 
 def _winding(ohms: Any, column: str, table: Table, options: Options) -> Any:

@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
+from itertools import chain
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
@@ -172,7 +173,8 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     if isinstance(first, np.ndarray) and table.names[0] == "column 1" and np.isfinite(first).all() and (np.diff(first) > 0).all():
         return table.names[0], None
     # No name says so, but one column alone goes on in seconds or minutes.
-    going = [n for n in numeric if table.units.get(n, "").strip("[]() ").lower() in sum(TIME_UNITS.values(), ())]
+    written = set(chain.from_iterable(TIME_UNITS.values()))
+    going = [n for n in numeric if table.units.get(n, "").strip("[]() ").lower() in written]
     going = [n for n in going if (np.diff(_values(table, n)) > 0).all()]
     return (going[0], None) if len(going) == 1 else None
 

@@ -152,6 +152,8 @@ def _offset(data: bytes, line: int) -> int:
 
 def _first_row_as_wide(body: bytes, head: list[str], dialect: Dialect) -> bytes:
     """Without what the first row alone has more than the others, under a name of its own: the logger's serial number."""
+    if dialect.delimiter == " ":
+        return body  # its cells are parted by tabs from here on
     first = split(head[dialect.data_line], dialect.delimiter) if dialect.data_line < len(head) else []
     names = split(head[dialect.header_line], dialect.delimiter) if dialect.header_line is not None else []
     if not dialect.width < len(first) == len(names) or any('"' in cell for cell in first):

@@ -4,6 +4,7 @@ import csv
 import datetime as dt
 import io
 import zipfile
+from collections.abc import Callable
 from typing import Any
 
 from ...errors import InputError, UsageError, listed
@@ -38,7 +39,9 @@ def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> tup
     names = list(book.sheet_names)
     if sheet is not None and sheet not in names:
         raise UsageError(f"{name}: --sheet {sheet!r} is no sheet of this workbook", allowed=listed(names, 12))
-    tables = {n: rows for n in ([sheet] if sheet is not None else names) if _is_table(rows := _rows(book, n))}
+    sheets = {n: _rows(book, n) for n in ([sheet] if sheet is not None else names)}
+    # Texts are read where no sheet holds numbers: beside one that does, they are notes about the record.
+    tables = _with_rows_of(_is_number, sheets) or _with_rows_of(_reads, sheets)
     if not tables:
         raise InputError(f"{name}: no sheet with a table", found=listed(names, 6), allowed="a row of names above rows of numbers")
     if len(tables) > 1:
@@ -59,16 +62,19 @@ def _rows(book: Any, sheet: str) -> list[list[Any]]:
         return []
 
 
-def _is_table(rows: list[list[Any]]) -> bool:
-    numbers = sum(sum(isinstance(c, int | float | dt.date | dt.time | dt.timedelta) for c in row) >= LEAST_COLUMNS for row in rows)
-    # Texts that a logger's export pasted: numbers with a decimal comma and stamps.
-    return numbers >= LEAST_ROWS or sum(sum(map(_reads, row)) >= LEAST_COLUMNS for row in rows) >= LEAST_ROWS
+def _with_rows_of(holds: Callable[[Any], bool], sheets: dict[str, list[list[Any]]]) -> dict[str, list[list[Any]]]:
+    """The sheets with at least LEAST_ROWS rows of LEAST_COLUMNS cells that hold what a record is made of."""
+    return {n: rows for n, rows in sheets.items() if sum(sum(map(holds, row)) >= LEAST_COLUMNS for row in rows) >= LEAST_ROWS}
+
+
+def _is_number(cell: Any) -> bool:
+    return isinstance(cell, int | float | dt.date | dt.time | dt.timedelta)
 
 
 def _reads(cell: Any) -> bool:
-    """Whether a cell holds a number or a stamp, if as text."""
+    """Whether a cell holds a number or a stamp, if as text: a logger's export with decimal commas, pasted."""
     if not isinstance(cell, str):
-        return isinstance(cell, int | float | dt.date | dt.time | dt.timedelta)
+        return _is_number(cell)
     return is_number(cell, ".") or is_number(cell, ",") or looks_like_stamp(cell)
 
 

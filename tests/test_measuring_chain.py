@@ -1,0 +1,123 @@
+"""What goes wrong between machine and file: a sensor logged twice, a probe that comes off, a workbook's notes beside its record."""
+
+import numpy as np
+import pytest
+import xlsxwriter
+
+import thermofast as tf
+from thermofast.discovery.observe import observe
+from thermofast.models.noise.chain import came_off, originals
+
+TIME = np.arange(360.0)
+
+
+def warming(rate, rise, seed=0, noise=0.02):
+    return 20.0 + rise * -np.expm1(-rate * TIME) + noise * np.random.default_rng(seed).standard_normal(len(TIME))
+
+
+@pytest.fixture
+def fallen():
+    """Three sensors, of which the second comes off at 200 min into air of 20 degC."""
+    columns = {"time_min": TIME, "T1": warming(0.02, 25.0, 1), "T2": warming(0.012, 15.0, 2), "T3": warming(0.015, 9.0, 3)}
+    after = TIME >= 200.0
+    columns["T2"][after] = 20.0 + (columns["T2"][199] - 20.0) * np.exp(-(TIME[after] - 200.0) / 2.0)
+    columns["T2"][after] += 0.02 * np.random.default_rng(4).standard_normal(after.sum())
+    return columns
+
+
+def test_a_second_column_of_the_same_readings_is_said_to_be_one_and_counts_once():
+    columns = {"time_min": TIME, "front": warming(0.02, 25.0, 1), "rear": warming(0.012, 15.0, 2)}
+    run = tf.read({**columns, "rear again": columns["rear"]})
+    assert run.channel_notes == {"rear again": "every reading is that of rear: one sensor logged twice?"}
+    alone = tf.identify(tf.read(columns), until=60.0, jobs=1)
+    twice = tf.identify(run, until=60.0, jobs=1)
+    for one, other in zip(alone, list(twice)[:2], strict=True):
+        assert other.steady_state_lo_c == one.steady_state_lo_c
+        assert other.steady_state_hi_c == one.steady_state_hi_c
+    assert twice[2].steady_state_hi_c == twice[1].steady_state_hi_c
+    assert "rear" not in twice[1].rate_shared_with
+    assert "one sensor logged twice" in twice[2].message
+    seen = observe(run)
+    assert seen.seen.channels == ("front", "rear")
+    assert seen.refused == (("rear again", "no_data", "every reading is that of rear, and so no evidence of its own"),)
+
+
+def test_the_copy_is_named_as_it_was_renamed():
+    columns = {"time_min": TIME, "A": warming(0.02, 25.0, 1), "B": warming(0.02, 25.0, 1)}
+    assert tf.read(columns, rename=["A=front", "B=rear"]).channel_notes == {
+        "rear": "every reading is that of front: one sensor logged twice?"
+    }
+
+
+def test_what_is_a_copy():
+    first = warming(0.02, 25.0, 1)
+    gaps = np.where(TIME % 50 == 3, np.nan, first)
+    whole = np.round(warming(0.02, 8.0, 1, noise=0.0))  # changes eight times: two sensors may do so by chance
+    columns = [first, gaps, first + 0.001, first.copy(), whole, gaps.copy(), whole.copy(), np.full(360, 20.0), np.full(360, 20.0)]
+    assert originals(columns).tolist() == [0, 1, 2, 0, 4, 1, 6, 7, 8]
+    assert originals([]).tolist() == []
+
+
+def test_a_probe_that_comes_off_is_told_and_its_readings_from_there_on_are_left_out(fallen):
+    found = observe(tf.read(fallen))
+    [note] = [n for n in found.notes if n.channel == "T2"]
+    assert note.text.startswith("it falls 14 K in 5 min at 19")
+    assert "did the probe come off?" in note.text
+    used = found.seen.used[1]
+    assert used[TIME < 198.0].all()
+    assert not used[TIME >= 200.0].any()
+    assert found.seen.used[[0, 2]].all()
+    records = tf.diagnose(fallen, jobs=1).records
+    assert {r.verdict for r in records} == {"none"}
+    assert "did the probe come off?" in records[1].message
+    assert "did the probe come off?" not in records[0].message
+
+
+def off(columns, noise=0.02):
+    reading = np.array([v for n, v in columns.items() if n != "time_min"])
+    return came_off(TIME, reading, np.isfinite(reading), np.full(len(reading), noise))
+
+
+def test_what_happens_to_the_machine_is_no_probe_that_came_off(fallen):
+    assert set(off(fallen)) == {1}
+    assert off({"T2": fallen["T2"]}) == {}  # nobody tells whether the machine went on
+    cooled = {n: v.copy() for n, v in fallen.items()}
+    after = TIME >= 200.0
+    for name in ("T1", "T3"):  # a coolant reaches the others too
+        cooled[name][after] -= 0.3 * (cooled[name][199] - 20.0) * -np.expm1(-(TIME[after] - 200.0) / 3.0)
+    assert off(cooled) == {}
+    stopped = {n: v.copy() for n, v in fallen.items()}  # as slow as it warmed
+    stopped["T2"] = np.where(after, 20.0 + 14.0 * np.exp(-0.05 * (TIME - 200.0)), warming(0.012, 15.0, 2))
+    assert off(stopped) == {}
+    less = {n: v.copy() for n, v in fallen.items()}  # down by a half, as a reading that jumps
+    less["T2"] = np.where(after, 26.0, warming(0.012, 15.0, 2))
+    assert off(less) == {}
+
+
+def test_a_logged_switch_at_that_time_may_have_cooled_it(fallen):
+    run = tf.read({**fallen, "coolant": np.where(TIME >= 200.0, 1.0, 0.0)})
+    assert run.inputs
+    assert not [n for n in observe(run).notes if n.channel == "T2"]
+    early = tf.read({**fallen, "coolant": np.where(TIME >= 100.0, 1.0, 0.0)})
+    assert [n for n in observe(early).notes if n.channel == "T2"]
+
+
+def test_a_row_that_rose_and_came_back_is_not_told_to_measure_longer(fallen):
+    row = tf.identify(fallen, until=300.0, jobs=1)[1]
+    assert row.status == "not_determined"
+    assert "the readings went 13.6 K and came back" in row.message
+    assert "measure longer" not in row.message
+
+
+def test_a_sheet_of_notes_beside_the_record_is_no_second_table(tmp_path):
+    path = tmp_path / "run.xlsx"
+    with xlsxwriter.Workbook(path) as book:
+        notes, sheet = book.add_worksheet("Info"), book.add_worksheet("Data")
+        for k, row in enumerate(
+            (("begun", "08:00"), ("interval", "60"), ("1", "21,5"), ("2", "21,6"), ("3", "21,9"), ("4", "22,4"))
+        ):
+            notes.write_row(k, 0, row)
+        sheet.write_row(0, 0, ["time_min", "T1"])
+        for k, (minute, value) in enumerate(zip(TIME, warming(0.02, 25.0, 1), strict=True)):
+            sheet.write_row(k + 1, 0, [minute, value])
+    assert list(tf.read(path).channels) == ["T1"]
