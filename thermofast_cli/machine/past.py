@@ -49,7 +49,7 @@ GUESS = 0.6
 LEAST_HEAT = 0.1
 #: Share of its heat (1 sd) that a sensor may follow at another rate than that of the fit: of a drive that is logged; of a load or a
 #: cooling that changed on the way, of which one rate was told from what came before and after together.
-DRIVEN, AT_EVENTS = 0.06, 0.1
+DRIVEN, AT_EVENTS = 0.03, 0.1
 SINK_KEY = Key(-1, SINK.name)
 
 
