@@ -166,7 +166,8 @@ def _let_go(
     whole = not past.guessed and sum(float(f.sum()) for f in for_none) > RULES.contradicted
     for one, other, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
         plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
-        one.let_go[:] |= odd & (plain | ~(one.check_p >= RULES.unfit))
+        # Beyond all it allows, by chance too: without it they must be likelier, or nothing is won by letting it go.
+        one.let_go[:] |= odd & (plain | (~(one.check_p >= RULES.unfit) & (likelier > 0.0)))
         if not past.guessed:
             one.let_go[:] |= m & (whole | (likelier > RULES.contradicted))
         one.known[:] &= ~one.let_go
