@@ -1,6 +1,6 @@
 """Pictures of ``diagnose`` and of ``filters bench``: what is left of the misfit with each effect, and the error of each filter."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,8 @@ def draw_ranking(records: Sequence[DiagnoseRecord]) -> Any:
         return None
     first = {run: next(r for r in records if r.run == run and r.ranking) for run in runs}
     tried = {run: [one for one in first[run].ranking if one["rmse_fit_c"] is not None][:MOST_TRIED] for run in runs}
-    figure = new_figure(5.2 * len(runs), 1.5 + 0.26 * max(map(len, tried.values())))
-    for axis, run in zip(figure.subplots(1, len(runs), squeeze=False)[0], runs, strict=True):
+    figure, axes = _panels(runs, tried)
+    for axis, run in zip(axes, runs, strict=True):
         mine = [r for r in records if r.run == run]
         named = {frozenset(r.verdict.split("+")) for r in mine}
         labels = [one["effect"] for one in tried[run]]
@@ -35,7 +35,7 @@ def draw_ranking(records: Sequence[DiagnoseRecord]) -> Any:
         axis.set_xscale("log")
         axis.set_xlabel("residuals with it, rms K")
         verdicts = list(dict.fromkeys(r.verdict for r in mine))
-        axis.set_title(f"{Path(run).name}: {', '.join(verdicts)}".replace("$", r"\$"))
+        axis.set_title(_plain(f"{Path(run).name}: {', '.join(verdicts)}"))
     return figure
 
 
@@ -47,12 +47,23 @@ def draw_bench(records: Sequence[BenchRecord]) -> Any:
         return None
     ahead = any(r.rmse_ahead_c is not None for r in records)
     shown = {run: [r for r in records if r.run == run] for run in runs}
-    figure = new_figure(5.2 * len(runs), 1.5 + 0.26 * max(map(len, shown.values())))
-    for axis, run in zip(figure.subplots(1, len(runs), squeeze=False)[0], runs, strict=True):
+    figure, axes = _panels(runs, shown)
+    for axis, run in zip(axes, runs, strict=True):
         places = range(len(shown[run]))[::-1]
         errors = [(r.rmse_ahead_c if ahead else r.rmse_fit_c) or 0.0 for r in shown[run]]
         axis.barh(places, errors, color=[MODEL if r.chosen else MEASURED for r in shown[run]], height=0.7)
         axis.set_yticks(places, [r.filter for r in shown[run]])
         axis.set_xlabel("error ahead, rms K" if ahead else "residuals, rms K")
-        axis.set_title(Path(run).name.replace("$", r"\$"))
+        axis.set_title(_plain(Path(run).name))
     return figure
+
+
+def _panels(runs: Sequence[str], rows: Mapping[str, Sequence[Any]]) -> tuple[Any, Any]:
+    """A figure with a panel for each run beside the others, high enough for the longest list of rows; and the panels."""
+    figure = new_figure(5.2 * len(runs), 1.5 + 0.26 * max(map(len, rows.values())))
+    return figure, figure.subplots(1, len(runs), squeeze=False)[0]
+
+
+def _plain(text: str) -> str:
+    """Text in which a dollar sign begins no formula."""
+    return text.replace("$", r"\$")
