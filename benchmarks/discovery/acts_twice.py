@@ -1,8 +1,9 @@
 """How often an effect that acts twice is found: ``python -m benchmarks.discovery.acts_twice [--each 20] [--seed 1]``.
 
-Machines by a simulator of its own (Euler steps of 0.1 min; scipy's solver for the masses): two changes of the load, or a fast and a
-slow hidden mass; the exact law, and machines whose room wanders, load flutters, loss rises and probes lag. "or" is where the true
-pair stands among those said to fit as well; a name is wrong where neither verdict nor rivals hold it.
+Machines by a simulator of its own (Euler steps of 0.1 min; scipy's solver for the masses): two changes of the load, a door or a
+coolant open for 10 to 90 min, or a fast and a slow hidden mass; the exact law, and machines whose room wanders, load flutters, loss
+rises and probes lag. "or" is where the true pair stands among those said to fit as well; a name is wrong where neither verdict nor
+rivals hold it.
 """
 
 import argparse
@@ -16,14 +17,28 @@ from scipy.integrate import solve_ivp
 import thermofast as tf
 
 TIME = np.arange(421.0)
+FINE = (TIME[:, None] + 0.1 * np.arange(10)).ravel()
 NOISE = 0.02
-TRUE = {"load": "load_step+load_step.2", "masses": "second_mode+second_mode.2"}
+TRUE = {"load": "load_step+load_step.2", "cooling": "cooling_switch+cooling_switch.2", "masses": "second_mode+second_mode.2"}
 
 
 def changed_load(rng: np.random.Generator, imperfect: bool) -> dict[str, Any]:
     """A record of three sensors whose heat changes twice."""
     when = rng.uniform(80.0, 160.0), rng.uniform(220.0, 320.0)
     change = [rng.uniform(0.15, 0.4) * rng.choice([-1.0, 1.0]) for _ in when]
+    heat = 1.0 + sum(size * (at < FINE) for at, size in zip(when, change, strict=True))
+    return _lumps(rng, imperfect, heat, np.ones(len(FINE)))
+
+
+def open_door(rng: np.random.Generator, imperfect: bool) -> dict[str, Any]:
+    """The same whose loss is larger for a while."""
+    begins = rng.uniform(80.0, 250.0)
+    ends, ratio = begins + rng.uniform(10.0, 90.0), rng.uniform(1.3, 3.0)
+    return _lumps(rng, imperfect, np.ones(len(FINE)), np.where((begins < FINE) & (ends >= FINE), ratio, 1.0))
+
+
+def _lumps(rng: np.random.Generator, imperfect: bool, heat: Any, loss: Any) -> dict[str, Any]:
+    """Three sensors whose heat and loss are multiplied by (n,) at FINE."""
     room = np.cumsum(rng.normal(0.0, 0.012 * imperfect, len(TIME)))
     load = 1.0 + 0.01 * imperfect * np.sin(2.0 * np.pi * TIME / rng.uniform(20.0, 90.0) + rng.uniform(0.0, 6.0))
     columns: dict[str, Any] = {"time_min": TIME}
@@ -31,12 +46,11 @@ def changed_load(rng: np.random.Generator, imperfect: bool) -> dict[str, Any]:
         tau, rise = rng.uniform(30.0, 70.0), rng.uniform(6.0, 12.0)
         body = probe = 20.0
         read = []
-        for i, now in enumerate(TIME):
+        for i in range(len(TIME)):
             read.append(probe)
-            for t in now + 0.1 * np.arange(10):
-                heat = rise * (1.0 + sum(size for at, size in zip(when, change, strict=True) if t > at)) * load[i]
+            for j in range(10 * i, 10 * i + 10):
                 over = body - 20.0 - room[i] + room[0]
-                body += 0.1 * (heat - over * (1.0 + 0.01 * imperfect * over / rise)) / tau
+                body += 0.1 * (rise * heat[j] * load[i] - over * loss[j] * (1.0 + 0.01 * imperfect * over / rise)) / tau
                 probe = probe + 0.1 * (body - probe) / 0.5 if imperfect else body
         columns[f"T{k + 1}"] = np.array(read) + rng.normal(0.0, NOISE, len(TIME))
     return columns
@@ -63,7 +77,7 @@ def two_masses(rng: np.random.Generator, imperfect: bool) -> dict[str, Any]:
 def judge(job: tuple[str, bool, int]) -> tuple[str, bool, str]:
     """Kind, whether imperfect, and what the search says of it."""
     kind, imperfect, seed = job
-    record = (changed_load if kind == "load" else two_masses)(np.random.default_rng(seed), imperfect)
+    record = {"load": changed_load, "cooling": open_door, "masses": two_masses}[kind](np.random.default_rng(seed), imperfect)
     row = tf.diagnose(record, jobs=1)[0]
     if row.verdict == TRUE[kind]:
         return kind, imperfect, "named"

@@ -22,6 +22,7 @@ class CoolingSwitch(Effect):
     separate = "log the coolant or the fan; wait longer after the change"
     reference = "lumped capacitance with a changed film coefficient, Incropera ch. 5"
     event = "event"
+    again = True
     uses_sink = True
     places = (30.0, 0.0)
     amplitude = "ratio"

@@ -222,7 +222,7 @@ def _twice(
     Of two changes of the load one alone explains about as much as half the catalogue does, both together far more. Where a single
     effect was decided for, its pair is left to the next stage, and another effect's pair must be as far above it as above a rival.
     """
-    found: Stage | None = None
+    seen: list[tuple[Weighed, float, list[Candidate]]] = []
     below = RULES.as_good if decided is None else RULES.rival
     scales = [_Scale(fit) for fit in before]
     for candidates in tried:
@@ -237,15 +237,18 @@ def _twice(
         twins = [in_order(t) for t in try_all([c.fit for c in some], [twin], spread)[0] if t is not None]
         if len(twins) < len(before):
             continue
-        seen = [scale.evidence(t, t.parts[-1]) for scale, t in zip(scales, twins, strict=True)]
-        both = _weighed([None if e is None else replace(e, places=e.places**2) for e in seen], false_alarm, len(tried))
-        if both is None or not both.physical or not both.clear(RULES.beyond_once_more):
-            continue
-        gain = sum(float(likelihood_ratios(f, t.fit).sum()) for f, t in zip(before, twins, strict=True))
+        by_run = [scale.evidence(t, t.parts[-1]) for scale, t in zip(scales, twins, strict=True)]
+        both = _weighed([None if e is None else replace(e, places=e.places**2) for e in by_run], false_alarm, len(tried))
+        if both is not None and both.physical:
+            seen.append((both, sum(float(likelihood_ratios(f, t.fit).sum()) for f, t in zip(before, twins, strict=True)), twins))
+    seen.sort(key=lambda one: -one[0].worth)
+    for both, gain, twins in seen:
         alike = any(w.worth >= below * both.worth or w.gain >= below * gain for w in weighed)
-        if not alike and _each_needed(before, twins, false_alarm, len(tried)) and (found is None or both.worth > found.named.worth):
-            found = Stage(tuple(before), both, None)
-    return found
+        if both.clear(RULES.beyond_once_more) and not alike and _each_needed(before, twins, false_alarm, len(tried)):
+            # A load that goes down and up again looks much like a door that was open.
+            near = [w for w, g, _ in seen if w is not both and w.worth >= RULES.rival * both.worth and g >= RULES.as_good * gain]
+            return Stage(tuple(before), both, near[0] if near else None)
+    return None
 
 
 def _each_needed(before: Sequence[Fit], twins: Sequence[Candidate], false_alarm: float, number: int) -> bool:

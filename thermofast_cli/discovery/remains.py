@@ -30,10 +30,9 @@ def shares(found: Discovery) -> list[dict[str, object]]:
         before = found.base
         for stage, held in zip(found.stages, found.held[1:], strict=True):
             after = stage.fits[0]
-            added = "+".join(p.id for p in after.model.parts[len(before.model.parts) :])
-            steps.append(_step(added, before, after, total, pooled(held)))
+            steps.append(_step(_added(before, after), before, after, total, pooled(held)))
             steps[-1]["evidence"] = round(stage.named.evidence, 1)
-            steps[-1]["or"] = stage.rival.effect.id if stage.rival is not None else ""
+            steps[-1]["or"] = _added(before, stage.rival.shown[0].candidate.fit) if stage.rival is not None else ""
             before = after
         return steps
     new = [p.id for p in found.named.parts if p not in found.base.model.parts]
@@ -47,6 +46,10 @@ def shares(found: Discovery) -> list[dict[str, object]]:
         steps.append(_step(name, before, after, total, ahead))
         before = after
     return steps
+
+
+def _added(before: Fit, after: Fit) -> str:
+    return "+".join(p.id for p in after.model.parts[len(before.model.parts) :])
 
 
 def _step(name: str, before: Fit, after: Fit, total: float, ahead: float | None) -> dict[str, object]:
