@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from benchmarks.discovery.acts_twice import changed_load
+from benchmarks.discovery.acts_twice import changed_load, open_door
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import Key, Part
@@ -70,7 +70,7 @@ def test_two_hidden_masses_are_told_the_fast_one_first_in_every_sensor():
 
 def test_only_what_may_act_twice_is_looked_for_twice():
     twice = {kind.id for kind in BUILT_IN if kind.again}
-    assert twice == {"second_mode", "load_step"}
+    assert twice == {"second_mode", "load_step", "cooling_switch"}
     again = next(kind for kind in BUILT_IN if kind.id == "second_mode")().numbered(2)
     assert (again.id, type(again).id) == ("second_mode.2", "second_mode")
 
@@ -109,3 +109,22 @@ def test_two_changes_are_not_taken_for_an_effect_that_explains_much_by_itself():
     found = in_stages(tf.read(changed_load(np.random.default_rng(9006), imperfect=True)))
     assert found.verdict == "load_step+load_step.2"
     assert found.named.fit.rmse.max() < 0.03
+
+
+def test_a_door_that_was_open_for_a_while_is_a_cooling_that_changed_twice():
+    told = tf.diagnose(open_door(np.random.default_rng(24003), imperfect=False), jobs=1)
+    assert {r.verdict for r in told} == {"cooling_switch+cooling_switch.2"}
+    found = told[0].parameters
+    ratios = [found[f"{n}.ratio"]["value"] for n in ("cooling_switch", "cooling_switch.2")]
+    assert ratios[0] > 1.2
+    assert ratios[0] * ratios[1] == pytest.approx(1.0, abs=0.02)  # closed as it was before
+    assert found["cooling_switch.event"]["value"] < found["cooling_switch.2.event"]["value"]
+
+
+@pytest.mark.parametrize(("seed", "rivals"), [(24001, ["load_step+load_step.2"]), (24002, [])])
+def test_a_load_that_went_down_and_up_is_said_where_it_explains_a_door_as_well(seed, rivals):
+    told = tf.diagnose(open_door(np.random.default_rng(seed), imperfect=True), jobs=1)[0]
+    assert told.verdict == "cooling_switch+cooling_switch.2"
+    assert told.also_possible == rivals
+    assert [step["or"] for step in told.explained] == ["".join(rivals)]
+    assert ("(or load_step+load_step.2)" in told.message) is bool(rivals)
