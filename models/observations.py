@@ -26,7 +26,7 @@ class Observations:
     ambient name -> (N,) [degC] and inputs name -> (N,) are logged columns without holes. sink_c is the temperature of the
     surroundings where it is logged, else None. heat (N,) is the heat of the base model, mean over the interval that ends at each
     reading, where a logged column drives it; drive names that column, driven (N,) are its values in the unit of the heat. logged
-    (N,) are the times that stand in the file, where the grid is finer than that.
+    (N,) are the times that stand in the file, where the grid is finer than that. temperatures names those inputs that are some.
     """
 
     name: str
@@ -43,6 +43,7 @@ class Observations:
     heat: Array | None = None
     logged: NDArray[np.bool_] | None = None
     driven: Array | None = None
+    temperatures: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

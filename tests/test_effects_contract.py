@@ -15,7 +15,7 @@ from thermofast.plugins.effects import load_effect
 ROOT = Path(__file__).resolve().parents[1]
 OWN = load_effect(str(ROOT / "sample_runs" / "my_effect.py"))
 EFFECTS = [kind() for kind in BUILT_IN] + [OWN]
-TWELVE = [
+CATALOGUE = [
     "ambient",
     "second_mode",
     "load_step",
@@ -28,6 +28,7 @@ TWELVE = [
     "friction_decay",
     "sensor_drift",
     "reading_jump",
+    "coolant_heat",
 ]
 
 
@@ -38,13 +39,13 @@ def record(sensors=3, n=240, noise=0.02):
     reading = 18.0 + rise[:, None] * (1.0 - np.exp(-rate[:, None] * time)) + noise * rng.standard_normal((sensors, n))
     room = 18.0 + 0.5 * np.sin(time / 60.0)
     names = tuple(f"T{i + 1}" for i in range(sensors))
-    return Observations(
-        "run", names, time, reading, np.ones_like(reading), np.full(sensors, noise), np.zeros(sensors), {"room": room}
-    )
+    blank, coolant = np.ones_like(reading), {"coolant_degC": 15.0 + np.sin(time / 25.0)}
+    sizes = np.full(sensors, noise), np.zeros(sensors)
+    return Observations("run", names, time, reading, blank, *sizes, {"room": room}, coolant, temperatures=("coolant_degC",))
 
 
-def test_the_catalogue_is_the_twelve():
-    assert [kind.id for kind in BUILT_IN] == TWELVE
+def test_the_catalogue_is_what_the_manual_lists():
+    assert [kind.id for kind in BUILT_IN] == CATALOGUE
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
@@ -54,7 +55,7 @@ class TestEveryEffect:
             assert text
         assert effect.parameter(effect.amplitude).null is not None
         for other in effect.mistaken_for:
-            assert other in TWELVE
+            assert other in CATALOGUE
         for p in effect.parameters:
             assert p.low < p.high
             assert p.low <= p.start <= p.high

@@ -2,6 +2,7 @@
 
 from .ambient import Ambient
 from .base import Choice, Effect, Parameter, Values
+from .coolant_heat import CoolantHeat
 from .cooling_switch import CoolingSwitch
 from .cyclic_load import CyclicLoad
 from .friction_decay import FrictionDecay
@@ -27,6 +28,7 @@ BUILT_IN: tuple[type[Effect], ...] = (
     FrictionDecay,
     SensorDrift,
     ReadingJump,
+    CoolantHeat,
 )
 
 __all__ = ["BUILT_IN", "Choice", "Effect", "Parameter", "Values"]

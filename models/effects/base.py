@@ -252,8 +252,8 @@ def varying(columns: dict[str, Array]) -> dict[str, Array]:
 
 
 def tried_columns(run: Observations) -> dict[str, Array]:
-    """Logged inputs that an effect is tried along."""
-    return dict(list(varying(run.inputs).items())[:MOST_COLUMNS])
+    """Logged inputs that an effect is tried along; what is warm neither heats nor cools by what it is, but by how warm it is."""
+    return dict(list(varying({n: c for n, c in run.inputs.items() if n not in run.temperatures}).items())[:MOST_COLUMNS])
 
 
 def heated(drive: Drive, change: Any, p: Any) -> Any:

@@ -76,6 +76,8 @@ def discover(
     """
     base = fit_model(run) if known is None else known
     floor = sensor_p_values(base)
+    # What this run logs nothing for is not tried, and chance has no part in it.
+    effects = [e for e in effects if e.choices(run)]
     singles: list[Candidate] = [c for c in spread(partial(try_add, base), effects) if c is not None]
     singles.sort(key=lambda c: -c.gain)
     number = max(1, len(effects))
@@ -137,6 +139,7 @@ def discover_together(
     A run that does not show an effect is left without it: what happened in one run only is that run's event.
     """
     bases = [fit_model(run) for run in runs]
+    effects = [e for e in effects if any(e.choices(run) for run in runs)]
     return _in_stages(bases, try_all(bases, effects, spread), effects, false_alarm, spread)
 
 

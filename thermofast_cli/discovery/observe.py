@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from thermofast.models.search.rules import RULES
 from ..errors import rounded
 from ..estimation.sensor import logger_step, saturated
 from ..reading import Run
+from ..reading.units import parse_unit
 
 Array = NDArray[np.float64]
 
@@ -95,6 +96,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
     seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates, until_min)
     if note:
         notes.append(Note(None, note))
+    seen = replace(seen, temperatures=_warm(run, inputs))
     notes += _without_rise(seen)
     if drive is not None:
         seen = _driven(seen, drive)
@@ -164,6 +166,13 @@ def _without_rise(seen: Observations) -> list[Note]:
         if max(ends, 0.5 * float(reading.std())) < seen.least_noise[i]:
             notes.append(Note(name, "it does not move beyond its noise: there is no rise to learn from; was this part heated?"))
     return notes
+
+
+def _warm(run: Run, inputs: Mapping[str, Array]) -> tuple[str, ...]:
+    """Names of the inputs that are temperatures, as of a coolant."""
+    told = () if run.seen is None else run.seen.columns
+    units = {c.name: parse_unit(c.unit) for c in told if c.name in inputs}
+    return tuple(n for n, unit in units.items() if unit is not None and unit.temperature)
 
 
 def _driven(seen: Observations, drive: str) -> Observations:

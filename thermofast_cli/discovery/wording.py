@@ -66,7 +66,8 @@ def unlogged_room(found: Discovery, seen: Observations) -> str:
     """What to say where nobody logged the surroundings and a moving room would look like what was named; else nothing."""
     if found.named is None or seen.ambient:
         return ""
-    alike = [p.id for p in found.named.parts if set(ROOMS) & set(p.effect.mistaken_for)]
+    unlogged = [p for p in found.named.parts if not p.choice.constants.get("column")]
+    alike = [p.id for p in unlogged if set(ROOMS) & set(p.effect.mistaken_for)]
     if not alike:
         return ""
     return f"the surroundings are not logged, and a room that moves would look like {' and '.join(alike)}: log the ambient"
@@ -115,6 +116,7 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
                 [f"{s}, where the model fails: look at it first" for s in steps]
                 or [f"log what {_when(begins, seen)}{_unlogged(seen)}"]
             ),
+            *_coolants(seen),
             *_coarse(seen),
             *hints_of(found.also[:2], seen)[:2],
             "or write the effect yourself: docs/add-an-effect.md",
@@ -243,6 +245,14 @@ def _when(begins: tuple[float, float, float] | None, seen: Observations) -> str:
     """What to look for: something that changed where the model begins to fail; from the first reading on nothing need have."""
     there = begins is not None and begins[0] > seen.time[0] + FROM_THE_START * seen.span
     return f"changed at {begins[0]:.4g} min" if begins is not None and there else "may change"
+
+
+def _coolants(seen: Observations) -> list[str]:
+    """What to say of sensors that may read what cools the machine: no law of a heated body describes those."""
+    named = [c for c in seen.channels if any(word in c.lower() for word in USUAL["coolant"])]
+    return [
+        f"if {c} cools the machine, it is a condition of the test: --inputs {c}" for c in named[:1] if len(named) < seen.sensors
+    ]
 
 
 def _coarse(seen: Observations) -> list[str]:

@@ -1,6 +1,7 @@
 """Records with hidden effects: the catalogue's own drive run forward, with sizes drawn at random. For training and tests."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from ..errors import UsageError
 from .simulation import Probe, Simulation, sampled
 
 Array = NDArray[np.float64]
+
+#: The input of which effects may draw heat.
+COOLANT = "coolant_degC"
 
 
 def simulate_hidden(
@@ -45,6 +49,8 @@ def simulate_hidden(
         np.zeros(n),
         {"ambient": room},
     )
+    if not all(e.choices(run) for e in effects if e.logged):
+        run = replace(run, inputs={COOLANT: _coolant(time, ambient, rng)}, temperatures=(COOLANT,))
     parts, named, drawn = [], {}, []
     values: dict[Key, Any] = {
         RATE: np.array([p.rate_per_min for p in probes]),
@@ -81,8 +87,15 @@ def simulate_hidden(
         local, shared = model.vector({**values, **named})
         curves = model.forward(local, np.broadcast_to(shared, (n, len(shared))), np.arange(n))
         # A neighbour that warms is the sensor as it is, not as it would be alone.
-        run = Observations(run.name, run.channels, time, curves, blank, run.noise, run.resolution, run.ambient)
-    return sampled(probes, curves, seconds, room, step, seed, drawn, duration_min, interval_s, ambient)
+        run = replace(run, reading=curves)
+    return sampled(probes, curves, seconds, room, step, seed, drawn, duration_min, interval_s, ambient, run.inputs)
+
+
+def _coolant(time: Array, ambient: float, rng: np.random.Generator) -> Array:
+    """A chiller that hunts about a temperature near the room's, which is set anew on the way (N,) [degC]."""
+    period, turn, later = 40.0 + 60.0 * rng.random(), 2.0 * np.pi * rng.random(), (0.3 + 0.4 * rng.random()) * time[-1]
+    found: Array = ambient - 1.0 + np.sin(2.0 * np.pi * time / period + turn) - 2.0 * (time > later)
+    return found
 
 
 def _told(value: Any, concerned: tuple[bool, ...] | None, channels: tuple[str, ...]) -> Any:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..reading import Run, read_runs
+from ..reading_options import Options
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +28,7 @@ class Simulated:
 
     def run(self, name: str = "simulated") -> Run:
         """The record as it is read."""
-        (found,) = read_runs(self.columns, name=name)
+        (found,) = read_runs(self.columns, Options(inputs=tuple(self.truth.get("inputs", ()))), name=name)
         return found
 
     def to_frame(self) -> "pd.DataFrame":

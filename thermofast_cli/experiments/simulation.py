@@ -1,6 +1,7 @@
 """Records with known truth, of the base model: for training, demonstrations and tests."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -74,8 +75,9 @@ def sampled(
     duration_min: float,
     interval_s: float,
     ambient: float,
+    inputs: Mapping[str, Array] | None = None,
 ) -> Simulation:
-    """Noiseless curves (S, N) and room (N,) [degC] as a logger would keep them, and the truth behind them."""
+    """Noiseless curves (S, N), room and inputs (N,) [degC] as a logger would keep them, and the truth behind them."""
     rng = np.random.default_rng(seed)
     minutes = interval_s >= 60.0 and math.isclose(interval_s % 60.0, 0.0)
     columns: dict[str, Array] = {"time_min": seconds / 60.0} if minutes else {"time_s": seconds}
@@ -89,6 +91,7 @@ def sampled(
         columns[probe.channel] = logged(curve + probe.noise_c * rng.standard_normal(len(seconds)))
     room_noise = probes[0].noise_c
     columns["ambient"] = logged(room + room_noise * rng.standard_normal(len(seconds)))
+    columns |= {name: logged(values) for name, values in (inputs or {}).items()}
     truth = {
         "schema": "thermofast.truth/1",
         "seed": seed,
@@ -99,4 +102,4 @@ def sampled(
         "step_c": step,
         "sensors": [asdict(p) | {"rate_per_min": p.rate_per_min} for p in probes],
     }
-    return Simulation(columns, truth)
+    return Simulation(columns, truth | ({"inputs": list(inputs)} if inputs else {}))

@@ -99,11 +99,17 @@ def learnt_past(runs: Sequence[PastRun]) -> Past:
 def _room(fit: Fit) -> np.ndarray | None:
     """The surroundings that are logged, where no effect of the model accounts for them and they do not move with the machine."""
     run = fit.run
-    if not run.ambient or any(p.effect.follows_ambient for p in fit.model.parts):
+    if not run.ambient or _follows_room(fit):
         return None
     room = np.mean(list(run.ambient.values()), axis=0)
     seen = run.used.any(axis=0)
     return None if follows_machine(run.filled[:, seen], room[seen]) else room
+
+
+def _follows_room(fit: Fit) -> bool:
+    """Whether an effect of the model accounts for the logged surroundings; one may follow a coolant instead."""
+    parts = [p for p in fit.model.parts if p.effect.follows_ambient]
+    return any(p.choice.constants.get("column") not in fit.run.inputs for p in parts)
 
 
 def knowledge(task: LoopTask) -> list[Knowledge]:
@@ -163,7 +169,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
     rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(task, fit))
-    uses_room = any(p.effect.follows_ambient for p in fit.model.parts)
+    uses_room = _follows_room(fit)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
     return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
 

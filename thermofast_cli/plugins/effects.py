@@ -1,6 +1,7 @@
 """Effects: built in, of installed packages, of a user's own file. All pass one check, which says what to write instead."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import wraps
 from inspect import isgenerator
 from typing import Any
@@ -223,6 +224,7 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
     columns: dict[str, Any] = dict.fromkeys(("speed", "power", "coolant", "duty", "fan"), 1.0 + (time > 60.0))
     full = np.full(2, 0.01)
     run = Observations("trial", ("T1", "T2"), time, reading, np.ones_like(reading), full, full * 0.0, plenty, columns)
+    run = replace(run, inputs={**columns, "oil_degC": plenty["ambient"] - 2.0}, temperatures=("oil_degC",))
     with _guarded(effect):
         choices = list(effect.choices(run))
     if not all(isinstance(choice, Choice) for choice in choices):
