@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from benchmarks.discovery.row_and_flow import KINDS, judge, pipe, rod
+from benchmarks.discovery.row_and_flow import KINDS, cooled, judge, pipe, rod
+from thermofast.discovery.observe import observe
+from thermofast.models.effects import BUILT_IN
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -56,3 +58,48 @@ def test_a_flow_that_stops_holds_what_is_in_the_pipe():
     assert told.verdict == "transport_delay"
     assert told.ranking[0]["acts"] == "flow"
     assert told.parameters["transport_delay.delay"]["value"] == pytest.approx(10.0, abs=0.6)
+
+
+def test_a_coolant_is_the_machines_and_holds_in_another_run():
+    """Each sensor's coupling, and where it settles beside the coolant as it was last."""
+    first, coupling = cooled(3)
+    other, _ = cooled(3, run=1)
+    model = tf.improve(first, auto=True).model
+    assert model.effects == ("coolant_heat",)
+    told = tf.diagnose(first)[0]
+    assert told.parameters["coolant_heat.kappa"]["value"] == pytest.approx(coupling, rel=0.03)
+    assert "a room that moves would look like" not in told.advice  # it is the coolant that is logged
+    assert max(r.rmse_fit_c for r in tf.compare(other, model=model)) < 0.025
+    assert min(r.rmse_fit_c for r in tf.compare(other)) > 0.04
+
+
+def test_a_coolant_read_as_a_sensor_is_pointed_out():
+    run, _ = cooled(3)
+    columns = {
+        "time_min": run.time_s / 60.0,
+        **run.channels,
+        "coolant_degC": run.inputs["coolant_degC"],
+        "room": run.ambient["room"],
+    }
+    told = tf.diagnose(tf.read(columns, ambient="room"))
+    assert told[0].verdict == "unexplained"
+    assert "if coolant_degC cools the machine, it is a condition of the test: --inputs coolant_degC" in told[0].advice
+
+
+def test_a_temperature_that_is_logged_is_no_load():
+    run, _ = cooled(3)
+    seen = observe(run).seen
+    assert seen.temperatures == ("coolant_degC",)
+    acts = {kind.id: [c.constants.get("column", "") for c in kind().choices(seen)] for kind in BUILT_IN}
+    assert set(acts["coolant_heat"]) == {"coolant_degC"}
+    assert set(acts["ambient"]) == {"room"}
+    assert all("coolant_degC" not in columns for name, columns in acts.items() if name != "coolant_heat")
+
+
+def test_a_hidden_coolant_is_simulated_with_its_column_and_found():
+    made = tf.simulate(effects=["coolant_heat"], seed=4, sensors=3, duration=420)
+    assert made.truth["inputs"] == ["coolant_degC"]
+    told = tf.diagnose(made.run())[0]
+    assert told.verdict == "coolant_heat"
+    [hidden] = made.truth["effects"]
+    assert told.parameters["coolant_heat.kappa"]["value"] == pytest.approx(hidden["parameters"]["kappa"]["T1"], rel=0.05)

@@ -1,9 +1,10 @@
-"""Heat along a row of sensors, and a delay that follows a logged flow: are they found, and are simpler things left as they are?
+"""Heat along a row, to a logged coolant, a delay that follows a logged flow: are they found, and is what is not there left out?
 
 python -m benchmarks.discovery.row_and_flow [--each 40] [--seed 0] simulates rods of three to six bodies by scipy, linked each to
-the next or in pairs only, and plug flow through a pipe whose flow moves in steps, with the delay that follows of it or one delay
-all the while. Right is the effect with its way of acting, every link as it is; or some of them, and none that is not there. Told
-beside it is the median error of its coupling or delay.
+the next or in pairs only; plug flow through a pipe whose flow moves in steps, with the delay that follows of it or one delay all
+the while; bodies that a coolant of a logged temperature cools, each in its own measure, or that it does not touch. Right is the
+effect with its way of acting, every link as it is; or some of them, and none that is not there. Told beside it is the median error
+of its coupling or delay.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 
-KINDS = ("row", "uneven row", "pairs", "flow", "one delay")
+KINDS = ("row", "uneven row", "pairs", "flow", "one delay", "coolant", "idle coolant")
 RODS = ("row", "uneven row", "pairs")
 
 
@@ -66,18 +67,47 @@ def pipe(seed: int, follows: bool = True, noise: float = 0.02, run: int = 0) -> 
     return tf.read(data, inputs="flow_lpm", name=f"pipe {seed}"), float(volumes[0] / (flow.max() if follows else 3.0))
 
 
+def cooled(seed: int, touches: bool = True, noise: float = 0.02, run: int = 0) -> tuple[tf.Run, float]:
+    """(run, the first sensor's coupling [1/min]) of three bodies and a coolant whose chiller hunts and is set anew on the way."""
+    machine, rng = np.random.default_rng(seed), np.random.default_rng([seed, run, 5])
+    loss = machine.uniform(0.008, 0.025, 3)
+    coupling = loss * machine.uniform(0.15, 0.8, 3) * touches
+    heat = (loss + coupling) * machine.uniform(8.0, 20.0, 3) * rng.uniform(0.8, 1.2)
+    time = np.linspace(0.0, 420.0, 421)
+    period, size, later, anew = rng.uniform(30.0, 120.0), rng.uniform(0.5, 2.0), rng.uniform(100.0, 300.0), rng.uniform(-3.0, 3.0)
+
+    def coolant(t: np.ndarray) -> np.ndarray:
+        return np.asarray(18.0 + size * np.sin(2.0 * np.pi * t / period) + anew * (t > later))
+
+    def law(t: float, y: np.ndarray) -> np.ndarray:
+        return np.asarray(heat - loss * (y - 21.0) - coupling * (y - coolant(np.asarray(t))))
+
+    found = solve_ivp(law, (0.0, 420.0), np.full(3, 20.5), t_eval=time, rtol=1e-8, atol=1e-8, max_step=1.0).y
+    rows = {f"T{i + 1}": row + noise * rng.standard_normal(421) for i, row in enumerate(found)}
+    columns = {"time_min": time, **rows, "room": 21.0 + 0.01 * rng.standard_normal(421), "coolant_degC": coolant(time)}
+    return tf.read(columns, ambient="room", inputs="coolant_degC", name=f"cooled {seed}"), float(coupling[0])
+
+
 def judge(job: tuple[str, int]) -> tuple[str, str, float]:
     """(kind, 'right', 'other way' or what was said, relative error of the number) of one record."""
     kind, seed = job
-    run, true = rod(seed, kind) if kind in RODS else pipe(seed, kind == "flow")
+    if "coolant" in kind:
+        run, true = cooled(seed, kind == "coolant")
+        name, key = ("coolant_heat", "kappa")
+    else:
+        run, true = rod(seed, kind) if kind in RODS else pipe(seed, kind == "flow")
+        name, key = ("neighbour_heat", "kappa") if kind in RODS else ("transport_delay", "delay")
     record = tf.diagnose(run)[0]
-    name, key = ("neighbour_heat", "kappa") if kind in RODS else ("transport_delay", "delay")
+    if kind == "idle coolant" and record.verdict == "none":
+        return kind, "right", 0.0
     if record.verdict != name:
         return kind, record.verdict, np.nan
     told, names = set(filter(None, record.ranking[0]["acts"].split(", "))), list(run.channels)
     row = {f"{c} by {' and '.join(names[j] for j in (i - 1, i + 1) if 0 <= j < len(names))}" for i, c in enumerate(names)}
     pairs = {f"{c} by {names[i ^ 1]}" for i, c in enumerate(names)} if kind == "pairs" else set()
-    true_ways = {"row": row, "uneven row": row, "pairs": pairs, "flow": {"flow_lpm"}, "one delay": set()}[kind]
+    true_ways = {"row": row, "uneven row": row, "pairs": pairs, "flow": {"flow_lpm"}, "one delay": set()}.get(
+        kind, {"coolant_degC"}
+    )
     said = "right" if told == true_ways else "not all" if kind in RODS and told < true_ways else "other way"
     return kind, said, abs(record.parameters[f"{name}.{key}"]["value"] / true - 1.0)
 
