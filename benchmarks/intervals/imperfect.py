@@ -2,7 +2,8 @@
 
 python -m benchmarks.intervals.imperfect [--machines 100] [--seed 50000] [--simulator bar|network|plate|both] [--scale] prints, by
 identification time: coverage of all rows and of ``ok`` rows, median width, interval score (Winkler, 95 %) over that of an oracle
-that knows the best constant width, and the RMS error over that of the bare law (``--imperfection none --rates own``).
+that knows the best constant width, and the RMS error over that of the bare law (``--imperfection none --rates own``); with
+dominant effects, what the law leaves of the range of the readings at most where a row is ``ok`` (the rule `lawless`).
 """
 
 import argparse
@@ -39,6 +40,7 @@ class Row:
     at: tuple[float, float, float]
     bare_error: float
     bare_held: bool
+    left: float
 
 
 def rows_of(
@@ -64,6 +66,7 @@ def rows_of(
         bare = tf.identify(record, until=until, at=at, imperfection="none", rates="own").records
         short = {name: column[time - time[0] <= until + 1e-9] for name, column in record.items()}
         cut = tf.identify(short, imperfection=prior).records
+        ranges = [float(np.ptp(np.percentile(short[name], (1, 99)))) for name in short if name != "time_min"]
         last = int(np.searchsorted(time - time[0], until + 1e-9, "right")) - 1
         end = int(np.abs(time - time[0] - at - began).argmin())
         for i, (r, b, c) in enumerate(zip(said, bare, cut, strict=True)):
@@ -81,6 +84,7 @@ def rows_of(
                     _three(r.at_lo_c, r.at_c, r.at_hi_c),
                     (b.at_c if b.at_c is not None else np.nan) - truth,
                     _holds(_three(b.steady_state_lo_c, b.steady_state_c, b.steady_state_hi_c), float(run.limit[:, good][i, last])),
+                    (c.rmse_fit_c or 0.0) / ranges[i],
                 )
             )
     return found
@@ -151,6 +155,9 @@ def mixture(background: Sequence[Row], strong: Sequence[Row], times: Sequence[fl
             among = sum((h & o).mean() for h, o in zip(held, those, strict=True)) / max(sum(shares), 1e-9)
             cells += [f"{among:.3f}", *(f"{s:.2f}" for s in shares)]
         print("| " + " | ".join(cells) + " |")
+    most = [max((r.left for r in rows if r.status_cut == "ok"), default=0.0) for rows in (background, strong)]
+    left = f"background {most[0]:.3f}, effects {most[1]:.3f}"
+    print(f"\nResiduals of the law over the range of the readings, largest of rows `ok` where the record ends there: {left}.")
     print("\n| effect | " + " | ".join(f"{t:g} min" for t in times) + " |\n| --- |" + " ---: |" * len(times))
     for effect in EFFECTS:
         line = []

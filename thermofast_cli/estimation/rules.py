@@ -31,7 +31,7 @@ class EstimationRules:
         0.15,
         "range of the readings",
         "residuals of the law, in a pattern, from which one exponential is no word about the record",
-        "simulated machines with a dominant effect whose rows are `ok` leave 0.05 at most",
+        "benchmarks.intervals.imperfect: what rows that are `ok` leave at most, with a dominant effect too",
     )
     room_share: float = rule(
         0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND
