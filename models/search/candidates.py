@@ -213,6 +213,36 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
     return best
 
 
+def _mutual(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
+    """A way in which every link goes both ways, where those found do not and the readings hardly tell the two apart.
+
+    Where all sensors have a link each picks a neighbour by its own noise; heat is conducted both ways.
+    """
+    run, (value, fit, part) = before.run, best
+    ends = [part.choice.ends(i) for i in range(run.sensors)]
+    if not part.choice.by_sensor or not part.concerns(run.sensors).all() or _go_both_ways(ends):
+        return best
+    found = best
+    for choice in effect.choices(run):
+        if not choice.by_sensor or not _go_both_ways([choice.ends(i) for i in range(run.sensors)]):
+            continue
+        other = Part(effect, choice)
+        parts = [*before.model.parts, other]
+        key = Key(len(parts) - 1, effect.amplitude)
+        anew = with_parts(before, parts)
+        coupled = anew | {key: np.maximum(fit.values[key], 0.5 * fit.values[RATE])}
+        for start in (anew, coupled, with_parts(fit, parts)):
+            again = fit_model(run, parts, start)
+            gained = _value(before, again, other)
+            if again.physical and gained > value - RULES.one_way and (found is best or gained > found[0]):
+                found = gained, again, other
+    return found
+
+
+def _go_both_ways(ends: Sequence[set[int]]) -> bool:
+    return all(i in ends[j] for i, mine in enumerate(ends) for j in mine)
+
+
 def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
     run, at, n = before.run, len(before.model.parts), before.run.sensors
     best: Candidate | None = None
@@ -361,7 +391,7 @@ def _joined(
     fit = unmirrored(fit, len(parts) - 1)
     if not quick:
         fit, part = _pruned(fit, part)
-        _, fit, part = _elaborate(before, effect, (_value(before, fit, part), fit, part))
+        _, fit, part = _mutual(before, effect, _elaborate(before, effect, (_value(before, fit, part), fit, part)))
     return _candidate(before, fit, effect, part)
 
 
