@@ -121,10 +121,9 @@ def test_a_door_that_was_open_for_a_while_is_a_cooling_that_changed_twice():
     assert found["cooling_switch.event"]["value"] < found["cooling_switch.2.event"]["value"]
 
 
-@pytest.mark.parametrize(("seed", "rivals"), [(24001, ["load_step+load_step.2"]), (24002, [])])
-def test_a_load_that_went_down_and_up_is_said_where_it_explains_a_door_as_well(seed, rivals):
-    told = tf.diagnose(open_door(np.random.default_rng(seed), imperfect=True), jobs=1)[0]
+def test_a_load_that_went_down_and_up_is_said_where_it_explains_a_door_as_well():
+    told = tf.diagnose(open_door(np.random.default_rng(24001), imperfect=True), jobs=1)[0]
     assert told.verdict == "cooling_switch+cooling_switch.2"
-    assert told.also_possible == rivals
-    assert [step["or"] for step in told.explained] == ["".join(rivals)]
-    assert ("(or load_step+load_step.2)" in told.message) is bool(rivals)
+    assert told.also_possible == ["load_step+load_step.2"]
+    assert [step["or"] for step in told.explained] == told.also_possible
+    assert "(or load_step+load_step.2)" in told.message
