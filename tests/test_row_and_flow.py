@@ -90,11 +90,14 @@ def test_a_coolant_read_as_a_sensor_is_pointed_out():
 
 def test_a_temperature_that_is_logged_is_no_load():
     run, _ = cooled(3)
-    seen = observe(run).seen
+    power = {"power_W": 500.0 + 100.0 * (run.time_s > 6000.0)}
+    columns = {"time_min": run.time_s / 60.0, **run.channels, **run.ambient, **run.inputs, **power}
+    seen = observe(tf.read(columns, ambient="room", inputs=["coolant_degC", "power_W"])).seen
     assert seen.temperatures == ("coolant_degC",)
     acts = {kind.id: [c.constants.get("column", "") for c in kind().choices(seen)] for kind in BUILT_IN}
     assert set(acts["coolant_heat"]) == {"coolant_degC"}
     assert set(acts["ambient"]) == {"room"}
+    assert "power_W" in acts["load_step"]
     assert all("coolant_degC" not in columns for name, columns in acts.items() if name != "coolant_heat")
 
 
