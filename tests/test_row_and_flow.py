@@ -77,6 +77,10 @@ def test_a_coolant_is_the_machines_and_holds_in_another_run():
     assert "a room that moves would look like" not in told.advice  # it is the coolant that is logged
     assert max(r.rmse_fit_c for r in tf.compare(other, model=model)) < 0.025
     assert min(r.rmse_fit_c for r in tf.compare(other)) > 0.04
+    columns = {"time_min": other.time_s / 60.0, **other.channels, **other.inputs, **other.ambient}
+    [row, *_] = tf.identify(tf.read(columns, ambient="room"), until=60.0, model=model, jobs=1)
+    assert row.status == "unreadable"
+    assert "needs the column 'coolant_degC'; found: coolant_degC read as a sensor; do: --inputs coolant_degC" in row.message
 
 
 def test_a_coolant_read_as_a_sensor_is_pointed_out():

@@ -200,7 +200,9 @@ def _records(
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
         event = event_of(found.named.fit, i) if found.named is not None else None
-        message = "; ".join(dict.fromkeys([evidence, *more, *prepared.notes_of(channel)]))
+        # What befell a sensor's own readings comes before what is said of all.
+        own = [f"{n.channel}: {n.text}" for n in prepared.notes if n.channel == channel]
+        message = "; ".join(dict.fromkeys([*own, evidence, *more, *prepared.notes_of(channel)]))
         records.append(
             DiagnoseRecord(
                 task.run.name,

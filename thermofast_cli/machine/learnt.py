@@ -180,8 +180,8 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
     if column and column not in have:
         raise UsageError(
             f"{source}: the model's effect {entry.id!r} needs the column {column!r}",
-            found=", ".join(have) or "no logged inputs",
-            do="log it, or learn a model without this effect",
+            found=f"{column} read as a sensor" if column in seen.channels else ", ".join(have) or "no logged inputs",
+            do=f"--inputs {column}" if column in seen.channels else "log it, or learn a model without this effect",
         )
     names = {p.name for p in effect.parameters}
     unknown = [n for n in entry.searched if n not in names]
