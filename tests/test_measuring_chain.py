@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import xlsxwriter
+from conftest import ROOT
 
 import thermofast as tf
 from thermofast.discovery.observe import observe
+from thermofast.discovery.wording import _coarse, _unlogged, _when
 from thermofast.models.noise.chain import came_off, originals
 
 TIME = np.arange(360.0)
@@ -121,3 +123,27 @@ def test_a_sheet_of_notes_beside_the_record_is_no_second_table(tmp_path):
         for k, (minute, value) in enumerate(zip(TIME, warming(0.02, 25.0, 1), strict=True)):
             sheet.write_row(k + 1, 0, [minute, value])
     assert list(tf.read(path).channels) == ["T1"]
+
+
+def test_advice_names_what_is_not_logged_the_moment_and_a_coarse_logger():
+    columns = {"time_min": TIME, "T1": warming(0.02, 25.0, 1), "T2": warming(0.01, 15.0, 2)}
+    seen = observe(tf.read(columns)).seen
+    assert _unlogged(seen) == " (speed, power, coolant, room)"
+    logged = {"spindle_rpm": 1000.0 + (TIME > 50.0), "room": 20.0 + 0.01 * TIME}
+    assert _unlogged(observe(tf.read({**columns, **logged}, ambient="room")).seen) == " (power, coolant)"
+    assert _when((130.0, 150.0, 0.4), seen) == "changed at 130 min"
+    assert _when((2.0, 150.0, 0.4), seen) == _when(None, seen) == "may change"
+    assert _coarse(seen) == []
+    whole = observe(tf.read({n: np.round(v) for n, v in columns.items()})).seen
+    assert _coarse(whole) == ["readings in steps of 1 K hide what is smaller: log more digits"]
+
+
+@pytest.mark.skipif(not (ROOT / "../shared/cases").exists(), reason="the simulated machines of ../shared are not there")
+def test_no_simulated_machine_of_others_is_taken_for_one_whose_probe_came_off():
+    looked = 0
+    for path in sorted((ROOT / "../shared/cases").glob("*/*.csv"))[::5]:
+        found = observe(tf.read(path))
+        assert not [n.text for n in found.notes if "come off" in n.text], path
+        assert not [why for _, _, why in found.refused if "every reading" in why], path
+        looked += 1
+    assert looked > 50

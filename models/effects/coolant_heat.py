@@ -7,10 +7,7 @@ import numpy as np
 
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter, varying
-
-#: Columns that are tried.
-MOST = 4
+from .base import MOST_COUPLED, Choice, Effect, Parameter, tried_columns
 
 
 class CoolantHeat(Effect):
@@ -44,12 +41,11 @@ class CoolantHeat(Effect):
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
-        warm = {n: c for n, c in run.inputs.items() if n in run.temperatures}
-        return [Choice(n, {"column": n}) for n in list(varying(warm))[:MOST]]
+        return [Choice(n, {"column": n}) for n in tried_columns(run, warm=True)]
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.links.append((p.kappa, run.inputs[p.column][None, :]))
 
     def physical(self, choice: Choice, who: Any, rate: Any, own: dict[str, Any]) -> bool:
         """A sensor that only follows the column is no part of the machine that the law describes, but one beside it."""
-        return bool(np.all((own["kappa"] < 25.0 * rate)[who]))
+        return bool(np.all((own["kappa"] < MOST_COUPLED * rate)[who]))

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from ..core.kernel import Array
 from ..drive import Drive
 from ..observations import Observations
-from .base import Choice, Effect, Parameter
+from .base import MOST_COUPLED, Choice, Effect, Parameter
 
-#: Coupling over own rate from which a link explains anything: true links in simulated and real records reach 15.
-MOST_COUPLED = 25.0
 #: Constants that name a sensor for each sensor; a sensor that is its own `other` has one neighbour.
 SENSORS = ("source", "other")
 #: Parameters that are not searched where both neighbours of a row are coupled alike, or there is one.
@@ -84,12 +82,10 @@ class NeighbourHeat(Effect):
             drive.links.append((p.kappa * getattr(p, "ratio", 1.0) * both[:, None], run.filled[other]))
 
     def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
-        ends = {int(choice.constants[k][sensor]) for k in SENSORS if k in choice.constants} - {sensor}
-        # The one before is named by the first constant, the one after by the other.
-        couplings = [own["kappa"], own["kappa"] * own.get("ratio", 1.0)][: len(ends)]
-        share = [k / (sum(couplings) + rate) for k in couplings]
-        first = [int(choice.constants[k][sensor]) for k in SENSORS if k in choice.constants]
-        return float(np.sqrt(sum((w * run.noise[i]) ** 2 for w, i in zip(share, first, strict=False))))
+        ends = [int(choice.constants[k][sensor]) for k in SENSORS if k in choice.constants]
+        couplings = {i: own["kappa"] * r for i, r in zip(ends, (1.0, own.get("ratio", 1.0)), strict=False) if i != sensor}
+        total = sum(couplings.values()) + rate
+        return float(np.sqrt(sum((k / total * run.noise[i]) ** 2 for i, k in couplings.items())))
 
     def physical(self, choice: Choice, who: Any, rate: Array, own: dict[str, Array]) -> bool:
         """Heat is conducted both ways; a sensor that only follows its neighbour, with hardly a loss of its own, is no link."""

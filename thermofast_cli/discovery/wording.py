@@ -34,9 +34,11 @@ COARSE = 0.3
 #: Effects that need the surroundings logged.
 ROOMS = tuple(kind.id for kind in BUILT_IN if kind.follows_ambient)
 #: What the names of columns contain that tell of a machine's load and cooling.
+_POWER = ("power", "load", "duty", "current", "watt", "leistung", "last", "功率", "电流", "電力", "電流")
 USUAL = {
     "speed": ("speed", "rpm", "drehzahl", "转速", "轉速", "回転"),
-    "power": ("power", "load", "duty", "current", "watt", "leistung", "last", "功率", "电流", "電力", "電流"),
+    "power": _POWER,
+    "duty": _POWER,
     "coolant": ("cool", "fan", "flow", "kühl", "kuehl", "冷却"),
 }
 
@@ -224,7 +226,6 @@ def hints_of(candidates: Sequence[Candidate], seen: Observations) -> list[str]:
         part.strip() for c in candidates for p in c.parts for part in p.effect.separate.split(";") if p.effect.separate
     )
     logged = _logged(seen)
-    logged["duty"] = logged["power"]
     return [h for h in hints if not (h.startswith("log ") and any(word in h and there for word, there in logged.items()))]
 
 
