@@ -14,6 +14,8 @@ MOST_RUNS, MOST_TRIED = 6, 14
 @styled
 def draw_ranking(records: Sequence[DiagnoseRecord]) -> Any:
     """A dot for each effect or set that was tried, at the rms residual of the run with it; named ones in colour."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     runs = list(dict.fromkeys(r.run for r in records if r.ranking))[:MOST_RUNS]
     if not runs:
         return None
@@ -33,6 +35,9 @@ def draw_ranking(records: Sequence[DiagnoseRecord]) -> Any:
             axis.legend(loc="upper right")
         axis.set_yticks(places, labels)
         axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))  # powers and their parts in words run into each other
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_xlabel("residuals with it, rms K")
         verdicts = list(dict.fromkeys(r.verdict for r in mine))
         axis.set_title(_plain(f"{Path(run).name}: {', '.join(verdicts)}"))
