@@ -22,7 +22,18 @@ from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of
 from .curves import Curves, curves_of, trace_columns
 from .estimate import Estimates, FilterError, Model, remaining
-from .imperfect import Claims, Closed, claims, follows_machine, moved_by_room, room_at, said_of_slow, times_asked
+from .imperfect import (
+    Claims,
+    Closed,
+    claims,
+    follows_machine,
+    in_room,
+    moved_by_room,
+    room_at,
+    said_of_slow,
+    times_asked,
+    until_then,
+)
 from .measured import contradicts, measured_equilibria, outside_band
 from .rules import RULES
 from .sensor import Sensors, prepare_all, refusal
@@ -332,6 +343,9 @@ class _Block:
                 side[k] = math.nan if value is None else value
         for side in to_go:
             side[np.isnan(found.t95)] = math.nan
+        at, of_room = self._at(claimed, found)
+        room = None if self.surroundings is None else self.surroundings[:n]
+        gain_doubt = self.method.imperfection.background.logged
         numbers = {
             "initial_c": found.initial,
             "steady_state_c": found.steady_state,
@@ -351,8 +365,8 @@ class _Block:
             "rmse_fit_c": found.misfit,
             "rmse_ahead_c": ahead,
             "reading_half_width_c": 0.5 * (law.steady_high - law.steady_low),
-            **self._at(claimed, found),
-            **self._in_room(found),
+            **at,
+            **in_room((found.steady_low, found.steady_state, found.steady_high), room, self.room_c, gain_doubt),
         }
         tripped = self._trips(found, claimed)
         if tripped is not None and self.criterion is not None:
@@ -369,7 +383,7 @@ class _Block:
             rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
             columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
             columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]
-        said = [self._said(i, messages.get(i, ()), claimed, tripped) for i in range(len(sensors))]
+        said = [self._said(i, (*messages.get(i, ()), *of_room), claimed, tripped) for i in range(len(sensors))]
         for i, why in broken.items():
             status[i], said[i] = "diverged", _joined([why, self.notes[sensors.rows[i]]])
         told: dict[str, Column] = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}
@@ -394,35 +408,21 @@ class _Block:
                 said.append("the logged surroundings move with the machine and are not used")
         return _joined(said) if said else ""
 
-    def _at(self, claimed: Claims | None, found: Estimates) -> dict[str, Array]:
-        """Time, temperature and its interval at the time asked for."""
-        none = np.full(len(self.sensors), np.nan)
-        if self.at_min is None:
-            return {"at_min": none, "at_c": none, "at_lo_c": none, "at_hi_c": none}
-        named = np.full_like(none, self.at_min)
-        time = self.at_min + self.start_min
-        if claimed is not None:
+    def _at(self, claimed: Claims | None, found: Estimates) -> tuple[dict[str, Array], tuple[str, ...]]:
+        """Time, temperature and its interval at the time asked for; and what the room may do until then, in words."""
+        said: tuple[str, ...] = ()
+        at = np.full((len(self.sensors), 3), np.nan)
+        time = (self.at_min or 0.0) + self.start_min
+        if self.at_min is not None and claimed is not None:
             at = claimed.at[:, int(np.abs(claimed.times - time).argmin())]
-            return {"at_min": named, "at_c": at[:, 1], "at_lo_c": at[:, 0], "at_hi_c": at[:, 2]}
-        there = np.array([time])
-        middle, half = found.free_run(there)[:, 0], found.band_from_tangent(there)[:, 0]
-        return {"at_min": named, "at_c": middle, "at_lo_c": middle - half, "at_hi_c": middle + half}
-
-    def _in_room(self, found: Estimates) -> dict[str, Array]:
-        """The steady state in the room asked for: it moves as the room does, by a gain near one."""
-        none = np.full(len(self.sensors), np.nan)
-        names = ("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c")
-        room = self.surroundings
-        if self.room_c is None or room is None:
-            return dict.fromkeys(names, none)
-        used = room[: self.count]
-        moved = self.room_c - float(np.median(used[-max(1, len(used) // 50) :]))
-        doubt = 1.96 * self.method.imperfection.background.logged * abs(moved)
-        low, high = (
-            np.hypot(side, doubt) for side in (found.steady_state - found.steady_low, found.steady_high - found.steady_state)
-        )
-        middle = found.steady_state + moved
-        return dict(zip(names, (np.full_like(none, self.room_c), middle, middle - low, middle + high), strict=True))
+            if self.surroundings is not None:
+                then, room = self.sensors.time[: self.count], self.surroundings[: self.count]
+                at, said = until_then(at, then, room, claimed.rate[:, 1], time, self.method.imperfection.background.logged)
+        elif self.at_min is not None:
+            middle, half = (of(np.array([time]))[:, 0] for of in (found.free_run, found.band_from_tangent))
+            at = np.stack([middle - half, middle, middle + half], axis=1)
+        named = np.full(len(at), np.nan if self.at_min is None else self.at_min)
+        return {"at_min": named, "at_c": at[:, 1], "at_lo_c": at[:, 0], "at_hi_c": at[:, 2]}, said
 
     def _trips(self, found: Estimates, claimed: Claims | None) -> Trips | None:
         """When the stopping rule asked for holds: on the readings used, else foretold."""

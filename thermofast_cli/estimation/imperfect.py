@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
-from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
+from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, room_ahead, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
 
@@ -29,6 +29,8 @@ GROUP = 50
 AHEAD, DRAWN = 9, 30
 #: The same of a rise with corners, which a logged column or an event gives it.
 CORNERED = 32
+#: Share of an interval's width, and size [K], from which what the room may do until the time asked for is told.
+TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
 
@@ -314,6 +316,36 @@ def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float,
         return np.zeros((len(rate), len(later)))
     moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
     return np.array([np.interp(later, grid, line) for line in moved])
+
+
+def until_then(
+    at: Array, time_min: Array, room: Array, rate: Array, until: float, gain_doubt: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Temperatures at a named time (S, 3) [degC], foretold for a room that stays, with what the room may do until then.
+
+    room (n,) [degC] is logged at time_min (n,), rate (S,) [1/min], gain_doubt (1 sd) by how much sensors follow it more or less.
+    Also what the room itself does until then, in words where it counts.
+    """
+    rates = np.append(np.where(np.isfinite(rate), rate, 1.0), math.inf)  # the last is the room itself
+    mean, deviation = room_ahead(time_min, room, rates, until)
+    doubt = 1.96 * np.hypot(deviation, gain_doubt * np.abs(mean))[:-1]
+    low, middle, high = (side + mean[:-1] for side in at.T)
+    moved = np.stack([middle - np.hypot(middle - low, doubt), middle, middle + np.hypot(high - middle, doubt)], axis=1)
+    with np.errstate(invalid="ignore"):
+        counts = np.any(doubt + np.abs(mean[:-1]) > np.maximum(TOLD_OF_ROOM * (at[:, 2] - at[:, 0]), TOLD_FROM))
+    words = f"the room as logged may move by {rounded(mean[-1])} ± {rounded(1.96 * deviation[-1])} K until then, which at_c counts"
+    return moved, (words,) if counts else ()
+
+
+def in_room(steady: Sequence[Array], used: Array | None, room_c: float | None, gain_doubt: float) -> dict[str, Array]:
+    """Columns of the limit (low, middle, high) (S,) [degC], found in a room logged (n,), in another: it moves as the room does."""
+    found = (np.full_like(steady[0], np.nan),) * 4
+    if used is not None and room_c is not None:
+        moved = room_c - float(np.median(used[-max(1, len(used) // 50) :]))
+        low, middle, high = steady
+        below, above = (np.hypot(side, 1.96 * gain_doubt * abs(moved)) for side in (middle - low, high - middle))
+        found = (np.full_like(middle, room_c), middle + moved, middle + moved - below, middle + moved + above)
+    return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True))
 
 
 def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_]) -> Part:
