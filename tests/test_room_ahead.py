@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.models.imperfection import room_ahead
+from thermofast.models.uncertainty.surroundings import room_ahead
 
 TIME = np.arange(0.0, 120.5, 0.5)
 AT_ONCE = np.array([np.inf])

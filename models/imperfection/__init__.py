@@ -20,7 +20,6 @@ from .past import (
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged
-from .surroundings import room_ahead
 
 __all__ = [
     "FAST_MODES",
@@ -45,7 +44,6 @@ __all__ = [
     "lagged",
     "learn_past",
     "pilot",
-    "room_ahead",
     "settle",
     "widths_left_out",
 ]

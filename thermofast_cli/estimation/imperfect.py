@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
-from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, room_ahead, settle
+from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
+from thermofast.models.uncertainty.surroundings import room_ahead
 
 from ..errors import rounded
 from ..standards.stopping import DRAWS, asked_ahead, foretold_trips

@@ -9,7 +9,7 @@ for Machine Learning, ch. 2 and 4). Stationary, because a room comes back in the
 import numpy as np
 from numpy.typing import NDArray
 
-from .shapes import lagged
+from ..imperfection import lagged
 
 Array = NDArray[np.float64]
 
