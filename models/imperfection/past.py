@@ -8,6 +8,7 @@ well, which they are after a complete run; so the amplitudes have a mean and a c
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +133,10 @@ class Rise:
         return curve, held, whole
 
 
+#: Whether effects were looked for, and for whom they are.
+Searched = Literal["", "all", "each"]
+
+
 @dataclass(frozen=True)
 class Past:
     """What `runs` complete runs say: a shape per sensor, scatter of the log rate from run to run and spread within a run, and the
@@ -140,7 +145,9 @@ class Past:
     stretches (runs,) are those of the runs learnt from; factors those on half-widths that the runs ask for, as in
     :class:`Imperfection`; rises are those of the run at hand, where a model of it has more than the law. guessed: there were no
     runs, and what stands here of rates is a guess from the run at hand. unexplained: sensors whose readings the model leaves in a
-    pattern: its effects stand for what is missing in it, too, and are others in another run.
+    pattern: its effects stand for what is missing in it, too, and are others in another run. searched: the rises are of effects
+    that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
+    a machine's usual disturbance does.
     """
 
     shapes: dict[str, SensorShape]
@@ -154,6 +161,7 @@ class Past:
     guessed: bool = False
     rises: dict[str, Rise] = field(default_factory=dict)
     unexplained: tuple[str, ...] = ()
+    searched: Searched = ""
 
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt."""

@@ -33,6 +33,8 @@ from .imperfect import (
     said_of_slow,
     times_asked,
     until_then,
+    why_let_go,
+    without_past,
 )
 from .measured import contradicts, measured_equilibria, outside_band
 from .rules import RULES
@@ -40,13 +42,6 @@ from .sensor import Sensors, prepare_all, refusal
 from .verdicts import claimed_verdicts, comes_back, law_verdicts, with_claims
 
 Array = NDArray[np.float64]
-
-
-#: What is said where a drive (True) or past runs are not counted, because the readings contradict them.
-LET_GO = {
-    True: "the readings do not follow the drive or the effects added, and they are not counted",
-    False: "past runs of this machine do not fit this one and are not counted",
-}
 
 
 @dataclass(frozen=True)
@@ -394,14 +389,14 @@ class _Block:
         """What a sensor's row says in words: of its numbers, its readings, and of how it was read."""
         row = self.sensors.rows[i]
         let_go = claimed is not None and bool(claimed.let_go[i])
-        of_past = ("with ", "by ") if let_go else ()
-        about = [n for n in self.notes[row].split("; ") if not n.startswith(of_past)] if self.notes[row] else []
+        about = self.notes[row].split("; ") if self.notes[row] else []
+        about = without_past(about) if let_go else about
         said = [*about_numbers, *self.sensors.notes[i], *about]
         if tripped is not None and tripped.late[i]:
             said.insert(0, "a long gap lies before the trip: the rule may have held earlier")
         if claimed is not None:
             if let_go:
-                said.insert(0, LET_GO[bool(self.method.past and self.method.past.guessed)])
+                said.insert(0, why_let_go(self.method.past))
             if self.room_c is not None and self.room is None and (self.method.past is None or self.method.past.guessed):
                 said.append("--room needs a column of the surroundings, and there is none")
             if self.room is not None and self.surroundings is None:

@@ -36,6 +36,12 @@ TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
 NAMED = 6
 
 
+#: What is said where a drive, effects that a search chose or past runs are not counted, because the readings contradict them.
+NOT_FOLLOWED = "the readings do not follow the drive or the effects added, and they are not counted"
+NOT_LIKELIER = "what was found makes the readings hardly likelier than a machine's usual disturbances do, and is not counted"
+NOT_THIS_RUN = "past runs of this machine do not fit this one and are not counted"
+
+
 @dataclass(frozen=True)
 class Closed:
     """Sensors of one block on their way: the first `count` readings were used, found is what they say by the law alone.
@@ -154,25 +160,31 @@ def _let_go(
     past: Past,
 ) -> None:
     """Marks sensors whose readings contradict the past: beyond all it allows, by an effect that is not there without it, or because
-    they are far likelier without it, each or all of the run together.
+    they are far likelier without it, each or all of the run together. What a search chose must make them
+    likelier.
     """
     mine = [m & e.known for m, e in zip(members, told, strict=True)]
     if not any(m.any() for m in mine):
         return
     strange = [m & (~(e.check_p >= RULES.unfit) | (e.strong > RULES.strong)) for m, e in zip(mine, told, strict=True)]
-    looked = strange if past.guessed else mine
+    looked = strange if past.guessed and not past.searched else mine
     if not any(m.any() for m in looked):
         return
     alone = [_empty(c, e.times[:0], e.ahead[:0], prior) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)
     for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
-    whole = not past.guessed and sum(float(f.sum()) for f in for_none) > RULES.contradicted
+    together = sum(float(f.sum()) for f in for_none)
+    whole = together > -RULES.searched if past.searched else not past.guessed and together > RULES.contradicted
     for one, other, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
         plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
         # Beyond all it allows, by chance too: without it they must be likelier, or nothing is won by letting it go.
         one.let_go[:] |= odd & (plain | (~(one.check_p >= RULES.unfit) & (likelier > 0.0)))
+        if whole:
+            one.let_go[:] |= m
         if not past.guessed:
-            one.let_go[:] |= m & (whole | (likelier > RULES.contradicted))
+            one.let_go[:] |= m & (likelier > RULES.contradicted)
+        if past.searched == "each":
+            one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
 
@@ -317,6 +329,18 @@ def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float,
         return np.zeros((len(rate), len(later)))
     moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
     return np.array([np.interp(later, grid, line) for line in moved])
+
+
+def why_let_go(past: Past | None) -> str:
+    """What is said of a sensor whose past was let go."""
+    if past is None or not past.guessed:
+        return NOT_THIS_RUN
+    return NOT_LIKELIER if past.searched else NOT_FOLLOWED
+
+
+def without_past(notes: Sequence[str]) -> list[str]:
+    """Notes of a sensor whose past was let go: nothing was identified with it, and what was found was not added."""
+    return [n.replace(" added, which", " found, which") for n in notes if not n.startswith(("with ", "by "))]
 
 
 def until_then(

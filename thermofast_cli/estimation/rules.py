@@ -26,6 +26,15 @@ class EstimationRules:
     contradicted: float = rule(
         3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
     )
+    searched: float = rule(
+        3.0,
+        "1",
+        "log likelihood that all readings of a run must gain by effects that a search chose, over a machine's usual disturbance",
+        "the choice of one of 13 effects costs its logarithm, 2.6",
+    )
+    searched_each: float = rule(
+        1.0, "1", "the same of a sensor that may have an effect while others have none, once the run has gained so much", BY_HAND
+    )
     hides: float = rule(0.1, "1", "probability that a slow second mass moves the limit out of the interval", BY_HAND)
     lawless: float = rule(
         0.15,
@@ -48,6 +57,10 @@ class EstimationRules:
         3.29 / 1.96, "1", "times the 95 % band that readings ahead may leave it by", "the normal quantile of one in a thousand"
     )
     claimed_factor: float = rule(1.0, "1", "as band_factor, for a band that counts the machine", "an interval holds or it does not")
+    last_alone: int = rule(
+        3, "readings", "at the end, left out in a row, that are a change and no outliers", "one outlier is no evidence"
+    )
+    last_several: int = rule(2, "readings", "the same where more than one sensor has them", "outliers of probes come by themselves")
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")

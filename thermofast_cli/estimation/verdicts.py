@@ -103,7 +103,8 @@ def claimed_verdicts(
     faded = found.faded & ~claimed.other_rise & ~averaged
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
-    doubted = unfit | strong | hides | swings | lawless
+    leave = np.where(claimed.other_rise, 0, _leave_at_end(found.weights))
+    doubted = unfit | strong | hides | swings | lawless | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | (out > 0)).tolist():
@@ -126,7 +127,7 @@ def claimed_verdicts(
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:
-            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i])))
+            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), _since(sensors, found, int(leave[i]))))
         if averaged[i]:
             said.append(f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts")
         messages[i] = said
@@ -147,14 +148,14 @@ def law_verdicts(
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
     out = (found.weights == 0.0).sum(axis=1)
-    swings = _too_many(out, found)
-    doubted = doubted | swings
+    swings, leave = _too_many(out, found), _leave_at_end(found.weights)
+    doubted = doubted | swings | (leave > 0)
     status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
         said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
         if out[i]:
-            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i])))
+            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), _since(sensors, found, int(leave[i]))))
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
@@ -182,9 +183,24 @@ def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
     return many
 
 
-def _left_out(out: int, total: int, too_many: bool) -> str:
+def _leave_at_end(weights: Array) -> NDArray[np.intp]:
+    """How many readings at the end (S,) were left out in a row, where they are no outliers: something has just changed."""
+    out = weights == 0.0
+    row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
+    several = (row >= RULES.last_several).sum() > 1
+    return np.where(row >= (RULES.last_several if several else RULES.last_alone), row, 0)
+
+
+def _since(sensors: Sensors, found: Estimates, leave: int) -> float | None:
+    """When the last readings left the rest [min]; None where they did not."""
+    return float(sensors.time[found.weights.shape[1] - leave]) if leave else None
+
+
+def _left_out(out: int, total: int, too_many: bool, since: float | None) -> str:
     said = f"{out} outlier{'s' if out > 1 else ''} left out"
-    if too_many:
+    if since is not None:
+        said += f", the last from {since:.4g} min on: something has just changed; measure on, or use what came before (--until)"
+    elif too_many:
         said += f" of {total} readings: too many for a probe; a load that swings looks so, see thermofast diagnose"
     return said
 

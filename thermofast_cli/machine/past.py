@@ -16,6 +16,7 @@ from thermofast.models.imperfection import (
     Part,
     Past,
     PastRun,
+    Searched,
     SensorShape,
     learn_past,
     pilot,
@@ -155,12 +156,16 @@ def _guessed(task: LoopTask) -> Knowledge:
         missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
         notes += [f"{rounded(100.0 * missing)} % of {task.drive} is missing and was filled by straight lines"] if missing else []
     fit = fit_model(seen)
+    searched: Searched = ""
     if task.auto:
         found = discover(seen, chosen_effects((), task.extra))
         notes.append(_looked_for(found))
         if found.named is None and task.drive is None:
             return Knowledge(name, notes=tuple(notes))
-        fit = fit_disturbed(both_ways(found.named.fit)) if found.named is not None else found.base
+        fit = found.base
+        if found.named is not None:
+            fit = fit_disturbed(both_ways(found.named.fit))
+            searched = "all" if any(part.effect.scope == "run" for part in found.named.parts) else "each"
     elif task.drive is not None:
         fit, told = _as_it_follows(fit)
         notes += told
@@ -170,7 +175,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
     rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(task, fit))
     uses_room = _follows_room(fit)
-    past = Past(shapes, scatter=0.0, guessed=True, rises=rises)
+    past = Past(shapes, scatter=0.0, guessed=True, rises=rises, searched=searched)
     return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
 
 

@@ -12,7 +12,8 @@ from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, ready
 from ..errors import ThermofastError
-from ..estimation.identify import LET_GO, Method, identify_sensors
+from ..estimation.identify import Method, identify_sensors
+from ..estimation.imperfect import NOT_FOLLOWED
 from ..estimation.sweep import Swept, sweep_records, sweep_sensors
 from ..records import SweepRecord
 from .learnt import carry
@@ -144,6 +145,6 @@ def _on_its_own(
     """A sensor that does not follow the drive, swept without it."""
     minutes, values = task.run.time_s / 60.0, task.run.channels[channel][None]
     one = sweep_sensors(
-        task.run.name, (channel,), minutes, values, method, windows, times, tolerance_c, task.start_min, (LET_GO[True],)
+        task.run.name, (channel,), minutes, values, method, windows, times, tolerance_c, task.start_min, (NOT_FOLLOWED,)
     )
     return one[0]

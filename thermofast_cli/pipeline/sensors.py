@@ -9,8 +9,8 @@ from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
 from ..errors import UsageError
-from ..estimation.identify import LET_GO, Found, Identified, Method
-from ..estimation.imperfect import GROUP
+from ..estimation.identify import Found, Identified, Method
+from ..estimation.imperfect import GROUP, NOT_FOLLOWED
 from ..estimation.sweep import SweptBlock
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..output.columns import Records
@@ -188,7 +188,7 @@ def _with_doubt(
 def _other(channel: str, known: "Knowledge") -> str:
     """What is said of a sensor that is identified on its own though there is a model or a drive."""
     if channel in known.strange:
-        return LET_GO[True]
+        return NOT_FOLLOWED
     return "not in the model: identified on its own"
 
 
