@@ -13,6 +13,7 @@ import thermofast as tf
 from benchmarks.discovery.dominant import BACKGROUND, judge, runs_of
 from benchmarks.machines import bar
 from thermofast.discovery.observe import observe
+from thermofast.estimation.imperfect import NOT_LIKELIER
 from thermofast.models.coloured import fit_disturbed
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
@@ -243,15 +244,15 @@ def test_an_interval_counts_that_the_effect_may_be_another():
         return IdentifyRecord("run", "T", "afukf", steady_state_c=middle, steady_state_lo_c=low, steady_state_hi_c=high)
 
     added, plain = record(30.0, 29.8, 30.2), record(32.0, 31.0, 33.0)
-    both = averaged(added, plain)
+    both = averaged(added, plain, 1)
     rng = np.random.default_rng(8)
     draws = np.concatenate([rng.normal(30.0, 0.2 / 1.96, 850_000), rng.normal(32.0, 1.0 / 1.96, 150_000)])
     assert both.steady_state_c == 30.0
     assert both.steady_state_lo_c == pytest.approx(np.quantile(draws, 0.025), abs=0.01)
     assert both.steady_state_hi_c == pytest.approx(np.quantile(draws, 0.975), abs=0.02)
     assert "32.00 degC would come" in both.message
-    assert averaged(added, record(30.0, 29.8, 30.2)).message == ""
-    assert averaged(added, record(32.0, None, 33.0)).steady_state_hi_c == 30.2
+    assert averaged(added, record(30.0, 29.8, 30.2), 1).message == ""
+    assert averaged(added, record(32.0, None, 33.0), 1).steady_state_hi_c == 30.2
 
 
 def test_auto_says_that_nothing_is_missing_and_refuses_a_model(tool):
@@ -300,3 +301,43 @@ def test_runs_of_two_machines_are_told_and_nothing_is_named(tool, tmp_path):
     assert "give runs of one machine" in mixed[0].advice
     grown = tf.improve([paths[0], paths[2]], auto=True, together=True)
     assert "two machines" in grown.records[0].stopped_because
+
+
+def test_a_set_of_three_effects_is_no_ground_for_ok():
+    def record(middle, low, high, message="", status="ok"):
+        return IdentifyRecord(
+            "run",
+            "T",
+            "afukf",
+            steady_state_c=middle,
+            steady_state_lo_c=low,
+            steady_state_hi_c=high,
+            status=status,
+            message=message,
+        )
+
+    added, plain = record(30.0, 29.8, 30.2), record(31.0, 30.0, 32.0)
+    two, three = averaged(added, plain, 2), averaged(added, plain, 3)
+    assert (two.status, three.status) == ("ok", "model_doubtful")
+    assert three.steady_state_hi_c > two.steady_state_hi_c
+    assert three.message.startswith("3 effects had to be added")
+    assert averaged(record(30.0, 29.8, 30.2, NOT_LIKELIER), plain, 3) == record(30.0, 29.8, 30.2, NOT_LIKELIER)
+
+
+def test_what_a_usual_disturbance_explains_as_well_is_not_added():
+    """Half a minute of a probe's lag is what machines have: it is found, and counted as a part of their background already."""
+    time, rng = np.arange(0.0, 36.5, 0.5), np.random.default_rng(2)
+    loss, link = np.diag([1 / 60, 1 / 55, 1 / 66]), np.array([[-1, 1, 0], [1, -2, 1], [0, 1, -1]]) / 200.0
+    rates, modes = np.linalg.eigh(loss - link)
+    heat = np.array([0.3, 0.1, 0.2])
+    late = 0.5 * rates[:, None]
+    answer = 1.0 - (np.exp(-np.outer(rates, time)) - late * np.exp(-2.0 * time)) / (1.0 - late)
+    rise = modes @ (((modes.T @ heat) / rates)[:, None] * answer)
+    table = {"time_min": time} | {f"T{i}": 20.0 + row + rng.normal(0.0, 0.01, len(time)) for i, row in enumerate(rise)}
+    found, plain = tf.identify(table, auto=True), tf.identify(table)
+    for r, without, limit in zip(found, plain, 20.0 + np.linalg.solve(loss - link, heat), strict=True):
+        assert r.message.startswith(NOT_LIKELIER), r.message
+        assert "lag" in r.message
+        assert " found, which explains" in r.message
+        assert (r.status, r.steady_state_hi_c) == (without.status, without.steady_state_hi_c)
+        assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c

@@ -146,6 +146,30 @@ def test_past_runs_are_let_go_of_one_sensor_or_of_all_by_evidence(monkeypatch, w
     assert told.known.tolist() == [not gone for gone in let_go]
 
 
+@pytest.mark.parametrize(
+    ("searched", "without", "let_go"),
+    [
+        ("all", [-2.0, -0.5], [True, True]),
+        ("all", [-2.5, -0.6], [False, False]),
+        ("each", [-5.0, -0.5], [False, True]),
+        ("each", [-1.4, -1.4], [True, True]),
+    ],
+)
+def test_effects_that_a_search_chose_must_make_the_readings_likelier(monkeypatch, searched, without, let_go):
+    """By a log likelihood of 3 over the run, and of 1 where each sensor may have them or not."""
+    closed = [SimpleNamespace(sensors=range(2))]
+    told = imperfect._empty(closed[0], np.zeros(0), np.zeros(0, dtype=bool), TYPICAL)
+    for name, value in (("known", True), ("check_p", 0.5), ("strong", 0.0), ("evidence", 0.0)):
+        getattr(told, name)[:] = value
+
+    def claim(closed, members, into, *rest, **more):
+        into[0].evidence[:], into[0].check_p[:], into[0].strong[:] = without, 0.5, 0.0
+
+    monkeypatch.setattr(imperfect, "_claim", claim)
+    imperfect._let_go(closed, [np.ones(2, dtype=bool)], [told], TYPICAL, "auto", str, Past({}, guessed=True, searched=searched))
+    assert told.let_go.tolist() == let_go
+
+
 def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():
     runs, *_ = machine(LACKING)
     seen = observe(runs[0], 0.0).seen

@@ -7,6 +7,7 @@ import pytest
 from lone import identify_sensor, sweep_sensor
 from simulator import lump, spindle
 
+import thermofast as tf
 from thermofast.estimation.closing import estimates_at, settling
 from thermofast.estimation.identify import Method, identify_sensors
 from thermofast.estimation.sweep import sweep_sensors
@@ -252,3 +253,19 @@ def test_a_block_is_swept_as_each_sensor_alone():
             for name, value in vars(other).items():
                 found = getattr(one, name)
                 assert found == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), (names[i], name)
+
+
+@pytest.mark.parametrize("readings", [1, 4])
+def test_readings_that_leave_the_rest_at_the_end_are_a_change_and_no_outliers(readings):
+    """A machine switched off just before the last reading used: its limit is another one than the readings before say."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 91.0)
+    fell = np.maximum(time - (90.0 - readings), 0.0)
+    table = {"time_min": time}
+    for i, rise in enumerate((12.0, 18.0)):
+        table[f"T{i}"] = 20.0 + rise * (1.0 - np.exp(-time / 45.0)) - 0.02 * rise * fell + rng.normal(0.0, 0.01, len(time))
+    found = list(tf.identify(table))
+    if readings == 1:
+        assert all("something has just changed" not in r.message for r in found)
+        return
+    assert [r.status for r in found] == ["model_doubtful"] * 2
+    assert all("on: something has just changed" in r.message for r in found)

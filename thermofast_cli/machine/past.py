@@ -59,7 +59,7 @@ class Knowledge:
     """What a model says of a run at hand, or why it cannot say anything.
 
     notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged; strange are
-    sensors that do not follow the drive; found: effects were looked for, and some added.
+    sensors that do not follow the drive; found: how many effects were added.
     """
 
     run: str
@@ -68,7 +68,7 @@ class Knowledge:
     uses_room: bool = False
     failed: str = ""
     strange: tuple[str, ...] = ()
-    found: bool = False
+    found: int = 0
 
 
 def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
@@ -176,7 +176,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(task, fit))
     uses_room = _follows_room(fit)
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises, searched=searched)
-    return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=bool(fit.model.parts))
+    return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=len(fit.model.parts))
 
 
 def _other_modes(task: LoopTask, fit: Fit) -> float:

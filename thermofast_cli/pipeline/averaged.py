@@ -6,11 +6,14 @@ from dataclasses import replace
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from ..estimation.imperfect import NOT_LIKELIER
 from ..records import IdentifyRecord
 
 #: Probability that what was added is not what is at work: what benchmarks.discovery.dominant finds wrong, and look-alikes in a
-#: short record.
-UNTRUE = 0.15
+#: short record; of sets of three and more, of which benchmarks.discovery.several_effects finds one in four another one.
+UNTRUE, SET_UNTRUE = 0.15, 0.25
+#: Effects from which on a set is no ground for ``ok``.
+MANY = 3
 #: An interval that grows by more than this factor is told.
 WIDER = 1.5
 #: Estimate and both sides.
@@ -25,17 +28,20 @@ TRIPLES = (
 )
 
 
-def averaged(added: IdentifyRecord, plain: IdentifyRecord) -> IdentifyRecord:
-    """The record with what was found added, its 95 % intervals those of a mixture with the record without it.
+def averaged(added: IdentifyRecord, plain: IdentifyRecord, effects: int) -> IdentifyRecord:
+    """The record with so many effects added, its 95 % intervals those of a mixture with the record without them.
 
-    A side that one of the two leaves open is that of the first.
+    A side that one of the two leaves open is that of the first. What was found and is not counted has no part in it.
     """
+    if NOT_LIKELIER in added.message:
+        return added
     changed: dict[str, float | str] = {}
+    untrue = UNTRUE if effects < MANY else SET_UNTRUE
     for middle, low, high in TRIPLES:
         one, other = ([getattr(r, name) for name in (middle, low, high)] for r in (added, plain))
         if None in one or None in other:
             continue
-        changed[low], changed[high] = _quantile(one, other, 0.025), _quantile(one, other, 0.975)
+        changed[low], changed[high] = _quantile(one, other, 0.025, untrue), _quantile(one, other, 0.975, untrue)
     below, above = changed.get("steady_state_lo_c"), changed.get("steady_state_hi_c")
     if isinstance(below, float) and isinstance(above, float):
         own = (added.steady_state_hi_c or 0.0) - (added.steady_state_lo_c or 0.0)
@@ -43,11 +49,16 @@ def averaged(added: IdentifyRecord, plain: IdentifyRecord) -> IdentifyRecord:
             changed["message"] = (
                 f"{added.message}; without what was added {plain.steady_state_c:.2f} degC would come: the interval counts it"
             )
+    if effects >= MANY and added.status == "ok":
+        changed["status"] = "model_doubtful"
+        changed["message"] = (
+            f"{effects} effects had to be added, which others may explain as well; {changed.get('message', added.message)}"
+        )
     return replace(added, **changed)  # type: ignore[arg-type]
 
 
-def _quantile(one: list[float], other: list[float], probability: float) -> float:
-    """Of two normals joined at their estimates, the second with the weight UNTRUE."""
+def _quantile(one: list[float], other: list[float], probability: float, untrue: float) -> float:
+    """Of two normals joined at their estimates, the second with the weight `untrue`."""
 
     def below(x: float, three: list[float]) -> float:
         middle, low, high = three
@@ -55,7 +66,7 @@ def _quantile(one: list[float], other: list[float], probability: float) -> float
         return float(ndtr((x - middle) / spread)) if spread > 0.0 else float(x >= middle)
 
     def missing(x: float) -> float:
-        return (1.0 - UNTRUE) * below(x, one) + UNTRUE * below(x, other) - probability
+        return (1.0 - untrue) * below(x, one) + untrue * below(x, other) - probability
 
     reach = max(one[2], other[2]) - min(one[1], other[1]) + 1e-9
     first, last = min(one[1], other[1]) - reach, max(one[2], other[2]) + reach

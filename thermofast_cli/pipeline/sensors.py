@@ -157,7 +157,8 @@ def identify_runs(
         )
         interrupted = plain.interrupted
         without = {(r.run, r.channel): r for r in plain}
-        by_task = [[_with_doubt(one, without, averaged) for one in found] for found in by_task]
+        number = {run.name: told[run.name].found for run, _ in added}
+        by_task = [[_with_doubt(one, without, number, averaged) for one in found] for found in by_task]
     unread = [IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed) for one in failed]
     whole = Found.joined([*by_task, [Identified(record) for record in unread]])
     records: Sequence[IdentifyRecord] = whole.records
@@ -178,11 +179,12 @@ def identify_runs(
 def _with_doubt(
     one: Identified,
     without: dict[tuple[str, str], IdentifyRecord],
-    averaged: Callable[[IdentifyRecord, IdentifyRecord], IdentifyRecord],
+    number: dict[str, int],
+    averaged: Callable[[IdentifyRecord, IdentifyRecord, int], IdentifyRecord],
 ) -> Identified:
     """What was found of a sensor with effects added, its interval counting the record without them where there is one."""
     plain = without.get((one.record.run, one.record.channel))
-    return one if plain is None else replace(one, record=averaged(one.record, plain))
+    return one if plain is None else replace(one, record=averaged(one.record, plain, number[plain.run]))
 
 
 def _other(channel: str, known: "Knowledge") -> str:
