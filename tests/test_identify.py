@@ -1,6 +1,7 @@
 """Records of ``identify`` and ``sweep``: right numbers, honest statuses, and the two agree."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import thermofast as tf
 from thermofast.estimation.closing import estimates_at, settling
 from thermofast.estimation.identify import Method, identify_sensors
 from thermofast.estimation.sweep import sweep_sensors
+from thermofast.estimation.verdicts import _to_the_beginning
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE
@@ -255,17 +257,27 @@ def test_a_block_is_swept_as_each_sensor_alone():
                 assert found == (pytest.approx(value, rel=1e-9) if isinstance(value, float) else value), (names[i], name)
 
 
-@pytest.mark.parametrize("readings", [1, 4])
-def test_readings_that_leave_the_rest_at_the_end_are_a_change_and_no_outliers(readings):
+@pytest.mark.parametrize(("readings", "sensors", "changed"), [(1, 1, False), (1, 3, True), (4, 1, True), (4, 3, True)])
+def test_readings_that_leave_the_rest_at_the_end_are_a_change_and_no_outliers(readings, sensors, changed):
     """A machine switched off just before the last reading used: its limit is another one than the readings before say."""
     rng, time = np.random.default_rng(3), np.arange(0.0, 91.0)
     fell = np.maximum(time - (90.0 - readings), 0.0)
     table = {"time_min": time}
-    for i, rise in enumerate((12.0, 18.0)):
-        table[f"T{i}"] = 20.0 + rise * (1.0 - np.exp(-time / 45.0)) - 0.02 * rise * fell + rng.normal(0.0, 0.01, len(time))
+    for i, rise in enumerate((12.0, 18.0, 15.0)):
+        off = 0.02 * rise * fell if i < sensors else 0.0
+        table[f"T{i}"] = 20.0 + rise * (1.0 - np.exp(-time / 45.0)) - off + rng.normal(0.0, 0.01, len(time))
     found = list(tf.identify(table))
-    if readings == 1:
-        assert all("something has just changed" not in r.message for r in found)
-        return
-    assert [r.status for r in found] == ["model_doubtful"] * 2
-    assert all("on: something has just changed" in r.message for r in found)
+    told = [r.status == "model_doubtful" and "on: something may just have changed" in r.message for r in found]
+    assert told == [changed and i < sensors for i in range(3)]
+
+
+def test_an_interval_that_ends_just_short_of_where_a_sensor_began_reaches_it():
+    """A limit of 20.1 degC, told 20.15 to 24, on the way back from 35 to 20: the heat may be off."""
+    time = np.arange(0.0, 120.0)
+    reading = 20.0 + np.where(time < 60.0, 15.0 * (1.0 - np.exp(-time / 20.0)), 14.25 * np.exp(-(time - 60.0) / 30.0))
+    law = SimpleNamespace(initial=np.array([20.0, 20.0]), state=np.array([[22.0], [22.0]]), time=119.0)
+    seen = SimpleNamespace(time=time, reading=np.stack([reading, reading]))
+    steady = np.array([[20.15, 21.0, 24.0], [21.0, 21.5, 24.0]])
+    _to_the_beginning(steady, law, seen)
+    assert steady[0, 0] == pytest.approx(20.0 - 0.03 * 14.25, abs=0.02)
+    assert steady[1].tolist() == [21.0, 21.5, 24.0]

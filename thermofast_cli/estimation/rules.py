@@ -60,7 +60,9 @@ class EstimationRules:
     last_alone: int = rule(
         3, "readings", "at the end, left out in a row, that are a change and no outliers", "one outlier is no evidence"
     )
-    last_several: int = rule(2, "readings", "the same where more than one sensor has them", "outliers of probes come by themselves")
+    changed_share: float = rule(
+        0.25, "of the sensors", "and two at least, whose last reading is left out: a change", "outliers of probes come one by one"
+    )
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")

@@ -36,6 +36,7 @@ def with_claims(law: Estimates, claimed: Claims, sensors: Sensors, back: NDArray
     t95[open_, 2] = np.nan
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
     t95[back] = np.nan
+    _to_the_beginning(steady, law, sensors)
     return replace(
         law,
         steady_state=steady[:, 1],
@@ -48,10 +49,28 @@ def with_claims(law: Estimates, claimed: Claims, sensors: Sensors, back: NDArray
     )
 
 
+def _to_the_beginning(steady: Array, law: Estimates, sensors: Sensors) -> None:
+    """Opens intervals (S, 3) that end just short of where a sensor began, to which it is on its way back: the heat may be off.
+
+    Bodies that are warmed by others fall more slowly than their own rate says, as if some heat were left.
+    """
+    began, now, near = law.initial, law.state[:, 0], RULES.back * _went(law, sensors)
+    for side, sign in ((0, 1.0), (2, -1.0)):
+        short = sign * (steady[:, side] - began)
+        falls = (sign * (now - steady[:, 1]) > 0.0) & (sign * (steady[:, 1] - began) > 0.0)
+        steady[:, side] = np.where(falls & (short > -near) & (short < near), began - sign * near, steady[:, side])
+
+
+def _went(law: Estimates, sensors: Sensors) -> Array:
+    """How far the readings used went from where they began, at most (S,) [K]."""
+    away = np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None])
+    most: Array = np.nanmax(np.where(np.isfinite(away), away, 0.0), axis=1)
+    return most
+
+
 def comes_back(law: Estimates, steady: Array, sensors: Sensors) -> NDArray[np.bool_]:
     """Whether a sensor (S,) settles where it began, as after a heat that was switched off: there is no rise to have 95 % of."""
-    away = np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None])
-    most = np.nanmax(np.where(np.isfinite(away), away, 0.0), axis=1)
+    most = _went(law, sensors)
     near: NDArray[np.bool_] = (np.abs(steady - law.initial) < RULES.back * most) & (most > 20.0 * law.noise)
     return near
 
@@ -187,8 +206,8 @@ def _leave_at_end(weights: Array) -> NDArray[np.intp]:
     """How many readings at the end (S,) were left out in a row, where they are no outliers: something has just changed."""
     out = weights == 0.0
     row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
-    several = (row >= RULES.last_several).sum() > 1
-    return np.where(row >= (RULES.last_several if several else RULES.last_alone), row, 0)
+    together = (row > 0).sum() >= max(2.0, RULES.changed_share * len(row))
+    return np.where(row >= (1 if together else RULES.last_alone), row, 0)
 
 
 def _since(sensors: Sensors, found: Estimates, leave: int) -> float | None:
@@ -199,7 +218,9 @@ def _since(sensors: Sensors, found: Estimates, leave: int) -> float | None:
 def _left_out(out: int, total: int, too_many: bool, since: float | None) -> str:
     said = f"{out} outlier{'s' if out > 1 else ''} left out"
     if since is not None:
-        said += f", the last from {since:.4g} min on: something has just changed; measure on, or use what came before (--until)"
+        said += (
+            f", the last from {since:.4g} min on: something may just have changed; measure on, or use what came before (--until)"
+        )
     elif too_many:
         said += f" of {total} readings: too many for a probe; a load that swings looks so, see thermofast diagnose"
     return said
