@@ -123,6 +123,48 @@ def test_a_machine_that_heat_has_not_reached_is_not_settled():
         assert not doubtful.look(rising(minutes)).stop
 
 
+def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
+    """Records in doubt as a whole: their later half counts once it is one and a half of the longer time constants long."""
+    lengths, pace = [], 0.02
+
+    def identify(run):
+        minutes = run.time_s[-1] / 60.0
+        lengths.append(minutes)
+        whole = len(lengths) % 2 == 1
+        said = record("a", 0.1, "model_doubtful" if whole else "ok", rate=0.01 if whole else pace)
+        return (said,)
+
+    watch = Watch(identify, 0.5)
+    assert not watch.look(rising(200.0)).stop
+    assert lengths[-1] == pytest.approx(100.0, abs=6.0)  # the later half, which is one time constant of the whole
+    first, second = watch.look(rising(330.0)), watch.look(rising(350.0))
+    assert (first.from_min, first.stop) == (165.0, True)  # and as it was 3 % earlier
+    assert second.stop
+    assert "you can stop now" in second.words
+    assert "by the readings from 175 min on" in second.words
+    assert second.records[0].t95_min is None
+    assert second.records[0].message.startswith("by the readings from 175 min on")
+    pace = 0.005
+    watch = Watch(identify, 0.5)
+    assert not watch.look(rising(302.0)).stop
+
+
+def test_a_pause_on_the_way_does_not_keep_a_watch_waiting_for_ever():
+    """Heat off from 40 to 47 min, by an exact lump of 40 min: stopped at four time constants, with the right number."""
+    rng, time = np.random.default_rng(2), np.arange(0.0, 200.0, 0.5)
+    reading = np.full(len(time), 20.0)
+    for k in range(1, len(time)):
+        goal = 20.0 if 40.0 < time[k] <= 47.0 else 32.0
+        reading[k] = goal + (reading[k - 1] - goal) * np.exp(-0.5 / 40.0)
+    columns = {"time_min": time, "T": reading + rng.normal(0.0, 0.02, len(time))}
+    watch = Watch(lambda seen: tf.identify(seen).records, 0.5)
+    looks = [watch.look(first_readings(tf.read(columns, name="run"), int(2 * minutes))) for minutes in (100, 120, 150, 160, 170)]
+    last = looks[-1]
+    assert not looks[0].stop
+    assert last.stop
+    assert abs(last.records[0].steady_state_c - 32.0) < 0.5
+
+
 def test_a_long_record_is_averaged_without_its_outliers():
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 36000.0, 1.0)

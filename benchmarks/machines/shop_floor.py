@@ -121,13 +121,32 @@ def used(kind: str, floor: Floor, room: float, time: Array, rng: np.random.Gener
     return Use(load, lasting, fan, start, idle)
 
 
-#: (kind, time constants read, with --auto, status, held).
-Row = tuple[str, float, bool, str, bool]
+@dataclass(frozen=True)
+class Test:
+    """One record: time (n,) [min], reading (n, 4) and true room (n,) [degC], the room as logged or None, every so many are kept."""
+
+    floor: Floor
+    use: Use
+    time: Array
+    reading: Array
+    room: Array
+    logged: Array | None
+    every: int
+
+    def columns(self, until: float) -> dict[str, Array]:
+        """The table that a lab has after `until` minutes."""
+        some = slice(0, int(np.searchsorted(self.time, until, "right")), self.every)
+        table = {"time_min": self.time[some]} | {f"T{i}": row[some] for i, row in enumerate(self.reading.T)}
+        return table if self.logged is None else table | {"ambient": self.logged[some]}
+
+    def limit(self, until: float) -> Array:
+        """Where all come to rest (4,) [degC] with room and load as at the last of these readings."""
+        at = range(0, int(np.searchsorted(self.time, until, "right")), self.every)[-1]
+        return self.floor.limit(float(self.room[at]), float(self.use.lasting[at]), float(self.use.fan[at]))
 
 
-def rows_of(job: tuple[str, int]) -> list[Row]:
-    """All sensors of one machine at all times, with ``--auto`` and without."""
-    kind, seed = job
+def tested(kind: str, seed: int) -> Test:
+    """A machine and what it was used for."""
     rng = np.random.default_rng(seed)
     floor, time = drawn(rng), np.arange(0.0, END, STEP)
     count = len(time)
@@ -144,16 +163,22 @@ def rows_of(job: tuple[str, int]) -> list[Row]:
     reading = states + noise * rng.standard_normal(states.shape)
     reading = np.round(reading, 1) if coarse else reading
     logged = np.round(room + 0.02 * rng.standard_normal(count), 2) if seed % 2 else None
-    every, found = int(rng.choice([1, 2, 4])), []
+    return Test(floor, use, time, reading, room, logged, int(rng.choice([1, 2, 4])))
+
+
+#: (kind, time constants read, with --auto, status, held).
+Row = tuple[str, float, bool, str, bool]
+
+
+def rows_of(job: tuple[str, int]) -> list[Row]:
+    """All sensors of one machine at all times, with ``--auto`` and without."""
+    kind, seed = job
+    test, found = tested(kind, seed), []
     for read in READ:
-        last = int(np.searchsorted(time, use.idle + read * floor.tau, "right"))
-        some = slice(0, last, every)
-        at = range(0, last, every)[-1]
-        columns = {"time_min": time[some], **{f"T{i}": row[some] for i, row in enumerate(reading.T)}}
-        columns |= {} if logged is None else {"ambient": logged[some]}
-        limit = floor.limit(float(room[at]), float(use.lasting[at]), float(use.fan[at]))
+        until = test.use.idle + read * test.floor.tau
+        limit, run = test.limit(until), tf.read(test.columns(until), name="run")
         for auto in (False, True):
-            for i, row in enumerate(tf.identify(tf.read(columns, name="run"), auto=auto)):
+            for i, row in enumerate(tf.identify(run, auto=auto)):
                 low = -np.inf if row.steady_state_lo_c is None else row.steady_state_lo_c
                 high = np.inf if row.steady_state_hi_c is None else row.steady_state_hi_c
                 found.append((kind, read, auto, row.status, bool(low - NEAR <= limit[i] <= high + NEAR)))

@@ -16,6 +16,7 @@ from thermofast.models import spike_weights
 from ..errors import rounded
 from ..estimation.sensor import logger_step
 from ..reading import Run
+from ..reading.run import stretch
 from ..records import IdentifyRecord
 
 Array = NDArray[np.float64]
@@ -34,6 +35,8 @@ RISEN = 2.0
 #: this lab: before that a second mass is not to be seen, and a trial (python -m benchmarks.intervals.watching) stopped one test
 #: in six of those with a strong effect at a wrong number, against one in ten.
 TURNS = 1.5
+#: Share of a record that does not serve as a whole that is left out to see whether what came since can be foretold from.
+LATER = 0.5
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03
 
@@ -42,7 +45,7 @@ HOLDS = 0.03
 class Look:
     """What is known after some minutes: records, and of each sensor whether it is within the tolerance; whether to stop.
 
-    waits says what is waited for where all are within it.
+    waits says what is waited for where all are within it; from_min, where it is not 0, from when on readings were counted.
     """
 
     minutes: float
@@ -51,12 +54,14 @@ class Look:
     stop: bool
     waits: str = ""
     tolerance_c: float = 0.0
+    from_min: float = 0.0
 
     @property
     def words(self) -> str:
         """One line."""
         if self.stop:
-            return f"{self.minutes:.4g} min: you can stop now, every sensor is within the tolerance"
+            by = f", by the readings from {self.from_min:.4g} min on" if self.from_min else ""
+            return f"{self.minutes:.4g} min: you can stop now, every sensor is within the tolerance{by}"
         wide = TOGETHER if len(self.records) > 1 else 1.0
         halves = {r.channel: None if (h := half_width(r)) is None else wide * h for r in self.records}
         known = {c: h for c, h in halves.items() if h is not None}
@@ -100,31 +105,38 @@ class Watch:
         """Whether the record has grown enough since the last look."""
         return minutes >= self.last_min * (1.0 + GROWTH) and minutes > self.last_min
 
-    def _seen(self, run: Run) -> tuple[tuple[IdentifyRecord, ...], tuple[bool, ...], bool, str]:
-        """Records of a run, which of its sensors are within the tolerance, whether to stop, else what is waited for."""
+    def _seen(self, run: Run) -> tuple[tuple[IdentifyRecord, ...], tuple[bool, ...], bool, str, float]:
+        """Records of a run, which of its sensors are within the tolerance, whether to stop, else what is waited for; and the minute
+        from which on readings were counted.
+        """
+        minutes, began = float(run.time_s[-1]) / 60.0, 0.0
         records = self.identify(thinned(run))
+        if any(r.status != "ok" for r in records):
+            # What happened on the way (a pause, a door) is no matter to the readings that came long after it.
+            later, left = self.identify(thinned(stretch(run, LATER * minutes, None))), (1.0 - LATER) * minutes
+            if all(r.status == "ok" for r in later) and left * min(_pace(records), _pace(later)) >= TURNS:
+                records, minutes, began = tuple(_of_later(r, minutes - left) for r in later), left, minutes - left
         halves = [half_width(r) if r.status == "ok" else None for r in records]
         wide = TOGETHER if len(records) > 1 else 1.0
         within = tuple(h is not None and wide * h <= self.tolerance_c for h in halves)
         risen = any(np.ptp(_ends(column)) > RISEN * self.tolerance_c for column in run.channels.values())
-        rates = [r.rate_per_min for r in records if r.rate_per_min]
-        minutes = float(run.time_s[-1]) / 60.0
-        long_enough = self.known or (bool(rates) and minutes * float(np.median(rates)) >= TURNS)
+        pace = _pace(records)
+        long_enough = self.known or minutes * pace >= TURNS
         waits = ""
         if within and all(within) and not risen:
             waits = f"; no sensor has moved by {RISEN:g} tolerances yet"
-        elif within and all(within) and not long_enough and rates:
-            least = rounded(TURNS / float(np.median(rates)), 3)
+        elif within and all(within) and not long_enough and pace > 0.0:
+            least = rounded(TURNS / pace, 3)
             waits = (
                 f"; no stop before {TURNS:g} time constants ({least} min), in which a second mass shows; --model, "
                 "or a lab.toml by calibrate, knows it before"
             )
-        return records, within, bool(within) and all(within) and risen and long_enough, waits
+        return records, within, bool(within) and all(within) and risen and long_enough, waits, began
 
     def look(self, run: Run) -> Look:
         """What is known now."""
         minutes = float(run.time_s[-1]) / 60.0
-        records, within, ready, waits = self._seen(run)
+        records, within, ready, waits, began = self._seen(run)
         if minutes < self.last_min:  # another run has begun
             self.since_min, self.last_min = None, 0.0
         before = minutes / (1.0 + HOLDS) - 1e-9
@@ -137,7 +149,20 @@ class Watch:
             self.since_min = before if held else minutes
         self.last_min = minutes
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
-        return Look(minutes, records, within, stop, waits, self.tolerance_c)
+        return Look(minutes, records, within, stop, waits, self.tolerance_c, began)
+
+
+def _of_later(record: IdentifyRecord, from_min: float) -> IdentifyRecord:
+    """What the later readings of a record say of its sensor: of when 95 % of the whole rise is done they say nothing."""
+    said = f"by the readings from {from_min:.4g} min on, as those before leave the law; {record.message}".removesuffix("; ")
+    blank = dict.fromkeys(("t95_min", "t95_lo_min", "t95_hi_min", "time_to_go_min", "time_to_go_lo_min", "time_to_go_hi_min"), None)
+    return replace(record, message=said, **blank)  # type: ignore[arg-type]
+
+
+def _pace(records: tuple[IdentifyRecord, ...]) -> float:
+    """The median rate [1/min]; 0 where none has one."""
+    rates = [r.rate_per_min for r in records if r.rate_per_min]
+    return float(np.median(rates)) if rates else 0.0
 
 
 def first_readings(run: Run, count: int) -> Run:
