@@ -173,3 +173,28 @@ def test_turkish_names(tmp_path):
     (tmp_path / "t.csv").write_bytes("\n".join(["Zaman [min];İş mili sıcaklığı (°C)", *rows]).encode("cp1254"))
     run = tf.read(tmp_path / "t.csv")
     assert list(run.channels) == ["İş mili sıcaklığı (°C)"]
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "names"),
+    [
+        (  # Yokogawa GX: channels by number under the lines of tags and units
+            '"#GX20","Ver R5.01.01"\n"Sampling Interval","1min"\n\n"CH","","","0001","0101"\n"Tag Comment","","","front","spindle"\n'
+            '"Unit","","","C","rpm"\n"Date","Time","ms","0001","0101"',
+            lambda i, a, b: f"2026/03/17,{9 + (41 + i) // 60:02d}:{(41 + i) % 60:02d}:12,000,{a:.2f},3000",
+            ["0001"],
+        ),
+        (  # Hioki: the names stand under scaling, ratio and offset, in exponents with a sign
+            '"Trigger Time","26-03-17 09:41:12"\n"CH","U1-1","U1-2"\n"Scaling","Off","Off"\n"Ratio","+1.00000E+00","+1.00000E+00"\n'
+            '"Offset","+0.00000E+00","+0.00000E+00"\n"Time","U1-1[degC]","U1-2[degC]"',
+            lambda i, a, b: f"{60.0 * i:+.9E},{a:+.5E},{b:+.5E}",
+            ["U1-1[degC]", "U1-2[degC]"],
+        ),
+    ],
+)
+def test_names_are_the_line_that_begins_with_time_whatever_stands_above(tmp_path, head, row, names):
+    rows = [row(i, a, b) for i, (a, b) in enumerate(zip(FRONT[:40], REAR[:40], strict=True))]
+    run = tf.read(written(tmp_path, head, rows))
+    assert list(run.channels) == names
+    assert np.allclose(run.time_s, 60.0 * np.arange(40))
+    assert next(iter(run.channels.values())) == pytest.approx(FRONT[:40], abs=0.006)

@@ -3,6 +3,9 @@
 python -m benchmarks.machines.shop_floor [--each 6] [--seed 60000] prints, by what the machine does and by how many time constants
 were read: how many rows that are ``ok`` hold the limit, and how many of all, without ``--auto`` and with it. The limit is that
 with room and load as they are at the last reading used, by Newton's method; a reading outside by less than 0.02 K counts as held.
+
+--watch prints instead how many such tests ``watch`` stops within 390 min at tolerances of 0.5 and 1 K, how many of them at a value
+that is wrong by more, and after how many time constants (median).
 """
 
 import argparse
@@ -14,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermofast as tf
+from thermofast.analysis.watching import Watch, first_readings
+from thermofast.records import IdentifyRecord
 
 Array = NDArray[np.float64]
 
@@ -185,12 +190,60 @@ def rows_of(job: tuple[str, int]) -> list[Row]:
     return found
 
 
+TOLERANCES, FIRST, LAST, GROWTH = (0.5, 1.0), 15.0, 390.0, 1.04
+
+
+def stops_of(job: tuple[str, int]) -> tuple[str, list[tuple[float, float] | None]]:
+    """By tolerance: error [K] of the worst sensor and time constants read when a watch says that the test may be stopped."""
+    kind, seed = job
+    test = tested(kind, seed)
+    run, kept = tf.read(test.columns(END), name="run"), {}
+
+    def identify(seen: tf.Run) -> tuple[IdentifyRecord, ...]:
+        at = (len(seen.time_s), float(seen.time_s[-1]))
+        if at not in kept:
+            kept[at] = tf.identify(seen, details=False).records
+        return kept[at]
+
+    stops: list[tuple[float, float] | None] = [None] * len(TOLERANCES)
+    watches, minutes = [Watch(identify, tolerance) for tolerance in TOLERANCES], FIRST
+    while minutes < LAST:
+        count = int(np.searchsorted(run.time_s / 60.0, minutes, "right"))
+        for k, watch in enumerate(watches):
+            look = watch.look(first_readings(run, count)) if stops[k] is None else None
+            if look is not None and look.stop:
+                said = np.array([np.nan if r.steady_state_c is None else r.steady_state_c for r in look.records[:BODIES]])
+                stops[k] = float(np.abs(said - test.limit(minutes)).max()), (minutes - test.use.idle) / test.floor.tau
+        minutes *= GROWTH
+    return kind, stops
+
+
+def watched(each: int, seed: int) -> None:
+    """Print the table of --watch."""
+    jobs = [(kind, seed + 1000 * k + i) for k, kind in enumerate(KINDS) for i in range(each)]
+    with ProcessPoolExecutor() as pool:
+        found = list(pool.map(stops_of, jobs))
+    print(f"| |{''.join(f' {t:g} K: stopped | wrong | time constants |' for t in TOLERANCES)}\n| --- |{' ---: |' * 6}")
+    for kind in KINDS:
+        cells = []
+        for k, tolerance in enumerate(TOLERANCES):
+            stops = [s[k] for name, s in found if name == kind]
+            some = [s for s in stops if s is not None]
+            late = f"{np.median([at for _, at in some]):.1f}" if some else "-"
+            cells += [f"{len(some)} of {len(stops)}", str(sum(error > tolerance for error, _ in some)), late]
+        print(f"| {kind} | {' | '.join(cells)} |")
+
+
 def main() -> None:
-    """Print the table."""
+    """Print a table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--each", type=int, default=6)
     parser.add_argument("--seed", type=int, default=60_000)
+    parser.add_argument("--watch", action="store_true")
     given = parser.parse_args()
+    if given.watch:
+        watched(given.each, given.seed)
+        return
     jobs = [(kind, given.seed + 1000 * k + i) for k, kind in enumerate(KINDS) for i in range(given.each)]
     by: dict[tuple[str, float, bool], list[tuple[bool, bool]]] = defaultdict(list)
     with ProcessPoolExecutor() as pool:

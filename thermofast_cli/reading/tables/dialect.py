@@ -10,6 +10,7 @@ from ...errors import InputError
 from ...reading_options import Options
 from ..stamps import looks_like_stamp
 from ..units import parse_unit
+from ..vocabulary import TIME
 
 #: Cells that loggers write where there is no reading (compared in lower case).
 MISSING = frozenset(
@@ -127,6 +128,8 @@ def to_number(cell: str, decimal: str) -> float:
 
 def _data_like(cells: list[str], decimal: str) -> bool:
     cells = cells[:SAMPLE_CELLS]
+    if cells[0].strip().lower() in TIME:
+        return False  # names, be they the numbers of channels: Date,Time,ms,0001,0002
     told = [c for c in cells if not is_missing(c) and parse_unit(c) is None]
     numbers = sum(is_number(c, decimal) for c in told)
     stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
@@ -303,7 +306,7 @@ def _starts(cells: list[str], width: int, decimal: str) -> bool:
 def _begins_as_data(cells: list[str], decimal: str) -> bool:
     """Whether a line begins with a number or a stamp, as rows of readings do and names do not."""
     first = cells[0].strip()
-    return first[:1].isdigit() and (is_number(first, decimal) or looks_like_stamp(first))
+    return first.lstrip("+-")[:1].isdigit() and (is_number(first, decimal) or looks_like_stamp(first))
 
 
 def is_unit_line(cells: list[str]) -> bool:
