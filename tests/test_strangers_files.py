@@ -194,7 +194,7 @@ def test_turkish_names(tmp_path):
 )
 def test_names_are_the_line_that_begins_with_time_whatever_stands_above(tmp_path, head, row, names):
     rows = [row(i, a, b) for i, (a, b) in enumerate(zip(FRONT[:40], REAR[:40], strict=True))]
-    run = tf.read(written(tmp_path, head, rows))
+    run = tf.read(written(tmp_path, head.splitlines(), rows))
     assert list(run.channels) == names
     assert np.allclose(run.time_s, 60.0 * np.arange(40))
     assert next(iter(run.channels.values())) == pytest.approx(FRONT[:40], abs=0.006)

@@ -13,7 +13,7 @@ import pytest
 import thermofast as tf
 from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, first_readings, thinned
 from thermofast.errors import InputError
-from thermofast.pipeline.watching import speed_of
+from thermofast.pipeline.watching import events_before, speed_of
 from thermofast.reading import Options
 from thermofast.reading.follow import Follower, whole_lines
 from thermofast.reading.source import CUT_ROW, read_growing
@@ -134,7 +134,14 @@ def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
         said = record("a", 0.1, "model_doubtful" if whole else "ok", rate=0.01 if whole else pace)
         return (said,)
 
-    watch = Watch(identify, 0.5)
+    asked = []
+
+    def happened(run, minute):
+        asked.append(minute)
+        return event < minute
+
+    event = 60.0
+    watch = Watch(identify, 0.5, happened=happened)
     assert not watch.look(rising(200.0)).stop
     assert lengths[-1] == pytest.approx(100.0, abs=6.0)  # the later half, which is one time constant of the whole
     first, second = watch.look(rising(330.0)), watch.look(rising(350.0))
@@ -144,9 +151,12 @@ def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
     assert "by the readings from 175 min on" in second.words
     assert second.records[0].t95_min is None
     assert second.records[0].message.startswith("by the readings from 175 min on")
+    assert asked == [165.0]  # it takes seconds, and is not asked at every look
+    event = 200.0
+    assert not Watch(identify, 0.5, happened=happened).look(rising(330.0)).stop
+    assert not Watch(identify, 0.5).look(rising(330.0)).stop  # a model that is wrong all the time is wrong in the later half, too
     pace = 0.005
-    watch = Watch(identify, 0.5)
-    assert not watch.look(rising(302.0)).stop
+    assert not Watch(identify, 0.5, happened=happened).look(rising(330.0)).stop
 
 
 def test_a_pause_on_the_way_does_not_keep_a_watch_waiting_for_ever():
@@ -157,7 +167,7 @@ def test_a_pause_on_the_way_does_not_keep_a_watch_waiting_for_ever():
         goal = 20.0 if 40.0 < time[k] <= 47.0 else 32.0
         reading[k] = goal + (reading[k - 1] - goal) * np.exp(-0.5 / 40.0)
     columns = {"time_min": time, "T": reading + rng.normal(0.0, 0.02, len(time))}
-    watch = Watch(lambda seen: tf.identify(seen).records, 0.5)
+    watch = Watch(lambda seen: tf.identify(seen).records, 0.5, happened=lambda seen, at: events_before((seen, 0.0), at))
     looks = [watch.look(first_readings(tf.read(columns, name="run"), int(2 * minutes))) for minutes in (100, 120, 150, 160, 170)]
     last = looks[-1]
     assert not looks[0].stop

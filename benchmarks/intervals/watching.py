@@ -22,6 +22,7 @@ from benchmarks.intervals.imperfect import learnt, oracle
 from benchmarks.machines.record import EFFECTS
 from thermofast.analysis.watching import Watch, first_readings, half_width
 from thermofast.models.imperfection import TYPICAL, Imperfection
+from thermofast.pipeline.watching import events_before
 from thermofast.records import IdentifyRecord
 
 TOLERANCES = (0.5, 1.0)
@@ -47,14 +48,18 @@ def follow(job: tuple[int, str | None], simulator: str, growth: float, prior: Im
     good = np.isfinite(record.reading).all(axis=0)
     minutes, limit = record.time[good], record.limit[:, good]
     run = tf.read({"time_min": minutes} | {f"T{i}": line for i, line in enumerate(record.reading[:, good])})
-    kept: dict[int, tuple[IdentifyRecord, ...]] = {}
+    kept: dict[tuple[int, float], tuple[IdentifyRecord, ...]] = {}
 
     def identify(seen: tf.Run) -> tuple[IdentifyRecord, ...]:
-        if len(seen.time_s) not in kept:
-            kept[len(seen.time_s)] = tf.identify(seen, details=False, imperfection=prior).records
-        return kept[len(seen.time_s)]
+        which = len(seen.time_s), float(seen.time_s[-1])
+        if which not in kept:
+            kept[which] = tf.identify(seen, details=False, imperfection=prior).records
+        return kept[which]
 
-    watches = [Watch(identify, tolerance, prior.rarely_strong) for tolerance in TOLERANCES]
+    def happened(seen: tf.Run, minute: float) -> bool:
+        return events_before((seen, 0.0), minute)
+
+    watches = [Watch(identify, tolerance, prior.rarely_strong, happened) for tolerance in TOLERANCES]
     stop: list[float | None] = [None] * len(watches)
     narrow: list[float | None] = [None] * len(watches)
     worst = [np.nan] * len(watches)

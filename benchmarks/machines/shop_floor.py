@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import thermofast as tf
 from thermofast.analysis.watching import Watch, first_readings
+from thermofast.pipeline.watching import events_before
 from thermofast.records import IdentifyRecord
 
 Array = NDArray[np.float64]
@@ -206,7 +207,8 @@ def stops_of(job: tuple[str, int]) -> tuple[str, list[tuple[float, float] | None
         return kept[at]
 
     stops: list[tuple[float, float] | None] = [None] * len(TOLERANCES)
-    watches, minutes = [Watch(identify, tolerance) for tolerance in TOLERANCES], FIRST
+    watches = [Watch(identify, t, happened=lambda seen, at: events_before((seen, 0.0), at)) for t in TOLERANCES]
+    minutes = FIRST
     while minutes < LAST:
         count = int(np.searchsorted(run.time_s / 60.0, minutes, "right"))
         for k, watch in enumerate(watches):

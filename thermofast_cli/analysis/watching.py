@@ -37,6 +37,8 @@ RISEN = 2.0
 TURNS = 1.5
 #: Share of a record that does not serve as a whole that is left out to see whether what came since can be foretold from.
 LATER = 0.5
+#: The record is searched for events again when it has grown by this, averaged down to about so many readings.
+ASKED, FEW = 1.1, 300
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03
 
@@ -93,11 +95,14 @@ class Watch:
     """Looks at a growing record. identify: the records of a run; tolerance_c: half-width that is asked for [K].
 
     known: past runs of the machine are counted, or the lab's runs show that second masses are rare: a short record may do.
+    happened: whether all that a record has beside the law are events before a minute of it.
     """
 
     identify: Callable[[Run], tuple[IdentifyRecord, ...]]
     tolerance_c: float
     known: bool = False
+    happened: Callable[[Run, float], bool] = lambda _run, _minute: False
+    asked: tuple[float, bool] = field(default=(0.0, False), init=False)
     last_min: float = field(default=0.0, init=False)
     since_min: float | None = field(default=None, init=False)
 
@@ -114,7 +119,8 @@ class Watch:
         if any(r.status != "ok" for r in records):
             # What happened on the way (a pause, a door) is no matter to the readings that came long after it.
             later, left = self.identify(thinned(stretch(run, LATER * minutes, None))), (1.0 - LATER) * minutes
-            if all(r.status == "ok" for r in later) and left * min(_pace(records), _pace(later)) >= TURNS:
+            serves = all(r.status == "ok" for r in later) and left * min(_pace(records), _pace(later)) >= TURNS
+            if serves and self._happened_before(run, minutes - left):
                 records, minutes, began = tuple(_of_later(r, minutes - left) for r in later), left, minutes - left
         halves = [half_width(r) if r.status == "ok" else None for r in records]
         wide = TOGETHER if len(records) > 1 else 1.0
@@ -132,6 +138,13 @@ class Watch:
                 "or a lab.toml by calibrate, knows it before"
             )
         return records, within, bool(within) and all(within) and risen and long_enough, waits, began
+
+    def _happened_before(self, run: Run, minute: float) -> bool:
+        """As `happened`, which takes seconds and is asked when the record has grown by ASKED since the last time."""
+        minutes = float(run.time_s[-1]) / 60.0
+        if not self.asked[0] / ASKED <= minutes < self.asked[0] * ASKED:
+            self.asked = minutes, self.happened(thinned(run, FEW), minute)
+        return self.asked[1]
 
     def look(self, run: Run) -> Look:
         """What is known now."""

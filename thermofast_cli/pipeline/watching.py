@@ -17,7 +17,7 @@ from ..reading.follow import Follower, Piped
 from ..reading.source import CUT_ROW, read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
-from ..workers.engine import Work, with_start
+from ..workers.engine import Started, Work, with_start
 from .sensors import from_rise, identify_runs
 
 if TYPE_CHECKING:
@@ -47,6 +47,23 @@ def speed_of(replay: str | None) -> float | None:
     if not 0.0 < found < math.inf:
         raise UsageError("--replay: not a speed", found=repr(replay), allowed="as 600x, or max")
     return found
+
+
+def events_before(started: Started, minute: float) -> bool:
+    """Whether a search of a run finds that all it has beside the law are changes of its load or cooling before a minute of it."""
+    from thermofast.models.joint import Key  # the search takes longer to load than a look takes
+    from thermofast.models.search.discover import discover
+
+    from ..discovery.loop import ready
+    from ..plugins.effects import chosen_effects
+    from .loop import loop_tasks
+
+    prepared = ready(loop_tasks([started])[0])[1]
+    named = None if prepared is None else discover(prepared.seen, chosen_effects((), ())).named
+    if named is None:
+        return False
+    events = [(Key(k, part.effect.event or ""), part.effect.scope) for k, part in enumerate(named.parts)]
+    return all(key in named.fit.values and scope == "run" and float(named.fit.values[key]) < minute for key, scope in events)
 
 
 @dataclass
@@ -84,7 +101,10 @@ def watch_run(
     def identify(run: Run) -> tuple[IdentifyRecord, ...]:
         return tuple(identify_runs([with_start(run, begin, from_rise(model))], method, None, model, how=Work(1)).records)
 
-    watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong)
+    def happened(run: Run, minute: float) -> bool:
+        return events_before(with_start(run, begin, from_rise(model)), minute)
+
+    watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong, happened)
     if speed is not None:
         return _replayed(source, options, watch, speed, leave, tell, begin)
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
