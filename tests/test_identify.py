@@ -271,6 +271,16 @@ def test_readings_that_leave_the_rest_at_the_end_are_a_change_and_no_outliers(re
     assert told == [changed and i < sensors for i in range(3)]
 
 
+def test_a_last_row_of_zeros_is_the_loggers():
+    """Two readings of 0 degC where a machine of 30 degC stood are no change of the machine."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 91.0)
+    table = {"time_min": time}
+    for i in range(3):
+        table[f"T{i}"] = 20.0 + (12.0 + i) * (1.0 - np.exp(-time / 45.0)) + rng.normal(0.0, 0.01, len(time))
+        table[f"T{i}"][-2:] = 0.0
+    assert [r.status for r in tf.identify(table)] == ["ok"] * 3
+
+
 def test_an_interval_that_ends_just_short_of_where_a_sensor_began_reaches_it():
     """A limit of 20.1 degC, told 20.15 to 24, on the way back from 35 to 20: the heat may be off."""
     time = np.arange(0.0, 120.0)

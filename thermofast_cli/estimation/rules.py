@@ -60,6 +60,9 @@ class EstimationRules:
     last_alone: int = rule(
         3, "readings", "at the end, left out in a row, that are a change and no outliers", "one outlier is no evidence"
     )
+    fastest_step: float = rule(
+        5.0, "largest other step", "from one reading to the next, beyond which no machine goes", "a heat switched off does one"
+    )
     changed_share: float = rule(
         0.25, "of the sensors", "and two at least, whose last reading is left out: a change", "outliers of probes come one by one"
     )

@@ -122,7 +122,7 @@ def claimed_verdicts(
     faded = found.faded & ~claimed.other_rise & ~averaged
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
-    leave = np.where(claimed.other_rise, 0, _leave_at_end(found.weights))
+    leave = np.where(claimed.other_rise, 0, _leave_at_end(found.weights, sensors))
     doubted = unfit | strong | hides | swings | lawless | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
@@ -167,7 +167,7 @@ def law_verdicts(
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
     out = (found.weights == 0.0).sum(axis=1)
-    swings, leave = _too_many(out, found), _leave_at_end(found.weights)
+    swings, leave = _too_many(out, found), _leave_at_end(found.weights, sensors)
     doubted = doubted | swings | (leave > 0)
     status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
@@ -202,10 +202,18 @@ def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
     return many
 
 
-def _leave_at_end(weights: Array) -> NDArray[np.intp]:
-    """How many readings at the end (S,) were left out in a row, where they are no outliers: something has just changed."""
-    out = weights == 0.0
+def _leave_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
+    """How many readings at the end (S,) were left out in a row, where they are no outliers: something has just changed.
+
+    No machine goes faster than its heat drives it: a reading farther from the one before than several times any other step is the
+    logger's.
+    """
+    out, reading = weights == 0.0, sensors.reading[:, : weights.shape[1]]
     row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
+    step = np.abs(np.diff(reading, axis=1))
+    usual = np.where(out[:, 1:] | out[:, :-1], 0.0, step).max(axis=1, initial=0.0)
+    first = step[np.arange(len(row)), np.minimum(step.shape[1] - row, step.shape[1] - 1)] if step.shape[1] else usual
+    row = np.where(first <= RULES.fastest_step * usual, row, 0)
     together = (row > 0).sum() >= max(2.0, RULES.changed_share * len(row))
     return np.where(row >= (1 if together else RULES.last_alone), row, 0)
 
