@@ -104,7 +104,7 @@ def test_the_bare_law_takes_no_drive(tool):
 
 
 def test_a_machine_of_two_bodies_under_a_load_in_steps():
-    told = [judged((seed, share, False, 1.0)) for seed in range(5000, 5008) for share in (0.05, 0.1)]
+    told = [judged((seed, share, "steps", 1.0)) for seed in range(5000, 5008) for share in (0.05, 0.1)]
     sure = [held for _, _, _, status, held, _ in told if status == "ok"]
     assert len(sure) >= 8
     assert np.mean(sure) >= 0.9
@@ -112,7 +112,7 @@ def test_a_machine_of_two_bodies_under_a_load_in_steps():
 
 def test_a_heat_that_follows_a_power_of_the_drive():
     """Taken in proportion, half of such rows were `ok` beside the truth."""
-    told = [judged((seed, 0.0, False, 1.7)) for seed in range(5000, 5012)]
+    told = [judged((seed, 0.0, "steps", 1.7)) for seed in range(5000, 5012)]
     sure = [held for *_, status, held, _ in told if status == "ok"]
     assert len(sure) >= 8
     assert np.mean(sure) >= 0.9

@@ -8,7 +8,7 @@ import pytest
 import thermofast as tf
 from benchmarks.intervals.linked import MINUTES, machine, settled
 from thermofast.discovery.observe import observe
-from thermofast.machine.rise import DRIVEN_MODES, _extended, _of_others, free_run, rises_of, together
+from thermofast.machine.rise import DRIVEN_MODES, _extended, _of_others, free_run, last_level, rises_of, together
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import GRID
 from thermofast.models.imperfection.known import Known
@@ -125,6 +125,36 @@ def test_a_logged_load_counts_as_it_was_last_and_one_that_cycles_as_its_mean():
         (found,) = tf.identify(record, until=until, drive="power [W]")
         assert found.steady_state_lo_c <= 20.0 + 0.05 * level <= found.steady_state_hi_c
         assert found.steady_state_c == pytest.approx(20.0 + 0.05 * level, abs=0.5)
+
+
+def test_a_staircase_counts_as_its_last_step_however_fast_it_is_climbed():
+    """Four stages of 20 min within a time constant of 60 go on in one direction; what is up, down and up again is a cycle."""
+    time = np.arange(0.0, 90.0, 0.5)
+    climbed = 250.0 * (1.0 + np.minimum(time // 20.0, 3.0))
+    assert last_level(time, climbed, 60.0) == 1000.0
+    assert last_level(time, climbed[::-1].copy(), 60.0) == 250.0
+    # Up, up, and back a little: no cycle yet.
+    assert last_level(time, np.where(time < 70.0, climbed, 500.0), 60.0) == 500.0
+    switched = np.where((time // 5.0) % 2 == 0, 600.0, 200.0)
+    assert last_level(time, switched, 60.0) == pytest.approx(400.0, abs=1.0)
+    # One that climbed before it began to switch is the mean of what switches.
+    both = np.where(time < 40.0, 250.0 + 250.0 * (time // 20.0), switched + 500.0)
+    assert last_level(time, both, 60.0) == pytest.approx(900.0, abs=25.0)
+
+    rng, rise = np.random.default_rng(1), [0.0]
+    for p in climbed[:-1]:
+        rise.append(0.02 * p + (rise[-1] - 0.02 * p) * np.exp(-0.5 / 60.0))
+    table = {"time_min": time, "T": 20.0 + np.array(rise) + 0.02 * rng.standard_normal(len(time)), "power_w": climbed}
+    for until in (65.0, 75.0):
+        for way in ({"drive": "power_w"}, {"auto": True}):
+            (found,) = tf.identify(table, until=until, **way)
+            assert found.steady_state_lo_c <= 40.0 <= found.steady_state_hi_c, (until, way)
+            assert found.status == "model_doubtful", (until, way)
+            assert "the heat stayed for 20 min at most" in found.message
+    (plain,) = tf.identify(table, until=75.0)
+    assert "power_w changed at 20, 40, 60 min, which is not counted" in plain.message
+    (held,) = tf.identify({**table, "power_w": np.full(len(time), 250.0)}, until=75.0)
+    assert "not counted" not in held.message
 
 
 def test_heat_flows_back_along_a_link_that_the_readings_asked_for_in_one_direction_only():

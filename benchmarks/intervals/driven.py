@@ -4,7 +4,8 @@ python -m benchmarks.intervals.driven
 
 Machines of one or two exponentials (exact steps), the faster or slower one with 0, 5, 10 or 20 % of the rise at a third to a
 twentieth of the other's time constant; two to four loads before the last reading used, the last change half a time constant
-before it or earlier. Printed of sensors whose status is `ok`: what the 95 % intervals of the limit at the last load hold, and
+before it or earlier; or a warm-up in four stages, each of a tenth to a third of a time constant, the last one read for a quarter
+to a whole one. Printed of sensors whose status is `ok`: what the 95 % intervals of the limit at the last load hold, and
 their width over the rise; beside it the same machines at a constant load.
 """
 
@@ -19,7 +20,7 @@ POWERS = (1.5, 2.5)
 SHARES, NOISE, STEP = (0.0, 0.05, 0.1, 0.2), 0.02, 0.5
 
 
-def record(seed: int, share: float, constant: bool, power: float = 1.0) -> tuple[tf.Run, float, float]:
+def record(seed: int, share: float, load_is: str, power: float = 1.0) -> tuple[tf.Run, float, float]:
     """A record used to its end, the limit of its one sensor at the last load [degC], and its rise to that [K]; logged is a speed
     of which the heat is a power.
     """
@@ -29,8 +30,11 @@ def record(seed: int, share: float, constant: bool, power: float = 1.0) -> tuple
     end, room, heat = tau * rng.uniform(1.0, 2.5), rng.uniform(18.0, 25.0), rng.uniform(8.0, 25.0)
     loads = rng.uniform(0.4, 1.0, rng.integers(2, 5))
     starts = np.concatenate([[0.0], np.sort(rng.uniform(0.1 * end, end - 0.5 * tau, len(loads) - 1))])
-    if constant:
+    if load_is == "constant":
         loads, starts = loads[-1:], starts[:1]
+    elif load_is == "stages":
+        loads, starts = np.array([0.25, 0.5, 0.75, 1.0]), tau * rng.uniform(0.1, 0.33) * np.arange(4.0)
+        end = starts[-1] + tau * rng.uniform(0.25, 1.0)
     time = np.arange(0.0, end, STEP)
     load = loads[np.searchsorted(starts, time, "right") - 1]
     change = np.diff(loads, prepend=0.0)
@@ -44,13 +48,13 @@ def record(seed: int, share: float, constant: bool, power: float = 1.0) -> tuple
     )
 
 
-def judged(job: tuple[int, float, bool, float]) -> tuple[float, bool, float, str, bool, float]:
-    seed, share, constant, power = job
-    run, limit, rise = record(seed, share, constant, power)
-    r = tf.identify(run, drive=None if constant else "load", jobs=1).records[0]
+def judged(job: tuple[int, float, str, float]) -> tuple[float, str, float, str, bool, float]:
+    seed, share, load_is, power = job
+    run, limit, rise = record(seed, share, load_is, power)
+    r = tf.identify(run, drive=None if load_is == "constant" else "load", jobs=1).records[0]
     low = -np.inf if r.steady_state_lo_c is None else r.steady_state_lo_c
     high = np.inf if r.steady_state_hi_c is None else r.steady_state_hi_c
-    return share, constant, power, r.status, low <= limit <= high, (high - low) / rise
+    return share, load_is, power, r.status, low <= limit <= high, (high - low) / rise
 
 
 def main() -> None:
@@ -58,19 +62,20 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=60)
     parser.add_argument("--seed", type=int, default=4000)
     given = parser.parse_args()
-    kinds = [(False, 1.0), *((False, power) for power in POWERS), (True, 1.0)]
+    kinds = [("steps", 1.0), *(("steps", power) for power in POWERS), ("stages", 1.0), ("stages", POWERS[0]), ("constant", 1.0)]
     jobs = [(given.seed + k, s, c, p) for c, p in kinds for s in SHARES for k in range(given.each)]
     with ProcessPoolExecutor() as pool:
         rows = list(pool.map(judged, jobs))
     print("| load | share of the second part | `ok` | limit held | median width over the rise |")
     print("| --- | ---: | ---: | ---: | ---: |")
-    for constant, power in kinds:
+    for load_is, power in kinds:
         for share in SHARES:
-            mine = [r for r in rows if r[:3] == (share, constant, power)]
+            mine = [r for r in rows if r[:3] == (share, load_is, power)]
             ok = [r for r in mine if r[3] == "ok"]
             held = f"{100 * np.mean([r[4] for r in ok]):.0f} %" if ok else "-"
             width = np.median([r[5] for r in ok]) if ok else np.nan
-            name = "constant" if constant else "steps, `--drive`" + (f", heat as speed^{power:g}" if power != 1.0 else "")
+            drive = "" if load_is == "constant" else ", `--drive`"
+            name = load_is + drive + (f", heat as speed^{power:g}" if power != 1.0 else "")
             print(f"| {name} | {100 * share:.0f} % | {len(ok)} of {len(mine)} | {held} | {width:.2f} |", flush=True)
 
 

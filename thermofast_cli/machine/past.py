@@ -38,7 +38,7 @@ from ..plugins.effects import chosen_effects
 from .learnt import carry, changed_files
 from .model import Model
 from .modelfile import ModelFile, past_of
-from .rise import rises_of
+from .rise import longest_stay, rises_of
 
 #: Rates outside these over the record's length say nothing of the machine.
 RATES = 0.3, 200.0
@@ -48,9 +48,11 @@ FEWEST = 8
 GUESS = 0.6
 #: Of what a sensor moved, what a drive must have brought to be followed.
 LEAST_HEAT = 0.1
-#: Share of its heat (1 sd) that a sensor may follow at another rate than that of the fit: of a drive that is logged; of a load or a
+#: Share of its heat (1 sd) that a sensor may follow at another rate than that of the fit: of a drive that is logged; of one that
+#: never stayed for STAYED time constants, so that slower parts of the machine look like another power of the drive; of a load or a
 #: cooling that changed on the way, of which one rate was told from what came before and after together.
-DRIVEN, AT_EVENTS = 0.03, 0.1
+DRIVEN, RESTLESS, AT_EVENTS = 0.03, 0.15, 0.1
+STAYED = 2.0
 SINK_KEY = Key(-1, SINK.name)
 
 
@@ -59,7 +61,8 @@ class Knowledge:
     """What a model says of a run at hand, or why it cannot say anything.
 
     notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged; strange are
-    sensors that do not follow the drive; found: how many effects were added.
+    sensors that do not follow the drive; found: how many effects were added; stayed_min: how long the heat that is logged stayed
+    where it was, at most.
     """
 
     run: str
@@ -69,6 +72,7 @@ class Knowledge:
     failed: str = ""
     strange: tuple[str, ...] = ()
     found: int = 0
+    stayed_min: float = float("inf")
 
 
 def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
@@ -173,17 +177,33 @@ def _guessed(task: LoopTask) -> Knowledge:
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
-    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(task, fit))
-    uses_room = _follows_room(fit)
+    stayed = _stayed(fit)
+    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(fit, stayed))
     past = Past(shapes, scatter=0.0, guessed=True, rises=rises, searched=searched)
-    return Knowledge(name, past, tuple(notes), uses_room, strange=tuple(strange), found=len(fit.model.parts))
+    return Knowledge(
+        name, past, tuple(notes), _follows_room(fit), strange=tuple(strange), found=len(fit.model.parts), stayed_min=stayed
+    )
 
 
-def _other_modes(task: LoopTask, fit: Fit) -> float:
-    """Share of its heat that a sensor may follow faster or slower than the fit says, where the heat was seen to change."""
+def _stayed(fit: Fit) -> float:
+    """Minutes that a logged column which brings heat stayed where it was, at most; inf where none jumps."""
+    run = fit.run
+    columns = [run.inputs[c] for p in fit.model.parts if (c := p.choice.constants.get("column", "")) in run.inputs]
+    if run.heat is not None:
+        columns.append(run.heat if run.driven is None else run.driven)
+    read = int(np.flatnonzero(run.used.any(axis=0))[-1]) + 1
+    return min((longest_stay(run.time[:read], column[:read]) for column in columns), default=float("inf"))
+
+
+def _other_modes(fit: Fit, stayed: float) -> float:
+    """Share of its heat that a sensor may follow faster or slower than the fit says, where the heat was seen to change; stayed:
+    minutes that it stayed where it was, at most.
+    """
     if any(part.effect.event for part in fit.model.parts):
         return AT_EVENTS
-    return DRIVEN if task.drive is not None else 0.0
+    if fit.run.heat is None:
+        return 0.0
+    return RESTLESS if stayed * float(np.median(fit.values[RATE])) < STAYED else DRIVEN
 
 
 def _as_it_follows(fit: Fit) -> tuple[Fit, list[str]]:
