@@ -1,5 +1,6 @@
 """Records as loggers write them, read right; and the rules that say so."""
 
+import csv
 import io
 import re
 import zipfile
@@ -487,3 +488,33 @@ def test_a_footer_whose_first_cell_is_empty_is_left_out(tmp_path):
     run = read_run(written(tmp_path, text))
     assert len(run.time_s) == 40
     assert any("3 lines below the readings left out (Min:, Max:, Mittelwert:)" in note for note in run.notes)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    remarks=st.dictionaries(st.integers(0, 59), st.text('ab ,;"\n\t', max_size=12), max_size=4),
+    delimiter=st.sampled_from(";,"),
+    ending=st.sampled_from(["\n", "\r\n"]),
+)
+def test_remarks_with_line_breaks_and_quotes_cost_no_row(tmp_path_factory, remarks, delimiter, ending):
+    """Written as the csv module does, a cell may hold anything; the rows below a quote were swallowed to the next one."""
+    path = tmp_path_factory.mktemp("quoted") / "run.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, delimiter=delimiter, lineterminator=ending)
+        writer.writerow(["time\n[min]", "front", "rear", "remark"])
+        for i in range(60):
+            writer.writerow([i, f"{20 + i / 8:.3f}", f"{30 - i / 8:.3f}", remarks.get(i, "")])
+    run = read_run(str(path))
+    np.testing.assert_array_equal(run.time_s, 60.0 * np.arange(60))
+    np.testing.assert_array_equal(run.channels["front"], 20 + np.arange(60) / 8)
+    np.testing.assert_array_equal(run.channels["rear"], 30 - np.arange(60) / 8)
+
+
+def test_a_quote_that_nothing_closes_is_left_out_and_said_to_be(tmp_path):
+    remarks = {20: '2" pipe'}
+    rows = [f"{i};{20 + i / 8:.3f};{remarks.get(i, '')}" for i in range(60)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(["time [min];front;remark", *rows]))
+    run = read_run(str(path))
+    assert len(run.time_s) == 60
+    assert "quotes that nothing closes left out (line 22)" in "; ".join(run.notes)

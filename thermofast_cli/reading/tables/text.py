@@ -25,8 +25,8 @@ from .dialect import (
     to_number,
 )
 from .encoding import to_utf8
+from .lines import closed_quotes, joined_segments, plain_scope
 from .table import Table, to_floats
-from .vendors import joined_segments, plain_scope
 
 SAMPLE_BYTES = 1 << 18
 LINE_END = re.compile(r"\r\n|\n|\r")
@@ -58,9 +58,10 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         notes.append(f"the last {options.skip_footer} lines left out, as told")
     _refuse_markup(data, name)
     data, separator = _without_separator_line(data)
+    data, quotes = closed_quotes(data)
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
-    notes += segments + scope
+    notes += quotes + segments + scope
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
     dialect = detect_dialect(head, encoding, name, told)

@@ -1,8 +1,12 @@
-"""Text files of a layout of their own: LabVIEW measurement files of several segments, exports of TwinCAT Scope."""
+"""Text whose lines are not yet one row each: cells with line breaks, quotes that nothing closes, LabVIEW measurement files of
+several segments, exports of TwinCAT Scope.
+"""
 
 import re
 
-from ...errors import InputError
+import numpy as np
+
+from ...errors import InputError, listed
 from .dialect import split
 
 #: Lines above the readings of each segment of a LabVIEW measurement file.
@@ -13,6 +17,54 @@ _SEGMENT_END = b"***End_of_Header***"
 #: What the first lines of an export say, whatever the language of the machine.
 _EXPORT = re.compile(rb"Name[\t;, ][^\n]*\n(?:[^\n]*\n){0,3}?Starttime of export")
 _NAMES = re.compile(rb"(?m)^Name([\t;,])")
+
+#: A line that is a row of readings by itself begins so, and has this share of the usual number of separators or more.
+_ROW = re.compile(rb"\s*[\"']?[+-]?\d")
+FULL = 0.7
+
+
+def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
+    """(text, notes) in which no quoted cell goes on in the next line: one with line breaks stands in one line, with empty lines
+    below it so that line numbers hold, and a quote that nothing closes before the next row of readings is left out.
+
+    Else all rows as far as the next quote are one cell.
+    """
+    end = b"\n" if b"\n" in data else b"\r"
+    if b'"' not in data:
+        return data, []
+    if end == b"\n" and re.search(rb"\r(?!\n)", data):
+        data = re.sub(rb'"[^"\n\r]*\r[^"\n]*"', lambda m: m[0].replace(b"\r", b" "), data)
+    text = np.frombuffer(data, np.uint8)
+    of_line = np.searchsorted(np.flatnonzero(text == end[0]), np.flatnonzero(text == ord('"')))
+    odd = np.flatnonzero(np.bincount(of_line) % 2).tolist()
+    if not odd:
+        return data, []
+    lines = data.split(end)
+    counts = {mark: [line.count(mark) for line in lines] for mark in (b",", b";", b"\t", b"|")}
+    usual = {mark: float(np.median([n for n, line in zip(of, lines, strict=True) if line.strip()])) for mark, of in counts.items()}
+    mark = max(usual, key=lambda m: usual[m])
+
+    def is_row(i: int) -> bool:
+        return bool(_ROW.match(lines[i])) and counts[mark][i] >= max(FULL * usual[mark], 1.0)
+
+    joined, left_out, at = 0, [], 0
+    while at < len(odd):
+        first = odd[at]
+        last = odd[at + 1] if at + 1 < len(odd) else None
+        if last is None or any(is_row(i) for i in range(first + 1, last + 1)):
+            quote = lines[first].rfind(b'"')
+            lines[first] = lines[first][:quote] + lines[first][quote + 1 :]
+            left_out.append(first + 1)
+            at += 1
+            continue
+        lines[first] = b" ".join(line.strip(b"\r") for line in lines[first : last + 1])
+        lines[first + 1 : last + 1] = [b""] * (last - first)
+        joined += 1
+        at += 2
+    notes = [f"{joined} cells with line breaks joined"] if joined else []
+    if left_out:
+        notes.append(f"quotes that nothing closes left out (line {listed(map(str, left_out), 3)})")
+    return end.join(lines), notes
 
 
 def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
