@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
-from thermofast.reading.stamps import parse_stamps
+from thermofast.reading.moments.stamps import parse_stamps
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.tables.workbook import _cell
-from thermofast.reading.times import unit_of
+from thermofast.reading.moments.times import unit_of
 from thermofast.reading.vocabulary import words
 
 TIMES = [0.0, 1.0, 2.0, 3.0]

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import check_names, sign_of
+from .moments.times import Time, is_time_name
 from .run import Array, Guess
 from .tables.dialect import is_missing, is_number, to_number
 from .tables.table import Table
-from .times import Time, is_time_name
 from .units import parse_unit, to_celsius
 from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 

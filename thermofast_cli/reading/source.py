@@ -28,9 +28,11 @@ from .columns import (
 )
 from .degrees import Temperatures, unit_told, winding_temperature
 from .long import Layout, find_long, good_readings, to_wide, without_switches
-from .order import in_order, runs_otherwise
+from .moments.order import in_order, runs_otherwise
+from .moments.stamps import two_decimal_signs, two_signs
+from .moments.times import Time, find_time, is_time_name
+from .moments.zones import in_zone
 from .run import Run, Seen, SeenColumn, renamed, stretch
-from .stamps import two_decimal_signs, two_signs
 from .tables.clocks import with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
@@ -40,7 +42,6 @@ from .tables.packed import is_workbook, unpacked
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
-from .times import Time, find_time, in_zone, is_time_name
 from .units import parse_unit
 from .vocabulary import UNITS
 from .vocabulary import words as words_of

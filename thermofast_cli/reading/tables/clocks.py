@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...reading_options import Options
+from ..moments.stamps import parse_stamps
+from ..moments.times import is_time_name, unit_of
 from ..run import Array
-from ..stamps import parse_stamps
-from ..times import is_time_name, unit_of
 from ..vocabulary import words
 from .table import Table
 

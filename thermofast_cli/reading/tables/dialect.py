@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from ...errors import InputError
 from ...reading_options import Options
-from ..stamps import looks_like_stamp
+from ..moments.stamps import looks_like_stamp
 from ..units import parse_unit
 from ..vocabulary import TIME
 

@@ -29,9 +29,9 @@ def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
 
     Else all rows as far as the next quote are one cell.
     """
-    end = b"\n" if b"\n" in data else b"\r"
     if b'"' not in data:
         return data, []
+    end = b"\n" if 2 * data.count(b"\n") >= data.count(b"\r") else b"\r"
     if end == b"\n" and re.search(rb"\r(?!\n)", data):
         data = re.sub(rb'"[^"\n\r]*\r[^"\n]*"', lambda m: m[0].replace(b"\r", b" "), data)
     text = np.frombuffer(data, np.uint8)

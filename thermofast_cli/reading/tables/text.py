@@ -11,8 +11,8 @@ import pyarrow.csv as pacsv
 
 from ...errors import InputError, listed
 from ...reading_options import Options
+from ..moments.stamps import looks_like_stamp
 from ..run import Array, Guess
-from ..stamps import looks_like_stamp
 from ..units import parse_unit
 from .dialect import (
     Dialect,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ...errors import InputError, UsageError, listed
-from ..stamps import looks_like_stamp
+from ..moments.stamps import looks_like_stamp
 from .dialect import is_number
 from .limits import Limits, check_workbook
 from .packed import DAMAGED

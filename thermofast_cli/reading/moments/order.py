@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, UsageError, listed
-from .run import Array, Guess
+from ...errors import InputError, UsageError, listed
+from ..run import Array, Guess
+from ..tables.table import Table
 from .stamps import parse_stamps
-from .tables.table import Table
 from .times import Time, is_time_name
 
 FEWEST_ROWS = 2

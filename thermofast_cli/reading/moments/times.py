@@ -1,22 +1,20 @@
 """Which column is time, and numbers of it as seconds: elapsed with a unit, epochs, serial days of a spreadsheet."""
 
-import math
 import re
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from datetime import datetime
 from functools import lru_cache
 from itertools import chain
-from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
-from ..errors import InputError, UsageError, listed
-from ..reading_options import Options
-from .columns import check_names
-from .run import Array, Guess
+from ...errors import InputError, listed
+from ...reading_options import Options
+from ..columns import check_names
+from ..run import Array, Guess
+from ..tables.table import Table
+from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
-from .tables.table import Table
-from .vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
 #: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
@@ -32,7 +30,6 @@ MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
 DATE_DIGITS = 8  # of a date written without signs, 20260131
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
-CELL_S = 900.0  # zones change their clocks at multiples of this
 
 
 @dataclass(frozen=True)
@@ -393,83 +390,3 @@ def _length(seconds: float) -> str:
         if seconds >= 2.0 * size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds:.3g} s"
-
-
-def in_zone(time: Time, zone: str, name: str) -> Time:
-    """Stamps of a wall clock in a zone (``Europe/Berlin``) with its summer time taken out.
-
-    An hour that the clock shows twice is told apart by the order of the rows.
-
-    Raises
-    ------
-    UsageError: no such zone, or no stamps of a wall clock without zone.
-    """
-    try:
-        clock = ZoneInfo(zone)
-    except (ZoneInfoNotFoundError, ValueError, OSError):
-        do = "name it as Europe/Berlin or America/New_York"
-        raise UsageError(f"--tz: no such zone {zone!r}", allowed="a zone of the IANA data base", do=do) from None
-    if not time.wall:
-        raise UsageError(f"{name}: --tz is for dates and times that have no zone", found=time.note, do="leave it out")
-    # A date that may be read in two orders has two starts; the zone's clock may tell them apart.
-    ways = [_moments(clock, start + time.seconds) for start in time.wall]
-    real = [way for way in ways if way is not None]
-    if not real:
-        skipped = datetime(1970, 1, 1) + timedelta(seconds=_skipped(clock, time.wall[0] + time.seconds))
-        raise UsageError(
-            f"{name}: --tz {zone}: a time that its clock never shows",
-            found=f"{skipped:%Y-%m-%d %H:%M:%S}, where it was set forward",
-            do="leave --tz out: the logger did not change its clock",
-        )
-    moments, guess = min(real, key=lambda way: _unusual(way[0]))
-    guesses = [Guess("clock change", guess, "--tz left out, if the logger's clock did not change")] if guess else []
-    if len({way[0].tobytes() for way in ((m - m[0], g) for m, g in real)}) > 1:
-        guesses.append(Guess("date order", "day and month read so that the clock of the zone runs evenly", "--time-format"))
-    seconds = moments - moments[0]
-    return replace(time, seconds=seconds, wall=(), note=f"{time.note}, in {zone}", guesses=(*time.guesses, *guesses))
-
-
-def _moments(clock: ZoneInfo, local: Array) -> tuple[Array, str] | None:
-    """(moments [s since 1970], what had to be guessed) of what a zone's clock shows; None where it never shows one of them."""
-    if math.isfinite(_skipped(clock, local)):
-        return None
-    cells, of = np.unique(np.floor(local / CELL_S), return_inverse=True)
-    offsets = np.array([[_offset(clock, CELL_S * cell, fold) for cell in cells.tolist()] for fold in (0, 1)])
-    first, second = local - offsets[0][of], local - offsets[1][of]
-    moments = first.copy()
-    twice = np.flatnonzero(second > first)
-    back = False
-    for i in twice.tolist():  # the hour that comes twice
-        if i and first[i] < moments[i - 1] - 1.0:
-            moments[i] = second[i]
-            back = True
-    if not len(twice) or back:
-        return moments, ""
-    # It is there once: the first time or the second.
-    later = first.copy()
-    later[twice] = second[twice]
-    told = "the hour that the clock shows twice stands there once, taken for the"
-    return (later, f"{told} second time") if _unusual(later) < _unusual(moments) else (moments, f"{told} first time")
-
-
-def _skipped(clock: ZoneInfo, local: Array) -> float:
-    """The first of the times shown that a zone's clock leaves out; inf where it shows all."""
-    for cell in np.unique(np.floor(local / CELL_S)).tolist():
-        shown = CELL_S * cell
-        if _offset(clock, shown, 0) < _offset(clock, shown, 1):  # so python's folds mark what is left out
-            return float(local[np.floor(local / CELL_S) == cell][0])
-    return math.inf
-
-
-def _unusual(seconds: Array) -> int:
-    """How many steps leave the usual one or go back."""
-    step = np.diff(seconds)
-    usual = float(np.median(step)) if len(step) else 0.0
-    return int((np.abs(step - usual) > 0.5 * abs(usual) + 1.0).sum())
-
-
-def _offset(clock: ZoneInfo, local: float, fold: int) -> float:
-    """Seconds by which a zone's clock that shows `local` [s since 1970] is ahead of UTC."""
-    shown = (datetime(1970, 1, 1) + timedelta(seconds=local)).replace(tzinfo=clock, fold=fold)
-    ahead = shown.utcoffset()
-    return ahead.total_seconds() if ahead is not None else 0.0

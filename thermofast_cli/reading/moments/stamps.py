@@ -10,8 +10,8 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from .run import Array, Guess
+from ...errors import InputError
+from ..run import Array, Guess
 
 DAY_S = 86400.0
 #: A record lasts this long [s] and is read at these intervals [s]: what tells minutes from seconds where nothing else does.
