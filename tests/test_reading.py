@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
 from thermofast.reading.moments.stamps import parse_stamps
+from thermofast.reading.moments.times import unit_of
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.tables.workbook import _cell
-from thermofast.reading.moments.times import unit_of
 from thermofast.reading.vocabulary import words
 
 TIMES = [0.0, 1.0, 2.0, 3.0]
@@ -431,8 +431,12 @@ def test_readings_with_clocks_of_their_own_are_not_put_on_one(stamped, tmp_path)
     for factor, same in ((1.0, True), (0.5, False)):
         rows = [f"{told(t)},{a:.3f},{told(factor * t)},{b:.3f}" for t, a, b in rising()]
         path = written(tmp_path, f"{heads[0]},Front (°C),{heads[1]},Rear (°C)\n" + "\n".join(rows) + "\n")
-        if same:
-            assert list(read_run(path).channels) == ["Front (°C)", "Rear (°C)"]
+        if same or stamped:  # a clock that is named after its column is that column's
+            run = read_run(path)
+            rear = run.channels["Rear (°C)"]
+            assert list(run.channels) == ["Front (°C)", "Rear (°C)"]
+            assert run.time_s[np.isfinite(rear)].tolist() == [factor * t for t, *_ in rising()]
+            assert rear[np.isfinite(rear)].tolist() == [b for *_, b in rising()]
         else:
             with pytest.raises(InputError, match=f"two clocks, '{heads[0].split()[0]}"):
                 read_run(path)

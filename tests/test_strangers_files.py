@@ -198,3 +198,78 @@ def test_names_are_the_line_that_begins_with_time_whatever_stands_above(tmp_path
     assert list(run.channels) == names
     assert np.allclose(run.time_s, 60.0 * np.arange(40))
     assert next(iter(run.channels.values())) == pytest.approx(FRONT[:40], abs=0.006)
+
+
+def clock(i, every=30):
+    """(h, min, s) of a row, from 21:30 on, with a night between rows 30 and 31."""
+    s = 21 * 3600 + 30 * 60 + every * i
+    return s // 3600 % 24, s // 60 % 60, s % 60
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "step"),
+    [
+        # A clock under no name beside a date, and the other way round: the day that was between was lost.
+        ("Date,,T1,T2", lambda i: f"2026-05-{3 + (i > 30):02d},{{:02d}}:{{:02d}}:{{:02d}}".format(*clock(i)), 24 * 3600),
+        ("Ch,,T1,T2", lambda i: f"2026/05/{3 + (i > 30):02d},{{:02d}}:{{:02d}}:{{:02d}}".format(*clock(i)), 24 * 3600),
+        (",Time,T1,T2", lambda i: f"{13 + (i > 30):02d}.05.2026,{{:02d}}:{{:02d}}:{{:02d}}".format(*clock(i)), 24 * 3600),
+        # Parts of a moment, each in a column; a clock without signs.
+        ("h,min,s,T1,T2", lambda i: f"{i // 120},{i // 2 % 60},{30 * i % 60}", 0),
+        ("year,month,day,hour,minute,T1,T2", lambda i: f"2026,5,{3 + (i > 30)},{{}},{{}}".format(*clock(i, 60)), 24 * 3600),
+        ("Time,T1,T2", lambda i: "{:02d}{:02d}{:02d}".format(*clock(i)), 0),
+    ],
+)
+def test_moments_of_any_name_or_in_parts(tmp_path, head, row, step):
+    run = tf.read(written(tmp_path, [head], [f"{row(i)},{FRONT[i]:.2f},{REAR[i]:.2f}" for i in range(60)]))
+    every = 60 if "minute" in head else 30
+    assert run.time_s.tolist() == [every * i + step * (i > 30) for i in range(60)]
+    assert list(run.channels) == ["T1", "T2"]
+    assert run.channels["T2"].tolist() == REAR.round(2).tolist()
+
+
+def test_counts_that_could_be_clocks_stay_counts(tmp_path):
+    """Every ten minutes in seconds each number could be a clock; what counts hours beside minutes is one time in two units."""
+    rows = [f"{600 * i},{FRONT[i]:.2f}" for i in range(10)]
+    assert tf.read(written(tmp_path, ["Time [s],T1"], rows)).time_s.tolist() == [600.0 * i for i in range(10)]
+    rows = [f"{i / 60:.4f},{i},{FRONT[i]:.2f}" for i in range(60)]
+    run = tf.read(written(tmp_path, ["h,min,T1"], rows))
+    assert run.time_s == pytest.approx(60.0 * MINUTES, abs=0.2)
+
+
+def test_sensors_by_number_that_are_asked_in_turn(tmp_path):
+    rows = [
+        f"2026-05-03 10:{i // 2:02d}:{2 + 3 * (i % 2):02d},{101 + i % 2},{(FRONT, REAR)[i % 2][i // 2]:.2f}" for i in range(118)
+    ]
+    run = tf.read(written(tmp_path, ["ts,sensor_id,value"], rows))
+    assert list(run.channels) == ["sensor 101", "sensor 102"]
+    rear = run.channels["sensor 102"]
+    assert rear[np.isfinite(rear)].tolist() == REAR[:59].round(2).tolist()
+
+
+def test_a_line_above_the_names_tells_what_groups_of_columns_are(tmp_path):
+    rows = [f"{i};{FRONT[i]:.2f};{REAR[i]:.2f};{i / 4};{i / 8};3000" for i in range(60)]
+    names = "Zeit [min];vorn;hinten;X;Y;Spindel"
+    for groups in (";Temperatur [°C];;Verlagerung [µm];;Drehzahl [1/min]", "Zeit;Temperatur;;Verlagerung;;Drehzahl"):
+        run = tf.read(written(tmp_path, [groups, names], rows))
+        assert list(run.channels) == ["vorn", "hinten"]
+        assert [n[-1] for n in run.displacements] == ["X", "Y"]
+        assert len(run.inputs) == 1
+    # Settings of a sheet stand in such a line, too.
+    run = tf.read(written(tmp_path, ["Drehzahl;3000;1/min;;;", names], rows))
+    assert list(run.channels)[:2] == ["vorn", "hinten"]
+
+
+def test_units_and_probes_as_they_are_written(tmp_path):
+    head = "time_min,T1 [?C],T2 [GrdC],T3 [°С],T4 [K-Type],Uebertemperatur [K]"
+    run = tf.read(written(tmp_path, [head], [f"{i},{FRONT[i]:.2f},{REAR[i]:.2f},20,{FRONT[i]:.3f},{i / 8}" for i in range(60)]))
+    assert list(run.channels) == head.split(",")[1:5]
+    rows = [f"{i},{FRONT[i]:.2f} °C" if i < 40 else f"{i},{1.8 * FRONT[i] + 32:.2f} °F" for i in range(60)]
+    with pytest.raises(tf.InputError, match="the unit changes within the record"):
+        tf.read(written(tmp_path, ["time_min,T1"], rows))
+
+
+def test_the_time_may_be_what_means_no_reading_elsewhere(tmp_path):
+    rows = [f"{i},{0 if i in (5, 6) else FRONT[i].round(2)}" for i in range(60)]
+    run = tf.read(written(tmp_path, ["time_min,T1"], rows), missing="0")
+    assert run.time_s[0] == 0.0
+    assert np.flatnonzero(np.isnan(run.channels["T1"])).tolist() == [5, 6]

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import UsageError, listed, nearest
 from ..reading_options import Options
 from .run import Array, Guess
-from .units import Unit, parse_unit, unit_in_name
+from .units import Unit, names_probe, parse_unit, unit_in_name
 from .vocabulary import (
     AMBIENT,
     AMBIENT_PARTS,
@@ -137,7 +137,7 @@ def _sign(name: str, unit_cell: str) -> Sign:
     said = set(words(name)) | ({name} if not name.isascii() else set())
     first = set(words(core)) or said
     unit = parse_unit(unit_cell) or unit_in_name(name)
-    spoken = _speaks_of_temperature(core or name, said)
+    spoken = _speaks_of_temperature(core or name, said) or names_probe(name)
     if unit is not None and unit.symbol in _PLACES and spoken:
         unit = None
     degrees = unit is not None and unit.temperature

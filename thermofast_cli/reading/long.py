@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ from .units import parse_unit, to_celsius
 from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 
 MOST_LABELS = 5000
+#: Share of the rows in which another sensor is told than in the row before, where they are read in turn.
+IN_TURN = 0.4
 #: OPC's codes of quality: good from, bad below.
 GOOD, BAD_BELOW = 192.0, 64.0
 QUALITIES = frozenset(["quality", "qualität", "statuscode"])
@@ -80,7 +83,7 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
             sensor = (unclear[0],)
     if not sensor:
         return None
-    if any(n in numbers for n in sensor) and not _interleaved(time.seconds, words_of, sensor):
+    if any(n in numbers for n in sensor) and not (_interleaved(time.seconds, words_of, sensor) or _in_turn(words_of[sensor[0]])):
         return None
     return Layout(
         sensor,
@@ -149,6 +152,12 @@ def _interleaved(seconds: Array, words_of: dict[str, list[str] | None], names: t
     back = np.flatnonzero(np.diff(seconds) < 0)
     changes = [labels[i] != labels[i + 1] for i in back]
     return together or (len(back) > 0 and len(back) >= len(set(labels)) - 1 and all(changes))
+
+
+def _in_turn(cells: list[str] | None) -> bool:
+    """Whether a column that names sensors by numbers goes from one to another all the time, as where they are asked in turn."""
+    changes = sum(a != b for a, b in pairwise(cells or []))
+    return changes > IN_TURN * len(cells or [])
 
 
 def _joined(words_of: dict[str, list[str] | None], names: tuple[str, ...]) -> list[str]:

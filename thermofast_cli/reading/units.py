@@ -32,7 +32,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 _EXACT = {symbol: kind for kind, symbols in QUANTITIES.items() for symbol in symbols}
 _LOWER = {symbol.lower(): kind for symbol, kind in _EXACT.items() if len(symbol) > 1}
-_MARK = r"(?:°|º|˚|\*|'|�|Â°|deg(?:rees?|\.)?|grad|degr)"
+_MARK = r"(?:°|º|˚|\*|'|�|Â°|\?|deg(?:rees?|\.)?|grad|grd\.?|degr)"
 _MARKED = re.compile(rf"{_MARK}[ _]?(c|k|f|celsius|kelvin|fahrenheit)$", re.IGNORECASE)
 _BEHIND = re.compile(r"(?:o|O)?([cfk])(?:°|º)|o([cf])", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
@@ -40,6 +40,12 @@ _SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s
 #: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
 _UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
 _ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")
+#: What a bracket may say of the probe instead of the unit: [K-Type], (Typ J), [Pt100].
+_PROBE = re.compile(
+    r"(?i)(?:tc[ -]?)?(?:[kjtnsrbe][ -]?ty(?:p|pe)|ty(?:p|pe)[ -]?[kjtnsrbe])|tc|tc[ -][kjtnsrbe]|(?:pt|ni)[ -]?\d{2,4}|[np]tc|rtd"
+)
+#: Letters of Russian keyboards that look like those of units.
+_CYRILLIC = str.maketrans("СК", "CK")
 _BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
 _ANYWHERE = re.compile(r"[°º˚] ?([CFK])\b(?!\s*/)|(℃)|(℉)|(?i:(?<![a-z])deg[ _]?([CFK])(?![a-z]))|(?i:(celsius|kelvin|fahrenheit))")
 _LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
@@ -63,7 +69,7 @@ class Unit:
 @lru_cache(maxsize=4096)
 def parse_unit(text: str) -> Unit | None:
     """The unit that a text *is*, as ``°C``, ``(*F)``, ``Deg C`` or ``mV``; None where it is none that is known."""
-    text = text.strip().strip("[](){}<>").strip().rstrip(".")
+    text = text.strip().strip("[](){}<>").strip().rstrip(".").translate(_CYRILLIC)
     if not text:
         return None
     if text in ("C", "K", "F"):
@@ -122,11 +128,16 @@ def unit_in_name(name: str) -> Unit | None:
     return _unknown_unit(name)
 
 
+def names_probe(name: str) -> bool:
+    """Whether a bracket of a column's name says the kind of a thermocouple or resistance thermometer."""
+    return any(_PROBE.fullmatch(inside.strip()) for inside in _BRACKET.findall(name))
+
+
 def _unknown_unit(name: str) -> Unit | None:
     """A bracket that holds a unit, though none that is known here: what it measures is no temperature."""
     for whole in _BRACKET.finditer(name):
         inside = whole.group(1).strip()
-        if whole.group(0)[0] not in "[(":
+        if whole.group(0)[0] not in "[(" or _PROBE.fullmatch(inside):
             continue
         square = whole.group(0).startswith("[") and re.search(r"[^\W\d]", inside) and len(inside) <= 8 and " " not in inside
         signs = len(inside) <= 14 and ":" not in inside and _UNIT_SIGNS.search(inside)

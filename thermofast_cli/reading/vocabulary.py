@@ -74,7 +74,8 @@ PLACES = _set(
 )
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(
-    "rise overtemperature übertemperatur anstieg erwärmung delta std stdev stddev sigma diff difference differenz deviation "
+    "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta "
+    "std stdev stddev sigma diff difference differenz deviation "
     "abweichung gradient rate slope deltat dt spread uncertainty"
 )
 #: Marks of a reading, one for each row, whatever else the name says.
@@ -129,6 +130,16 @@ TIME_PARTS = ("时间", "時間", "时刻", "時刻", "日期", "日時", "日�
 TEMPERATURE_PARTS = ("温度", "溫度", "온도")
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
 TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
+
+#: Whole names of columns that tell a part of a moment.
+TIME_WORDS: dict[str, frozenset[str]] = {
+    "year": _set("year yyyy yy jahr année ano anno år rok yıl 年"),
+    "month": _set("month mon monat mois mes mese maand måned ay 月"),
+    "day": _set("day dd tag jour día dia giorno dag den gün 日"),
+    "hour": _set("hour hours hr hrs hh h std stunde stunden heure hora ora uur saat 时 時"),
+    "minute": _set("minute minutes minuten min mins mm mi m minuto minuti minuut dakika 分"),
+    "second": _set("second seconds sec secs sek sekunde sekunden ss s segundo secondo seconde saniye 秒"),
+}
 
 #: Units that may follow a name after a blank or underline: single letters may be the front (V, vorn) or the rear of a machine.
 UNIT_SUFFIXES = _set(

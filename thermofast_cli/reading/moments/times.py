@@ -14,6 +14,7 @@ from ..columns import check_names
 from ..run import Array, Guess
 from ..tables.table import Table
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
+from .parts import clock_written_as_number, moments_in_parts
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
@@ -94,6 +95,11 @@ def find_time(table: Table, options: Options) -> Time:
         return _convert(table, options.time, None, options)
     table = _with_colons(table)
     found = _candidates(table)
+    parts = moments_in_parts(table) if found is None or ":" not in _first(table, found[1] or found[0]) else None
+    if parts is not None:
+        stamps, used = parts
+        note = f"time: moments in {' and '.join(repr(n) for n in table.names if n in used)}"
+        return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated, "stamp")
     if found:
         name, clock = found
         return _convert(table, name, clock, options)
@@ -139,8 +145,12 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     named = [n for n in table.names if is_time_name(n)]
     full = {n: _first(table, n) for n in stamped}
     stamps = {n: c for n, c in full.items() if looks_like_stamp(c)}
-    dates = [n for n in stamps if ":" not in stamps[n] and (n in named or n == table.names[0])]
-    clocks = [n for n in stamps if ":" in stamps[n] and n in named and not re.search(r"\d[-/.]\d{1,2}[-/.]\d|\d{8}", stamps[n])]
+    any_dates = [n for n in stamps if ":" not in stamps[n]]
+    any_clocks = [n for n in stamps if ":" in stamps[n] and not re.search(r"\d[-/.]\d{1,2}[-/.]\d|\d{8}", stamps[n])]
+    # One clock beside one date belong together, whatever they are called: "Date,,T1".
+    pair = len(any_dates) == len(any_clocks) == 1
+    dates = [n for n in any_dates if pair or n in named or n == table.names[0]]
+    clocks = [n for n in any_clocks if pair or n in named]
     days = dates or [n for n in numeric if n in named and _is_date_number(table.columns[n])]
     if days and clocks:
         return days[0], clocks[0]
@@ -177,6 +187,7 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
 
 
 def _first(table: Table, name: str) -> str:
+    """The first cell of a column of words that is not empty; of numbers nothing."""
     return plain(next((c.strip() for c in table.columns[name] if isinstance(c, str) and c.strip()), ""))
 
 
@@ -260,6 +271,12 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         seconds = np.round((column - column[0]) * DAY_S, 3)
         guess = Guess("time", text, "--time-unit says otherwise")
         return Time(seconds, frozenset({name}), f"time: {name!r} in days", (guess,), unit="d")
+    clock = clock_written_as_number(column)
+    if clock is not None:
+        first = f"{column[0]:06.0f}"
+        text = f"{name!r} read as a clock without signs ({first} is {first[:2]}:{first[2:4]}:{first[4:]})"
+        guess = Guess("time", text, "--time-unit says otherwise")
+        return Time(clock, frozenset({name}), f"time: {name!r}, a clock without signs", (guess,), unit="stamp")
     return _without_unit(table, name, column)
 
 

@@ -12,7 +12,7 @@ from ...reading_options import Options
 from ..moments.stamps import parse_stamps
 from ..moments.times import is_time_name, unit_of
 from ..run import Array
-from ..vocabulary import words
+from ..vocabulary import TIME, words
 from .table import Table
 
 #: Clocks that are never further apart than this share of the record are one: a time constant is not known so well.
@@ -56,20 +56,28 @@ def with_one_clock(table: Table, options: Options) -> Table:
 
 
 def _clocks(table: Table) -> list[str]:
-    """Columns of time of one name and kind, of which some differ."""
+    """Columns of time of one kind, of which some differ: of one name, or each named after the column beside it."""
     timed = [n for n in table.names if is_time_name(n)]
     for name in timed if len(timed) > 1 else []:
         kind = isinstance(table.columns[name], np.ndarray)
-        same = [
+        alike = [
             n
             for n in timed
-            if _stem(n) == _stem(name)
-            and isinstance(table.columns[n], np.ndarray) == kind
+            if isinstance(table.columns[n], np.ndarray) == kind
             and unit_of(n, table.units.get(n, "")) == unit_of(name, table.units.get(name, ""))
         ]
-        if len(same) > 1 and any(not _equal(table.columns[n], table.columns[name]) for n in same):
-            return same
+        for same in ([n for n in alike if _stem(n) == _stem(name)], [n for n in alike if _of_neighbour(table, n)]):
+            if len(same) > 1 and any(not _equal(table.columns[n], table.columns[name]) for n in same):
+                return same
     return []
+
+
+def _of_neighbour(table: Table, clock: str) -> bool:
+    """Whether a clock has the name of a column next to it (``Time front``, ``front``)."""
+    at, mine = table.names.index(clock), set(_stem(clock)) - TIME
+    mine -= {clock_unit} if (clock_unit := unit_of(clock)) else set()
+    beside = table.names[max(at - 1, 0) : at] + table.names[at + 1 : at + 2]
+    return bool(mine) and any(mine <= set(_stem(n)) for n in beside)
 
 
 def _stem(name: str) -> list[str]:

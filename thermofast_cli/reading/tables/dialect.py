@@ -8,8 +8,9 @@ from itertools import pairwise
 
 from ...errors import InputError
 from ...reading_options import Options
+from ..columns import sign_of
 from ..moments.stamps import looks_like_stamp
-from ..units import parse_unit
+from ..units import parse_unit, unit_in_name
 from ..vocabulary import TIME
 
 #: Cells that loggers write where there is no reading (compared in lower case).
@@ -349,6 +350,36 @@ def _counts(cells: list[str]) -> bool:
     return len(cells) > 2 and cells == [str(i + 1) for i in range(len(cells))]
 
 
+def _groups(head: list[str], dialect: Dialect) -> list[str]:
+    """Of each column what the line right above the names says of several of them together; empty where it says nothing.
+
+    Two groups at least, over no or another name of the time, and no numbers: ``;Temperature [°C];;Displacement [um];``.
+    """
+    line = next((i for i in range((dialect.header_line or 0) - 1, -1, -1) if head[i].strip()), None)
+    cells = split(head[line], dialect.delimiter) if line is not None and line not in dialect.unit_lines else []
+    told = [c.strip() for c in cells]
+    if not 2 < len(told) <= dialect.width or len([c for c in told[1:] if c]) < 2 or any(re.match(r"[+-]?\d", c) for c in told):
+        return []
+    names = split(head[dialect.header_line or 0], dialect.delimiter)
+    if told[0] and told[0] != names[0].strip() and told[0].lower() not in TIME:
+        return []
+    found = [""]
+    for cell in told[1:]:
+        found.append(cell or found[-1])  # a merged cell stands where it begins
+    return found
+
+
+def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
+    """(name, unit) of a column in a group: the group's unit, and its name where that tells apart what would be read alike."""
+    if not group or not cell.strip() or group == cell.strip():
+        return cell, unit
+    own = unit_in_name(group)
+    if not unit and unit_in_name(cell) is None and own is not None and own.sure:
+        unit = own.symbol
+    decides = own is None and sign_of(group, "").kind in ("input", "displacement", "ambient", "other")
+    return (f"{group} {cell.strip()}" if twice or decides else cell), unit
+
+
 def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
     """Names and units of the columns, from the first lines of a file.
 
@@ -381,6 +412,7 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
             do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
         )
     units = [""] * width
+    groups = _groups(head, dialect) if cells else []
     for line in dialect.unit_lines[::-1]:
         told = split(head[line], dialect.delimiter)[:width]
         for i, cell in enumerate(told):
@@ -392,6 +424,9 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
                 units[i] = cell.strip()
     for line in dialect.unit_lines if cells else ():
         cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
+    twice = {c for c in cells if cells.count(c) > 1} if groups else set()
+    for i, group in enumerate(groups):
+        cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
     names: list[str] = []
     taken: set[str] = set()
     if dialect.header_line is not None and any(not c.strip() for c in cells):

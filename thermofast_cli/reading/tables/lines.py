@@ -67,6 +67,20 @@ def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
     return end.join(lines), notes
 
 
+def without_last(data: bytes, count: int) -> bytes:
+    """Without so many lines at the end, empty ones not counted."""
+    for _ in range(count):
+        data = data.rstrip(b"\r\n")
+        data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
+    return data
+
+
+def without_separator_line(data: bytes) -> tuple[bytes, str]:
+    """Excel's first line ``sep=;`` tells the delimiter; an empty line stays in its place so that line numbers hold."""
+    found = re.match(rb'"?sep=(.)"?(?=\r|\n)', data)
+    return (data[found.end() :], found.group(1).decode("latin-1")) if found else (data, "")
+
+
 def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
     """A LabVIEW measurement file of several segments with the readings of all of them under the first header.
 

@@ -12,6 +12,7 @@ import pyarrow.csv as pacsv
 from ...errors import InputError, listed
 from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
+from ..moments.times import is_time_name
 from ..run import Array, Guess
 from ..units import parse_unit
 from .dialect import (
@@ -25,7 +26,7 @@ from .dialect import (
     to_number,
 )
 from .encoding import to_utf8
-from .lines import closed_quotes, joined_segments, plain_scope
+from .lines import closed_quotes, joined_segments, plain_scope, without_last, without_separator_line
 from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
@@ -54,10 +55,10 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if b"\r\r\n" in data[:SAMPLE_BYTES]:
         data = data.replace(b"\r\r\n", b"\r\n")  # written twice through a text layer
     if options.skip_footer:
-        data = _without_last(data, options.skip_footer)
+        data = without_last(data, options.skip_footer)
         notes.append(f"the last {options.skip_footer} lines left out, as told")
     _refuse_markup(data, name)
-    data, separator = _without_separator_line(data)
+    data, separator = without_separator_line(data)
     data, quotes = closed_quotes(data)
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
@@ -109,14 +110,6 @@ def _unit_above(lines: list[str]) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
-def _without_last(data: bytes, count: int) -> bytes:
-    """Without so many lines at the end, empty ones not counted."""
-    for _ in range(count):
-        data = data.rstrip(b"\r\n")
-        data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
-    return data
-
-
 def _refuse_markup(data: bytes, name: str) -> None:
     """Raises InputError for JSON and XML, which are text and no table."""
     head = data[:200].lstrip()
@@ -127,12 +120,6 @@ def _refuse_markup(data: bytes, name: str) -> None:
         )
     if head.startswith((b"<?xml", b"<html", b"<!DOCTYPE")):
         raise InputError(f"{name}: XML or a page, not a table", allowed="CSV text, Parquet, ...", do="export the record as CSV")
-
-
-def _without_separator_line(data: bytes) -> tuple[bytes, str]:
-    """Excel's first line ``sep=;`` tells the delimiter; an empty line stays in its place so that line numbers hold."""
-    found = re.match(rb'"?sep=(.)"?(?=\r|\n)', data)
-    return (data[found.end() :], found.group(1).decode("latin-1")) if found else (data, "")
 
 
 def _sample_end(data: bytes) -> int:
@@ -327,7 +314,7 @@ def _parse_body(
             if unit:
                 carried[n] = unit
         else:
-            columns[n] = _without(to_floats(column), more)
+            columns[n] = _without(to_floats(column), more, n)
     return columns, faults, carried, at, notes
 
 
@@ -360,9 +347,9 @@ def _all_floats(cells: list[str]) -> bool:
     return True
 
 
-def _without(values: Array, missing: frozenset[str]) -> Array:
-    """Numbers that the user said mean 'no reading' (85, -999) as nan."""
-    numbers = [float(m) for m in missing if is_number(m, ".")]
+def _without(values: Array, missing: frozenset[str], column: str) -> Array:
+    """Numbers that the user said mean 'no reading' (85, -999) as nan; the time may be 0 all the same."""
+    numbers = [] if is_time_name(column) else [float(m) for m in missing if is_number(m, ".")]
     return np.where(np.isin(values, numbers), np.nan, values) if numbers else values
 
 
@@ -424,7 +411,7 @@ def _cells(
         else:
             bad.append(i)
     if not bad:
-        return _without(values, more), None, unit
+        return _without(values, more, column), None, unit
     if len(bad) > np.count_nonzero(np.isfinite(values)):
         return cells, None, ""
     found = listed(dict.fromkeys(repr(cells[i]) for i in bad), 3)
@@ -441,6 +428,15 @@ def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Se
     """What is wrong with a column of words that holds numbers too: a probe that was open for most of the record."""
     if not cells or looks_like_stamp(cells[0]):
         return None
+    within = [w[2] for c in dict.fromkeys(cells) if (w := number_within(c, dialect.decimal))]
+    units = {unit.symbol: text for text in within if (unit := parse_unit(text)) is not None and unit.temperature}
+    if len(units) > 1:
+        return InputError(
+            f"{name}, column {column!r}: the unit changes within the record",
+            found=listed(units.values(), 4),
+            allowed="readings of one unit in a column",
+            do="export the record in one unit, or cut it where the unit changes",
+        )
     numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
     if not 0.05 * len(cells) <= sum(numbers) < len(cells):
         return None

@@ -1,0 +1,102 @@
+"""Moments that are written in several columns of numbers: year, month, day, hour, minute, second; or a clock as 203807."""
+
+import re
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ..run import Array
+from ..tables.table import Table
+from ..vocabulary import TIME_WORDS
+from .stamps import DAY_S, Stamps, looks_like_stamp, parse_stamps
+
+#: Least and largest number of each part.
+RANGES = {"year": (0, 2100), "month": (1, 12), "day": (1, 31), "hour": (0, 9999), "minute": (0, 59), "second": (0, 60)}
+DAY_H = 24
+
+
+def moments_in_parts(table: Table) -> tuple[Stamps, frozenset[str]] | None:
+    """Moments of columns that tell an hour, a minute, a second, or a date's parts, and which columns those are.
+
+    Two of hour, minute and second at least, next to each other in size, each within its range, and going on together; else None,
+    as where two columns tell the same time in two units.
+    """
+    found: dict[str, str] = {}
+    for name in table.names:
+        bare = re.sub(r"\s*[\[(].*$", "", name).strip().lower()
+        part = next((p for p, known in TIME_WORDS.items() if bare in known), None)
+        if part and part not in found and _fits(table.columns[name], part):
+            found[part] = name
+    clock = [p for p in ("hour", "minute", "second") if p in found]
+    if len(clock) < 2 or "minute" not in clock:
+        return None
+    number = {p: np.asarray(table.columns[n], dtype=float) for p, n in found.items()}
+    seconds: Array = sum(number[p] * size for p, size in (("hour", 3600.0), ("minute", 60.0), ("second", 1.0)) if p in clock)  # type: ignore[assignment]
+    step = np.diff(seconds)
+    if (
+        not len(step)
+        or (step < 0).sum() > max(1.0, 0.02 * len(step))
+        or any(not _goes_on(number, a, b) for a, b in pairwise(clock))
+    ):
+        return None
+    used = frozenset(found[p] for p in clock)
+    if "hour" not in clock or number["hour"].max() >= DAY_H:
+        return Stamps(seconds - seconds[0]), used
+    days, of_days = _dates(table, found, number)
+    cells = [
+        f"{d} {int(h):02d}:{int(m):02d}:{s:06.3f}".strip()
+        for d, h, m, s in zip(days, number["hour"], number["minute"], number.get("second", np.zeros(len(seconds))), strict=True)
+    ]
+    try:
+        return parse_stamps(cells, f"{table.name}, columns {', '.join(sorted(used))}", table.lines, ""), used | of_days
+    except InputError:
+        return None
+
+
+def _fits(column: "Array | list[str]", part: str) -> bool:
+    """Whether numbers (n,) can be a part of moments: whole, or seconds with a fraction, within its range."""
+    if not isinstance(column, np.ndarray) or not column.size or not np.isfinite(column).all():
+        return False
+    low, high = RANGES[part]
+    return bool(low <= column.min() and column.max() <= high and (part == "second" or (column % 1.0 == 0.0).all()))
+
+
+def _goes_on(number: dict[str, Array], larger: str, smaller: str) -> bool:
+    """Whether the larger part changes where the smaller one falls back, and nowhere else; it must have been seen to, or to stay."""
+    falls, changes = np.diff(number[smaller]) < 0, np.diff(number[larger]) != 0
+    # A part that never changes is one of a short record: the smaller may rise, but must not fall.
+    return bool(not (falls & ~changes).any() and ((falls & changes).any() or not changes.any()))
+
+
+def _dates(table: Table, found: dict[str, str], number: dict[str, Array]) -> tuple[list[str], frozenset[str]]:
+    """The date of each row in words, empty where none is told, and the columns that tell it."""
+    rows = len(table.columns[found["minute"]])
+    if {"year", "month", "day"} <= found.keys():
+        years = number["year"] + np.where(number["year"] < 100, 2000, 0)
+        told = [f"{int(y):04d}-{int(m):02d}-{int(d):02d}" for y, m, d in zip(years, number["month"], number["day"], strict=True)]
+        return told, frozenset(found[p] for p in ("year", "month", "day"))
+    for name, column in table.columns.items():
+        if not isinstance(column, np.ndarray) and column and looks_like_stamp(column[0]) and all(":" not in c for c in column):
+            return [c.strip() for c in column], frozenset({name})
+    return [""] * rows, frozenset()
+
+
+def clock_written_as_number(column: Array) -> Array | None:
+    """Seconds (n,) of numbers that are a clock without signs, 80530 for 08:05:30; None where they count something.
+
+    Every number must be such a clock, and run more evenly read so than as it stands: from 59 s to a minute it jumps by 41.
+    """
+    if (column % 1.0 != 0.0).any() or column.min() < 0 or column.max() >= 240000:
+        return None
+    hours, minutes, seconds = column // 10000, column // 100 % 100, column % 100
+    if (minutes >= 60).any() or (seconds >= 60).any():
+        return None
+    read: Array = 3600.0 * hours + 60.0 * minutes + seconds
+    read += DAY_S * np.cumsum(np.concatenate([[0.0], np.diff(read) < -0.5 * DAY_S]))
+    step, as_it_stands = np.diff(read), np.diff(column)
+    jumps: NDArray[np.bool_] = as_it_stands > step + 0.5
+    if not (step > 0).all() or not jumps.any() or float(step.max()) >= float(as_it_stands.max()):
+        return None
+    return read - read[0]
