@@ -128,35 +128,23 @@ def test_the_bends_left_open_are_in_what_a_past_knows():
 
 
 @pytest.mark.parametrize(
-    ("without", "let_go"),
-    [([4.0, -9.0], [True, False]), ([2.0, 2.0], [True, True]), ([2.0, -9.0], [False, False]), ([2.9, 0.0], [False, False])],
-)
-def test_past_runs_are_let_go_of_one_sensor_or_of_all_by_evidence(monkeypatch, without, let_go):
-    closed = [SimpleNamespace(sensors=range(2))]
-    told = imperfect._empty(closed[0], np.zeros(0), np.zeros(0, dtype=bool), TYPICAL)
-    for name, value in (("known", True), ("check_p", 0.5), ("strong", 0.0), ("evidence", 0.0)):
-        getattr(told, name)[:] = value
-
-    def claim(closed, members, into, *rest, **more):
-        into[0].evidence[:], into[0].check_p[:], into[0].strong[:] = without, 0.5, 0.0
-
-    monkeypatch.setattr(imperfect, "_claim", claim)
-    imperfect._let_go(closed, [np.ones(2, dtype=bool)], [told], TYPICAL, "auto", str, Past({}))
-    assert told.let_go.tolist() == let_go
-    assert told.known.tolist() == [not gone for gone in let_go]
-
-
-@pytest.mark.parametrize(
-    ("searched", "without", "let_go"),
+    ("past", "without", "let_go"),
     [
-        ("all", [-2.0, -0.5], [True, True]),
-        ("all", [-2.5, -0.6], [False, False]),
-        ("each", [-5.0, -0.5], [False, True]),
-        ("each", [-1.4, -1.4], [True, True]),
+        # Past runs: of one sensor or of all.
+        (Past({}), [4.0, -9.0], [True, False]),
+        (Past({}), [2.0, 2.0], [True, True]),
+        (Past({}), [2.0, -9.0], [False, False]),
+        (Past({}), [2.9, 0.0], [False, False]),
+        # What a search chose must make the readings likelier by a log likelihood of 3 over the run, and of 1 where each sensor may
+        # have it or not.
+        (Past({}, guessed=True, searched="all"), [-2.0, -0.5], [True, True]),
+        (Past({}, guessed=True, searched="all"), [-2.5, -0.6], [False, False]),
+        (Past({}, guessed=True, searched="each"), [-5.0, -0.5], [False, True]),
+        (Past({}, guessed=True, searched="each"), [-1.4, -1.4], [True, True]),
     ],
 )
-def test_effects_that_a_search_chose_must_make_the_readings_likelier(monkeypatch, searched, without, let_go):
-    """By a log likelihood of 3 over the run, and of 1 where each sensor may have them or not."""
+def test_what_is_known_beyond_the_readings_is_let_go_of_by_evidence(monkeypatch, past, without, let_go):
+    """without: the log likelihood that the readings of each sensor gain without it."""
     closed = [SimpleNamespace(sensors=range(2))]
     told = imperfect._empty(closed[0], np.zeros(0), np.zeros(0, dtype=bool), TYPICAL)
     for name, value in (("known", True), ("check_p", 0.5), ("strong", 0.0), ("evidence", 0.0)):
@@ -166,8 +154,9 @@ def test_effects_that_a_search_chose_must_make_the_readings_likelier(monkeypatch
         into[0].evidence[:], into[0].check_p[:], into[0].strong[:] = without, 0.5, 0.0
 
     monkeypatch.setattr(imperfect, "_claim", claim)
-    imperfect._let_go(closed, [np.ones(2, dtype=bool)], [told], TYPICAL, "auto", str, Past({}, guessed=True, searched=searched))
+    imperfect._let_go(closed, [np.ones(2, dtype=bool)], [told], TYPICAL, "auto", str, past)
     assert told.let_go.tolist() == let_go
+    assert told.known.tolist() == [not gone for gone in let_go]
 
 
 def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():

@@ -126,8 +126,11 @@ def claimed_verdicts(
     doubted = unfit | strong | hides | swings | lawless | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | (out > 0)).tolist():
+    still = _went(found, sensors) < RULES.at_rest * found.noise
+    for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | (out > 0)).tolist():
         said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
+        if still[i]:
+            said.append("it did not move by more than its noise: the heat may not be on yet")
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
         elif too_wide[i]:
