@@ -175,8 +175,8 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
         for likely, shift, unsure in ways:
             left, own = difference - shift, noise + np.outer(unsure, unsure)
             sizes.append(_size(kind, directions, size, left, own))
-            # A change by a factor of three is not one factor on everything, to a hundredth.
-            much = max(size, abs(sizes[-1][1])) if sizes[-1] is not None else 0.0
+            # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
+            much = abs(sizes[-1][1]) if sizes[-1] is not None else 0.0
             covariance = own + size**2 * directions @ directions.T + (UNLIKE * much) ** 2 * np.eye(2 * n)
             sign, log = np.linalg.slogdet(covariance)
             weight = np.log(prior) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
