@@ -228,12 +228,45 @@ def test_moments_of_any_name_or_in_parts(tmp_path, head, row, step):
 
 
 def test_counts_that_could_be_clocks_stay_counts(tmp_path):
-    """Every ten minutes in seconds each number could be a clock; what counts hours beside minutes is one time in two units."""
-    rows = [f"{600 * i},{FRONT[i]:.2f}" for i in range(10)]
-    assert tf.read(written(tmp_path, ["Time [s],T1"], rows)).time_s.tolist() == [600.0 * i for i in range(10)]
+    """Every 100 s each number could be a clock; what counts hours beside minutes is one time in two units."""
+    for head, every in (("Time [s],T1", 600), ("Time,T1", 100)):
+        rows = [f"{every * i},{FRONT[i]:.2f}" for i in range(10)]
+        assert tf.read(written(tmp_path, [head], rows)).time_s.tolist() == [float(every * i) for i in range(10)]
+    rows = [f"{8 + i // 60:02d}{i % 60:02d},{FRONT[i]:.2f}" for i in range(50, 60)] + [
+        f"09{i:02d},{FRONT[i]:.2f}" for i in range(10)
+    ]
+    with pytest.raises(tf.InputError, match="may be a clock without signs") as refused:
+        tf.read(written(tmp_path, ["Time,T1"], rows))
+    assert "say time_format %H%M (or %M%S)" in str(refused.value)
+    run = tf.read(written(tmp_path, ["Time,T1"], rows), time_format="%H%M")
+    assert run.time_s.tolist() == [60.0 * i for i in range(20)]
+    dated = [f"20260503,{row}" for row in rows]
+    assert tf.read(written(tmp_path, ["Date,Time,T1"], dated)).time_s.tolist() == [60.0 * i for i in range(20)]
     rows = [f"{i / 60:.4f},{i},{FRONT[i]:.2f}" for i in range(60)]
     run = tf.read(written(tmp_path, ["h,min,T1"], rows))
     assert run.time_s == pytest.approx(60.0 * MINUTES, abs=0.2)
+
+
+def test_what_tells_the_time_is_not_put_aside_for_what_else_looks_like_it(tmp_path):
+    """A batch's date beside how long a tool was used; minutes and seconds of something else; a run that goes on past midnight."""
+    elapsed = [f"{i // 4}:{15 * i % 60:02d}:00" for i in range(60)]
+    for head, row in (
+        ("time_min,Order date,Tool life,T1", lambda i: f"{15 * i},2026-02-01,{elapsed[59 - i]}"),
+        (
+            "Timestamp,Order date,Tool life,T1",
+            lambda i: f"2026-05-0{3 + i // 48} {i // 4 % 24:02d}:{15 * i % 60:02d}:00,2026-02-01,0:00:0{i % 7}",
+        ),
+        ("Date,Elapsed,T1", lambda i: f"2026-05-0{3 + (i > 16)},{elapsed[i]}"),
+        ("time_min,m,s,T1", lambda i: f"{15 * i},{i // 12},{5 * i % 60}"),
+    ):
+        rows = [f"{row(i)},{FRONT[i]:.2f}" for i in range(48)]
+        run = tf.read(written(tmp_path, [head], rows), channels="T1")
+        assert run.time_s.tolist() == [900.0 * i for i in range(48)], head
+
+
+def test_a_number_beside_one_sensor_is_no_sensors_name(tmp_path):
+    run = tf.read(written(tmp_path, ["time_s,point,front [degC]"], [f"{10 * i},{1 + i % 8},{FRONT[i]:.2f}" for i in range(60)]))
+    assert list(run.channels) == ["front [degC]"]
 
 
 def test_sensors_by_number_that_are_asked_in_turn(tmp_path):
@@ -251,12 +284,13 @@ def test_a_line_above_the_names_tells_what_groups_of_columns_are(tmp_path):
     names = "Zeit [min];vorn;hinten;X;Y;Spindel"
     for groups in (";Temperatur [°C];;Verlagerung [µm];;Drehzahl [1/min]", "Zeit;Temperatur;;Verlagerung;;Drehzahl"):
         run = tf.read(written(tmp_path, [groups, names], rows))
-        assert list(run.channels) == ["vorn", "hinten"]
+        assert list(run.channels)[:2] == ["vorn", "hinten"]
         assert [n[-1] for n in run.displacements] == ["X", "Y"]
-        assert len(run.inputs) == 1
-    # Settings of a sheet stand in such a line, too.
-    run = tf.read(written(tmp_path, ["Drehzahl;3000;1/min;;;", names], rows))
-    assert list(run.channels)[:2] == ["vorn", "hinten"]
+        assert list(run.inputs) == (["Spindel"] if "[" in groups else [])
+    # Settings of a sheet, parts of a machine and kinds of probes stand in such a line, too.
+    for above in ("Drehzahl;3000;1/min;;;", ";Spindel;;X axis;;", ";Type K;;Type K;;", "Time;Lab test;Load cycle;;;"):
+        run = tf.read(written(tmp_path, [above, names], rows))
+        assert list(run.channels) == ["vorn", "hinten", "X", "Y", "Spindel"], above
 
 
 def test_units_and_probes_as_they_are_written(tmp_path):

@@ -49,7 +49,10 @@ class EstimationRules:
         0.03, "1", "share of the way seen: a limit nearer than that to the beginning is a return, with no rise", BY_HAND
     )
     at_rest: float = rule(
-        5.0, "noise", "that no reading went farther than where a sensor is said not to move", "of 10,000 normal ones the largest is 4"
+        5.0,
+        "noise",
+        "that no reading went farther than where a sensor is said not to move",
+        "of 10,000 normal ones the largest is 4",
     )
     room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     kept_share: float = rule(

@@ -83,7 +83,8 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
             sensor = (unclear[0],)
     if not sensor:
         return None
-    if any(n in numbers for n in sensor) and not (_interleaved(time.seconds, words_of, sensor) or _in_turn(words_of[sensor[0]])):
+    in_turn = bool(set(words(value)) & READINGS) and _in_turn(words_of[sensor[0]])
+    if any(n in numbers for n in sensor) and not (in_turn or _interleaved(time.seconds, words_of, sensor)):
         return None
     return Layout(
         sensor,

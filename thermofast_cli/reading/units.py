@@ -40,10 +40,8 @@ _SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s
 #: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
 _UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
 _ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")
-#: What a bracket may say of the probe instead of the unit: [K-Type], (Typ J), [Pt100].
-_PROBE = re.compile(
-    r"(?i)(?:tc[ -]?)?(?:[kjtnsrbe][ -]?ty(?:p|pe)|ty(?:p|pe)[ -]?[kjtnsrbe])|tc|tc[ -][kjtnsrbe]|(?:pt|ni)[ -]?\d{2,4}|[np]tc|rtd"
-)
+#: What a bracket may say of a thermocouple instead of its unit: [K-Type], (Typ J).
+_PROBE = re.compile(r"(?i)(?:tc[ -]?)?(?:[kjtnsrbe][ -]?typ|[kjtnsrbe][ -]?type|type?[ -]?[kjtnsrbe])")
 #: Letters of Russian keyboards that look like those of units.
 _CYRILLIC = str.maketrans("СК", "CK")
 _BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
@@ -129,7 +127,7 @@ def unit_in_name(name: str) -> Unit | None:
 
 
 def names_probe(name: str) -> bool:
-    """Whether a bracket of a column's name says the kind of a thermocouple or resistance thermometer."""
+    """Whether a bracket of a column's name says the kind of a thermocouple."""
     return any(_PROBE.fullmatch(inside.strip()) for inside in _BRACKET.findall(name))
 
 

@@ -38,7 +38,10 @@ INPUTS = _set(
     "dust noise pm ph orp turbidity irradiance radiation speed rpm load power duty heater voltage current curr coolant fan "
     "flow humidity rh pressure pump door valve feed drehzahl last leistung spannung strom druck feuchte luftfeuchte "
     "durchfluss vorschub volt volts battery batt batterie resistance widerstand ohm force kraft energy energie capacity watt "
-    "frequency freq utilization light lux lamp lamps co"
+    "frequency freq utilization light lux lamp lamps co "
+    "ток напряжение мощность скорость обороты давление corrente tensione potenza velocità coppia pressione courant "
+    "tension puissance pression corriente tensión potencia velocidad presión prąd napięcie moc prędkość ciśnienie "
+    "proud napětí výkon otáčky tlak akım gerilim güç devir basınç"
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
@@ -97,7 +100,10 @@ INPUT_ENDINGS = (
 )
 #: Parts of words of languages that are written without blanks.
 AMBIENT_PARTS = ("気温", "雰囲気", "T∞", "环境", "環境", "室温", "室溫", "室内", "室內", "周囲", "周围", "실내", "주위")
-INPUT_PARTS = ("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力")
+INPUT_PARTS = (
+    *("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力", "速度", "进给"),
+    *("전류", "전압", "회전", "속도", "압력"),
+)
 #: Names that begin so are no temperature though "temp" stands in them.
 NOT_TEMPERATURE = _set("attempts attempt template templates tempo tempus contempt temporary temporal")
 #: Names that name nothing: a column called so beside columns that say they are temperatures is none.
@@ -137,7 +143,7 @@ TIME_WORDS: dict[str, frozenset[str]] = {
     "month": _set("month mon monat mois mes mese maand måned ay 月"),
     "day": _set("day dd tag jour día dia giorno dag den gün 日"),
     "hour": _set("hour hours hr hrs hh h std stunde stunden heure hora ora uur saat 时 時"),
-    "minute": _set("minute minutes minuten min mins mm mi m minuto minuti minuut dakika 分"),
+    "minute": _set("minute minutes minuten min mins mm mi minuto minuti minuut dakika 分"),
     "second": _set("second seconds sec secs sek sekunde sekunden ss s segundo secondo seconde saniye 秒"),
 }
 
@@ -151,8 +157,8 @@ TIME_UNITS: dict[str, tuple[str, ...]] = {
     "ns": ("ns", "nanoseconds"),
     "us": ("us", "µs", "μs", "microseconds"),
     "ms": ("ms", "msec", "millis", "msecs", "millis", "milliseconds"),
-    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒"),
-    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟"),
-    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时"),
+    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒", "초", "с", "сек"),
+    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟", "分", "분", "мин"),
+    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时", "ч", "час"),
     "d": ("d", "day", "days", "tage"),
 }

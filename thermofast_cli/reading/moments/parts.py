@@ -4,7 +4,6 @@ import re
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
 from ..run import Array
@@ -15,6 +14,8 @@ from .stamps import DAY_S, Stamps, looks_like_stamp, parse_stamps
 #: Least and largest number of each part.
 RANGES = {"year": (0, 2100), "month": (1, 12), "day": (1, 31), "hour": (0, 9999), "minute": (0, 59), "second": (0, 60)}
 DAY_H = 24
+#: Rows of numbers from which on they can be known to be a clock; clocks of two parts are below, ten o'clock as a number.
+FEWEST_OF_CLOCK, SHORT, HOUR_AS_NUMBER = 4, 2400, 10000
 
 
 def moments_in_parts(table: Table) -> tuple[Stamps, frozenset[str]] | None:
@@ -46,7 +47,7 @@ def moments_in_parts(table: Table) -> tuple[Stamps, frozenset[str]] | None:
         return Stamps(seconds - seconds[0]), used
     days, of_days = _dates(table, found, number)
     cells = [
-        f"{d} {int(h):02d}:{int(m):02d}:{s:06.3f}".strip()
+        f"{d} {int(h):02d}:{int(m):02d}:{np.floor(1e3 * s) / 1e3:06.3f}".strip()
         for d, h, m, s in zip(days, number["hour"], number["minute"], number.get("second", np.zeros(len(seconds))), strict=True)
     ]
     try:
@@ -66,8 +67,9 @@ def _fits(column: "Array | list[str]", part: str) -> bool:
 def _goes_on(number: dict[str, Array], larger: str, smaller: str) -> bool:
     """Whether the larger part changes where the smaller one falls back, and nowhere else; it must have been seen to, or to stay."""
     falls, changes = np.diff(number[smaller]) < 0, np.diff(number[larger]) != 0
-    # A part that never changes is one of a short record: the smaller may rise, but must not fall.
-    return bool(not (falls & ~changes).any() and ((falls & changes).any() or not changes.any()))
+    # The larger part stays in a short record, the smaller one where rows are a whole larger one apart.
+    stays = not changes.any() or np.ptp(number[smaller]) == 0.0
+    return bool(not (falls & ~changes).any() and ((falls & changes).any() or stays))
 
 
 def _dates(table: Table, found: dict[str, str], number: dict[str, Array]) -> tuple[list[str], frozenset[str]]:
@@ -83,20 +85,40 @@ def _dates(table: Table, found: dict[str, str], number: dict[str, Array]) -> tup
     return [""] * rows, frozenset()
 
 
-def clock_written_as_number(column: Array) -> Array | None:
+def clock_written_as_number(column: Array, place: str) -> Array | None:
     """Seconds (n,) of numbers that are a clock without signs, 80530 for 08:05:30; None where they count something.
 
     Every number must be such a clock, and run more evenly read so than as it stands: from 59 s to a minute it jumps by 41.
+
+    Raises
+    ------
+    InputError: numbers that are as even either way, or a clock of two parts: 0812 is 08:12:00 or 08 min 12 s.
     """
-    if (column % 1.0 != 0.0).any() or column.min() < 0 or column.max() >= 240000:
+    if (column % 1.0 != 0.0).any() or column.min() < 0 or column.max() >= 240000 or len(column) < FEWEST_OF_CLOCK:
         return None
-    hours, minutes, seconds = column // 10000, column // 100 % 100, column % 100
-    if (minutes >= 60).any() or (seconds >= 60).any():
+    if (column // 100 % 100 >= 60).any() or (column % 100 >= 60).any():
         return None
-    read: Array = 3600.0 * hours + 60.0 * minutes + seconds
-    read += DAY_S * np.cumsum(np.concatenate([[0.0], np.diff(read) < -0.5 * DAY_S]))
+    short = bool(column.max() < SHORT)
+    read = _clock(column)
     step, as_it_stands = np.diff(read), np.diff(column)
-    jumps: NDArray[np.bool_] = as_it_stands > step + 0.5
-    if not (step > 0).all() or not jumps.any() or float(step.max()) >= float(as_it_stands.max()):
+    if not (step > 0).all() or np.ptp(step) > np.ptp(as_it_stands):
         return None
-    return read - read[0]
+    even = np.ptp(as_it_stands) == 0.0
+    if even and (column[0] < HOUR_AS_NUMBER or short):
+        return None  # every 100 s from the beginning on
+    if even or short:
+        first, last = (f"{v:0{4 if short else 6}.0f}" for v in (column[0], column[-1]))
+        raise InputError(
+            f"{place} may be a clock without signs or count",
+            found=f"{first} to {last}",
+            allowed="one reading of it" if short else "a clock, or seconds",
+            do=f"say --time-format {'%H%M (or %M%S)' if short else '%H%M%S'}, or --time-unit if it counts",
+        )
+    found: Array = read - read[0]
+    return found
+
+
+def _clock(column: Array) -> Array:
+    """Seconds (n,) of HHMMSS, past midnight too."""
+    read: Array = 3600.0 * (column // 10000) + 60.0 * (column // 100 % 100) + column % 100
+    return read + DAY_S * np.cumsum(np.concatenate([[0.0], np.diff(read) < -0.5 * DAY_S]))

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from ...reading_options import Options
 from ..columns import check_names
 from ..run import Array, Guess
 from ..tables.table import Table
+from ..units import unit_in_name
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
-from .parts import clock_written_as_number, moments_in_parts
+from .parts import SHORT, clock_written_as_number, moments_in_parts
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
@@ -29,6 +30,8 @@ _MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)\.(?:sec|ss|s)\s*[\])]", re.
 #: Words of a column that tells parts of the second of a stamp.
 MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
 DATE_DIGITS = 8  # of a date written without signs, 20260131
+#: Names that are units of time, and of deviations, least readings and heights.
+BARE = ("s", "min", "h")
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
 
@@ -64,6 +67,8 @@ def is_time_name(name: str) -> bool:
     """Whether a column is called after time."""
     whole = re.sub(r"[\[(/,].*", "", name).strip()
     told = words(name)
+    if whole != name and whole in TIME_NAMES and (unit := unit_in_name(name)) is not None and unit.kind != "time":
+        return False  # min [°C] is the least of a temperature
     if any(w in ("temp", "temperature", "temperatur") for w in told):
         return False
     if not name.isascii() and any(part in name for part in TIME_PARTS):
@@ -95,8 +100,8 @@ def find_time(table: Table, options: Options) -> Time:
         return _convert(table, options.time, None, options)
     table = _with_colons(table)
     found = _candidates(table)
-    parts = moments_in_parts(table) if found is None or ":" not in _first(table, found[1] or found[0]) else None
-    if parts is not None:
+    parts = moments_in_parts(table)
+    if parts is not None and (found is None or found[0] in parts[1] or _is_date(table, *found)):
         stamps, used = parts
         note = f"time: moments in {' and '.join(repr(n) for n in table.names if n in used)}"
         return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), stamps.starts, stamps.dated, "stamp")
@@ -143,19 +148,23 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     if archived and stamped:
         return archived[0], None
     named = [n for n in table.names if is_time_name(n)]
+    if any(words(n) == ["max"] for n in numeric):
+        named = [n for n in named if words(n) != ["min"]]  # the least reading, not minutes
     full = {n: _first(table, n) for n in stamped}
     stamps = {n: c for n, c in full.items() if looks_like_stamp(c)}
     any_dates = [n for n in stamps if ":" not in stamps[n]]
     any_clocks = [n for n in stamps if ":" in stamps[n] and not re.search(r"\d[-/.]\d{1,2}[-/.]\d|\d{8}", stamps[n])]
-    # One clock beside one date belong together, whatever they are called: "Date,,T1".
-    pair = len(any_dates) == len(any_clocks) == 1
+    # One clock beside one date belong together, whatever they are called ("Date,,T1"), where no other column tells the time.
+    whole = [n for n in stamps if n in named and n not in any_dates and n not in any_clocks and _mostly_new(table.columns[n])]
+    others = bool(whole) or any(n in named and unit_of(n, table.units.get(n, "")) for n in numeric)
+    pair = len(any_dates) == len(any_clocks) == 1 and not others
     dates = [n for n in any_dates if pair or n in named or n == table.names[0]]
     clocks = [n for n in any_clocks if pair or n in named]
     days = dates or [n for n in numeric if n in named and _is_date_number(table.columns[n])]
-    if days and clocks:
-        return days[0], clocks[0]
+    if days and clocks and not whole:
+        return (clocks[0], None) if _elapses(table.columns[days[0]], table.columns[clocks[0]]) else (days[0], clocks[0])
     dated = [n for n in stamps if n not in clocks and n not in dates]
-    ordered = [n for n in dated if n in named] + [n for n in dated if n not in named and ":" in stamps[n]]
+    ordered = [n for n in dated if n in named] + [n for n in dated if n not in named and ":" in stamps[n] and not others]
     if len(ordered) == 1:
         return ordered[0], None
     if ordered:
@@ -166,7 +175,7 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     epochs = [n for n in timed if _epoch(_values(table, n)) and unit_of(n) is None]
     ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5]
     for group in (
-        [n for n in timed if unit_of(n, table.units.get(n, "")) and n in ascending],
+        [n for n in timed if unit_of(n, table.units.get(n, "")) and n in ascending and not _after_time(n, ascending)],
         epochs,
         clocks,
         ascending,
@@ -186,9 +195,37 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     return (going[0], None) if len(going) == 1 else None
 
 
+def _after_time(name: str, timed: list[str]) -> bool:
+    """Whether a column called s, min or h stands behind another that could be the time: a deviation, a least, a height."""
+    return name.lower() in BARE and name != timed[0] and timed[0].lower() not in BARE
+
+
+def _mostly_new(column: "Array | list[str]") -> bool:
+    """Whether most cells of a column differ from the one before: a moment of each row, not of a batch or a query."""
+    return bool(sum(a != b for a, b in pairwise(column)) >= 0.5 * (len(column) - 1))
+
+
+def _elapses(days: "Array | list[str]", clock: "Array | list[str]") -> bool:
+    """Whether a clock beside dates begins at 0 and goes on by its usual step where the date changes: it is elapsed time."""
+    read = [re.match(r"(\d+):(\d\d)(?::(\d\d(?:\.\d+)?))?$", str(c).strip()) for c in clock]
+    if not all(read):
+        return False
+    seconds = [3600.0 * float(m[1]) + 60.0 * float(m[2]) + float(m[3] or 0.0) for m in read if m]
+    step = np.diff(seconds)
+    told = [str(d).strip() for d in days]
+    changed = np.array([bool(b) and a != b for a, b in pairwise(told)])
+    usual = float(np.median(step)) if len(step) else 0.0
+    return bool(changed.any()) and seconds[0] <= 2.0 * usual and bool((np.abs(step[changed] - usual) <= 0.5 * usual).all())
+
+
 def _first(table: Table, name: str) -> str:
     """The first cell of a column of words that is not empty; of numbers nothing."""
     return plain(next((c.strip() for c in table.columns[name] if isinstance(c, str) and c.strip()), ""))
+
+
+def _is_date(table: Table, name: str, clock: str | None) -> bool:
+    """Whether a column is one of dates, and no clock was found beside it."""
+    return clock is None and not isinstance(table.columns[name], np.ndarray) and ":" not in _first(table, name)
 
 
 def _values(table: Table, name: str) -> Array:
@@ -260,6 +297,8 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     if written is not None:
         return written
     epoch = _epoch(column)
+    if unit == "s" and not options.time_unit and (clock := _clock_of(table, name, column)) is not None:
+        return clock
     if unit and not (epoch and not options.time_unit):
         return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", unit=unit)
     if epoch:
@@ -271,13 +310,23 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         seconds = np.round((column - column[0]) * DAY_S, 3)
         guess = Guess("time", text, "--time-unit says otherwise")
         return Time(seconds, frozenset({name}), f"time: {name!r} in days", (guess,), unit="d")
-    clock = clock_written_as_number(column)
-    if clock is not None:
-        first = f"{column[0]:06.0f}"
-        text = f"{name!r} read as a clock without signs ({first} is {first[:2]}:{first[2:4]}:{first[4:]})"
-        guess = Guess("time", text, "--time-unit says otherwise")
-        return Time(clock, frozenset({name}), f"time: {name!r}, a clock without signs", (guess,), unit="stamp")
-    return _without_unit(table, name, column)
+    return _clock_of(table, name, column) or _without_unit(table, name, column)
+
+
+def _clock_of(table: Table, name: str, column: Array) -> Time | None:
+    """Numbers as a clock without signs, 203807, told as a guess.
+
+    Raises
+    ------
+    InputError: as :func:`clock_written_as_number`.
+    """
+    clock = clock_written_as_number(column, f"{table.name}: column {name!r}")
+    if clock is None:
+        return None
+    first = f"{column[0]:06.0f}"
+    text = f"{name!r} read as a clock without signs ({first} is {first[:2]}:{first[2:4]}:{first[4:]})"
+    guess = Guess("time", text, "--time-unit says otherwise")
+    return Time(clock, frozenset({name}), f"time: {name!r}, a clock without signs", (guess,), unit="stamp")
 
 
 def _of_archive(column: Array) -> bool:
@@ -305,6 +354,7 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
     """Numbers that are moments written without signs: 20260503203807, or 20260503 beside 203807."""
     if (column % 1.0 != 0.0).any():
         return None
+    guesses: tuple[Guess, ...] = ()
     if column.min() >= 1.9e13 and column.max() < 2.2e13:
         cells, used = [f"{v:014.0f}" for v in column], frozenset({name})
     else:
@@ -312,13 +362,18 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
         elapsed = unit_of(name, table.units.get(name, "")) is not None  # a column 'min' beside a date counts minutes
         if date is None or elapsed or not is_time_name(name) or column.min() < 0 or column.max() >= 240000:
             return None
-        cells = [f"{d:08.0f}{v:06.0f}" for d, v in zip(table.columns[date], column, strict=True)]
+        # Beside a date 0812 is twelve minutes past eight, not past midnight.
+        size = 100.0 if column.max() < SHORT else 1.0
+        cells = [f"{d:08.0f}{size * v:06.0f}" for d, v in zip(table.columns[date], column, strict=True)]
         used = frozenset({name, date})
+        if size > 1.0:
+            guesses = (Guess("time", f"{name!r} read as hours and minutes ({column[0]:04.0f})", "--time-format says otherwise"),)
     try:
         stamps = parse_stamps([f"{c[:8]} {c[8:]}" for c in cells], f"{table.name}, column {name!r}", table.lines, name)
     except InputError:
         return None
-    return Time(stamps.seconds, used, f"time: moments in {' and '.join(map(repr, sorted(used)))}", (), stamps.starts, True, "stamp")
+    note = f"time: moments in {' and '.join(map(repr, sorted(used)))}"
+    return Time(stamps.seconds, used, note, guesses, stamps.starts, True, "stamp")
 
 
 def _is_date_number(column: Array | list[str]) -> bool:
@@ -379,7 +434,7 @@ def _same_time(table: Table, other: str, column: Array) -> str | None:
     """The unit in which a column of time without unit runs as fast as another that says its own."""
     second = table.columns[other]
     if isinstance(second, np.ndarray):
-        unit = unit_of(other, table.units.get(other, "")) if is_time_name(other) else None
+        unit = unit_of(other, table.units.get(other, "")) if is_time_name(other) and other.lower() not in BARE else None
         scale = UNITS[u] if (u := _epoch(second) or unit) else None
         if scale is None or not np.isfinite(second).all():
             return None

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from ...reading_options import Options
 from ..moments.stamps import parse_stamps
 from ..moments.times import is_time_name, unit_of
 from ..run import Array
-from ..vocabulary import TIME, words
+from ..vocabulary import TIME, TIME_UNITS, words
 from .table import Table
 
 #: Clocks that are never further apart than this share of the record are one: a time constant is not known so well.
@@ -74,8 +74,7 @@ def _clocks(table: Table) -> list[str]:
 
 def _of_neighbour(table: Table, clock: str) -> bool:
     """Whether a clock has the name of a column next to it (``Time front``, ``front``)."""
-    at, mine = table.names.index(clock), set(_stem(clock)) - TIME
-    mine -= {clock_unit} if (clock_unit := unit_of(clock)) else set()
+    at, mine = table.names.index(clock), set(_stem(clock)) - TIME - set(chain.from_iterable(TIME_UNITS.values()))
     beside = table.names[max(at - 1, 0) : at] + table.names[at + 1 : at + 2]
     return bool(mine) and any(mine <= set(_stem(n)) for n in beside)
 

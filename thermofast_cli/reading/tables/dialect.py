@@ -11,7 +11,7 @@ from ...reading_options import Options
 from ..columns import sign_of
 from ..moments.stamps import looks_like_stamp
 from ..units import parse_unit, unit_in_name
-from ..vocabulary import TIME
+from ..vocabulary import DISPLACEMENTS, TIME, words
 
 #: Cells that loggers write where there is no reading (compared in lower case).
 MISSING = frozenset(
@@ -353,7 +353,8 @@ def _counts(cells: list[str]) -> bool:
 def _groups(head: list[str], dialect: Dialect) -> list[str]:
     """Of each column what the line right above the names says of several of them together; empty where it says nothing.
 
-    Two groups at least, over no or another name of the time, and no numbers: ``;Temperature [°C];;Displacement [um];``.
+    Two groups at least, one of them of temperatures, over no or another name of the time, and no numbers:
+    ``;Temperature [°C];;Displacement [um];``.
     """
     line = next((i for i in range((dialect.header_line or 0) - 1, -1, -1) if head[i].strip()), None)
     cells = split(head[line], dialect.delimiter) if line is not None and line not in dialect.unit_lines else []
@@ -361,7 +362,8 @@ def _groups(head: list[str], dialect: Dialect) -> list[str]:
     if not 2 < len(told) <= dialect.width or len([c for c in told[1:] if c]) < 2 or any(re.match(r"[+-]?\d", c) for c in told):
         return []
     names = split(head[dialect.header_line or 0], dialect.delimiter)
-    if told[0] and told[0] != names[0].strip() and told[0].lower() not in TIME:
+    of_time = not told[0] or names[0].strip() in ("", told[0]) or told[0].lower() in TIME
+    if not of_time or not any(sign_of(c, "").temperature for c in told[1:]):
         return []
     found = [""]
     for cell in told[1:]:
@@ -370,14 +372,15 @@ def _groups(head: list[str], dialect: Dialect) -> list[str]:
 
 
 def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
-    """(name, unit) of a column in a group: the group's unit, and its name where that tells apart what would be read alike."""
+    """(name, unit) of a column in a group, which has the group's unit in brackets; its name where it would be read alike."""
     if not group or not cell.strip() or group == cell.strip():
         return cell, unit
-    own = unit_in_name(group)
-    if not unit and unit_in_name(cell) is None and own is not None and own.sure:
+    bracket = re.search(r"[\[(]([^\])]+)[\])]", group)
+    own = parse_unit(bracket[1] if bracket else group)
+    if not unit and unit_in_name(cell) is None and own is not None:
         unit = own.symbol
-    decides = own is None and sign_of(group, "").kind in ("input", "displacement", "ambient", "other")
-    return (f"{group} {cell.strip()}" if twice or decides else cell), unit
+    moves = own is None and bool(set(words(group))) and set(words(group)) <= DISPLACEMENTS
+    return (f"{group} {cell.strip()}" if twice or moves else cell), unit
 
 
 def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
@@ -433,6 +436,9 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
         above = [split(line, delimiter) for line in head[max(dialect.header_line - ROWS_ABOVE, 0) : dialect.header_line]]
         tags = next((row for row in above if len(row) == width and says(row, NAME_WORDS)), [""] * width)
         cells = [c if c.strip() or i == 0 else tag for i, (c, tag) in enumerate(zip(cells, tags, strict=False))]
+        # A name that a sheet merged downwards stands in the line above.
+        lower = above[-1] if above and len(above[-1]) == width and sum(map(bool, above[-1])) > 1 else [""] * width
+        cells = [c if c.strip() else merged for c, merged in zip(cells, lower, strict=True)] if len(cells) == width else cells
     for i in range(width):
         cell = cells[i].strip().lstrip("#%").strip() if i < len(cells) else ""
         if i < len(cells) and not cell and cells[i].strip():

@@ -18,9 +18,9 @@ _SEGMENT_END = b"***End_of_Header***"
 _EXPORT = re.compile(rb"Name[\t;, ][^\n]*\n(?:[^\n]*\n){0,3}?Starttime of export")
 _NAMES = re.compile(rb"(?m)^Name([\t;,])")
 
-#: A line that is a row of readings by itself begins so, and has this share of the usual number of separators or more.
-_ROW = re.compile(rb"\s*[\"']?[+-]?\d")
+#: Share of the usual number of separators from which on a line is a row of readings by itself.
 FULL = 0.7
+MARKS = (b",", b";", b"\t", b"|")
 
 
 def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
@@ -40,18 +40,29 @@ def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
     if not odd:
         return data, []
     lines = data.split(end)
-    counts = {mark: [line.count(mark) for line in lines] for mark in (b",", b";", b"\t", b"|")}
-    usual = {mark: float(np.median([n for n, line in zip(of, lines, strict=True) if line.strip()])) for mark, of in counts.items()}
+    told = [line for line in lines if line.strip()]
+    usual = {mark: float(np.median([line.count(mark) for line in told])) for mark in MARKS}
     mark = max(usual, key=lambda m: usual[m])
+    if usual[mark] < 1.0:
+        mark = b" "
+        usual[mark] = float(np.median([line.count(mark) for line in told]))
 
-    def is_row(i: int) -> bool:
-        return bool(_ROW.match(lines[i])) and counts[mark][i] >= max(FULL * usual[mark], 1.0)
+    def full(text: bytes) -> bool:
+        return text.count(mark) >= max(FULL * usual[mark], 1.0)
+
+    def goes_on(first: int, last: int) -> bool:
+        """Whether the cell that a line leaves open ends at the first quote of another, with no row between."""
+        inside, sign, after = lines[last].replace(b'""', b"").partition(b'"')
+        closes = sign and (not after.strip() or after.lstrip(b" ").startswith(mark))
+        begins_as_row = re.match(rb"\s*[+-]?\d", inside) and full(inside)
+        rows_between = any(full(lines[i]) for i in range(first + 1, last) if b'"' not in lines[i])
+        return bool(_opens(lines[first], mark) and closes and not begins_as_row and not rows_between)
 
     joined, left_out, at = 0, [], 0
     while at < len(odd):
         first = odd[at]
         last = odd[at + 1] if at + 1 < len(odd) else None
-        if last is None or any(is_row(i) for i in range(first + 1, last + 1)):
+        if last is None or not goes_on(first, last):
             quote = lines[first].rfind(b'"')
             lines[first] = lines[first][:quote] + lines[first][quote + 1 :]
             left_out.append(first + 1)
@@ -61,10 +72,28 @@ def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
         lines[first + 1 : last + 1] = [b""] * (last - first)
         joined += 1
         at += 2
-    notes = [f"{joined} cells with line breaks joined"] if joined else []
+    notes = [f"{joined} cell{'s' if joined > 1 else ''} with line breaks joined"] if joined else []
     if left_out:
         notes.append(f"quotes that nothing closes left out (line {listed(map(str, left_out), 3)})")
     return end.join(lines), notes
+
+
+def _opens(line: bytes, mark: bytes) -> bool:
+    """Whether the last quoted cell of a line does not end in it; a quote within a cell opens none."""
+    at = 0
+    while at < len(line):
+        at += len(line) - at - len(line[at:].lstrip(b" "))
+        if line[at : at + 1] == b'"':
+            at += 1
+            while (at := line.find(b'"', at)) >= 0 and line[at : at + 2] == b'""':
+                at += 2
+            if at < 0:
+                return True
+        following = line.find(mark, at)
+        if following < 0:
+            return False
+        at = following + 1
+    return False
 
 
 def without_last(data: bytes, count: int) -> bytes:
