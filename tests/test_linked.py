@@ -8,7 +8,8 @@ import pytest
 import thermofast as tf
 from benchmarks.intervals.linked import MINUTES, machine, settled
 from thermofast.discovery.observe import observe
-from thermofast.machine.rise import DRIVEN_MODES, _extended, _of_others, free_run, last_level, rises_of, together
+from thermofast.machine.jumps import last_level, longest_stay
+from thermofast.machine.rise import DRIVEN_MODES, _extended, _of_others, free_run, rises_of, together
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import GRID
 from thermofast.models.imperfection.known import Known
@@ -155,6 +156,15 @@ def test_a_staircase_counts_as_its_last_step_however_fast_it_is_climbed():
     assert "power_w changed at 20, 40, 60 min, which is not counted" in plain.message
     (held,) = tf.identify({**table, "power_w": np.full(len(time), 250.0)}, until=75.0)
     assert "not counted" not in held.message
+
+
+def test_how_long_a_load_stayed_where_it_was():
+    time = np.arange(0.0, 90.0, 0.5)
+    stages = np.minimum(time // 20.0, 3.0)
+    assert longest_stay(time, stages) == 29.5
+    assert longest_stay(time, np.minimum(time // 6.0, 9.0)) == pytest.approx(35.5)  # each is a ninth of the range
+    for never in (np.ones(len(time)), (time >= 0.5) * 1.0, time // 5.0 % 2, np.where(time < 40.0, stages, 0.0), time):
+        assert longest_stay(time, never) == np.inf
 
 
 def test_heat_flows_back_along_a_link_that_the_readings_asked_for_in_one_direction_only():

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def rising(minutes, rise=9.0):
 
 def test_it_stops_when_all_sensors_are_within_the_tolerance_and_stay_so():
     said = {"a": 0.4, "b": 0.6}
-    watch = Watch(lambda run: tuple(record(c, h) for c, h in said.items()), 0.5)
+    watch = Watch(lambda run, start: tuple(record(c, h) for c, h in said.items()), 0.5)
     assert not watch.look(rising(60.0)).stop
     said["b"] = 0.499 / TOGETHER
     first = watch.look(rising(61.0))
@@ -106,19 +107,19 @@ def test_it_stops_when_all_sensors_are_within_the_tolerance_and_stay_so():
 
 
 def test_a_machine_that_heat_has_not_reached_is_not_settled():
-    watch = Watch(lambda run: (record("a", 0.01), record("b", 0.01)), 0.5)
+    watch = Watch(lambda run, start: (record("a", 0.01), record("b", 0.01)), 0.5)
     for minutes in (20.0, 22.0, 25.0):
         assert not watch.look(rising(minutes, 0.2)).stop
-    slow = Watch(lambda run: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5)
+    slow = Watch(lambda run, start: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5)
     for minutes in (60.0, 70.0, 80.0, 140.0):
         assert not slow.look(rising(minutes)).stop  # not before one and a half time constants
     assert not slow.look(rising(152.0)).stop
     assert slow.look(rising(157.0)).stop
     there = Watch(slow.identify, 0.5)
     assert there.look(rising(200.0)).stop  # a record that was there already is looked at as it was 3 % earlier, too
-    known = Watch(lambda run: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5, known=True)
+    known = Watch(lambda run, start: (record("a", 0.01, rate=0.01), record("b", 0.01, rate=0.01)), 0.5, known=True)
     assert known.look(rising(40.0)).stop
-    doubtful = Watch(lambda run: (record("a", 0.01), record("b", 0.01, "model_doubtful")), 0.5)
+    doubtful = Watch(lambda run, start: (record("a", 0.01), record("b", 0.01, "model_doubtful")), 0.5)
     for minutes in (60.0, 70.0, 80.0):
         assert not doubtful.look(rising(minutes)).stop
 
@@ -127,10 +128,11 @@ def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
     """Records in doubt as a whole: their later half counts once it is one and a half of the longer time constants long."""
     lengths, pace = [], 0.02
 
-    def identify(run):
+    def identify(run, start):
         minutes = run.time_s[-1] / 60.0
         lengths.append(minutes)
-        whole = len(lengths) % 2 == 1
+        whole = start is None  # where its rise begins; of the later half from its first reading on
+        assert whole or start == 0.0
         said = record("a", 0.1, "model_doubtful" if whole else "ok", rate=0.01 if whole else pace)
         return (said,)
 
@@ -150,6 +152,7 @@ def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
     assert "you can stop now" in second.words
     assert "by the readings from 175 min on" in second.words
     assert second.records[0].t95_min is None
+    assert second.records[0].start_min == 175.0
     assert second.records[0].message.startswith("by the readings from 175 min on")
     assert asked == [165.0]  # it takes seconds, and is not asked at every look
     event = 200.0
@@ -157,6 +160,33 @@ def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
     assert not Watch(identify, 0.5).look(rising(330.0)).stop  # a model that is wrong all the time is wrong in the later half, too
     pace = 0.005
     assert not Watch(identify, 0.5, happened=happened).look(rising(330.0)).stop
+    # A gap over the later half leaves nothing to foretell from.
+    kept, whole = rising(330.0), slice(0, 20)
+    gap = replace(
+        kept, time_s=np.append(kept.time_s[whole], 330.0 * 60.0), channels={"a": np.append(kept.channels["a"][whole], 29.0)}
+    )
+    assert not Watch(identify, 0.5, happened=happened).look(gap).stop
+
+
+def test_a_watch_from_a_named_minute_on_counts_halves_and_events_from_there(tmp_path):
+    asked = []
+
+    def identify(run, start):
+        asked.append((run.time_s[-1] / 60.0, start))
+        return (record("a", 0.1, "model_doubtful" if start else "ok"),)
+
+    Watch(identify, 0.5, start_min=30.0).look(rising(130.0))
+    assert asked[0] == (130.0, 30.0)
+    assert asked[1] == (pytest.approx(50.0, abs=4.0), 0.0)
+    rng, time = np.random.default_rng(2), np.arange(0.0, 200.0, 0.5)
+    heat, reading = np.where((time < 30.0) | ((time > 77.0) & (time < 87.0)), 0.0, 10.0), [20.0]
+    for h in heat[:-1]:
+        reading.append(20.0 + h + (reading[-1] - 20.0 - h) * np.exp(-0.5 / 40.0))
+    run = tf.read({"time_min": time, "a": np.array(reading) + 0.02 * rng.standard_normal(len(time))})
+    assert not events_before((run, 30.0), 60.0)  # 47 to 57 min after the start
+    assert events_before((run, 30.0), 90.0)
+    law = {"time_min": time, "a": 20.0 - 10.0 * np.expm1(-time / 40.0) + 0.02 * rng.standard_normal(len(time))}
+    assert not events_before((tf.read(law), 0.0), 90.0)  # nothing happened
 
 
 def test_a_pause_on_the_way_does_not_keep_a_watch_waiting_for_ever():
@@ -167,7 +197,7 @@ def test_a_pause_on_the_way_does_not_keep_a_watch_waiting_for_ever():
         goal = 20.0 if 40.0 < time[k] <= 47.0 else 32.0
         reading[k] = goal + (reading[k - 1] - goal) * np.exp(-0.5 / 40.0)
     columns = {"time_min": time, "T": reading + rng.normal(0.0, 0.02, len(time))}
-    watch = Watch(lambda seen: tf.identify(seen).records, 0.5, happened=lambda seen, at: events_before((seen, 0.0), at))
+    watch = Watch(lambda seen, start: tf.identify(seen).records, 0.5, happened=lambda seen, at: events_before((seen, 0.0), at))
     looks = [watch.look(first_readings(tf.read(columns, name="run"), int(2 * minutes))) for minutes in (100, 120, 150, 160, 170)]
     last = looks[-1]
     assert not looks[0].stop

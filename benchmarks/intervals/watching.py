@@ -50,10 +50,10 @@ def follow(job: tuple[int, str | None], simulator: str, growth: float, prior: Im
     run = tf.read({"time_min": minutes} | {f"T{i}": line for i, line in enumerate(record.reading[:, good])})
     kept: dict[tuple[int, float], tuple[IdentifyRecord, ...]] = {}
 
-    def identify(seen: tf.Run) -> tuple[IdentifyRecord, ...]:
+    def identify(seen: tf.Run, start: float | None) -> tuple[IdentifyRecord, ...]:
         which = len(seen.time_s), float(seen.time_s[-1])
         if which not in kept:
-            kept[which] = tf.identify(seen, details=False, imperfection=prior).records
+            kept[which] = tf.identify(seen, start="auto" if start is None else start, details=False, imperfection=prior).records
         return kept[which]
 
     def happened(seen: tf.Run, minute: float) -> bool:
@@ -112,7 +112,7 @@ def cost() -> None:
     run = tf.read(
         {"time_s": seconds} | {f"T{i}": 20.0 + line + 0.02 * rng.standard_normal(len(line)) for i, line in enumerate(rise)}
     )
-    watch = Watch(lambda seen: tf.identify(seen, details=False).records, 0.1)
+    watch = Watch(lambda seen, start: tf.identify(seen, start="auto" if start is None else start, details=False).records, 0.1)
     for hours in (1.0, 4.0, 10.0, 20.0, 40.0):
         count = int(hours * 3600)
         begun = time.perf_counter()

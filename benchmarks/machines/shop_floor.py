@@ -200,10 +200,10 @@ def stops_of(job: tuple[str, int]) -> tuple[str, list[tuple[float, float] | None
     test = tested(kind, seed)
     run, kept = tf.read(test.columns(END), name="run"), {}
 
-    def identify(seen: tf.Run) -> tuple[IdentifyRecord, ...]:
+    def identify(seen: tf.Run, start: float | None) -> tuple[IdentifyRecord, ...]:
         at = (len(seen.time_s), float(seen.time_s[-1]))
         if at not in kept:
-            kept[at] = tf.identify(seen, details=False).records
+            kept[at] = tf.identify(seen, start="auto" if start is None else start, details=False).records
         return kept[at]
 
     stops: list[tuple[float, float] | None] = [None] * len(TOLERANCES)

@@ -92,16 +92,18 @@ def half_width(record: IdentifyRecord) -> float | None:
 
 @dataclass
 class Watch:
-    """Looks at a growing record. identify: the records of a run; tolerance_c: half-width that is asked for [K].
+    """Looks at a growing record. identify: the records of a run, from a minute of it on, or None for where its rise begins;
+    tolerance_c: half-width that is asked for [K]; start_min: the minute from which on the run counts.
 
     known: past runs of the machine are counted, or the lab's runs show that second masses are rare: a short record may do.
     happened: whether all that a record has beside the law are events before a minute of it.
     """
 
-    identify: Callable[[Run], tuple[IdentifyRecord, ...]]
+    identify: Callable[[Run, float | None], tuple[IdentifyRecord, ...]]
     tolerance_c: float
     known: bool = False
     happened: Callable[[Run, float], bool] = lambda _run, _minute: False
+    start_min: float | None = None
     asked: tuple[float, bool] = field(default=(0.0, False), init=False)
     last_min: float = field(default=0.0, init=False)
     since_min: float | None = field(default=None, init=False)
@@ -115,10 +117,12 @@ class Watch:
         from which on readings were counted.
         """
         minutes, began = float(run.time_s[-1]) / 60.0, 0.0
-        records = self.identify(thinned(run))
-        if any(r.status != "ok" for r in records):
+        records = self.identify(thinned(run), self.start_min)
+        left = (1.0 - LATER) * (minutes - (self.start_min or 0.0))
+        read_later = int((run.time_s >= 60.0 * (minutes - left)).sum())
+        if any(r.status != "ok" for r in records) and read_later >= FEWEST:
             # What happened on the way (a pause, a door) is no matter to the readings that came long after it.
-            later, left = self.identify(thinned(stretch(run, LATER * minutes, None))), (1.0 - LATER) * minutes
+            later = self.identify(thinned(stretch(run, minutes - left, None)), 0.0)
             serves = all(r.status == "ok" for r in later) and left * min(_pace(records), _pace(later)) >= TURNS
             if serves and self._happened_before(run, minutes - left):
                 records, minutes, began = tuple(_of_later(r, minutes - left) for r in later), left, minutes - left
@@ -149,9 +153,9 @@ class Watch:
     def look(self, run: Run) -> Look:
         """What is known now."""
         minutes = float(run.time_s[-1]) / 60.0
-        records, within, ready, waits, began = self._seen(run)
         if minutes < self.last_min:  # another run has begun
-            self.since_min, self.last_min = None, 0.0
+            self.since_min, self.last_min, self.asked = None, 0.0, (0.0, False)
+        records, within, ready, waits, began = self._seen(run)
         before = minutes / (1.0 + HOLDS) - 1e-9
         if not ready:
             self.since_min = None
@@ -169,7 +173,8 @@ def _of_later(record: IdentifyRecord, from_min: float) -> IdentifyRecord:
     """What the later readings of a record say of its sensor: of when 95 % of the whole rise is done they say nothing."""
     said = f"by the readings from {from_min:.4g} min on, as those before leave the law; {record.message}".removesuffix("; ")
     blank = dict.fromkeys(("t95_min", "t95_lo_min", "t95_hi_min", "time_to_go_min", "time_to_go_lo_min", "time_to_go_hi_min"), None)
-    return replace(record, message=said, **blank)  # type: ignore[arg-type]
+    until = None if record.until_min is None else record.until_min + from_min
+    return replace(record, message=said, start_min=from_min, until_min=until, **blank)  # type: ignore[arg-type]
 
 
 def _pace(records: tuple[IdentifyRecord, ...]) -> float:

@@ -328,7 +328,7 @@ class _Block:
         else:
             back = comes_back(law, claimed.steady[:, 1], sensors)
             found = with_claims(law, claimed, sensors, back)
-            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back)
+            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, self.method.past)
         elapsed = max(found.time - self.start_min, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
         faded = found.faded if claimed is None else np.zeros_like(found.faded)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
+from thermofast.models.imperfection import Past
 
 from ..errors import rounded
 from ..records import IdentifyRecord
@@ -105,6 +106,7 @@ def claimed_verdicts(
     against: dict[int, float],
     until: float,
     back: NDArray[np.bool_],
+    past: Past | None,
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
     seen = np.abs(found.state[:, 0] - found.initial)
@@ -123,7 +125,9 @@ def claimed_verdicts(
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
     leave = np.where(claimed.other_rise, 0, _leave_at_end(found.weights, sensors))
-    doubted = unfit | strong | hides | swings | lawless | (leave > 0)
+    stayed = past.stayed_min if past is not None else np.inf
+    restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
+    doubted = unfit | strong | hides | swings | lawless | restless | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     still = _went(found, sensors) < RULES.at_rest * found.noise
@@ -146,6 +150,11 @@ def claimed_verdicts(
         if faded[i]:
             counts = "" if status[i] != "ok" else ", which the interval counts"
             said.append(f"the plain law fails from about {sensors.time[tracks.woke[i]]:.4g} min on{counts}")
+        if restless[i]:
+            said.append(
+                f"the heat stayed for {rounded(stayed)} min at most, less than a time constant "
+                f"({rounded(1.0 / claimed.rate[i, 1])} min): slower parts of the machine cannot be told; let it stay and measure on"
+            )
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:

@@ -35,10 +35,11 @@ from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, rounded
 from ..estimation.imperfect import follows_machine
 from ..plugins.effects import chosen_effects
+from .jumps import longest_stay
 from .learnt import carry, changed_files
 from .model import Model
 from .modelfile import ModelFile, past_of
-from .rise import longest_stay, rises_of
+from .rise import rises_of
 
 #: Rates outside these over the record's length say nothing of the machine.
 RATES = 0.3, 200.0
@@ -61,8 +62,7 @@ class Knowledge:
     """What a model says of a run at hand, or why it cannot say anything.
 
     notes are for every sensor of it; uses_room: an effect of the model accounts for the surroundings that are logged; strange are
-    sensors that do not follow the drive; found: how many effects were added; stayed_min: how long the heat that is logged stayed
-    where it was, at most.
+    sensors that do not follow the drive; found: how many effects were added.
     """
 
     run: str
@@ -72,7 +72,6 @@ class Knowledge:
     failed: str = ""
     strange: tuple[str, ...] = ()
     found: int = 0
-    stayed_min: float = float("inf")
 
 
 def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
@@ -179,10 +178,8 @@ def _guessed(task: LoopTask) -> Knowledge:
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
     stayed = _stayed(fit)
     rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(fit, stayed))
-    past = Past(shapes, scatter=0.0, guessed=True, rises=rises, searched=searched)
-    return Knowledge(
-        name, past, tuple(notes), _follows_room(fit), strange=tuple(strange), found=len(fit.model.parts), stayed_min=stayed
-    )
+    past = Past(shapes, scatter=0.0, guessed=True, rises=rises, searched=searched, stayed_min=stayed)
+    return Knowledge(name, past, tuple(notes), _follows_room(fit), strange=tuple(strange), found=len(fit.model.parts))
 
 
 def _stayed(fit: Fit) -> float:

@@ -10,6 +10,8 @@ from thermofast.models.arrow import covariance_root
 from thermofast.models.imperfection import GRID, NODES, Rise
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
 
+from .jumps import last_level
+
 Array = NDArray[np.float64]
 
 #: The free run goes on for this many of the slowest time constants, over so many points.
@@ -22,8 +24,6 @@ MOST_DOUBT = 2.0
 MOST_MOVED = 1e6
 #: A body with a faster or slower part follows a drive, or a load that changes, at these log rates beside its own.
 DRIVEN_MODES = np.log([0.2, 0.45, 2.0, 5.0, 12.0])
-#: Share of a logged column's range that is a jump after which what was before no longer counts, and one that parts two stages.
-JUMP, STAGE = 0.3, 0.1
 #: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
 ROUNDS, AT_REST = 400, 1e-6
 
@@ -189,49 +189,6 @@ def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array)
         inputs={n: on(c) for n, c in whole.inputs.items()},
         heat=None if whole.heat is None else on(whole.heat, whole.driven),
     )
-
-
-def last_level(time: Array, column: Array, tau: float) -> float:
-    """What a logged column (n,) is at its end, its noise averaged out; one that switches on and off within tau [min] is its mean.
-
-    After a jump only what came since counts: the machine will follow that, not what was before. A staircase goes on in one
-    direction, and however fast it is climbed only its last step counts.
-    """
-    first = len(column) - max(1, len(column) // 20)
-    recent = _jumps(time, column, tau)
-    cycle = recent[_first_turn(column, recent) :].tolist()
-    if cycle:  # over whole ones
-        return float(np.mean(column[cycle[(len(cycle) - 1) % 2] : cycle[-1]]))
-    return float(np.mean(column[max([first, *recent[-1:].tolist()]) :]))
-
-
-def longest_stay(time: Array, column: Array) -> float:
-    """Minutes that a logged column (n,) which climbs, or falls, in stages stayed where it was, at most; inf where it does not.
-
-    One that jumps back on the way shows by what follows how much of the machine is slow.
-    """
-    jumps = _jumps(time, column, float("inf"), STAGE)
-    directions = np.sign(column[jumps] - column[jumps - 1])
-    if not len(jumps) or np.ptp(directions) > 0.0:
-        return float("inf")
-    return float(np.diff([time[0], *time[jumps], time[-1]]).max())
-
-
-def _jumps(time: Array, column: Array, tau: float, least: float = JUMP) -> NDArray[np.intp]:
-    """Readings at which a logged column (n,) had just jumped by `least` of its range, in the last tau [min] of it.
-
-    A jump that takes two readings is one.
-    """
-    jumped = np.append(np.abs(np.diff(column)) > least * max(float(np.ptp(column)), 1e-300), False)
-    jumps = np.flatnonzero(jumped[:-1] & ~jumped[1:]) + 1
-    found: NDArray[np.intp] = jumps[time[jumps] > time[-1] - tau]
-    return found
-
-
-def _first_turn(column: Array, jumps: NDArray[np.intp]) -> int:
-    """Place of the jump from which on a column cycles: on and off again, and on or off once more; else how many there are."""
-    turns = np.flatnonzero(np.diff(np.sign(column[jumps] - column[jumps - 1])))
-    return int(turns[0]) if len(turns) > 1 else len(jumps)
 
 
 def free_run(fit: Fit, over: Observations, rows: Array, shared: Array, sensor: int, keep: "range | list[int]") -> Array:

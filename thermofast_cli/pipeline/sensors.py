@@ -1,21 +1,19 @@
 """Analyses of one sensor at a time: identify and sweep."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
-from ..errors import UsageError, listed, rounded
+from ..errors import UsageError
 from ..estimation.identify import Found, Identified, Method
 from ..estimation.imperfect import GROUP, NOT_FOLLOWED
 from ..estimation.sweep import SweptBlock
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
+from ..machine.jumps import uncounted
 from ..output.columns import Records
 from ..reading import Run
 from ..reading.run import stretch
@@ -28,9 +26,6 @@ from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
 if TYPE_CHECKING:
     from ..machine.model import Model
     from ..machine.past import Knowledge
-
-#: Share of its largest value by which a logged column jumps where it is worth a word, and how many jumps are: more is a cycle.
-UNCOUNTED, FEW = 0.2, 8
 
 
 def check_until(run: Run, until_min: float | None) -> None:
@@ -131,7 +126,7 @@ def identify_runs(
     failed = [one for one in told.values() if one.failed]
     able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
 
-    changed = {run.name: _uncounted(run, start, until_min) for run, start in able} if not (model or drive or auto) else {}
+    changed = {run.name: uncounted(run, start, until_min) for run, start in able} if not (model or drive or auto) else {}
 
     def make(
         name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
@@ -169,7 +164,6 @@ def identify_runs(
         without = {(r.run, r.channel): r for r in plain}
         number = {run.name: told[run.name].found for run, _ in added}
         by_task = [[_with_doubt(one, without, number, averaged) for one in found] for found in by_task]
-    by_task = [[_doubted(one, told) for one in found] for found in by_task]
     unread = [IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed) for one in failed]
     whole = Found.joined([*by_task, [Identified(record) for record in unread]])
     records: Sequence[IdentifyRecord] = whole.records
@@ -187,22 +181,6 @@ def identify_runs(
     )
 
 
-def _uncounted(run: Run, start_min: float, until_min: float | None) -> str:
-    """Where a logged column jumped a few times within the readings used, that nothing counts it; else empty."""
-    said = []
-    used = (run.time_s >= 60.0 * start_min) & (run.time_s <= (math.inf if until_min is None else 60.0 * until_min))
-    for name, column in run.inputs.items():
-        level, minutes = column[used], run.time_s[used] / 60.0
-        level, minutes = level[np.isfinite(level)], minutes[np.isfinite(level)]
-        if len(level) < 3:
-            continue
-        at = minutes[1:][np.abs(np.diff(level)) > UNCOUNTED * max(float(np.abs(level).max()), 1e-300)]
-        if 0 < len(at) <= FEW:
-            when = listed([f"{t:.4g}" for t in at], 3)
-            said.append(f"{name} changed at {when} min, which is not counted: --drive {name!r} counts it")
-    return "; ".join(said)
-
-
 def _with_doubt(
     one: Identified,
     without: dict[tuple[str, str], IdentifyRecord],
@@ -212,19 +190,6 @@ def _with_doubt(
     """What was found of a sensor with effects added, its interval counting the record without them where there is one."""
     plain = without.get((one.record.run, one.record.channel))
     return one if plain is None else replace(one, record=averaged(one.record, plain, number[plain.run]))
-
-
-def _doubted(one: Identified, told: "dict[str, Knowledge]") -> Identified:
-    """What was found of a sensor, `model_doubtful` where the heat never stayed for as long as the sensor takes."""
-    record = one.record
-    stayed = told[record.run].stayed_min if record.run in told else math.inf
-    if record.status != "ok" or not record.rate_per_min or stayed * record.rate_per_min >= 1.0:
-        return one
-    why = (
-        f"the heat stayed for {rounded(stayed)} min at most, less than a time constant ({rounded(1.0 / record.rate_per_min)} min): "
-        "slower parts of the machine cannot be told; let it stay and measure on"
-    )
-    return replace(one, record=replace(record, status="model_doubtful", message=_and((why,), record.message)))
 
 
 def _other(channel: str, known: "Knowledge") -> str:

@@ -50,7 +50,10 @@ def speed_of(replay: str | None) -> float | None:
 
 
 def events_before(started: Started, minute: float) -> bool:
-    """Whether a search of a run finds that all it has beside the law are changes of its load or cooling before a minute of it."""
+    """Whether a search of a run finds that all it has beside the law are changes of its load or cooling before a minute of it.
+
+    Where several sets of effects leave no pattern and none is named (one sensor's load or cooling), all of them must be such.
+    """
     from thermofast.models.joint import Key  # the search takes longer to load than a look takes
     from thermofast.models.search.discover import discover
 
@@ -58,12 +61,18 @@ def events_before(started: Started, minute: float) -> bool:
     from ..plugins.effects import chosen_effects
     from .loop import loop_tasks
 
+    start = started[1]
     prepared = ready(loop_tasks([started])[0])[1]
-    named = None if prepared is None else discover(prepared.seen, chosen_effects((), ())).named
-    if named is None:
+    if prepared is None:
         return False
-    events = [(Key(k, part.effect.event or ""), part.effect.scope) for k, part in enumerate(named.parts)]
-    return all(key in named.fit.values and scope == "run" and float(named.fit.values[key]) < minute for key, scope in events)
+    found = discover(prepared.seen, chosen_effects((), ()))
+    sets = [found.named] if found.named is not None else [c for c in found.also if c.at_floor]
+    # Minutes of a fit are from the start on.
+    return bool(sets) and all(
+        part.effect.scope == "run" and start + float(one.fit.values.get(Key(k, part.effect.event or ""), np.inf)) < minute
+        for one in sets
+        for k, part in enumerate(one.parts)
+    )
 
 
 @dataclass
@@ -98,13 +107,13 @@ def watch_run(
     """
     begin = None if start == "auto" else float(start)
 
-    def identify(run: Run) -> tuple[IdentifyRecord, ...]:
-        return tuple(identify_runs([with_start(run, begin, from_rise(model))], method, None, model, how=Work(1)).records)
+    def identify(run: Run, start_min: float | None) -> tuple[IdentifyRecord, ...]:
+        return tuple(identify_runs([with_start(run, start_min, from_rise(model))], method, None, model, how=Work(1)).records)
 
     def happened(run: Run, minute: float) -> bool:
         return events_before(with_start(run, begin, from_rise(model)), minute)
 
-    watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong, happened)
+    watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong, happened, begin)
     if speed is not None:
         return _replayed(source, options, watch, speed, leave, tell, begin)
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)

@@ -1,0 +1,73 @@
+"""A logged column that jumps: a load in stages, one that is switched on and off, one that nothing counts."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import listed
+from ..reading import Run
+
+Array = NDArray[np.float64]
+
+#: Share of a logged column's range that is a jump after which what was before no longer counts, and one that parts two stages.
+JUMP, STAGE = 0.3, 0.1
+#: Share of a record in which a load is switched on: a jump there parts no stages.
+BEGINNING = 0.1
+#: Share of its largest value by which a logged column jumps where it is worth a word, and how many jumps are: more is a cycle.
+UNCOUNTED, FEW = 0.2, 8
+
+
+def uncounted(run: Run, start_min: float, until_min: float | None) -> str:
+    """Where a logged column jumped a few times within the readings used [min], that nothing counts it; else empty."""
+    said = []
+    used = (run.time_s >= 60.0 * start_min) & (run.time_s <= (np.inf if until_min is None else 60.0 * until_min))
+    for name, column in run.inputs.items():
+        known = used & np.isfinite(column)
+        level, minutes = column[known], run.time_s[known] / 60.0
+        if len(level) < 3:
+            continue
+        jumps = _jumps(level, UNCOUNTED * float(np.abs(level).max()))
+        if 0 < len(jumps) <= FEW:
+            when = listed([f"{t:.4g}" for t in minutes[jumps]], 3)
+            said.append(f"{name} changed at {when} min, which is not counted: --drive {name!r} counts it")
+    return "; ".join(said)
+
+
+def last_level(time: Array, column: Array, tau: float) -> float:
+    """What a logged column (n,) is at its end, its noise averaged out; one that switches on and off within tau [min] is its mean.
+
+    After a jump only what came since counts: the machine will follow that, not what was before. A staircase goes on in one
+    direction, and however fast it is climbed only its last step counts.
+    """
+    first = len(column) - max(1, len(column) // 20)
+    jumps = _jumps(column, JUMP * float(np.ptp(column)))
+    recent = jumps[time[jumps] > time[-1] - tau]
+    cycle = recent[_first_turn(column, recent) :].tolist()
+    if cycle:  # over whole ones
+        return float(np.mean(column[cycle[(len(cycle) - 1) % 2] : cycle[-1]]))
+    return float(np.mean(column[max([first, *recent[-1:].tolist()]) :]))
+
+
+def longest_stay(time: Array, column: Array) -> float:
+    """Minutes that a logged column (n,) which climbs, or falls, in stages stayed where it was, at most; inf where it does not.
+
+    One that jumps back on the way shows by what follows how much of the machine is slow; one jump at the beginning switches it on.
+    """
+    jumps = _jumps(column, STAGE * float(np.ptp(column)))
+    jumps = jumps[time[jumps] > time[0] + BEGINNING * (time[-1] - time[0])]
+    directions = np.sign(column[jumps] - column[jumps - 1])
+    if not len(jumps) or np.ptp(directions) > 0.0:
+        return float("inf")
+    return float(np.diff([time[0], *time[jumps], time[-1]]).max())
+
+
+def _jumps(column: Array, least: float) -> NDArray[np.intp]:
+    """Readings at which a logged column (n,) had just jumped by more than `least`; a jump that takes two readings is one."""
+    jumped = np.append(np.abs(np.diff(column)) > max(least, 1e-300), False)
+    found: NDArray[np.intp] = np.flatnonzero(jumped[:-1] & ~jumped[1:]) + 1
+    return found
+
+
+def _first_turn(column: Array, jumps: NDArray[np.intp]) -> int:
+    """Place of the jump from which on a column cycles: on and off again, and on or off once more; else how many there are."""
+    turns = np.flatnonzero(np.diff(np.sign(column[jumps] - column[jumps - 1])))
+    return int(turns[0]) if len(turns) > 1 else len(jumps)
