@@ -307,3 +307,49 @@ def test_the_time_may_be_what_means_no_reading_elsewhere(tmp_path):
     run = tf.read(written(tmp_path, ["time_min,T1"], rows), missing="0")
     assert run.time_s[0] == 0.0
     assert np.flatnonzero(np.isnan(run.channels["T1"])).tolist() == [5, 6]
+
+
+def test_clocks_of_four_parts_go_to_the_next_at_60_or_at_100_or_are_asked_for(tmp_path):
+    def rows(told):
+        return [f"{told(i)},{FRONT[i]:.2f}" for i in range(60)]
+
+    by_name = "Elapsed [dd:hh:mm:ss],T1"
+    in_days = rows(lambda i: f"00:{i // 4:02d}:{15 * i % 60:02d}:00")
+    assert tf.read(written(tmp_path, [by_name], in_days)).time_s.tolist() == [900.0 * i for i in range(60)]
+    with pytest.raises(tf.InputError, match="a clock of four parts"):
+        tf.read(written(tmp_path, ["Elapsed,T1"], in_days))
+    assert tf.read(written(tmp_path, ["Elapsed,T1"], in_days), time_format="dd:hh:mm:ss").time_s[1] == 900.0
+    for step in (7, 10):
+        told = rows(lambda i, step=step: f"00:00:{step * i // 60:02d}:{step * i % 60:02d}")
+        assert tf.read(written(tmp_path, ["Elapsed,T1"], told)).time_s.tolist() == [float(step * i) for i in range(60)]
+    told = rows(lambda i: f"08:12:{20 * i // 100 % 60:02d}:{20 * i % 100:02d}")
+    assert tf.read(written(tmp_path, ["Time,T1"], told)).time_s == pytest.approx(0.2 * np.arange(60))
+
+
+def test_clocks_beside_their_columns_without_a_date_and_one_that_ends_first(tmp_path):
+    head = "front time,front [degC],rear time,rear [degC]"
+    rows = [f"{8 + i // 60:02d}:{i % 60:02d}:07,{FRONT[i]:.2f},{8 + i // 60:02d}:{i % 60:02d}:17,{REAR[i]:.2f}" for i in range(59)]
+    run = tf.read(written(tmp_path, [head], rows))
+    assert run.time_s.tolist() == [60.0 * (i // 2) + 10.0 * (i % 2) for i in range(118)]
+    for filled in ("0,0.00", "403,21.00"):
+        rows = [f"{10 * i},{FRONT[i]:.2f}," + (f"{10 * i + 3},{REAR[i]:.2f}" if i <= 40 else filled) for i in range(60)]
+        run = tf.read(written(tmp_path, ["front time [s],front [degC],rear time [s],rear [degC]"], rows))
+        rear = run.channels["rear [degC]"]
+        assert rear[np.isfinite(rear)].tolist() == REAR[:41].round(2).tolist()
+        assert run.time_s[np.isfinite(rear)].tolist() == [10.0 * i + 3.0 for i in range(41)]
+    # How long a pump ran, beside the time of all, is no clock of its temperature.
+    head = "time_s,pump temp [degC],pump time [s],fan temp [degC],fan time [s]"
+    path = written(tmp_path, [head], [f"{10 * i},{FRONT[i]:.2f},{3 * i},{REAR[i]:.2f},{i}" for i in range(60)])
+    with pytest.raises(tf.InputError, match="or exclude='pump time"):
+        tf.read(path)
+    assert tf.read(path, exclude=["pump time [s]", "fan time [s]"]).time_s.tolist() == [10.0 * i for i in range(60)]
+
+
+def test_columns_of_a_calendar_switches_and_qualities_are_no_sensors(tmp_path):
+    head = "Timestamp,T1,hour,weekday,Motor on,T1 [°C] rate,noise [°C],mV/K,Dew"
+    rows = [
+        f"2026-05-03 {i // 4:02d}:{15 * i % 60:02d}:00,{FRONT[i]:.2f},{i // 4},3,{int(i > 9)},0.{i},0.1,40,9" for i in range(60)
+    ]
+    assert list(tf.read(written(tmp_path, [head], rows)).channels) == ["T1"]
+    with pytest.raises(tf.InputError, match="no number in a column of temperatures"):
+        tf.read(written(tmp_path, ["time_s,T1,rear [degC]"], [f"{i},{FRONT[i]:.2f},({REAR[i]:.2f})" for i in range(60)]))

@@ -19,6 +19,7 @@ from .vocabulary import (
     AMBIENT_PARTS,
     AMBIENT_STEMS,
     BESIDE,
+    CALENDAR,
     COUNTERS,
     DERIVED,
     DISPLACEMENTS,
@@ -30,6 +31,7 @@ from .vocabulary import (
     NOT_TEMPERATURE,
     OTHER,
     PLACES,
+    QUALITIES,
     REFERENCE,
     TEMPERATURE,
     TEMPERATURE_PARTS,
@@ -46,8 +48,8 @@ HOTTEST = 1000.0
 _BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
 HOTTEST_C = 5000.0
 COLDEST_C = -273.15
-#: What probes and their inputs write where they are broken: DS18B20, and sixteen bits of tenths.
-FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8)
+#: What probes and their inputs write where they are broken: DS18B20, sixteen bits of tenths and hundredths, all nines.
+FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8, 655.35, 999.9, 999.99, -99.9, -99.99)
 
 
 #: What an instrument says of its state; constant, it says nothing.
@@ -142,11 +144,11 @@ def _sign(name: str, unit_cell: str) -> Sign:
         unit = None
     degrees = unit is not None and unit.temperature
     temperature = degrees or (spoken and unit is None)
-    if said & FLAGS and unit is None:
+    if (said & FLAGS and unit is None) or name.strip().lower() in CALENDAR:
         kind = "other"
     elif (
         _wanted(name, first)
-        or first & DERIVED
+        or (first | (said & QUALITIES)) & DERIVED
         or _over_the_room(core)
         or re.match(r"[dDΔ]_?T(?![a-z])|u\(", name)
         or _is_reference(first)
@@ -327,7 +329,10 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     if (
         sign.kind == "other"
         or (sign.kind == "nameless" and (said_somewhere or _code(column)))
-        or (sign.kind == "named" and (by_unit or (said_somewhere and float(np.median(np.abs(_finite(column)))) > HOTTEST)))
+        or (
+            sign.kind == "named"
+            and (_switch(column) or by_unit or (said_somewhere and float(np.median(np.abs(_finite(column)))) > HOTTEST))
+        )
     ):
         return "silent"
     if said_somewhere and count and not _finite(column).any():
@@ -365,6 +370,11 @@ def _code(column: Array) -> bool:
         return False
     good = column[np.isfinite(column)]
     return len(good) > 50 and len(np.unique(good)) <= 3
+
+
+def _switch(column: Array) -> bool:
+    """Whether a column is 0 or 1 and both."""
+    return set(np.unique(column[np.isfinite(column)]).tolist()) == {0.0, 1.0}
 
 
 def _whole(column: Array) -> bool:

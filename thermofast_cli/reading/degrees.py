@@ -10,6 +10,7 @@ from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import sign_of
 from .run import Array, Guess
+from .tables.dialect import is_missing
 from .tables.table import Table
 from .units import parse_unit, to_celsius
 from .vocabulary import words
@@ -177,3 +178,36 @@ def unit_told(name: str, options: Options, table: Table) -> str:
     """The unit that the user says a column of temperatures has, if any."""
     whole, own = _told(options.units, table)
     return own.get(name, whole) or ""
+
+
+def winding(ohms: Array, column: str, table: Table, options: Options) -> Array:
+    """Temperatures (N,) [degC] of a winding.
+
+    Raises
+    ------
+    InputError: they are those of no winding: R0 is of another unit than the column.
+    """
+    found = winding_temperature(ohms, options.resistance)
+    middle = float(np.nanmedian(found)) if np.isfinite(found).any() else 20.0
+    if not -100.0 <= middle <= 800.0:
+        unit = table.units.get(column) or getattr(sign_of(column, "").unit, "symbol", "")
+        raise InputError(
+            f"{table.name}, column {column!r}: --resistance makes {middle:.4g} degC of it",
+            found=f"{float(np.nanmedian(ohms)):.4g} {unit}, R0 {options.resistance[0]:g}",
+            allowed="R0 in the unit of the column",
+            do=f"say R0 in {unit}" if unit else "check R0 and T0",
+        )
+    return found
+
+
+def refuse_words(table: Table, column: str) -> None:
+    """Raises InputError for a column of words whose unit is one of temperature, as ``(21.01)``; empty cells say nothing."""
+    unit = sign_of(column, table.units.get(column, "")).unit
+    cell = next((c for c in table.columns[column] if isinstance(c, str) and not is_missing(c)), None)
+    if unit is not None and unit.temperature and cell is not None:
+        raise InputError(
+            f"{table.name}, column {column!r}: no number in a column of temperatures",
+            found=repr(cell),
+            allowed="numbers, empty cells, or a known word for 'no reading' (NaN, OL, ---, ...)",
+            do=f"mend its cells, or say --exclude {column!r}",
+        )

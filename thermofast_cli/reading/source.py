@@ -26,7 +26,7 @@ from .columns import (
     to_micrometres,
     without_impossible,
 )
-from .degrees import Temperatures, unit_told, winding_temperature
+from .degrees import Temperatures, refuse_words, unit_told, winding
 from .long import Layout, find_long, good_readings, to_wide, without_switches
 from .moments.order import in_order, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
@@ -247,7 +247,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     check_names(options.exclude, table.names, "--exclude", table.name)
     windings = resistive(numbers, table.units, options, table.name) if options.resistance else []
     if windings:
-        numbers |= {n: _winding(numbers[n], n, table, options) for n in windings}
+        numbers |= {n: winding(numbers[n], n, table, options) for n in windings}
         options = replace(options, units=(*options.units, *(f"{n}=C" for n in windings)))
         notes.append(f"temperatures of windings by their resistance: {listed(windings, 6)}")
     spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
@@ -266,6 +266,8 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
             and not options.channels
         ):
             raise table.faults[n]
+        if n not in options.exclude and not options.channels:
+            refuse_words(table, n)
     if words:
         notes.append(f"columns of words left out: {listed(words, 6)}")
     if options.channels:
@@ -340,26 +342,6 @@ def _copies_told(run: Run) -> Run:
         return run
     notes = {n: "; ".join(t for t in (run.channel_notes.get(n, ""), said.get(n, "")) if t) for n in names}
     return replace(run, channel_notes={n: t for n, t in notes.items() if t})
-
-
-def _winding(ohms: Any, column: str, table: Table, options: Options) -> Any:
-    """Temperatures (N,) [degC] of a winding.
-
-    Raises
-    ------
-    InputError: they are those of no winding: R0 is of another unit than the column.
-    """
-    found = winding_temperature(ohms, options.resistance)
-    middle = float(np.nanmedian(found)) if np.isfinite(found).any() else 20.0
-    if not -100.0 <= middle <= 800.0:
-        unit = table.units.get(column) or getattr(sign_of(column, "").unit, "symbol", "")
-        raise InputError(
-            f"{table.name}, column {column!r}: --resistance makes {middle:.4g} degC of it",
-            found=f"{float(np.nanmedian(ohms)):.4g} {unit}, R0 {options.resistance[0]:g}",
-            allowed="R0 in the unit of the column",
-            do=f"say R0 in {unit}" if unit else "check R0 and T0",
-        )
-    return found
 
 
 def _seen(
@@ -450,6 +432,8 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
         return None
     words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray) and is_time_name(n)]
     for n in (*spare, *words):
+        if n in options.exclude:
+            continue
         alike = words_of(re.sub(r" \(\d+\)$", "", n)) == words_of(re.sub(r" \(\d+\)$", "", used))
         own, main = table.columns[n], table.columns.get(used, [])
         if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
@@ -458,7 +442,8 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
             return InputError(
                 f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
                 allowed="one time for all columns read together",
-                do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns",
+                do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns; or --exclude {n!r} "
+                "if it is none of theirs",
             )
     return None
 

@@ -110,6 +110,8 @@ def unit_in_name(name: str) -> Unit | None:
     for separator in (",", "/", ";"):
         head, found, tail = plain.rpartition(separator)
         unit = parse_unit(tail) if found and head.strip() else None
+        if unit and separator == "/" and parse_unit(head):
+            return Unit(plain, "unknown")  # W/K, mV/K
         if unit and not (separator == "/" and unit.kind == "time"):
             return unit
     anywhere = _ANYWHERE.search(plain)

@@ -26,7 +26,7 @@ AMBIENT = _set(
     "окружающая окружающей среда среды воздух воздуха помещение помещении окр raumtemp umgebungstemp umgebungsluft hallenluft "
     "messraum "
     "prüfraum klimaraum omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
-    "laborraum inf"
+    "laborraum inf цех"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
 AMBIENT_STEMS = ("umgebung", "raum", "hallen", "luft", "aussen", "außen")
@@ -41,7 +41,7 @@ INPUTS = _set(
     "frequency freq utilization light lux lamp lamps co "
     "ток напряжение мощность скорость обороты давление corrente tensione potenza velocità coppia pressione courant "
     "tension puissance pression corriente tensión potencia velocidad presión prąd napięcie moc prędkość ciśnienie "
-    "proud napětí výkon otáčky tlak akım gerilim güç devir basınç"
+    "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht"
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
@@ -77,10 +77,12 @@ PLACES = _set(
 )
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(
-    "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta "
-    "std stdev stddev sigma diff difference differenz deviation "
-    "abweichung gradient rate slope deltat dt spread uncertainty"
+    "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta std stdev stddev sigma "
+    "diff difference differenz deviation abweichung messabweichung noise resolution accuracy genauigkeit auflösung "
+    "rauschen погрешность error gradient rate slope deltat dt spread uncertainty"
 )
+#: The same that count wherever in a name they stand, behind its unit too: front [°C] rate.
+QUALITIES = _set("rate noise resolution accuracy error")
 #: Marks of a reading, one for each row, whatever else the name says.
 FLAGS = _set("ok valid validity status state error quality flag")
 #: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.
@@ -94,6 +96,11 @@ INPUT_ENDINGS = (
     "kraft",
     "feuchte",
     "durchfluss",
+    "menge",
+    "aufnahme",
+    "schwingung",
+    "abweichung",
+    "wachstum",
     "ventil",
     "pumpe",
     "stunden",
@@ -150,6 +157,11 @@ TIME_WORDS: dict[str, frozenset[str]] = {
 #: Units that may follow a name after a blank or underline: single letters may be the front (V, vorn) or the rear of a machine.
 UNIT_SUFFIXES = _set(
     "mv uv kv volts ohm ohms kohm ma kw watt watts kwh wh mah ah percent pct psi mbar bar hpa kpa rpm hz khz mhz lpm lux ppm kn %"
+)
+
+#: Whole names of columns that tell a part of a date beside the time.
+CALENDAR = frozenset().union(*(known for part, known in TIME_WORDS.items())) - _set("s m h min mm ss mon") | _set(
+    "weekday wochentag dow week woche kw doy quarter"
 )
 
 #: Words for the units of time.

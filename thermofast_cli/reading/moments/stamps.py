@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ..run import Array, Guess
+from .four_parts import HUNDREDTHS, days_to_seconds
 
 DAY_S = 86400.0
 #: A record lasts this long [s] and is read at these intervals [s]: what tells minutes from seconds where nothing else does.
@@ -128,7 +129,10 @@ def parse_stamps(cells: Sequence[str], place: str, lines: Sequence[int], name: s
     ------
     InputError: a stamp that no known form reads, an order of day and month or of minutes and hours that nothing decides.
     """
-    if time_format:
+    in_days = days_to_seconds([c.strip() for c in cells], place, name, time_format) if cells and cells[0].count(":") == 3 else None
+    if in_days is not None:
+        return Stamps(in_days - in_days[0])
+    if time_format and time_format != HUNDREDTHS:
         return _told_format([c.strip() for c in cells], place, lines, time_format)
     if _ISO.match(cells[0]):
         try:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...reading_options import Options
-from ..moments.stamps import parse_stamps
+from ..moments.stamps import DAY_S, parse_stamps
 from ..moments.times import is_time_name, unit_of
 from ..run import Array
 from ..vocabulary import TIME, TIME_UNITS, words
@@ -33,6 +33,7 @@ def with_one_clock(table: Table, options: Options) -> Table:
     seconds = _seconds(table, clocks)
     if seconds is None:
         return table
+    seconds = [_until_it_ends(s) for s in seconds]
     good = [np.isfinite(s) for s in seconds]
     if any(np.unique(s[g]).size < max(2, g.sum()) for s, g in zip(seconds, good, strict=True)):
         return table  # no clock: it stands still, or tells a moment twice
@@ -66,7 +67,9 @@ def _clocks(table: Table) -> list[str]:
             if isinstance(table.columns[n], np.ndarray) == kind
             and unit_of(n, table.units.get(n, "")) == unit_of(name, table.units.get(name, ""))
         ]
-        for same in ([n for n in alike if _stem(n) == _stem(name)], [n for n in alike if _of_neighbour(table, n)]):
+        # Where another column tells the time of all, what is named after its neighbour is how long that ran.
+        own = [n for n in alike if _of_neighbour(table, n)] if len(alike) == len(timed) else []
+        for same in ([n for n in alike if _stem(n) == _stem(name)], own if len(own) == len(timed) else []):
             if len(same) > 1 and any(not _equal(table.columns[n], table.columns[name]) for n in same):
                 return same
     return []
@@ -122,13 +125,36 @@ def _seconds(table: Table, clocks: list[str]) -> list[Array] | None:
         )
     except InputError:
         return None
-    if not stamps.dated:
-        return None  # past midnight each goes on by itself
+    if not stamps.dated:  # past midnight each goes on by itself
+        return _times_of_day(cells, told, table.name)
     found, begin = [], 0
     for column, rows in zip(cells, told, strict=True):
         seconds = np.full(len(column), np.nan)
         seconds[rows] = stamps.seconds[begin : begin + len(rows)]
         begin += len(rows)
+        found.append(seconds)
+    return found
+
+
+def _until_it_ends(seconds: Array) -> Array:
+    """A clock (n,) with nan where it has ended and its last moment, or zero, fills the column up."""
+    last = int(np.nanargmax(seconds)) if np.isfinite(seconds).any() else len(seconds)
+    rest = seconds[last + 1 :]
+    filled = len(rest) > 0 and np.isfinite(rest).all() and set(rest.tolist()) <= {0.0, float(seconds[last])}
+    return np.concatenate([seconds[: last + 1], np.full(len(rest), np.nan)]) if filled else seconds
+
+
+def _times_of_day(cells: list[list[str]], told: list[list[int]], name: str) -> list[Array] | None:
+    """Of clocks without dates their times (n,) since the first cell of the first, none more than half a day before it."""
+    found = []
+    for column, rows in zip(cells, told, strict=True):
+        try:
+            own = parse_stamps([column[i] for i in rows], name, range(len(rows))).seconds
+            begins = float(parse_stamps([cells[0][told[0][0]], column[rows[0]]], name, range(2)).seconds[1])
+        except InputError:
+            return None
+        seconds = np.full(len(column), np.nan)
+        seconds[rows] = own + (begins - DAY_S if begins > 0.5 * DAY_S else begins)
         found.append(seconds)
     return found
 
