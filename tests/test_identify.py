@@ -267,8 +267,23 @@ def test_readings_that_leave_the_rest_at_the_end_are_a_change_and_no_outliers(re
         off = 0.02 * rise * fell if i < sensors else 0.0
         table[f"T{i}"] = 20.0 + rise * (1.0 - np.exp(-time / 45.0)) - off + rng.normal(0.0, 0.01, len(time))
     found = list(tf.identify(table))
-    told = [r.status == "model_doubtful" and "on: something may just have changed" in r.message for r in found]
+    told = [r.status == "model_doubtful" and "the law: something may just have changed" in r.message for r in found]
     assert told == [changed and i < sensors for i in range(3)]
+
+
+def test_a_change_at_the_end_is_told_however_the_sensors_are_shared_out():
+    """Sensors with a reading missing here and there, and those of another process, are of the same run."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 91.0)
+    table = {"time_min": time}
+    for i in range(120):
+        rise = 10.0 + 0.05 * i
+        line = 20.0 + rise * (1.0 - np.exp(-time / 45.0)) + rng.normal(0.0, 0.01, len(time))
+        line[-1] -= 0.02 * rise if i % 2 else 0.0
+        line[20 + i % 3] = np.nan
+        table[f"T{i}"] = line
+    for jobs in (1, 2):
+        told = ["the last reading, at 90 min, leaves the law" in r.message for r in tf.identify(table, jobs=jobs)]
+        assert told == [bool(i % 2) for i in range(120)], jobs
 
 
 def test_a_last_row_of_zeros_is_the_loggers():

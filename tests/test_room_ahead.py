@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.estimation.imperfect import until_then
 from thermofast.models.uncertainty.surroundings import room_ahead
 
 TIME = np.arange(0.0, 120.5, 0.5)
@@ -38,15 +39,28 @@ def test_sensors_follow_late() -> None:
 
 def test_the_interval_holds_what_rooms_of_a_memory_do() -> None:
     """Of 200 rooms that wander about a mean with a memory of 60 min, 1 K: 95 % within four deviations of that share."""
-    rng, kept, held = np.random.default_rng(5), np.exp(-0.5 / 60.0), 0
+    rng, kept, missed = np.random.default_rng(5), np.exp(-0.5 / 60.0), []
     for _ in range(200):
         room = np.empty(681)
         room[0] = rng.standard_normal()
         for k in range(1, len(room)):
             room[k] = kept * room[k - 1] + np.sqrt(1.0 - kept**2) * rng.standard_normal()
         mean, deviation = room_ahead(TIME, 20.0 + room[: len(TIME)], AT_ONCE, 340.0)
-        held += abs(room[680] - room[240] - mean[0]) < 1.96 * deviation[0]
-    assert held >= 178
+        missed.append((room[680] - room[240] - mean[0]) / deviation[0])
+    assert np.sum(np.abs(missed) < 1.96) >= 178
+    assert 0.85 < np.sqrt(np.mean(np.square(missed))) < 1.15
+
+
+def test_a_temperature_at_a_named_time_moves_with_the_room_and_doubts_how_far() -> None:
+    """The mean is added, and the doubts of the room and of how much of it a sensor follows are those of independent errors."""
+    room, rate = 20.0 + 0.5 * TIME / 60.0, np.array([1.0 / 60.0, np.nan])
+    at = np.array([[28.0, 30.0, 31.0], [28.0, 30.0, 31.0]])
+    found, said = until_then(at, TIME, room, rate, 410.0, 0.3)
+    mean, deviation = (v[0] for v in room_ahead(TIME, room, rate[:1], 410.0))
+    doubt = 1.96 * np.hypot(deviation, 0.3 * mean)
+    assert mean > 0.3
+    assert found[0] == pytest.approx([30.0 + mean - np.hypot(2.0, doubt), 30.0 + mean, 30.0 + mean + np.hypot(1.0, doubt)])
+    assert len(said) == 1
 
 
 def test_the_past_alone_moves_nothing() -> None:

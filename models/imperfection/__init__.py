@@ -20,7 +20,7 @@ from .past import (
 )
 from .posterior import Part, Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
-from .shapes import lagged
+from .shapes import lagged, room_at_end
 
 __all__ = [
     "FAST_MODES",
@@ -46,6 +46,7 @@ __all__ = [
     "lagged",
     "learn_past",
     "pilot",
+    "room_at_end",
     "settle",
     "widths_left_out",
 ]

@@ -122,7 +122,7 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     step = float(grid[1] - grid[0])
     ends = max(1, len(room) // 50)
     level = np.interp(grid, when, room) - float(np.median(room[:ends]))
-    now = _at_end(when, room, ends) - float(np.median(room[:ends]))
+    now = room_at_end(when, room) - float(np.median(room[:ends]))
     line = lagged(rate, step, level)
 
     def at(times: Array) -> Array:
@@ -136,8 +136,8 @@ def of_room(rate: Array, time: Array, when: Array, room: Array, asked: Asked) ->
     return np.concatenate(columns, axis=1)
 
 
-def _at_end(when: Array, room: Array, ends: int) -> float:
-    """A room (n,) as it is at the last of its times (n,): the median of its last `ends` readings, or where it plainly drifts over
+def room_at_end(when: Array, room: Array) -> float:
+    """A room (n,) [degC] as it is at the last of its times (n,): the median of its last fiftieth, or where it plainly drifts over
     its last twentieth the end of a line through the medians of that one's halves.
     """
     count = len(room) // 20
@@ -148,7 +148,7 @@ def _at_end(when: Array, room: Array, ends: int) -> float:
         noise = float(np.std(np.diff(last))) / np.sqrt(2.0)
         if abs(moved) > DRIFTS * 2.0 * noise / np.sqrt(count):
             return float(np.median(last) + moved)
-    return float(np.median(room[-ends:]))
+    return float(np.median(room[-max(1, len(room) // 50) :]))
 
 
 def covariances(

@@ -9,7 +9,7 @@ for Machine Learning, ch. 2 and 4). Stationary, because a room comes back in the
 import numpy as np
 from numpy.typing import NDArray
 
-from ..imperfection import lagged
+from ..imperfection import lagged, room_at_end
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def room_ahead(when: Array, room: Array, rate: Array, until: float) -> tuple[Arr
 def _path(when: Array, room: Array, ahead: Array) -> tuple[Array, Array]:
     """(mean (p,), covariance (p, p)) of a room at times ahead (p,) [min] of its last reading, less what it is then."""
     several = np.array_split(np.arange(len(room)), min(MEANS, len(room) // 2))
-    last = float(np.median(room[-max(1, len(room) // 50) :]))
+    last = room_at_end(when, room)
     time = np.array([*(when[some].mean() for some in several), when[-1]])
     moved = np.array([*(room[some].mean() for some in several), last]) - last
     jitter = float(np.std(np.diff(room))) / np.sqrt(2.0 * len(room) / len(several))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.filters.joint import track_together
 from thermofast.models import PrintedLump, spike_weights
-from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates
+from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates, room_at_end
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.first_passage import Pace
 
@@ -339,7 +339,7 @@ class _Block:
         for side in to_go:
             side[np.isnan(found.t95)] = math.nan
         at, of_room = self._at(claimed, found)
-        room = None if self.surroundings is None else self.surroundings[:n]
+        room = None if self.surroundings is None else room_at_end(sensors.time[:n], self.surroundings[:n])
         gain_doubt = self.method.imperfection.background.logged
         numbers = {
             "initial_c": found.initial,

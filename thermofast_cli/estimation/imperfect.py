@@ -63,7 +63,8 @@ class Claims:
     known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
     rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
     when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
-    averaged (S,): over how many readings each is the logger's moving average.
+    averaged (S,): over how many readings each is the logger's moving average; leave (S,): how many of the last ones were left out
+    and are no outliers: something has just changed.
     """
 
     steady: Array
@@ -86,6 +87,7 @@ class Claims:
     trips: Array
     missing: Array
     averaged: NDArray[np.int_]
+    leave: NDArray[np.int_]
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -129,8 +131,10 @@ def claims(
     empty = [_empty(c, *asked, prior) for c in closed]
     together = GROUP if rates != "own" else 1  # its own word only: a sensor says the same alone
     groups = sorted({int(row) // together for c in closed for row in c.sensors.rows})
+    left = [left_at_end(c.found.weights, c.sensors) for c in closed]
     for group in groups:
         members = [(c.sensors.rows // together == group) & c.usable for c in closed]
+        _put_leaves(left, members, empty)
         if past is not None:
             for c, mine, one in zip(closed, members, empty, strict=True):
                 one.known[:] |= mine & np.array([name(int(r)) in past.shapes for r in c.sensors.rows], dtype=bool)
@@ -148,6 +152,28 @@ def claims(
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
+
+
+def left_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
+    """How many of the last readings used (S,) were left out in a row, those of weights (S, n) 0.
+
+    No machine goes faster than its heat drives it: a reading farther from the one before than several times any other step is the
+    logger's.
+    """
+    out, reading = weights == 0.0, sensors.reading[:, : weights.shape[1]]
+    row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
+    step = np.abs(np.diff(reading, axis=1))
+    usual = np.where(out[:, 1:] | out[:, :-1], 0.0, step).max(axis=1, initial=0.0)
+    first = step[np.arange(len(row)), np.minimum(step.shape[1] - row, step.shape[1] - 1)] if step.shape[1] else usual
+    return np.where(first <= RULES.fastest_step * usual, row, 0)
+
+
+def _put_leaves(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+    """Marks the sensors of a group whose last readings are a change: several in a row, or those of several sensors at once."""
+    gone = sum(int((row[mine] > 0).sum()) for row, mine in zip(left, members, strict=True))
+    together = gone >= max(2.0, RULES.changed_share * sum(int(mine.sum()) for mine in members))
+    for row, mine, one in zip(left, members, into, strict=True):
+        one.leave[:] = np.where(mine & (row >= (1 if together else RULES.last_alone)), row, one.leave)
 
 
 def _let_go(
@@ -362,11 +388,11 @@ def until_then(
     return moved, (words,) if counts else ()
 
 
-def in_room(steady: Sequence[Array], used: Array | None, room_c: float | None, gain_doubt: float) -> dict[str, Array]:
-    """Columns of the limit (low, middle, high) (S,) [degC], found in a room logged (n,), in another: it moves as the room does."""
+def in_room(steady: Sequence[Array], logged_c: float | None, room_c: float | None, gain_doubt: float) -> dict[str, Array]:
+    """Columns of the limit (low, middle, high) (S,) [degC], found in the room at the last reading, in another: it moves as much."""
     found = (np.full_like(steady[0], np.nan),) * 4
-    if used is not None and room_c is not None:
-        moved = room_c - float(np.median(used[-max(1, len(used) // 50) :]))
+    if logged_c is not None and room_c is not None:
+        moved = room_c - logged_c
         low, middle, high = steady
         below, above = (np.hypot(side, 1.96 * gain_doubt * abs(moved)) for side in (middle - low, high - middle))
         found = (np.full_like(middle, room_c), middle + moved, middle + moved - below, middle + moved + above)
@@ -409,6 +435,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         ahead=ahead,
         known=np.zeros(count, dtype=bool),
         let_go=np.zeros(count, dtype=bool),
+        leave=np.zeros(count, dtype=int),
         other_rise=np.zeros(count, dtype=bool),
         averaged=np.ones(count, dtype=int),
     )

@@ -12,7 +12,7 @@ from thermofast.models.imperfection import Past
 from ..errors import rounded
 from ..records import IdentifyRecord
 from .estimate import Estimate, Estimates
-from .imperfect import Claims
+from .imperfect import Claims, left_at_end
 from .measured import words
 from .rules import RULES
 from .sensor import Sensor, Sensors
@@ -124,7 +124,7 @@ def claimed_verdicts(
     faded = found.faded & ~claimed.other_rise & ~averaged
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
-    leave = np.where(claimed.other_rise, 0, _leave_at_end(found.weights, sensors))
+    leave = np.where(claimed.other_rise, 0, claimed.leave)
     stayed = past.stayed_min if past is not None else np.inf
     restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
     doubted = unfit | strong | hides | swings | lawless | restless | (leave > 0)
@@ -158,7 +158,8 @@ def claimed_verdicts(
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:
-            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), _since(sensors, found, int(leave[i]))))
+            gone = int(leave[i])
+            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), gone, _since(sensors, found, gone)))
         if averaged[i]:
             said.append(f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts")
         messages[i] = said
@@ -179,14 +180,16 @@ def law_verdicts(
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
     out = (found.weights == 0.0).sum(axis=1)
-    swings, leave = _too_many(out, found), _leave_at_end(found.weights, sensors)
+    row = left_at_end(found.weights, sensors)
+    swings, leave = _too_many(out, found), np.where(row >= RULES.last_alone, row, 0)
     doubted = doubted | swings | (leave > 0)
     status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     for i in np.flatnonzero(~bounded | too_wide | doubted | (out > 0)).tolist():
         said = doubts(found.one(i), int(tracks.woke[i]), sensors.one(i))
         if out[i]:
-            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), _since(sensors, found, int(leave[i]))))
+            gone = int(leave[i])
+            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), gone, _since(sensors, found, gone)))
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
@@ -214,36 +217,28 @@ def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
     return many
 
 
-def _leave_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
-    """How many readings at the end (S,) were left out in a row, where they are no outliers: something has just changed.
-
-    No machine goes faster than its heat drives it: a reading farther from the one before than several times any other step is the
-    logger's.
-    """
-    out, reading = weights == 0.0, sensors.reading[:, : weights.shape[1]]
-    row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
-    step = np.abs(np.diff(reading, axis=1))
-    usual = np.where(out[:, 1:] | out[:, :-1], 0.0, step).max(axis=1, initial=0.0)
-    first = step[np.arange(len(row)), np.minimum(step.shape[1] - row, step.shape[1] - 1)] if step.shape[1] else usual
-    row = np.where(first <= RULES.fastest_step * usual, row, 0)
-    together = (row > 0).sum() >= max(2.0, RULES.changed_share * len(row))
-    return np.where(row >= (1 if together else RULES.last_alone), row, 0)
-
-
 def _since(sensors: Sensors, found: Estimates, leave: int) -> float | None:
     """When the last readings left the rest [min]; None where they did not."""
     return float(sensors.time[found.weights.shape[1] - leave]) if leave else None
 
 
-def _left_out(out: int, total: int, too_many: bool, since: float | None) -> str:
-    said = f"{out} outlier{'s' if out > 1 else ''} left out"
+def _left_out(out: int, total: int, too_many: bool, leave: int, since: float | None) -> str:
     if since is not None:
-        said += (
-            f", the last from {since:.4g} min on: something may just have changed; measure on, or use what came before (--until)"
+        last = (
+            f"the last {leave} readings, from {since:.4g} min on, leave"
+            if leave > 1
+            else f"the last reading, at {since:.4g} min, leaves"
         )
-    elif too_many:
-        said += f" of {total} readings: too many for a probe; a load that swings looks so, see thermofast diagnose"
-    return said
+        beside = f"; {_outliers(out - leave)} left out" if out > leave else ""
+        return f"{last} the law: something may just have changed; measure on, or use what came before (--until){beside}"
+    if too_many:
+        many = f"{_outliers(out)} left out of {total} readings: too many for a probe"
+        return f"{many}; a load that swings looks so, see thermofast diagnose"
+    return f"{_outliers(out)} left out"
+
+
+def _outliers(count: int) -> str:
+    return f"{count} outlier{'s' if count > 1 else ''}"
 
 
 def _open_side(estimate: Estimate) -> str:

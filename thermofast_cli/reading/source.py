@@ -42,7 +42,7 @@ from .tables.packed import is_workbook, unpacked
 from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
-from .units import parse_unit
+from .units import parse_unit, unit_changes
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 
@@ -414,12 +414,7 @@ def _with_unit_column(table: Table, named: list[str]) -> dict[str, str]:
         beside = [order[k] for k in (at - 1, at + 1) if 0 <= k < len(order) and order[k] in named]
         kinds = {unit.symbol for t in told if (unit := parse_unit(t)) is not None and unit.temperature}
         if len(kinds) > 1 and beside:
-            raise InputError(
-                f"{table.name}, column {n!r}: the unit changes within the record",
-                found=listed(sorted(told), 4),
-                allowed="readings of one unit in a column",
-                do="export the record in one unit, or cut it where the unit changes",
-            )
+            raise unit_changes(f"{table.name}, column {n!r}", sorted(told))
         if len(told) == 1 and beside:
             units[beside[0]] = units.get(beside[0]) or told.pop()
     return units

@@ -1,9 +1,11 @@
 """Units: what the name of a column or its cell in a unit line says, and whether that is a temperature."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
+from ..errors import InputError, listed
 from .run import Array
 from .vocabulary import UNIT_SUFFIXES
 
@@ -144,6 +146,16 @@ def _unknown_unit(name: str) -> Unit | None:
         if signs or (square and not inside.islower()) or _ODD.fullmatch(inside):
             return Unit(inside, "unknown")
     return None
+
+
+def unit_changes(place: str, told: Iterable[str]) -> InputError:
+    """The error of a column whose readings change their unit, of those told in it."""
+    return InputError(
+        f"{place}: the unit changes within the record",
+        found=listed(told, 4),
+        allowed="readings of one unit in a column",
+        do="export the record in one unit, or cut it where the unit changes",
+    )
 
 
 def to_celsius(values: Array, symbol: str, scale: float = 1.0) -> Array:

@@ -50,15 +50,15 @@ def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
     def full(text: bytes) -> bool:
         return text.count(mark) >= max(FULL * usual[mark], 1.0)
 
-    def told(text: bytes) -> bool:
+    def holds_readings(text: bytes) -> bool:
         return sum(bool(re.search(rb"\d", cell)) for cell in text.split(mark)) > 1
 
     def goes_on(first: int, last: int) -> bool:
         """Whether the cell that a line leaves open ends at the first quote of another, with no row between."""
         inside, sign, after = lines[last].replace(b'""', b"").partition(b'"')
         closes = sign and (not after.strip() or after.lstrip(b" ").startswith(mark))
-        begins_as_row = full(inside) and told(inside)
-        rows_between = any(full(lines[i]) and told(lines[i]) for i in range(first + 1, last) if b'"' not in lines[i])
+        begins_as_row = full(inside) and holds_readings(inside)
+        rows_between = any(full(lines[i]) and holds_readings(lines[i]) for i in range(first + 1, last) if b'"' not in lines[i])
         return bool(_opens(lines[first], mark) and closes and not begins_as_row and not rows_between)
 
     joined, left_out, at = 0, [], 0

@@ -14,7 +14,7 @@ from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
 from ..moments.times import is_time_name
 from ..run import Array, Guess
-from ..units import parse_unit
+from ..units import parse_unit, unit_changes
 from .dialect import (
     Dialect,
     detect_dialect,
@@ -431,12 +431,7 @@ def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Se
     within = [w[2] for c in dict.fromkeys(cells) if (w := number_within(c, dialect.decimal))]
     units = {unit.symbol: text for text in within if (unit := parse_unit(text)) is not None and unit.temperature}
     if len(units) > 1:
-        return InputError(
-            f"{name}, column {column!r}: the unit changes within the record",
-            found=listed(units.values(), 4),
-            allowed="readings of one unit in a column",
-            do="export the record in one unit, or cut it where the unit changes",
-        )
+        return unit_changes(f"{name}, column {column!r}", units.values())
     numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
     if not 0.05 * len(cells) <= sum(numbers) < len(cells):
         return None
