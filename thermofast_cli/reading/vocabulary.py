@@ -144,26 +144,6 @@ TEMPERATURE_PARTS = ("温度", "溫度", "온도")
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
 TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
 
-#: Whole names of columns that tell a part of a moment.
-TIME_WORDS: dict[str, frozenset[str]] = {
-    "year": _set("year yyyy yy jahr année ano anno år rok yıl 年"),
-    "month": _set("month mon monat mois mes mese maand måned ay 月"),
-    "day": _set("day dd tag jour día dia giorno dag den gün 日"),
-    "hour": _set("hour hours hr hrs hh h std stunde stunden heure hora ora uur saat 时 時"),
-    "minute": _set("minute minutes minuten min mins mm mi minuto minuti minuut dakika 分"),
-    "second": _set("second seconds sec secs sek sekunde sekunden ss s segundo secondo seconde saniye 秒"),
-}
-
-#: Units that may follow a name after a blank or underline: single letters may be the front (V, vorn) or the rear of a machine.
-UNIT_SUFFIXES = _set(
-    "mv uv kv volts ohm ohms kohm ma kw watt watts kwh wh mah ah percent pct psi mbar bar hpa kpa rpm hz khz mhz lpm lux ppm kn %"
-)
-
-#: Whole names of columns that tell a part of a date beside the time.
-CALENDAR = frozenset().union(*(known for part, known in TIME_WORDS.items())) - _set("s m h min mm ss mon") | _set(
-    "weekday wochentag dow week woche kw doy quarter"
-)
-
 #: Words for the units of time.
 TIME_UNITS: dict[str, tuple[str, ...]] = {
     "ns": ("ns", "nanoseconds"),
@@ -174,3 +154,17 @@ TIME_UNITS: dict[str, tuple[str, ...]] = {
     "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时", "ч", "час"),
     "d": ("d", "day", "days", "tage"),
 }
+
+#: Whole names of columns that tell a part of a moment.
+TIME_WORDS: dict[str, frozenset[str]] = {
+    "year": _set("year yyyy yy jahr année ano anno år rok yıl 年"),
+    "month": _set("month mon monat mois mes mese maand måned ay 月"),
+    "day": _set("day dd tag jour día dia giorno dag den gün 日"),
+    "hour": frozenset(TIME_UNITS["h"]) | _set("hh stunde heure hora ora uur saat 时 時"),
+    "minute": frozenset(TIME_UNITS["min"]) | _set("mm mi minuto minuti minuut dakika"),
+    "second": frozenset(TIME_UNITS["s"]) | _set("ss sekunde segundo secondo seconde saniye"),
+}
+#: Whole names of columns that tell a part of a date beside the time.
+CALENDAR = frozenset().union(*(known for part, known in TIME_WORDS.items())) - _set("s m h min mm ss mon") | _set(
+    "weekday wochentag dow week woche kw doy quarter"
+)
