@@ -144,6 +144,11 @@ TEMPERATURE_PARTS = ("温度", "溫度", "온도")
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
 TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
 
+#: Units that may follow a name after a blank or underline: single letters may be the front (V, vorn) or the rear of a machine.
+UNIT_SUFFIXES = _set(
+    "mv uv kv volts ohm ohms kohm ma kw watt watts kwh wh mah ah percent pct psi mbar bar hpa kpa rpm hz khz mhz lpm lux ppm kn %"
+)
+
 #: Words for the units of time.
 TIME_UNITS: dict[str, tuple[str, ...]] = {
     "ns": ("ns", "nanoseconds"),
