@@ -521,4 +521,4 @@ def test_a_quote_that_nothing_closes_is_left_out_and_said_to_be(tmp_path):
     path.write_text("\n".join(["time [min];front;remark", *rows]))
     run = read_run(str(path))
     assert len(run.time_s) == 60
-    assert "quotes that nothing closes left out (line 22)" in "; ".join(run.notes)
+    assert "unbalanced quotes removed (line 22)" in "; ".join(run.notes)

@@ -229,9 +229,11 @@ def test_moments_of_any_name_or_in_parts(tmp_path, head, row, step):
 
 def test_counts_that_could_be_clocks_stay_counts(tmp_path):
     """Every 100 s each number could be a clock; what counts hours beside minutes is one time in two units."""
-    for head, every in (("Time [s],T1", 600), ("Time,T1", 100)):
-        rows = [f"{every * i},{FRONT[i]:.2f}" for i in range(10)]
+    for head, every, first in (("Time [s],T1", 600, 0), ("Time,T1", 100, 0), ("Time [s],T1", 100, 30000)):
+        rows = [f"{first + every * i},{FRONT[i]:.2f}" for i in range(10)]
         assert tf.read(written(tmp_path, [head], rows)).time_s.tolist() == [float(every * i) for i in range(10)]
+    with pytest.raises(tf.InputError, match="may be a clock without signs"):
+        tf.read(written(tmp_path, ["Time,T1"], [f"{30000 + 100 * i},{FRONT[i]:.2f}" for i in range(10)]))
     rows = [f"{8 + i // 60:02d}{i % 60:02d},{FRONT[i]:.2f}" for i in range(50, 60)] + [
         f"09{i:02d},{FRONT[i]:.2f}" for i in range(10)
     ]

@@ -85,8 +85,10 @@ def _dates(table: Table, found: dict[str, str], number: dict[str, Array]) -> tup
     return [""] * rows, frozenset()
 
 
-def clock_written_as_number(column: Array, place: str) -> Array | None:
+def clock_written_as_number(column: Array, place: str, in_seconds: bool) -> Array | None:
     """Seconds (n,) of numbers that are a clock without signs, 80530 for 08:05:30; None where they count something.
+
+    in_seconds: the column is said to count seconds, which only a clock of three parts that jumps speaks against.
 
     Every number must be such a clock, and run more evenly read so than as it stands: from 59 s to a minute it jumps by 41.
 
@@ -104,14 +106,14 @@ def clock_written_as_number(column: Array, place: str) -> Array | None:
     if not (step > 0).all() or np.ptp(step) > np.ptp(as_it_stands):
         return None
     even = np.ptp(as_it_stands) == 0.0
-    if even and (column[0] < HOUR_AS_NUMBER or short):
+    if (even and (column[0] < HOUR_AS_NUMBER or short)) or (in_seconds and (even or short)):
         return None  # every 100 s from the beginning on
     if even or short:
         first, last = (f"{v:0{4 if short else 6}.0f}" for v in (column[0], column[-1]))
         raise InputError(
             f"{place} may be a clock without signs or count",
             found=f"{first} to {last}",
-            allowed="one reading of it" if short else "a clock, or seconds",
+            allowed="a clock with colons, or a name that says the unit, as 'Time [s]'",
             do=f"say --time-format {'%H%M (or %M%S)' if short else '%H%M%S'}, or --time-unit if it counts",
         )
     found: Array = read - read[0]

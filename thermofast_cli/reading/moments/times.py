@@ -297,7 +297,7 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     if written is not None:
         return written
     epoch = _epoch(column)
-    if unit == "s" and not options.time_unit and (clock := _clock_of(table, name, column)) is not None:
+    if unit == "s" and not options.time_unit and (clock := _clock_of(table, name, column, True)) is not None:
         return clock
     if unit and not (epoch and not options.time_unit):
         return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", unit=unit)
@@ -310,17 +310,17 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         seconds = np.round((column - column[0]) * DAY_S, 3)
         guess = Guess("time", text, "--time-unit says otherwise")
         return Time(seconds, frozenset({name}), f"time: {name!r} in days", (guess,), unit="d")
-    return _clock_of(table, name, column) or _without_unit(table, name, column)
+    return _clock_of(table, name, column, False) or _without_unit(table, name, column)
 
 
-def _clock_of(table: Table, name: str, column: Array) -> Time | None:
+def _clock_of(table: Table, name: str, column: Array, in_seconds: bool) -> Time | None:
     """Numbers as a clock without signs, 203807, told as a guess.
 
     Raises
     ------
     InputError: as :func:`clock_written_as_number`.
     """
-    clock = clock_written_as_number(column, f"{table.name}: column {name!r}")
+    clock = clock_written_as_number(column, f"{table.name}: column {name!r}", in_seconds)
     if clock is None:
         return None
     first = f"{column[0]:06.0f}"

@@ -77,7 +77,7 @@ def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:
         at += 2
     notes = [f"{joined} cell{'s' if joined > 1 else ''} with line breaks joined"] if joined else []
     if left_out:
-        notes.append(f"quotes that nothing closes left out (line {listed(map(str, left_out), 3)})")
+        notes.append(f"unbalanced quotes removed (line {listed(map(str, left_out), 3)})")
     return end.join(lines), notes
 
 
