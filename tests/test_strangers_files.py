@@ -333,6 +333,10 @@ def test_clocks_beside_their_columns_without_a_date_and_one_that_ends_first(tmp_
     rows = [f"{8 + i // 60:02d}:{i % 60:02d}:07,{FRONT[i]:.2f},{8 + i // 60:02d}:{i % 60:02d}:17,{REAR[i]:.2f}" for i in range(59)]
     run = tf.read(written(tmp_path, [head], rows))
     assert run.time_s.tolist() == [60.0 * (i // 2) + 10.0 * (i % 2) for i in range(118)]
+    for unit in ("min", "minutes"):
+        head = f"Time front [{unit}],front [degC],Time rear [{unit}],rear [degC]"
+        run = tf.read(written(tmp_path, [head], [f"{i},{FRONT[i]:.2f},{i + 0.5},{REAR[i]:.2f}" for i in range(60)]))
+        assert run.time_s.tolist() == [30.0 * i for i in range(120)]
     for filled in ("0,0.00", "403,21.00"):
         rows = [f"{10 * i},{FRONT[i]:.2f}," + (f"{10 * i + 3},{REAR[i]:.2f}" if i <= 40 else filled) for i in range(60)]
         run = tf.read(written(tmp_path, ["front time [s],front [degC],rear time [s],rear [degC]"], rows))
