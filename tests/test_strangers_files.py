@@ -269,6 +269,9 @@ def test_what_tells_the_time_is_not_put_aside_for_what_else_looks_like_it(tmp_pa
 def test_a_number_beside_one_sensor_is_no_sensors_name(tmp_path):
     run = tf.read(written(tmp_path, ["time_s,point,front [degC]"], [f"{10 * i},{1 + i % 8},{FRONT[i]:.2f}" for i in range(60)]))
     assert list(run.channels) == ["front [degC]"]
+    # A number that changes once is a stage of the test, not a sensor asked in turn.
+    run = tf.read(written(tmp_path, ["time_s,node,value"], [f"{10 * i},{1 + i // 30},{FRONT[i]:.2f}" for i in range(60)]))
+    assert "value" in run.channels
 
 
 def test_sensors_by_number_that_are_asked_in_turn(tmp_path):

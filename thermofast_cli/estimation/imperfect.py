@@ -63,8 +63,8 @@ class Claims:
     known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
     rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
     when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
-    averaged (S,): over how many readings each is the logger's moving average; leave (S,): how many of the last ones were left out
-    and are no outliers: something has just changed.
+    averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
+    out and are no outliers: something has just changed.
     """
 
     steady: Array
@@ -87,7 +87,7 @@ class Claims:
     trips: Array
     missing: Array
     averaged: NDArray[np.int_]
-    leave: NDArray[np.int_]
+    left_last: NDArray[np.int_]
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -134,7 +134,7 @@ def claims(
     left = [left_at_end(c.found.weights, c.sensors) for c in closed]
     for group in groups:
         members = [(c.sensors.rows // together == group) & c.usable for c in closed]
-        _put_leaves(left, members, empty)
+        _mark_changes(left, members, empty)
         if past is not None:
             for c, mine, one in zip(closed, members, empty, strict=True):
                 one.known[:] |= mine & np.array([name(int(r)) in past.shapes for r in c.sensors.rows], dtype=bool)
@@ -168,12 +168,12 @@ def left_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
     return np.where(first <= RULES.fastest_step * usual, row, 0)
 
 
-def _put_leaves(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+def _mark_changes(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
     """Marks the sensors of a group whose last readings are a change: several in a row, or those of several sensors at once."""
     gone = sum(int((row[mine] > 0).sum()) for row, mine in zip(left, members, strict=True))
     together = gone >= max(2.0, RULES.changed_share * sum(int(mine.sum()) for mine in members))
     for row, mine, one in zip(left, members, into, strict=True):
-        one.leave[:] = np.where(mine & (row >= (1 if together else RULES.last_alone)), row, one.leave)
+        one.left_last[:] = np.where(mine & (row >= (1 if together else RULES.last_alone)), row, one.left_last)
 
 
 def _let_go(
@@ -435,7 +435,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         ahead=ahead,
         known=np.zeros(count, dtype=bool),
         let_go=np.zeros(count, dtype=bool),
-        leave=np.zeros(count, dtype=int),
+        left_last=np.zeros(count, dtype=int),
         other_rise=np.zeros(count, dtype=bool),
         averaged=np.ones(count, dtype=int),
     )

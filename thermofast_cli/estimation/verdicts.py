@@ -124,7 +124,7 @@ def claimed_verdicts(
     faded = found.faded & ~claimed.other_rise & ~averaged
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
-    leave = np.where(claimed.other_rise, 0, claimed.leave)
+    leave = np.where(claimed.other_rise, 0, claimed.left_last)
     stayed = past.stayed_min if past is not None else np.inf
     restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
     doubted = unfit | strong | hides | swings | lawless | restless | (leave > 0)

@@ -1,6 +1,5 @@
 """Moments that are written in several columns of numbers: year, month, day, hour, minute, second; or a clock as 203807."""
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +10,7 @@ from ..tables.table import Table
 from ..vocabulary import TIME_WORDS
 from .stamps import DAY_S, Stamps, looks_like_stamp, parse_stamps
 
+PART_OF = {word: part for part, known in TIME_WORDS.items() for word in known}
 #: Least and largest number of each part.
 RANGES = {"year": (0, 2100), "month": (1, 12), "day": (1, 31), "hour": (0, 9999), "minute": (0, 59), "second": (0, 60)}
 DAY_H = 24
@@ -26,8 +26,7 @@ def moments_in_parts(table: Table) -> tuple[Stamps, frozenset[str]] | None:
     """
     found: dict[str, str] = {}
     for name in table.names:
-        bare = re.sub(r"\s*[\[(].*$", "", name).strip().lower()
-        part = next((p for p, known in TIME_WORDS.items() if bare in known), None)
+        part = PART_OF.get(name.partition("[")[0].partition("(")[0].strip().lower())
         if part and part not in found and _fits(table.columns[name], part):
             found[part] = name
     clock = [p for p in ("hour", "minute", "second") if p in found]

@@ -57,22 +57,24 @@ def with_one_clock(table: Table, options: Options) -> Table:
 
 
 def _clocks(table: Table) -> list[str]:
-    """Columns of time of one kind, of which some differ: of one name, or each named after the column beside it."""
+    """Columns of time of one kind, of which some differ: of one name, or all there are, each named after the column beside it.
+
+    Where another column tells the time of all, what is named after its neighbour is how long that ran.
+    """
     timed = [n for n in table.names if is_time_name(n)]
-    for name in timed if len(timed) > 1 else []:
-        kind = isinstance(table.columns[name], np.ndarray)
-        alike = [
-            n
-            for n in timed
-            if isinstance(table.columns[n], np.ndarray) == kind
-            and unit_of(n, table.units.get(n, "")) == unit_of(name, table.units.get(name, ""))
-        ]
-        # Where another column tells the time of all, what is named after its neighbour is how long that ran.
-        own = [n for n in alike if _of_neighbour(table, n)] if len(alike) == len(timed) else []
-        for same in ([n for n in alike if _stem(n) == _stem(name)], own if len(own) == len(timed) else []):
-            if len(same) > 1 and any(not _equal(table.columns[n], table.columns[name]) for n in same):
-                return same
-    return []
+    if len(timed) < 2:
+        return []
+    kind = {n: (isinstance(table.columns[n], np.ndarray), unit_of(n, table.units.get(n, ""))) for n in timed}
+
+    def differ(same: list[str]) -> bool:
+        return len(same) > 1 and any(not _equal(table.columns[n], table.columns[same[0]]) for n in same)
+
+    for name in timed:
+        same = [n for n in timed if _stem(n) == _stem(name) and kind[n] == kind[name]]
+        if differ(same):
+            return same
+    own = len(set(kind.values())) == 1 and all(_of_neighbour(table, n) for n in timed)
+    return timed if own and differ(timed) else []
 
 
 def _of_neighbour(table: Table, clock: str) -> bool:
