@@ -296,11 +296,23 @@ def test_a_last_row_of_zeros_is_the_loggers():
     assert [r.status for r in tf.identify(table)] == ["ok"] * 3
 
 
+def test_an_outlier_went_nowhere():
+    """One reading of 500 degC took the time at which 95 % are done away, and a sensor at rest was no longer told so."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 361.0)
+    law = 20.0 + 10.0 * (1.0 - np.exp(-time / 60.0))
+    table = {"time_min": time, "warms": law + rng.normal(0.0, 0.02, 361), "rests": 20.0 + rng.uniform(-0.03, 0.03, 361)}
+    table["warms"][50], table["rests"][70] = 500.0, 60.0
+    warms, rests = tf.identify(table, rates="own")
+    assert warms.t95_min == pytest.approx(179.7, abs=3.0)
+    assert "settles where it began" not in warms.message
+    assert "did not move by more than its noise" in rests.message
+
+
 def test_an_interval_that_ends_just_short_of_where_a_sensor_began_reaches_it():
     """A limit of 20.1 degC, told 20.15 to 24, on the way back from 35 to 20: the heat may be off."""
     time = np.arange(0.0, 120.0)
     reading = 20.0 + np.where(time < 60.0, 15.0 * (1.0 - np.exp(-time / 20.0)), 14.25 * np.exp(-(time - 60.0) / 30.0))
-    law = SimpleNamespace(initial=np.array([20.0, 20.0]), state=np.array([[22.0], [22.0]]), time=119.0)
+    law = SimpleNamespace(initial=np.array([20.0, 20.0]), state=np.array([[22.0], [22.0]]), time=119.0, weights=np.ones((2, 120)))
     seen = SimpleNamespace(time=time, reading=np.stack([reading, reading]))
     steady = np.array([[20.15, 21.0, 24.0], [21.0, 21.5, 24.0]])
     _to_the_beginning(steady, law, seen)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
+from thermofast.models import spike_weights
 from thermofast.models.imperfection import Past
 
 from ..errors import rounded
@@ -63,10 +64,20 @@ def _to_the_beginning(steady: Array, law: Estimates, sensors: Sensors) -> None:
 
 
 def _went(law: Estimates, sensors: Sensors) -> Array:
-    """How far the readings used went from where they began, at most (S,) [K]."""
-    away = np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None])
+    """How far the readings used went from where they began, at most (S,) [K]; outliers went nowhere."""
+    away = np.where(_outlying(law, sensors), 0.0, np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None]))
     most: Array = np.nanmax(np.where(np.isfinite(away), away, 0.0), axis=1)
     return most
+
+
+def _outlying(law: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
+    """Which of the readings used (S, n) are outliers: alone, where several that follow each other may be a change."""
+    out: NDArray[np.bool_] = law.weights == 0.0
+    if out.any():
+        rows = out.any(axis=1)
+        reading = np.ascontiguousarray(sensors.reading[rows, : out.shape[1]])
+        out[rows] &= spike_weights(reading, sensors.resolution[rows]) == 0.0
+    return out
 
 
 def comes_back(law: Estimates, steady: Array, sensors: Sensors) -> NDArray[np.bool_]:
@@ -82,6 +93,7 @@ def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
     time, reading = sensors.time[used], sensors.reading[:, used]
     with np.errstate(all="ignore"):  # what does not rise is done where it begins
         done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
+    done &= ~_outlying(law, sensors)
     first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
     found: Array = time[first] - time[0]
     return found
@@ -89,7 +101,9 @@ def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
 
 def _wide_words(width: float, rise: float, found: Estimate, reading: Array) -> str:
     """Of an interval [K] many times the rise [K] of readings; where those (N,) went farther and came back, that they did."""
-    went = float(np.abs(reading[: len(found.weights)] - found.initial).max())
+    read = reading[: len(found.weights)]
+    kept = (found.weights > 0.0) | (spike_weights(np.ascontiguousarray(read)) > 0.0)
+    went = float(np.abs(read[kept] - found.initial).max(initial=0.0))
     if went <= max(TURNED * rise, BEYOND_NOISE * found.noise):
         return f"the steady state is known only to within {width:.3g} K, many times the rise so far; measure longer"
     return (

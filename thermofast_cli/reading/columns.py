@@ -41,16 +41,11 @@ from .vocabulary import (
 )
 
 #: Units of one letter in brackets that may also be the name of a place (phase A, side N).
-_PLACES = frozenset(["A", "N", "W", "J", "m", "g", "h", "d"])
-#: Channels of a data acquisition board that nobody named: they are volts until a unit says otherwise.
+_LETTERS = frozenset(["A", "N", "W", "J", "m", "g", "h", "d"])
 #: Where other columns say that they are temperatures, one that does not say so is none if its readings are above this [degC].
 HOTTEST = 1000.0
+#: Channels of a data acquisition board that nobody named: they are volts until a unit says otherwise.
 _BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
-HOTTEST_C = 5000.0
-COLDEST_C = -273.15
-#: What probes and their inputs write where they are broken: DS18B20, sixteen bits of tenths and hundredths, all nines.
-FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8, 655.35, 999.9, 999.99, -99.9, -99.99)
-
 
 #: What an instrument says of its state; constant, it says nothing.
 SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
@@ -140,7 +135,7 @@ def _sign(name: str, unit_cell: str) -> Sign:
     first = set(words(core)) or said
     unit = parse_unit(unit_cell) or unit_in_name(name)
     spoken = _speaks_of_temperature(core or name, said) or names_probe(name)
-    if unit is not None and unit.symbol in _PLACES and spoken:
+    if unit is not None and unit.symbol in _LETTERS and spoken:
         unit = None
     degrees = unit is not None and unit.temperature
     temperature = degrees or (spoken and unit is None)
@@ -429,16 +424,3 @@ def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str
     if "mm" in {*words(name), *words(unit_cell)}:
         return values * 1000.0, f"{name}: mm, turned into um"
     return values, None
-
-
-def without_impossible(values: Array) -> tuple[Array, int]:
-    """Overload values (9.9E+37), codes of broken probes and what is below absolute zero become nan; and how many there were."""
-    low, high = np.fmin.reduce(values, initial=np.inf), np.fmax.reduce(values, initial=-np.inf)
-    # Of nearly all columns the ends say that there is none.
-    if low > COLDEST_C and high <= HOTTEST_C and not any(low <= fault <= high for fault in FAULTS_C):
-        return values, 0
-    with np.errstate(invalid="ignore"):
-        bad = (values <= COLDEST_C) | (values > HOTTEST_C) | np.isin(values, FAULTS_C)
-    if not bad.any():
-        return values, 0
-    return np.where(bad, np.nan, values), int(bad.sum())

@@ -24,9 +24,9 @@ from .columns import (
     resolved,
     sign_of,
     to_micrometres,
-    without_impossible,
 )
 from .degrees import Temperatures, refuse_words, unit_told, winding
+from .faults import without_faults, without_impossible
 from .long import Layout, find_long, good_readings, to_wide, without_switches
 from .moments.order import in_order, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
@@ -311,21 +311,15 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         notes += [unit_note] if unit_note else []
     seen = _seen(table, time, layout, roles, units, spare, options)
     stretches = in_order(time.seconds, columns, table.name, table.lines, time.wall, time.dated, layout is not None)
-    runs = [
-        Run(
-            table.name if len(stretches) == 1 else f"{table.name}#{k + 1}",
-            part.time,
-            {n: part.columns[n] for n in roles.sensors},
-            {n: part.columns[n] for n in roles.ambient},
-            {n: part.columns[n] for n in roles.inputs},
-            (*notes, *part.notes),
-            channel_notes,
-            {n: part.columns[n] for n in roles.displacements},
-            (*guesses, *part.guesses),
-            seen,
-        )
-        for k, part in enumerate(stretches)
-    ]
+    runs = []
+    for k, part in enumerate(stretches):
+        name = table.name if len(stretches) == 1 else f"{table.name}#{k + 1}"
+        of, faults = without_faults(part.columns, (*roles.sensors, *roles.ambient))
+        said = {n: "; ".join(t for t in (channel_notes.get(n, ""), faults.get(n, "")) if t) for n in (*channel_notes, *faults)}
+        kinds = (roles.sensors, roles.ambient, roles.inputs, roles.displacements)
+        channels, ambient, inputs, displacements = ({n: of[n] for n in who} for who in kinds)
+        told = (*guesses, *part.guesses)
+        runs.append(Run(name, part.time, channels, ambient, inputs, (*notes, *part.notes), said, displacements, told, seen))
     return [_copies_told(renamed(run, options.rename) if options.rename else run) for run in runs]
 
 
