@@ -64,6 +64,11 @@ def test_a_wrong_model_is_doubted_and_a_right_one_hardly_ever():
     time = np.arange(240.0)
     two = 18 + 5 * (1 - np.exp(-0.05 * time)) + 5 * (1 - np.exp(-0.006 * time)) + 0.01 * rng.standard_normal(240)
     r = record(time, two)
+    assert r.steady_state_lo_c < 28.0 < r.steady_state_hi_c
+    assert r.steady_state_c == pytest.approx(28.0, abs=0.5)
+    assert "the plain law fails from" in r.message
+    fading = 18 + (1 - np.exp(-0.05 * time)) * (10 + 6 * np.exp(-0.01 * time))  # friction that runs in
+    r = record(time, fading + 0.01 * rng.standard_normal(240))
     assert r.status in {"model_doubtful", "not_determined"}
     assert "an effect beside the law is likely" in r.message
     doubted = sum(record(*spindle(np.random.default_rng(100 + i), 200.0)).status != "ok" for i in range(150))

@@ -13,11 +13,12 @@ from benchmarks.machines import bar, network
 from thermofast.estimation.identify import Method, identify_sensors
 from thermofast.filters import Afukf
 from thermofast.models import Lump
+from thermofast.models.decay import LOG_TWENTY
 from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, settle
 from thermofast.models.imperfection.blocks import block_means
 from thermofast.models.imperfection.numerics import core
 from thermofast.models.imperfection.prior import COMPONENTS
-from thermofast.models.imperfection.shapes import LIMIT, SETTLING, SLOW_AHEAD, Asked, _loss_shape, covariances, law
+from thermofast.models.imperfection.shapes import LIMIT, SETTLING, SLOW_AHEAD, Asked, _loss_shape, covariances, law, slow_rise
 
 TIME = np.arange(2.0, 62.0, 4.0)
 RATE, LAST, UNIT = 1 / 50.0, 60.0, 50.0 / 60.0
@@ -108,6 +109,29 @@ def test_a_swinging_load_leaves_the_limit_where_its_mean_has_it():
     assert swing[m + 3, m + 3] > 0.0
 
 
+def test_slow_modes_lean_by_what_bodies_behind_do():
+    """Mean rise of slow modes: 1 - exp(-k b t) for each, the limit, 95 % against it, and what is left after the last reading."""
+    found = slow_rise(np.array([RATE]), TIME, LAST, LOG_TWENTY, ASKED)[0] * RATE
+    m, modes = len(TIME), [0.1 * RATE, 0.3 * RATE]
+
+    def rise(time):
+        return sum(-np.expm1(-k * time) for k in modes) / np.sqrt(2.0)
+
+    assert found[:m] == pytest.approx(rise(TIME))
+    assert found[m + LIMIT] == pytest.approx(np.sqrt(2.0))
+    assert found[m + SETTLING] == pytest.approx(rise(LOG_TWENTY / RATE) - 0.95 * np.sqrt(2.0))
+    assert found[m + SLOW_AHEAD] == pytest.approx(np.sqrt(2.0) - rise(LAST))
+    assert found[m + 3] == pytest.approx(rise(100.0))
+    # Half of a strong slow mode's size is its mean, and the rest its deviation; the background leans to no side.
+    kind, squares, _ = TYPICAL.hypotheses()
+    variance, leans = TYPICAL.kinds(TYPICAL.lean)[0][:, COMPONENTS.index("slow")], TYPICAL.leans(TYPICAL.lean)
+    assert not leans[kind == 0].any()
+    for k, sizes in enumerate(TYPICAL.strong, start=1):
+        size = sizes.slow * np.sqrt(squares[kind == k])
+        assert leans[kind == k] ** 2 + variance[k] * squares[kind == k] == pytest.approx(size**2)
+        assert leans[kind == k] == pytest.approx(TYPICAL.lean * size)
+
+
 def mixture_case(rng, asked=4):
     found = shapes()
     kinds = np.stack([sizes.variances() for sizes in (TYPICAL.background, *TYPICAL.strong[:4])])
@@ -122,6 +146,8 @@ def mixture_case(rng, asked=4):
         "noise": np.full((2, len(TIME)), 0.03**2),
         "ones": np.concatenate([np.ones(len(TIME)), [1.0, 0.0, 0.0, 1.0]]),
         "law": law(rates, TIME, np.zeros(len(TIME)), ASKED),
+        "slow": slow_rise(rates, TIME, LAST, LOG_TWENTY, ASKED),
+        "leans": np.array([0.0, 0.0, 0.3, 0.0, -0.1, 0.5]),
         "node": np.zeros((2, 3), dtype=np.intp),
         "share": np.array([[0.0, 0.4, 0.9]] * 2),
         "covariance": found,
@@ -150,7 +176,7 @@ def test_the_compiled_mixture_is_its_twin():
     given["active"][:, :, 2] = 0
     given["active"][1, 1] = 0
     given["scale"][4] = -1e6
-    given["law"][0, 2] = given["ones"]
+    given["law"][0, 2], given["slow"][0, 2] = given["ones"], 0.0
     for module in (core, _mixture_numpy):
         _, again = mixture_case(np.random.default_rng(2))
         module.mixture(*given.values(), *again)
@@ -181,7 +207,8 @@ def test_evidence_and_predictions_are_those_of_one_large_gaussian():
         types[0] += 64.0 * given["beside"][0]
         whole = given["scale"][h] * types[given["kind"][h]] + (types[0] if given["kind"][h] else 0.0)
         whole = whole + 64.0 * given["doubt"][0]
-        x = np.stack([given["ones"], given["law"][0, 0]], axis=1)
+        rises = given["law"][0, 0] + given["leans"][h] * given["slow"][0, 0]
+        x = np.stack([given["ones"], rises], axis=1)
         whole = whole + 1e3 * np.outer(x[:, 0], x[:, 0]) + 10.0 * np.outer(x[:, 1], x[:, 1])
         data = whole[:m, :m] + np.diag(given["noise"][0])
         y = given["reading"][0, 0]

@@ -65,7 +65,7 @@ def test_shape_scatter_and_disturbances_are_learnt_and_foretell_the_next_run(sev
     assert np.mean(inside) >= 0.9
     assert np.median(width) < 1.5
     # Sixty minutes of a machine with a second mass tell little of its end; its past runs tell it.
-    assert np.sqrt(np.mean(np.square(error))) < 0.4 * np.sqrt(np.mean(np.square(alone)))
+    assert np.sqrt(np.mean(np.square(error))) < 0.5 * np.sqrt(np.mean(np.square(alone)))
 
 
 def test_exact_runs_leave_no_disturbance_to_speak_of():

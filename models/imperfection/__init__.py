@@ -1,6 +1,6 @@
 """How far machines leave the law, and what may be said of them all the same."""
 
-from .blocks import pilot
+from .blocks import Part, pilot
 from .draw import Drawn
 from .known import Known
 from .past import (
@@ -18,7 +18,7 @@ from .past import (
     learn_past,
     widths_left_out,
 )
-from .posterior import Part, Rates, Settled, settle
+from .posterior import Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged, room_at_end
 

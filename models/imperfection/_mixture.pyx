@@ -103,6 +103,8 @@ def mixture(
     const double[:, ::1] noise,
     const double[::1] ones,
     const double[:, :, ::1] law,
+    const double[:, :, ::1] slow,
+    const double[::1] leans,
     const Py_ssize_t[:, ::1] node,
     const double[:, ::1] share,
     const double[:, :, :, ::1] covariance,
@@ -134,8 +136,10 @@ def mixture(
     cdef double *a
     cdef double *row
     cdef double *from_
-    if covariance.shape[2] < wide or law.shape[2] < wide or ones.shape[0] < wide:
+    if covariance.shape[2] < wide or law.shape[2] < wide or slow.shape[2] < wide or ones.shape[0] < wide:
         raise ValueError("fewer rows than quantities asked for")
+    if slow.shape[0] != law.shape[0] or slow.shape[1] != law.shape[1] or leans.shape[0] != hypotheses:
+        raise ValueError("as many slow rises as laws, and of each hypothesis how far they lean")
     cdef bint doubted = doubt.shape[0] > 0
     if doubted and (doubt.shape[0] < sensors or doubt.shape[1] < wide or doubt.shape[2] < wide):
         raise ValueError("fewer rows of doubt than quantities asked for")
@@ -232,7 +236,7 @@ def mixture(
                             row[r * LANES] += noise[i, r]
                             row[wide * LANES] = reading[i, f, r]
                             row[(wide + 1) * LANES] = ones[r]
-                            row[(wide + 2) * LANES] = law[i, f, r]
+                            row[(wide + 2) * LANES] = law[i, f, r] + leans[lane[min(l, lanes - 1)]] * slow[i, f, r]
                     whiten(a, m, all_, logs)
                     products(a, m, wide, all_, sums)
                     for l in range(lanes):
@@ -259,7 +263,7 @@ def mixture(
                                 a1 += u * row[(wide + 2) * LANES]
                                 v += u * u
                             t1 = ones[m + j] - a0
-                            u = law[i, f, m + j] - a1
+                            u = law[i, f, m + j] + leans[g] * slow[i, f, m + j] - a1
                             mean[i, f, g, j] = t0 + b0 * t1 + b1 * u
                             v = scale[g] * own_kind[k * asked + j] + mixed[l] * own_kind[j] - v
                             if doubted:

@@ -23,6 +23,8 @@ def mixture(
     noise: Array,
     ones: Array,
     law: Array,
+    slow: Array,
+    leans: Array,
     node: NDArray[np.intp],
     share: Array,
     covariance: Array,
@@ -42,10 +44,10 @@ def mixture(
 ) -> None:
     """Fills evidence, squares (S, F, H), mean and variance (S, F, H, asked); nan in evidence where not active or not solvable.
 
-    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k); node (S, F) and share (S, F) place a rate between nodes of
-    covariance (G, components, m + k, m + k); relative, absolute (kinds, components); rise (S, F) [K^2]; kind, scale (H,).
-    doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a shape that past runs told; (0, 0, 0) for none.
-    beside is another, which belongs to the background and has its scale.
+    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H,) times slow (S, F, m + k) is added; node
+    (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m + k, m + k); relative, absolute (kinds,
+    components); rise (S, F) [K^2]; kind, scale (H,). doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a
+    shape that past runs told; (0, 0, 0) for none. beside is another, which belongs to the background and has its scale.
     """
     m = reading.shape[2]
     wide = m + asked
@@ -62,15 +64,17 @@ def mixture(
             whole = whole + rise[i, f] * doubt[i, :wide, :wide]
         factor, solved = _factors(whole[:, :m, :m] + np.diag(noise[i]))
         whole, rows = whole[solved], rows[solved]
-        known = np.stack([reading[i, f], ones[:m], law[i, f, :m]], axis=1)
-        right = np.concatenate([np.broadcast_to(known, (len(rows), m, 3)), whole[:, :m, m:]], axis=2)
+        laws = law[i, f, :wide] + leans[rows, None] * slow[i, f, :wide]
+        known = np.empty((len(rows), m, 3))
+        known[..., 0], known[..., 1], known[..., 2] = reading[i, f], ones[:m], laws[:, :m]
+        right = np.concatenate([known, whole[:, :m, m:]], axis=2)
         white = np.linalg.solve(factor, right)
         y, x, cross = white[..., 0], white[..., 1:3], white[..., 3:]
         normal = np.einsum("hmi,hmj->hij", x, x)
         square = normal[:, 0, 0] * normal[:, 1, 1]
         good = square - normal[:, 0, 1] ** 2 > ALIKE * square
         if not good.all():  # the law cannot be told from a constant
-            rows, whole, factor, x, y, cross, normal = (a[good] for a in (rows, whole, factor, x, y, cross, normal))
+            rows, whole, laws, x, y, cross, normal, factor = (a[good] for a in (rows, whole, laws, x, y, cross, normal, factor))
         beta = np.linalg.solve(normal, np.einsum("hmi,hm->hi", x, y)[..., None])[..., 0]
         left = y - np.einsum("hmi,hi->hm", x, beta)
         squares[i, f, rows] = (left**2).sum(axis=1)
@@ -78,8 +82,8 @@ def mixture(
         evidence[i, f, rows] = -0.5 * (logs + np.linalg.slogdet(normal)[1] + squares[i, f, rows])
         if not asked:
             continue
-        target = np.stack([ones[m:wide], law[i, f, m:wide]], axis=1)
-        mean[i, f, rows] = beta @ target.T + np.einsum("hmt,hm->ht", cross, left)
+        target = np.stack([np.broadcast_to(ones[m:wide], laws[:, m:].shape), laws[:, m:]], axis=2)
+        mean[i, f, rows] = np.einsum("hti,hi->ht", target, beta) + np.einsum("hmt,hm->ht", cross, left)
         rest = target - np.einsum("hmt,hmi->hti", cross, x)
         own = np.diagonal(whole[:, m:, m:], axis1=1, axis2=2) - (cross**2).sum(axis=1)
         spread = np.einsum("hti,hij,htj->ht", rest, np.linalg.inv(normal), rest)

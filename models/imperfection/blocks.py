@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .known import Known
+
 Array = NDArray[np.float64]
 
 #: Blocks of a record: half as many leave the intervals as they are to a few per cent (``python -m
@@ -12,6 +14,25 @@ Array = NDArray[np.float64]
 MOST = 12
 #: Points and time constants that the pilot looks at.
 PILOT_POINTS, PILOT_RATES = 40, 60
+
+
+@dataclass(frozen=True)
+class Part:
+    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged.
+
+    log_rate (s, 2): the law's own log rate and its deviation, nan where unknown: a posterior that is all but the law's is looked
+    for there, however narrow it is. known: what past runs of this machine say; of all parts of a run or of none. averaged: over how
+    many readings each is a moving average, which the noise counts.
+    """
+
+    time: Array
+    reading: Array
+    noise: Array
+    resolution: Array
+    room: Array | None = None
+    log_rate: Array | None = None
+    known: Known | None = None
+    averaged: int = 1
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ..arrow import covariance_root
 from ..core.tails import t_quantile
-from .blocks import block_means
+from .blocks import Part, block_means
 from .known import Known, within
-from .posterior import Part, settle
+from .posterior import settle
 from .prior import Imperfection, Sizes
 from .shapes import Asked, covariances, law, loss_bend, of_room
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from ..core.tails import f_tail, normal_tail
 from ..decay import LOG_TWENTY
-from .blocks import Blocks, block_means
+from .blocks import Blocks, Part, block_means
 from .draw import Drawn, conditional, normal_draws
-from .known import NOTHING, Known
+from .known import NOTHING
 from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
 from .prior import COMPONENTS, Imperfection
-from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room
+from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room, slow_rise
 
 Array = NDArray[np.float64]
 Rates = Literal["auto", "own", "shared"]
@@ -52,25 +52,6 @@ EDGE = 0.5
 DOUBTED = 0.05
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 5e-5
-
-
-@dataclass(frozen=True)
-class Part:
-    """Sensors on one grid: time (n,) [min], reading (s, n) [degC], noise and resolution (s,) [K]; room (n,) [degC] if logged.
-
-    log_rate (s, 2): the law's own log rate and its deviation, nan where unknown: a posterior that is all but the law's is looked
-    for there, however narrow it is. known: what past runs of this machine say; of all parts of a run or of none. averaged: over how
-    many readings each is a moving average, which the noise counts.
-    """
-
-    time: Array
-    reading: Array
-    noise: Array
-    resolution: Array
-    room: Array | None = None
-    log_rate: Array | None = None
-    known: Known | None = None
-    averaged: int = 1
 
 
 @dataclass(frozen=True)
@@ -150,7 +131,11 @@ class _Run:
             for b, asked, logged, late in zip(self.blocks, self.asked, self.logged, turns, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()
-        self.relative, self.absolute = prior.kinds()
+        # Of a machine that is known, or driven by what is logged, the amplitudes of slow modes are counted from what is known.
+        lean = prior.lean if self.known is None else 0.0
+        self.relative, self.absolute = prior.kinds(lean)
+        self.leans = prior.leans(lean)
+        self.turns = turns
         self.base = self.kind == 0
         self.centre = np.full(self.count, -np.log(tau)) if self.known is None else self.known[:, 0]
         self.shape = [p.known for p in parts]
@@ -191,6 +176,8 @@ class _Run:
                 np.ascontiguousarray(blocks.noise),
                 constant(blocks.time, self.asked[i]),
                 of_law,
+                self._slow_of(i, some),
+                self.leans,
                 node,
                 share,
                 self.covariance[i],
@@ -218,6 +205,11 @@ class _Run:
         place = np.clip((log_rate - self.nodes[0]) / NODE_STEP, 0.0, len(self.nodes) - 1.000001)
         node = place.astype(np.intp)
         return np.ascontiguousarray(of_law), node, place - node, self._of_room(part, node, place - node)
+
+    def _slow_of(self, part: int, log_rate: Array) -> Array:
+        """What slow modes of amplitude 1 add to the law's rows at log rates (s, F)."""
+        blocks = self.blocks[part]
+        return np.ascontiguousarray(slow_rise(np.exp(log_rate), blocks.time, blocks.last, self.turns[part], self.asked[part]))
 
     def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:
         """What logged room and known inputs do at rates between nodes (s, F, m + k) [K]; nothing where none are."""
@@ -408,8 +400,9 @@ class _Run:
                 drawn.factor[i] = factor
                 self._draw(drawn, i, log_rate, rise[i], (places, hypotheses, w))
             half = 0.5 * (steady[i, 2] - steady[i, 0])
-            with np.errstate(all="ignore"):
-                near, far = ((side * half - mu[:, SLOW_AHEAD]) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
+            with np.errstate(all="ignore"):  # beside what the estimate counts of them
+                beside = mu[:, SLOW_AHEAD] - w @ mu[:, SLOW_AHEAD] / w.sum()
+                near, far = ((side * half - beside) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
             hides[i] = w @ (np.nan_to_num(normal_tail(far)) + np.nan_to_num(normal_tail(-near)))
             those = slow[hypotheses]
             if those.any():
@@ -440,6 +433,7 @@ class _Run:
         row, blocks, asked = sensor - int(self.rows[part]), self.blocks[part], self.asked[part]
         m = len(blocks.time)
         of_law, node, share, known = self._rows_of(part, log_rate[self.rows[part] : self.rows[part + 1]])
+        slow = self._slow_of(part, log_rate[self.rows[part] : self.rows[part + 1]])
         known = np.broadcast_to(known, (*of_law.shape[:2], known.shape[-1]))[row]
         wanted = np.concatenate([[m + LIMIT], m + FIRST_TIME + np.arange(self.times)])
         places, hypotheses, weight = kept
@@ -455,7 +449,8 @@ class _Run:
             whole = np.tensordot(np.sum(amounts, axis=0), parts, axes=1)
             for size, wrong in zip((1.0, sizes[0]), self.wrong[part], strict=True):
                 whole = whole + size * rise[f] ** 2 * wrong[row] if len(wrong) else whole
-            given = blocks.mean[row] - known[f, :m], blocks.noise[row], ones, of_law[row, f], whole, wanted
+            rises = of_law[row, f] + self.leans[h] * slow[row, f]
+            given = blocks.mean[row] - known[f, :m], blocks.noise[row], ones, rises, whole, wanted
             some = normal_draws(*conditional(*given), int(counts[k]), rng) + known[f, wanted]
             into.limit[sensor, at : at + len(some)], into.curve[sensor, at : at + len(some)] = some[:, 0], some[:, 1:]
             into.rate[sensor, at : at + len(some)] = np.exp(log_rate[sensor, f])

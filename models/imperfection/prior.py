@@ -90,7 +90,9 @@ class Imperfection:
     evidence for a strong effect counts, because its shapes are caricatures; from_others: the share of another sensor's evidence
     that counts, because disturbances are common to a run. rate_spread: deviation of the log rate between sensors of a machine
     that agree; apart: probability that one does not. log_rate_spread: prior deviation of the log rate about the pilot's.
-    multiplier: of all sizes. factors: (time constants read, factor on half-widths), learnt from complete runs.
+    multiplier: of all sizes. lean: mean of a strong slow mode's amplitude over its root mean square, in the direction of the rise:
+    a part that is still cold takes heat and gives none, so that the limit is farther than the law says. factors: (time constants
+    read, factor on half-widths), learnt from complete runs.
     """
 
     background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10, logged=0.3)
@@ -98,7 +100,7 @@ class Imperfection:
     strong_share: float = 0.25
     strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
-    strong_scales: tuple[float, ...] = (0.15, 0.6, 2.0)
+    strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
     scale_spread: float = 0.8
     clean: float = 0.1
     evidence_power: float = 0.5
@@ -108,6 +110,7 @@ class Imperfection:
     log_rate_spread: float = 0.6
     multiplier: float = 1.0
     factors: tuple[tuple[float, float], ...] = ()
+    lean: float = 0.5
 
     @property
     def none(self) -> bool:
@@ -126,10 +129,22 @@ class Imperfection:
         turns, factors = np.array(self.factors).T
         return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
 
-    def kinds(self) -> tuple[Array, Array]:
-        """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect."""
+    def kinds(self, lean: float = 0.0) -> tuple[Array, Array]:
+        """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect.
+
+        lean: of strong slow modes, that much of whose size is their mean.
+        """
         both = [sizes.scaled(self.multiplier).variances() for sizes in (self.background, *self.strong)]
-        return np.array([relative for relative, _ in both]), np.array([absolute for _, absolute in both])
+        relative = np.array([relative for relative, _ in both])
+        relative[1:, COMPONENTS.index("slow")] *= 1.0 - lean**2
+        return relative, np.array([absolute for _, absolute in both])
+
+    def leans(self, lean: float) -> Array:
+        """Mean amplitude (H,) of the slow modes, relative to the rise, of each hypothesis; that of the background is nought."""
+        kind, squares, _ = self.hypotheses()
+        sizes = np.array([0.0, *(s.slow for s in self.strong)])
+        found: Array = lean * self.multiplier * np.sqrt(squares) * sizes[kind]
+        return found
 
     def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array]:
         """(kind, scale squared, log prior), each (H,): kind 0 is the background alone, another that effect over the background."""

@@ -81,6 +81,21 @@ def law(rate: Array, time: Array, spread: Array, asked: Asked) -> Array:
     return np.concatenate([blocks, 1.0 / b, none, none, -np.expm1(-b * asked.times) / b], axis=-1)
 
 
+def slow_rise(rate: Array, time: Array, last: float, turns: float, asked: Asked) -> Array:
+    """What slow modes of amplitude 1 together add to :func:`law` of rates (...): (..., m + asked.count)."""
+    b = rate[..., None]
+
+    def at(times: Array) -> Array:
+        risen: Array = -np.expm1(-b * times * np.array(SLOW).reshape(-1, *[1] * b.ndim)).sum(axis=0)
+        return np.asarray(risen / np.sqrt(len(SLOW)))
+
+    end = np.full_like(b, np.sqrt(len(SLOW)))
+    rest = end - at(np.array([last]))
+    settling = at(turns / b) - 0.95 * end
+    found: Array = np.concatenate([at(time), end, settling, rest, at(asked.times)], axis=-1) / b
+    return found
+
+
 def constant(time: Array, asked: Asked) -> Array:
     """What the initial temperature adds to each of the same rows (m + asked.count,)."""
     return np.concatenate([np.ones(len(time)), [1.0, 0.0, 0.0], np.ones(len(asked.times))])

@@ -20,6 +20,7 @@ NUMBERS = {
     "log_rate_spread": (0.01, 3.0),
     "apart": (0.0, 0.9),
     "clean": (0.0, 0.99),
+    "lean": (0.0, 0.95),
     "scale_spread": (0.05, 3.0),
 }
 SIZES = tuple(f.name for f in fields(Sizes))
