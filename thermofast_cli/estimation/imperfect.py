@@ -64,7 +64,8 @@ class Claims:
     rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
     when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
     averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
-    out and are no outliers: something has just changed.
+    out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
+    did, too little so early to be foretold; else nan.
     """
 
     steady: Array
@@ -88,6 +89,7 @@ class Claims:
     missing: Array
     averaged: NDArray[np.int_]
     left_last: NDArray[np.int_]
+    behind: Array
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -151,6 +153,7 @@ def claims(
             _let_go(closed, members, empty, prior, rates, name, past)
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
+        _mark_behind(closed, members, empty)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
 
 
@@ -174,6 +177,17 @@ def _mark_changes(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np
     together = gone >= max(2.0, RULES.changed_share * sum(int(mine.sum()) for mine in members))
     for row, mine, one in zip(left, members, into, strict=True):
         one.left_last[:] = np.where(mine & (row >= (1 if together else RULES.last_alone)), row, one.left_last)
+
+
+def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+    """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little."""
+    moved = [np.abs(c.found.state[:, 0] - c.found.initial) for c in closed]
+    most = max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
+    rates = [one.rate[mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
+    rate = float(np.median(every)) if len(every := np.concatenate(rates)) else math.nan
+    for c, m, mine, one in zip(closed, moved, members, into, strict=True):
+        if rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0]) < RULES.behind_until:
+            one.behind[:] = np.where(mine & (m < RULES.behind * most) & ~one.known, m / max(most, 1e-9), one.behind)
 
 
 def _let_go(
@@ -423,7 +437,8 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
 def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
     count = len(closed.sensors)
     numbers = {
-        n: np.full(count, np.nan) for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence")
+        n: np.full(count, np.nan)
+        for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence", "behind")
     }
     threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing")}
     return Claims(

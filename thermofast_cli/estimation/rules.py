@@ -72,6 +72,15 @@ class EstimationRules:
     changed_share: float = rule(
         0.25, "of the sensors", "and two at least, whose last reading is left out: a change", "outliers of probes come one by one"
     )
+    behind: float = rule(
+        0.1,
+        "largest movement of a sensor of the run",
+        "below which another one is doubted at first",
+        "of 23 ok rows of points far from the heat that had moved by 5 % in half a time constant, 22 were wrong",
+    )
+    behind_until: float = rule(
+        1.0, "time constants of the sensors that move", "until then", "after one all rows of such points held"
+    )
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")

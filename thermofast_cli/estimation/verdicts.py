@@ -141,7 +141,8 @@ def claimed_verdicts(
     leave = np.where(claimed.other_rise, 0, claimed.left_last)
     stayed = past.stayed_min if past is not None else np.inf
     restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
-    doubted = unfit | strong | hides | swings | lawless | restless | (leave > 0)
+    behind = np.isfinite(claimed.behind)
+    doubted = unfit | strong | hides | swings | lawless | restless | behind | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     still = _went(found, sensors) < RULES.at_rest * found.noise
@@ -169,6 +170,9 @@ def claimed_verdicts(
                 f"the heat stayed for {rounded(stayed)} min at most, less than a time constant "
                 f"({rounded(1.0 / claimed.rate[i, 1])} min): slower parts of the machine cannot be told; let it stay and measure on"
             )
+        if behind[i]:
+            share = rounded(100.0 * claimed.behind[i])
+            said.append(f"it has moved by {share} % of what others have: heat may still be on its way to it; measure on")
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:
