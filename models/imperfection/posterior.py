@@ -394,12 +394,14 @@ class _Run:
                 check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
             # Readings beyond what the prior holds: as elsewhere in statistics, the spread makes room for what is left.
             beyond = float(np.sqrt(max(w @ left / w.sum() / (m - 2), 1.0))) if check[i] < DOUBTED else 1.0
-            factor = beyond * self.prior.factor_at(self.blocks_of(i).last * rate[i, 1])
+            learnt = self.prior.factor_at(self.blocks_of(i).last * rate[i, 1])
+            factor = beyond * learnt
             self._stretch(steady[i], t95[i], at[i], factor)
             if drawn is not None:
                 drawn.factor[i] = factor
                 self._draw(drawn, i, log_rate, rise[i], (places, hypotheses, w))
-            half = 0.5 * (steady[i, 2] - steady[i, 0])
+            # Of an interval that complete runs made narrower the posterior knows nothing, nor that slow modes did so.
+            half = 0.5 * (steady[i, 2] - steady[i, 0]) / learnt
             with np.errstate(all="ignore"):  # beside what the estimate counts of them
                 beside = mu[:, SLOW_AHEAD] - w @ mu[:, SLOW_AHEAD] / w.sum()
                 near, far = ((side * half - beside) / sd[:, SLOW_AHEAD] for side in (-1.0, 1.0))
