@@ -1,0 +1,242 @@
+"""Bodies of many kinds, far from one exponential: does ``identify`` hold what it says of the first part of their records?
+
+python -m benchmarks.machines.bodies [--each 10] [--seed 70000] [--kinds rod,motor,...] prints, by how much was read (in median
+times to 63 % of the sensors' rises): the share of rows that are ``ok``, how many of these and of all hold the limit with room and
+load as they are, the median half-width over the rise, and the mean interval score (Winkler, 95 %) over the rise. Networks of heat
+capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones lean were chosen on such
+machines by another hand.
+
+rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
+two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
+is warmer than the housing; warm: it was run and rested before; swing: in a room that nobody logs and that goes up and down. oven:
+radiation and convection. coolant: a reservoir that warms slowly. motor: winding, core, housing, flange and bench.
+"""
+
+import argparse
+import os
+from collections import defaultdict
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+import thermofast as tf
+
+Array = NDArray[np.float64]
+
+READ = (0.3, 0.5, 1.0, 2.0)
+#: Minutes that are worked out of each, and the grid that probes follow.
+LONGEST, GRID = 1500.0, 0.25
+MINUTE = 60.0  # s
+STEFAN_BOLTZMANN, ZERO = 5.67e-8, 273.15
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Capacities (n,) [J/K], links (n, n) and losses (n,) [W/K]; heat of temperatures (n,) [degC] -> (n,) [W]; probes; exponent
+    of the losses (their conductance holds 10 K above the room); room of the time [min] -> [degC]; start (n,) [degC].
+    """
+
+    capacity: Array
+    links: Array
+    loss: Array
+    heat: Callable[[Array], Array]
+    probes: list[int]
+    room: Callable[[float], float]
+    steady_room: float
+    exponent: float = 1.0
+    rested: tuple[float, float] | None = None
+
+    def slope(self, time: float, state: Array, load: float = 1.0) -> Array:
+        """K/min."""
+        above = state - self.room(time)
+        lost = self.loss * above * (np.abs(above) / 10.0 + 1e-9) ** (self.exponent - 1.0)
+        flows = self.links @ state - self.links.sum(axis=1) * state
+        return np.asarray(MINUTE * (flows - lost + load * self.heat(state)) / self.capacity)
+
+    def curves(self) -> tuple[Array, Array]:
+        """(times (k,) [min], temperatures (n, k) [degC])."""
+        state = np.full(len(self.capacity), self.room(0.0))
+        for minutes, load in zip(self.rested or (), (1.0, 0.0), strict=False):
+            state = solve_ivp(self.slope, (0.0, minutes), state, "LSODA", args=(load,), rtol=1e-7, atol=1e-6).y[:, -1]
+        times = np.arange(0.0, LONGEST + GRID, GRID)
+        solved = solve_ivp(self.slope, (0.0, times[-1]), state, "LSODA", times, rtol=1e-7, atol=1e-6, max_step=4.0)
+        return times, solved.y
+
+    def limits(self, near: Array) -> Array:
+        """Temperatures at rest (n,) [degC] in the mean room."""
+        still = Bodies(**{**vars(self), "room": lambda _: self.steady_room})
+        late = solve_ivp(still.slope, (0.0, 3e4), near, "LSODA", rtol=1e-8, atol=1e-7).y[:, -1]
+        return np.asarray(root(lambda state: still.slope(0.0, state), late).x)
+
+
+def linked(size: int, *links: tuple[int, int, float]) -> Array:
+    """Conductances (size, size) of links (from, to, W/K)."""
+    found = np.zeros((size, size))
+    for one, other, conductance in links:
+        found[one, other] = found[other, one] = conductance
+    return found
+
+
+def rod(rng: np.random.Generator, kind: str) -> Bodies:
+    """A bar of steel or aluminium of 40 nodes."""
+    size = 40
+    length, section = rng.uniform(*((0.6, 1.2) if kind == "far" else (0.3, 0.9))), 10.0 ** rng.uniform(-3.0, -2.0)
+    conducts, stores = (rng.uniform(110.0, 160.0), 2.43e6) if rng.random() < 0.3 else (rng.uniform(40.0, 52.0), 3.67e6)
+    step = length / size
+    capacity = np.full(size, stores * section * step)
+    loss = np.full(size, rng.uniform(7.0, 20.0) * 3.6 * np.sqrt(section) * step)
+    capacity[0] += rng.uniform(0.0, 0.5) * capacity.sum()
+    if kind == "foot":
+        capacity[-1] += rng.uniform(1.0, 5.0) * capacity.sum()
+        loss[-1] += rng.uniform(0.5, 2.0) * loss.sum()
+    links = linked(size, *((i, i + 1, conducts * section / step) for i in range(size - 1)))
+    heated = int(rng.integers(1, 5))
+    heat = np.where(np.arange(size) < heated, 1.0 / heated, 0.0)
+    heat *= rng.uniform(8.0, 25.0) / np.linalg.solve(np.diag(loss + links.sum(axis=1)) - links, heat)[0]
+    probes = [0, 8, 16, 24, 32] if kind == "far" else np.sort(rng.choice(size * 2 // 3, 5, replace=False)).tolist()
+    room = rng.uniform(17.0, 25.0)
+    return Bodies(capacity, links, loss, lambda _: heat, probes, lambda _: room, room)
+
+
+def spindle(rng: np.random.Generator, kind: str) -> Bodies:
+    """0, 1 bearings, 2 shaft, 3, 4 housings, 5 headstock, 6 column."""
+    u = rng.uniform
+    masses = [600.0, 900.0, u(4e3, 9e3), u(8e3, 2e4), u(6e3, 1.5e4), u(2e4, 6e4), u(6e4, 2e5)]
+    pairs = [(0, 2, u(3, 10)), (1, 2, u(3, 10)), (1, 3, u(5, 20)), (0, 4, u(5, 20)), (3, 5, u(5, 25)), (4, 5, u(5, 25))]
+    links = linked(7, *pairs, (5, 6, u(1, 8)), (3, 4, u(1, 5)))
+    loss = np.array([0.0, 0.0, u(0.5, 2), u(1, 3), u(1, 3), u(3, 9), u(5, 15)])
+    friction = np.array([u(0.6, 1.0), 1.0]) * u(70.0, 200.0)
+    mean, fades = u(17.0, 25.0), u(0.012, 0.03) if kind == "viscous" else 0.0
+    grows = u(0.02, 0.06) if kind == "preload" else 0.0
+    swing, period = (u(0.2, 0.8), u(15.0, 60.0)) if kind == "swing" else (0.0, 1.0)
+
+    def heat(state: Array) -> Array:
+        found = np.zeros(7)
+        viscous = 0.4 + 0.6 * np.exp(-fades * (state[:2] - mean))
+        found[:2] = friction * viscous * np.clip(1.0 + grows * (state[2] - state[[4, 3]]), 0.3, 4.0)
+        return found
+
+    rested = (10.0 ** u(1.3, 2.3), 10.0 ** u(0.7, 1.8)) if kind == "warm" else None
+    room = (lambda time: mean + swing * np.sin(2.0 * np.pi * time / period)) if swing else (lambda _: mean)
+    return Bodies(np.array(masses), links, loss, heat, [0, 1, 3, 4, 5], room, mean, u(1.0, 1.15), rested)
+
+
+def oven(rng: np.random.Generator, kind: str) -> Bodies:
+    """0 element, 1 air, 2 inner wall, 3 to 6 insulation, 7 shell, 8 load."""
+    u = rng.uniform
+    through = 4.0 * u(1.5, 4.0)
+    links = linked(9, (0, 1, u(3, 8)), (1, 2, u(5, 12)), *((i, i + 1, through) for i in range(2, 7)), (1, 8, u(2, 6)))
+    capacity = np.array([u(500, 1500), 300.0, u(4e3, 1e4), 2e3, 2e3, 2e3, 2e3, u(3e3, 8e3), u(1e3, 8e3)])
+    loss = np.array([0.0, u(0.05, 0.3), 0, 0, 0, 0, 0, u(5, 12), 0])
+    power, shines, room = u(150.0, 500.0), STEFAN_BOLTZMANN * u(0.3, 0.9) * u(0.05, 0.2), u(17.0, 25.0)
+
+    def heat(state: Array) -> Array:
+        found, fourth = np.zeros(9), (state + ZERO) ** 4
+        found[0] = power
+        for one, other, share in ((0, 2, 1.0), (2, 8, 0.6)):
+            flow = shines * share * (fourth[one] - fourth[other])
+            found[one] -= flow
+            found[other] += flow
+        found[7] -= 2.0 * shines * (fourth[7] - (room + ZERO) ** 4)
+        return found
+
+    return Bodies(capacity, links, loss, heat, [1, 2, 4, 7, 8], lambda _: room, room, 1.25)
+
+
+def coolant(rng: np.random.Generator, kind: str) -> Bodies:
+    """0 gears, 1 oil, 2 housing, 3 jacket, 4 reservoir, 5 foot."""
+    u = rng.uniform
+    links = linked(6, (0, 1, u(10, 30)), (1, 2, u(10, 30)), (2, 3, u(20, 60)), (3, 4, u(30, 120)), (2, 5, u(2, 10)))
+    capacity = np.array([u(3e3, 8e3), u(2e3, 6e3), u(1e4, 3e4), u(1e3, 3e3), u(3e4, 1.6e5), u(2e4, 8e4)])
+    power, room = np.array([u(200.0, 700.0), 0, 0, 0, 0, 0]), u(17.0, 25.0)
+    loss = np.array([0.0, 0.0, u(2, 6), 0.0, u(4, 25), u(3, 9)])
+    return Bodies(capacity, links, loss, lambda _: power, [0, 1, 2, 5, 4], lambda _: room, room)
+
+
+def motor(rng: np.random.Generator, kind: str) -> Bodies:
+    """0 winding, 1 its end, 2 core, 3 rotor, 4 housing, 5 flange, 6 bench; the winding's resistance grows."""
+    u = rng.uniform
+    pairs = [(0, 2, u(10, 30)), (0, 1, u(3, 9)), (2, 4, u(15, 50)), (3, 2, u(2, 6)), (3, 5, u(1, 4)), (4, 5, u(4, 15))]
+    links = linked(7, *pairs, (5, 6, u(1, 10)))
+    capacity = np.array([u(800, 3e3), u(300, 900), u(6e3, 2e4), u(4e3, 1e4), u(6e3, 2e4), u(3e3, 1e4), u(2e4, 2e5)])
+    copper, iron, room = u(60.0, 200.0), u(20.0, 100.0), u(17.0, 25.0)
+
+    def heat(state: Array) -> Array:
+        warm = copper * (1.0 + 0.00393 * (state[0] - 20.0))
+        return np.array([0.75 * warm, 0.25 * warm, iron, 0.2 * iron, 0.0, 0.0, 0.0])
+
+    loss = np.array([0.0, 0, 0, 0, u(4, 12), u(1, 3), u(2, 10)])
+    return Bodies(capacity, links, loss, heat, [0, 2, 4, 5, 1], lambda _: room, room, u(1.0, 1.25))
+
+
+KINDS = dict.fromkeys(("rod", "foot", "far"), rod)
+KINDS |= dict.fromkeys(("spindle", "viscous", "preload", "warm", "swing"), spindle)
+KINDS |= {"oven": oven, "coolant": coolant, "motor": motor}
+
+
+def rows_of(job: tuple[str, int]) -> list[tuple[str, float, bool, float, float]]:
+    """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
+    kind, seed = job
+    rng = np.random.default_rng([seed, *map(ord, kind)])
+    bodies = KINDS[kind](rng, kind)
+    times, curves = bodies.curves()
+    limit, curves = bodies.limits(curves[:, -1])[bodies.probes], curves[bodies.probes]
+    fall = np.exp(-GRID / 10.0 ** rng.uniform(-1.3, -0.3))
+    for k in range(1, curves.shape[1]):  # probes follow what they touch
+        curves[:, k] = curves[:, k] + fall * (curves[:, k - 1] - curves[:, k])
+    rise = limit - curves[:, 0]
+    done = (curves - curves[:, :1]) / rise[:, None] >= 1.0 - np.exp(-1.0)
+    turn = float(np.clip(np.median([times[d.argmax()] if d.any() else LONGEST for d in done]), 12.0, 600.0))
+    step, noise = rng.choice([1.0 / 60.0, 1.0 / 6.0, 1.0 / 6.0, 1.0]), 10.0 ** rng.uniform(-2.3, -1.3)
+    minutes = np.arange(0.0, max(READ) * turn + 0.5 * step, step)
+    read = np.array([np.interp(minutes, times, line) for line in curves]) + noise * rng.standard_normal((len(limit), len(minutes)))
+    found = []
+    for share in READ:
+        some = minutes <= share * turn
+        table = {"time_min": minutes[some], **{f"T{i}": line[some] for i, line in enumerate(read)}}
+        for i, r in enumerate(tf.identify(table, jobs=1)):
+            low, high = (
+                np.nan if side is None else (side - limit[i]) / rise[i] for side in (r.steady_state_lo_c, r.steady_state_hi_c)
+            )
+            found.append((kind, share, r.status == "ok", min(low, high), max(low, high)))
+    return found
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--each", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=70_000)
+    parser.add_argument("--kinds", default=",".join(KINDS))
+    given = parser.parse_args()
+    by: dict[tuple[str, float], list[tuple[bool, float, float]]] = defaultdict(list)
+    kinds = given.kinds.split(",")
+    with ProcessPoolExecutor() as pool:
+        for rows in pool.map(rows_of, [(kind, given.seed + i) for kind in kinds for i in range(given.each)]):
+            for kind, share, ok, low, high in rows:
+                for name in (kind, "all"):
+                    by[name, share].append((ok, low, high))
+    print("| bodies | read | rows | `ok` | of these held | all held | half-width / rise | score / rise |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for kind in (*kinds, "all"):
+        for share in READ:
+            ok, low, high = map(np.array, zip(*by[kind, share], strict=True))
+            told = np.isfinite(low) & np.isfinite(high)
+            held = (low <= 0.0) & (high >= 0.0)
+            score = (high - low + 40.0 * np.maximum(low, 0.0) + 40.0 * np.maximum(-high, 0.0))[told]
+            good = f"{np.mean(held[ok & told]):.2f}" if (ok & told).any() else "-"
+            half = 0.5 * np.median((high - low)[told])
+            cells = [f"{len(ok)}", f"{ok.mean():.2f}", good, f"{held[told].mean():.2f}", f"{half:.2f}", f"{score.mean():.2f}"]
+            print(f"| {kind} | {share:g} | {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
