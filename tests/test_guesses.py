@@ -246,7 +246,7 @@ UNITS = {
     "T / K": ("K", []),
     "oil temp Kelvin": ("K", []),
     "front (℃)": ("C", []),
-    "T (K)": ("C", []),  # a thermocouple of type K: 18 degC is no kelvin
+    "T (K)": ("C", ["unit"]),  # a thermocouple of type K: 18 degC is no kelvin
 }
 
 

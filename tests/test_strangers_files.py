@@ -8,6 +8,7 @@ import pytest
 from simulator import held_response
 
 import thermofast as tf
+from thermofast.errors import InputError, UsageError
 
 MINUTES = np.arange(60.0)
 FRONT = 20.0 + 8.0 * -np.expm1(-MINUTES / 25.0)
@@ -362,3 +363,85 @@ def test_columns_of_a_calendar_switches_and_qualities_are_no_sensors(tmp_path):
     assert list(tf.read(written(tmp_path, [head], rows)).channels) == ["T1"]
     with pytest.raises(tf.InputError, match="no number in a column of temperatures"):
         tf.read(written(tmp_path, ["time_s,T1,rear [degC]"], [f"{i},{FRONT[i]:.2f},({REAR[i]:.2f})" for i in range(60)]))
+
+
+# --- columns that are no sensor of their own, and numbers that are no readings --------------------------------------------------------
+
+
+def made_of(tmp_path, head, *columns, sep=","):
+    path = tmp_path / "run.csv"
+    rows = zip(*columns, strict=True)
+    path.write_text("\n".join([head, *(sep.join(map(str, row)) for row in rows)]), encoding="utf-8")
+    return path
+
+
+ROW_MINUTES = [f"{t}" for t in range(60)]
+WARMS = [f"{20.0 + 10.0 * (1.0 - 2.718281828 ** (-t / 20.0)):.2f}" for t in range(60)]
+STAYS = [f"{1.0 + t / 60.0:.2f}" for t in range(60)]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "T1-T2 [K]",
+            "T3 – T1",
+            "Temperaturdifferenz",
+            "Temperaturgradient",
+            "Spreizung [K]",
+            "Tdiff",
+            "overtemp",
+            "T_rel",
+            "excess temp",
+        ),
+        *(
+            "Ziel [°C]",
+            "Vorgabe [°C]",
+            "Zone1 demand [°C]",
+            "T goal",
+            "T calc",
+            "T sim",
+            "T predicted",
+            "T correction",
+            "T1 min",
+            "T1 max",
+        ),
+    ],
+)
+def test_what_is_made_from_readings_or_asked_for_is_no_sensor(tmp_path, name):
+    run = tf.read(made_of(tmp_path, f"time_min,T1 avg [°C],{name}", ROW_MINUTES, WARMS, STAYS))
+    assert list(run.channels) == ["T1 avg [°C]"]
+    assert list(run.inputs) == [name]
+
+
+@pytest.mark.parametrize("name", ["T1-A [°C]", "Zone-1 [°C]", "T2 max [°C]", "bearing min [°C]"])
+def test_what_only_looks_like_it_is_one(tmp_path, name):
+    assert name in tf.read(made_of(tmp_path, f"time_min,T1 avg [°C],{name}", ROW_MINUTES, WARMS, STAYS)).channels
+
+
+def test_kelvin_that_are_none_are_a_guess(tmp_path):
+    run = tf.read(made_of(tmp_path, "time_min,front [K]", ROW_MINUTES, STAYS))
+    assert run.channels["front [K]"][0] == 1.0
+    assert [g.text for g in run.guesses] == ["front [K]: too cold for kelvin, read as degC"]
+    with pytest.raises(InputError, match="refuses what had to be guessed"):
+        tf.read(made_of(tmp_path, "time_min,front [K]", ROW_MINUTES, STAYS), strict=True)
+
+
+def test_a_column_with_another_decimal_sign_is_refused(tmp_path):
+    commas = [w.replace(".", ",") for w in WARMS]
+    path = made_of(tmp_path, "time_min;T1;T2", ROW_MINUTES, commas, WARMS, sep=";")
+    with pytest.raises(InputError, match="another decimal sign than the rest") as told:
+        tf.read(path)
+    assert "decimal ," in str(told.value.do)
+
+
+def test_a_mark_for_the_whole_row_takes_all_its_readings(tmp_path):
+    marks = ["BAD" if 10 <= t < 15 else "GOOD" for t in range(60)]
+    run = tf.read(made_of(tmp_path, "time_min,T1,T2,quality", ROW_MINUTES, WARMS, WARMS, marks))
+    assert all(np.flatnonzero(np.isnan(v)).tolist() == [10, 11, 12, 13, 14] for v in run.channels.values())
+
+
+@pytest.mark.parametrize(("option", "name"), [("exclude", "--exclude"), ("inputs", "--inputs"), ("ambient", "--ambient")])
+def test_a_channel_that_another_option_takes_is_told_so(option, name):
+    with pytest.raises(UsageError, match="both name"):
+        tf.read("sample_runs/spindle.csv", channels=["T5"], **{option: "T5" if option == "ambient" else ["T5"]})

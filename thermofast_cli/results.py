@@ -115,10 +115,13 @@ class Result:
         return [{"run": r.name, "notes": list(r.notes), "guesses": [g.as_dict() for g in r.guesses]} for r in self.runs]
 
     def to_frame(self) -> "pd.DataFrame":
-        """A row for each record; absent numbers are nan, lists stay lists."""
+        """A row for each record; numbers are float64 whether or not they are told, absent ones nan; lists stay lists."""
         import pandas as pd
 
-        return pd.DataFrame(self.rows(), columns=list(self.kind.columns()))
+        from .output.arrow import types_of
+
+        frame = pd.DataFrame(self.rows(), columns=list(self.kind.columns()))
+        return frame.astype({name: float for name, type_ in types_of(self.kind).items() if type_ == "double"})
 
     def to_arrow(self) -> "pa.Table":
         """As the Parquet file of ``save``."""

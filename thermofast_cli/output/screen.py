@@ -31,7 +31,6 @@ WORDS = (
 )
 #: The column that leads each part of a table too wide for the terminal.
 LEADING = ("sensor", "displacement", "filter", "column")
-FORMATS = ("table", "csv", "json", "jsonl", "md")
 #: Seconds between two lines of progress where there is no terminal.
 EVERY_S = 30.0
 #: How a row is drawn by its status; red where none of these.

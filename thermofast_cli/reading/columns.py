@@ -23,10 +23,12 @@ from .vocabulary import (
     COUNTERS,
     DERIVED,
     DISPLACEMENTS,
+    EXTREMES,
     FLAGS,
     INPUT_ENDINGS,
     INPUT_PARTS,
     INPUTS,
+    MEANS,
     NAMELESS,
     NOT_TEMPERATURE,
     OTHER,
@@ -145,7 +147,7 @@ def _sign(name: str, unit_cell: str) -> Sign:
         _wanted(name, first)
         or (first | (said & QUALITIES)) & DERIVED
         or _over_the_room(core)
-        or re.match(r"[dDΔ]_?T(?![a-z])|u\(", name)
+        or re.match(r"[dDΔ]_?T(?![a-z])|u\(|([A-Za-z]{1,3})\d+ ?[-−–] ?\1\d*\b", name)
         or _is_reference(first)
     ):
         kind = "input"
@@ -268,7 +270,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         check_names([options.ambient], names, "--ambient", run)
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(n, units.get(n, "")) for n in names}
-    signs |= {n: replace(signs[n], kind="input") for n in _differences(names)}
+    signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names))}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
     roles: dict[str, list[str]] = {
@@ -286,6 +288,13 @@ def _differences(names: list[str]) -> list[str]:
     made = {n: re.split(r"\s*-\s*", _core(n)) for n in names if "-" in n}
     cores = {_core(n) for n in names} if made else set()
     return [n for n, apart in made.items() if len(apart) == 2 and set(apart) <= cores]
+
+
+def _extremes(names: list[str]) -> list[str]:
+    """Columns that are the least or greatest of what another one is the mean of, as ``T1 min`` beside ``T1 avg``: one sensor."""
+    parts = {n: re.split(r"[\W_]+", _core(n)) for n in names}
+    means = [[w for w in some if w not in MEANS] for some in parts.values() if MEANS.intersection(some)]
+    return [n for n, some in parts.items() if EXTREMES.intersection(some) and [w for w in some if w not in EXTREMES] in means]
 
 
 def _core(name: str) -> str:

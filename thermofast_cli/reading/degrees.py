@@ -26,6 +26,8 @@ ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
 #: Names and values of platinum resistors that were logged in ohms.
 RESISTORS = frozenset(["pt", "rtd"])
 OHMS = ((100.0, 130.0), (1000.0, 1300.0))
+#: A number with a decimal sign.
+DECIMALS = re.compile(r"[+-]?\d+[.,]\d+")
 #: A column without unit that begins above this [degC], or at a room in degF, is told.
 HOT_C = 120.0
 
@@ -39,6 +41,7 @@ class Temperatures:
         self._turned: dict[str, list[str]] = {}
         self._by_letter: dict[str, list[str]] = {}
         self._hot: list[str] = []
+        self._cold: list[str] = []
         self._overruled: dict[str, list[str]] = {}
         self._channels = frozenset(options.channels)
         self._common = _common_letter(names)
@@ -69,6 +72,8 @@ class Temperatures:
                     self._by_letter.setdefault(symbol, []).append(name)
             if symbol == "K" and not (np.isfinite(values).any() and float(np.nanmedian(values)) > COLDEST_K):
                 symbol = "C"
+                if not is_input:
+                    self._cold.append(name)
             if unit is None and self._common is not None and not is_input:
                 symbol = self._common
                 self._by_letter.setdefault(symbol, []).append(name)
@@ -134,6 +139,9 @@ class Temperatures:
             Guess("unit", f"{listed(who, 6)} read as {names[s]}, by the letter behind the name", "--units says otherwise")
             for s, who in self._by_letter.items()
         ]
+        if self._cold:
+            text = f"{listed(self._cold, 3)}: too cold for kelvin, read as degC"
+            found.append(Guess("unit", text, "--exclude it if it is a rise or a difference, --units C confirms it"))
         if self._hot:
             found.append(Guess("unit", f"no unit, taken for degC: {listed(self._hot, 3)}", "--units C confirms it"))
         return found
@@ -201,13 +209,27 @@ def winding(ohms: Array, column: str, table: Table, options: Options) -> Array:
 
 
 def refuse_words(table: Table, column: str) -> None:
-    """Raises InputError for a column of words whose unit is one of temperature, as ``(21.01)``; empty cells say nothing."""
+    """Raises InputError for a column of words that are no reading in a column of temperatures, as ``(21.01)``, or that are numbers
+    with another decimal sign than the rest; empty cells say nothing.
+    """
     unit = sign_of(column, table.units.get(column, "")).unit
-    cell = next((c for c in table.columns[column] if isinstance(c, str) and not is_missing(c)), None)
-    if unit is not None and unit.temperature and cell is not None:
+    cells = [c for c in table.columns[column] if isinstance(c, str) and not is_missing(c)]
+    if not cells:
+        return
+    numbers = [c for c in cells if DECIMALS.fullmatch(c.strip())]
+    other = next((c.strip() for c in numbers if ("," in c) == (table.dialect is None or table.dialect.decimal == ".")), None)
+    if other is not None and 2 * len(numbers) > len(cells):
+        sign = "," if "," in other else "."
+        raise InputError(
+            f"{table.name}, column {column!r}: numbers with another decimal sign than the rest of the file",
+            found=repr(other),
+            allowed="one decimal sign in a file",
+            do=f"say --decimal {sign} if that is the sign of the readings, mend its cells, or say --exclude {column!r}",
+        )
+    if unit is not None and unit.temperature:
         raise InputError(
             f"{table.name}, column {column!r}: no number in a column of temperatures",
-            found=repr(cell),
+            found=repr(cells[0]),
             allowed="numbers, empty cells, or a known word for 'no reading' (NaN, OL, ---, ...)",
             do=f"mend its cells, or say --exclude {column!r}",
         )

@@ -302,12 +302,12 @@ def good_readings(table: Table) -> Table:
     columns, notes = dict(table.columns), list(table.notes)
     for n in marks:
         bad, mine = marked_bad(n, table.columns[n]), _stem(_MARK.sub("", n))
-        if bad is None or not bad.any() or not mine:
+        if bad is None or not bad.any() or not (mine or len(marks) == 1):
             continue
         for other in table.names:
             own, rest = table.columns[other], _stem(other)
-            beside = rest.startswith(mine) and rest[len(mine) :] in VALUE_ENDINGS and other not in marks and not is_time_name(other)
-            if beside and isinstance(own, np.ndarray):
+            beside = not mine or (rest.startswith(mine) and rest[len(mine) :] in VALUE_ENDINGS)  # one mark alone is the whole row's
+            if beside and other not in marks and not is_time_name(other) and isinstance(own, np.ndarray):
                 columns[other] = np.where(bad, np.nan, own)
                 notes.append(f"{other}: {int(bad.sum())} readings that {n!r} marks as bad left out")
     return replace(table, columns=columns, notes=tuple(notes)) if len(notes) > len(table.notes) else table

@@ -272,6 +272,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         notes.append(f"columns of words left out: {listed(words, 6)}")
     if options.channels:
         check_names(options.channels, [*named, *words], "--channels", table.name)
+        _refuse_taken(options)
         if wordy := [c for c in options.channels if c in words]:
             raise InputError(
                 f"{table.name}: column {wordy[0]!r} holds words", found=f"as {table.columns[wordy[0]][0]!r}", allowed="numbers"
@@ -321,6 +322,14 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         told = (*guesses, *part.guesses)
         runs.append(Run(name, part.time, channels, ambient, inputs, (*notes, *part.notes), said, displacements, told, seen))
     return [_copies_told(renamed(run, options.rename) if options.rename else run) for run in runs]
+
+
+def _refuse_taken(options: Options) -> None:
+    """Raises UsageError for a channel that another option takes away."""
+    taken = {"--exclude": options.exclude, "--inputs": options.inputs, "--ambient": (options.ambient,)}
+    for other, names in taken.items():
+        if both := [n for n in options.channels if n in names]:
+            raise UsageError(f"--channels and {other} both name {both[0]!r}", do="say it in one of them")
 
 
 def _copies_told(run: Run) -> Run:

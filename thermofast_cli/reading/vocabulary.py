@@ -49,7 +49,8 @@ WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie
 WANTED = _set(
     "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
     "führungsgröße offset tolerance uncertainty alarm set "
-    "setpoint setpt sp sv soll sollwert solltemperatur target command cmd"
+    "setpoint setpt sp sv soll sollwert solltemperatur target command cmd ziel zielwert zieltemperatur vorgabe vorgabewert demand "
+    "goal req request requested calc calculated sim simulated predicted prediction berechnet simuliert correction korrektur"
 )
 REFERENCE = _set(
     "cjt tcj coldjunction internal logger panel board klemmentemperatur vergleichsstellentemperatur cjc cj ref reference "
@@ -79,10 +80,14 @@ PLACES = _set(
 DERIVED = _set(
     "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta std stdev stddev sigma "
     "diff difference differenz deviation abweichung messabweichung noise resolution accuracy genauigkeit auflösung "
-    "rauschen погрешность error gradient rate slope deltat dt spread uncertainty"
+    "rauschen погрешность error gradient rate slope deltat dt spread uncertainty temperaturdifferenz temperaturgradient "
+    "temperaturspreizung spreizung tdiff overtemp excess trel rel relative"
 )
 #: The same that count wherever in a name they stand, behind its unit too: front [°C] rate.
 QUALITIES = _set("rate noise resolution accuracy error")
+#: Of the readings of an interval: their mean, and what else is told of them.
+MEANS = _set("avg ave average mean mittel mittelwert mw moyenne media promedio")
+EXTREMES = _set("min max minimum maximum")
 #: Marks of a reading, one for each row, whatever else the name says.
 FLAGS = _set("ok valid validity status state error quality flag")
 #: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.
