@@ -134,11 +134,11 @@ def test_when_no_run_can_be_read_all_are_named(tool, tmp_path):
 
 def test_names_that_look_like_formulas_are_harmless_in_csv(tool, tmp_path):
     path = tmp_path / "run.csv"
-    path.write_text(GOOD.replace("T1", '"=calc|x"'))
+    path.write_text(GOOD.replace("T1", '"=run|x"'))
     done = tool("identify", path, "--format", "csv", "-q")
     assert done.code == 0
-    assert "'=calc|x" in done.out
-    assert '"=calc|x"' in tool("identify", path, "--format", "json", "-q").out
+    assert "'=run|x" in done.out
+    assert '"=run|x"' in tool("identify", path, "--format", "json", "-q").out
 
 
 def test_nothing_is_left_where_a_file_cannot_be_written(tool, tmp_path, monkeypatch):

@@ -357,3 +357,11 @@ def test_readme_blocks_can_be_pasted():
     for page in [ROOT / "README.md"]:
         for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(), re.M | re.S):
             assert not re.search(r"^\$ ", block, re.M)
+
+
+def test_advice_names_what_can_be_called(tool, tmp_path):
+    assert "thermofast filters bench run.csv" in tool("filters", "bench").err
+    assert ".toml" in tool("improve", "sample_runs/hidden.csv", "--auto", "-o", tmp_path / "m.foo").err
+    refused = tool("inspect", "sample_runs/spindle.csv", "--write", tmp_path / "none" / "x.toml")
+    assert "there is no folder" in refused.err
+    assert refused.out == ""  # before anything is read

@@ -53,7 +53,7 @@ def command(
     A record counts from its first reading unless --start MIN says otherwise: an idle beginning is itself a finding.
     """
     from ..errors import UsageError
-    from ..output.files import check_target
+    from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target
     from ..output.screen import say
     from ..pipeline.loop import improve_runs
     from ..shell.session import draw
@@ -61,6 +61,8 @@ def command(
     learns = batch.output is not None and batch.output.lower().endswith(".toml")
     if learns:
         check_target(batch.output or "", (".toml",))
+    elif batch.output is not None:
+        check_target(batch.output, (*TABLE_SUFFIXES, *REPORT_SUFFIXES, ".toml"))
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
     options.update(add=names(add), auto=auto, together=together)
     improve_runs([], **options)  # what is wrong with the options is said before any file is read

@@ -38,12 +38,14 @@ def command(
     from ..results import Inspection
     from ..shell.session import check_outputs, deliver, read_all
     from ..shell.session import draw as draw_picture
-    from ..shell.settings import write_settings
+    from ..shell.settings import free_for_settings, write_settings
 
     check_outputs([output], save_plot)
     drawn = [(h, text(h)) for h in ("column", "role", "unit")]
     drawn += [("readings", _count), ("first", _value("first")), ("last", _value("last")), ("guessed", text("guessed"))]
     drawn += [("note", text("note"))]
+    if settings:
+        free_for_settings(settings)
     try:
         readings = read_all(runs, reading, True, [output, save_plot, settings], 1)
     except ThermofastError:

@@ -368,7 +368,9 @@ def numbers(text: str, option: str, of: str = "minutes") -> tuple[float, ...]:
             raise ValueError
     except (ValueError, IndexError):
         raise UsageError(
-            f"{option}: not a list of {of}", found=repr(text), allowed="numbers above zero as 40,45,50 or FIRST:LAST:STEP"
+            f"{option}: not a list of {of}",
+            found=repr(text),
+            allowed="numbers above zero with commas between them, or FIRST:LAST:STEP",
         ) from None
     return tuple(sorted({round(v, 9) for v in found}))
 

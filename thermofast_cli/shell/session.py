@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
     from ..machine.model import Model
 
+#: How a command is called on a run, where its name and a file are not all.
+EXAMPLES = {"changed": "changed before.csv --new after.csv", "bench": "filters bench run.csv"}
+
 
 @dataclass(frozen=True)
 class Readings:
@@ -72,11 +75,11 @@ def read_all(
     check_targets([*targets, *more_outputs()], sources)
     if not sources:
         context = click.get_current_context(silent=True)
-        command = context.info_name if context is not None else "identify"
+        command = str(context.info_name) if context is not None else "identify"
         raise UsageError(
             "no RUN given",
             allowed="files, - for standard input, a pipe, or runs = [...] in thermofast.toml",
-            do=f"as in: thermofast {command} {'before.csv --new after.csv' if command == 'changed' else 'run.csv'}",
+            do=f"as in: thermofast {EXAMPLES.get(command, f'{command} run.csv')}",
         )
     if len(set(sources)) < len(sources):
         raise UsageError("the same RUN twice", found=", ".join(s for s in set(sources) if list(sources).count(s) > 1))

@@ -16,6 +16,15 @@ if TYPE_CHECKING:
 FILE = "thermofast.toml"
 
 
+def free_for_settings(path: str) -> None:
+    """Raises UsageError where a settings file cannot be written: another suffix, no such folder, or one is there already."""
+    from ..output.files import check_target
+
+    check_target(path, (".toml",))
+    if Path(path).exists():
+        raise UsageError(f"{path}: is there already", do="name another file, or move it away")
+
+
 def write_settings(path: str, run: "Run", reading: dict[str, Any]) -> None:
     """How a run was read, as the [input] table of a settings file that reads it so again; reading holds the options given.
 
@@ -25,11 +34,9 @@ def write_settings(path: str, run: "Run", reading: dict[str, Any]) -> None:
     """
     import tomli_w
 
-    from ..output.files import check_target, write_text_whole
+    from ..output.files import write_text_whole
 
-    check_target(path, (".toml",))
-    if Path(path).exists():
-        raise UsageError(f"{path}: is there already", do="name another file, or move it away")
+    free_for_settings(path)
     lines = [f"# How {run.name} was read. Correct what is wrong; every command reads it so from then on.", ""]
     lines += [f"# {note}" for note in (*run.notes, *map(str, run.guesses))]
     whole = "\n".join(lines) + "\n\n" + tomli_w.dumps({"input": _said(reading) | _found(run)})
