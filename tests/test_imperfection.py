@@ -132,6 +132,16 @@ def test_slow_modes_lean_by_what_bodies_behind_do():
         assert leans[kind == k] == pytest.approx(TYPICAL.lean * size)
 
 
+def test_a_slow_mass_behind_is_looked_for_where_the_heat_goes():
+    """A fifth of the rise five times as slow: the limit lies where bodies that are still cold put it, warming and cooling alike."""
+    time, rng = np.arange(0.0, 60.0), np.random.default_rng(1)
+    rise = 10.0 * -np.expm1(-time / 60.0) + 2.0 * -np.expm1(-time / 300.0) + 0.02 * rng.standard_normal(60)
+    warms, cools = (tf.identify({"time_min": time, "T": 20.0 + side * rise})[0] for side in (1.0, -1.0))
+    assert warms.steady_state_lo_c < 32.0 < warms.steady_state_hi_c
+    assert 40.0 - cools.steady_state_lo_c == pytest.approx(warms.steady_state_hi_c, abs=0.01)
+    assert warms.steady_state_hi_c - warms.steady_state_c > 1.5 * (warms.steady_state_c - warms.steady_state_lo_c)
+
+
 def mixture_case(rng, asked=4):
     found = shapes()
     kinds = np.stack([sizes.variances() for sizes in (TYPICAL.background, *TYPICAL.strong[:4])])

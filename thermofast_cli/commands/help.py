@@ -4,8 +4,9 @@ import click
 
 READING = (
     (
-        "A run is a CSV or text table, a workbook, a Parquet, TDMS or MATLAB file, or - for standard input. Delimiter, decimal sign, "
-        "header, units and time are found by rule, and what was taken for what is printed on standard error. What the file does not say is a guess: it "
+        "A run is a CSV or text table, a workbook, a Parquet, TDMS or MATLAB file, or - for standard input. Delimiter, decimal "
+        "sign, header, units and time are found by rule, and what was taken for what is printed on standard error. What the file "
+        "does not say is a guess: it "
         'stands in the message of every row and under "input" in JSON, and --strict refuses it.'
     ),
     (
