@@ -142,6 +142,30 @@ def test_a_slow_mass_behind_is_looked_for_where_the_heat_goes():
     assert warms.steady_state_hi_c - warms.steady_state_c > 1.5 * (warms.steady_state_c - warms.steady_state_lo_c)
 
 
+def test_a_point_that_the_heat_has_hardly_reached_is_doubted_until_the_others_have_moved():
+    time, rng = np.arange(0.0, 181.0), np.random.default_rng(1)
+    near = 20.0 + 20.0 * -np.expm1(-time / 60.0) + 0.01 * rng.standard_normal(181)
+    far = 20.0 + 3.0 * (1.0 - np.exp(-time / 60.0) * (1.0 + time / 60.0)) + 0.01 * rng.standard_normal(181)
+    early, late = (tf.identify({"time_min": time, "near": near, "far": far}, until=until)["far"] for until in (25, 180))
+    assert early.status in {"model_doubtful", "not_determined"}
+    assert "% of what others have: heat may still be on its way to it" in early.message
+    assert "on its way" not in late.message
+    alone = tf.identify({"time_min": time, "far": far}, until=25)[0]
+    assert "on its way" not in alone.message
+
+
+def test_an_interval_that_past_runs_made_narrower_is_no_doubt():
+    """Past runs said so; of what a slow mass may hide the posterior knows by its own width alone."""
+    time, rng = np.arange(0.0, 60.0), np.random.default_rng(1)
+    rise = 10.0 * -np.expm1(-time / 60.0) + 2.0 * -np.expm1(-time / 300.0) + 0.02 * rng.standard_normal(60)
+    wide, narrow = (
+        tf.identify({"time_min": time, "T": 20.0 + rise}, imperfection=prior)[0]
+        for prior in (TYPICAL, replace(TYPICAL, factors=((0.1, 0.2), (10.0, 0.2))))
+    )
+    assert narrow.steady_state_hi_c - narrow.steady_state_c == pytest.approx(0.2 * (wide.steady_state_hi_c - wide.steady_state_c))
+    assert (wide.status, narrow.status) == ("ok", "ok")
+
+
 def mixture_case(rng, asked=4):
     found = shapes()
     kinds = np.stack([sizes.variances() for sizes in (TYPICAL.background, *TYPICAL.strong[:4])])
