@@ -203,10 +203,9 @@ def rows_of(job: tuple[str, int]) -> list[tuple[str, float, bool, float, float]]
         some = minutes <= share * turn
         table = {"time_min": minutes[some], **{f"T{i}": line[some] for i, line in enumerate(read)}}
         for i, r in enumerate(tf.identify(table, jobs=1)):
-            low, high = (
-                np.nan if side is None else (side - limit[i]) / rise[i] for side in (r.steady_state_lo_c, r.steady_state_hi_c)
-            )
-            found.append((kind, share, r.status == "ok", min(low, high), max(low, high)))
+            sides = [np.nan if side is None else (side - limit[i]) / rise[i] for side in (r.steady_state_lo_c, r.steady_state_hi_c)]
+            bounded = bool(np.isfinite(sides).all())
+            found.append((kind, share, r.status == "ok", *((min(sides), max(sides)) if bounded else (np.nan, np.nan))))
     return found
 
 

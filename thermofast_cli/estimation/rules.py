@@ -75,7 +75,7 @@ class EstimationRules:
     behind: float = rule(
         0.1,
         "largest movement of a sensor of the run",
-        "below which another one is doubted at first",
+        "below which another one is not determined at first",
         "of 23 ok rows of points far from the heat that had moved by 5 % in half a time constant, 22 were wrong",
     )
     behind_until: float = rule(

@@ -30,9 +30,10 @@ def with_claims(law: Estimates, claimed: Claims, sensors: Sensors, back: NDArray
     back: as :func:`comes_back` says of each sensor.
     """
     steady, t95 = claimed.steady.copy(), claimed.t95.copy()
-    # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior.
+    # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior; where the
+    # heat has hardly come, one out of what came first.
     rises = law.state[:, 0] >= law.initial
-    open_ = claimed.unknown_rate
+    open_ = claimed.unknown_rate | np.isfinite(claimed.behind)
     steady[open_ & rises, 2] = np.nan
     steady[open_ & ~rises, 0] = np.nan
     t95[open_, 2] = np.nan
