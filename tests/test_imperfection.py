@@ -124,7 +124,7 @@ def test_slow_modes_lean_by_what_bodies_behind_do():
     assert found[m + 3] == pytest.approx(rise(100.0))
     # Half of a strong slow mode's size is its mean, and the rest its deviation; the background leans to no side.
     kind, squares, _ = TYPICAL.hypotheses()
-    variance, leans = TYPICAL.kinds(TYPICAL.lean)[0][:, COMPONENTS.index("slow")], TYPICAL.leans(TYPICAL.lean)
+    variance, leans = TYPICAL.kinds()[0][:, COMPONENTS.index("slow")], TYPICAL.leans()
     assert not leans[kind == 0].any()
     for k, sizes in enumerate(TYPICAL.strong, start=1):
         size = sizes.slow * np.sqrt(squares[kind == k])

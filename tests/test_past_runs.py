@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from thermofast.models import Observations
 from thermofast.models.imperfection import NONE, TYPICAL, Part, PastRun, learn_past, settle, widths_left_out
+from thermofast.models.imperfection.past import BESIDE_KNOWN
 from thermofast.models.joint import LEVEL, RATE, fit_model
 from thermofast.models.uncertainty.pooled import fit_together, pool
 
@@ -51,6 +53,7 @@ def test_shape_scatter_and_disturbances_are_learnt_and_foretell_the_next_run(sev
     assert np.mean(past.stretches) == pytest.approx(0.0, abs=1e-9)
     rng = np.random.default_rng(11)
     inside, width, error, alone = [], [], [], []
+    unknown = replace(TYPICAL, strong_scales=BESIDE_KNOWN, lean=0.0)  # the same prior, without the runs
     for _ in range(20):
         reading, _ = machine_run(rng, 0.05 * rng.standard_normal(), rng.uniform(0.9, 1.1))
         n = 46
@@ -61,11 +64,11 @@ def test_shape_scatter_and_disturbances_are_learnt_and_foretell_the_next_run(sev
         inside += ((at[:, 0] <= end) & (end <= at[:, 2])).tolist()
         width += (at[:, 2] - at[:, 0]).tolist()
         error += (at[:, 1] - end).tolist()
-        alone += (settle(parts, 60.0, TYPICAL, [410.0]).at[:, 0, 1] - end).tolist()
+        alone += (settle(parts, 60.0, unknown, [410.0]).at[:, 0, 1] - end).tolist()
     assert np.mean(inside) >= 0.9
     assert np.median(width) < 1.5
     # Sixty minutes of a machine with a second mass tell little of its end; its past runs tell it.
-    assert np.sqrt(np.mean(np.square(error))) < 0.5 * np.sqrt(np.mean(np.square(alone)))
+    assert np.sqrt(np.mean(np.square(error))) < 0.4 * np.sqrt(np.mean(np.square(alone)))
 
 
 def test_exact_runs_leave_no_disturbance_to_speak_of():

@@ -80,6 +80,10 @@ def _open(background: Sizes) -> Sizes:
     return replace(b, slow=LEFT_OPEN * b.slow, exponent=LEFT_OPEN * b.exponent)
 
 
+#: Scales of strong effects beside what is known of a machine (benchmarks.intervals.past_runs, driven, half_explained).
+BESIDE_KNOWN = (0.15, 0.6, 2.0)
+
+
 @dataclass(frozen=True)
 class SensorShape:
     """The rise of one sensor: log rate [log 1/min] and its deviation, amplitudes (k,) and their covariance (k, k)."""
@@ -165,7 +169,11 @@ class Past:
     stayed_min: float = np.inf
 
     def prior(self, given: Imperfection) -> Imperfection:
-        """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt."""
+        """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt.
+
+        Beside what is known, or followed as logged, strong effects are smaller than on a machine that nobody knows, and to no side.
+        """
+        given = replace(given, strong_scales=BESIDE_KNOWN, lean=0.0)
         if self.guessed:
             return given
         rare = [i for i, s in enumerate(given.strong) if not (s.slow or s.fast or s.exponent)]

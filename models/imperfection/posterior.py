@@ -131,11 +131,8 @@ class _Run:
             for b, asked, logged, late in zip(self.blocks, self.asked, self.logged, turns, strict=True)
         ]
         self.kind, self.scale, self.log_prior = prior.hypotheses()
-        # Of a machine that is known, or driven by what is logged, the amplitudes of slow modes are counted from what is known.
-        lean = prior.lean if self.known is None else 0.0
-        self.relative, self.absolute = prior.kinds(lean)
-        self.leans = prior.leans(lean)
-        self.turns = turns
+        self.relative, self.absolute = prior.kinds()
+        self.leans, self.turns = prior.leans(), turns
         self.base = self.kind == 0
         self.centre = np.full(self.count, -np.log(tau)) if self.known is None else self.known[:, 0]
         self.shape = [p.known for p in parts]
@@ -207,8 +204,10 @@ class _Run:
         return np.ascontiguousarray(of_law), node, place - node, self._of_room(part, node, place - node)
 
     def _slow_of(self, part: int, log_rate: Array) -> Array:
-        """What slow modes of amplitude 1 add to the law's rows at log rates (s, F)."""
+        """What slow modes of amplitude 1 add to the law's rows at log rates (s, F); nothing where none leans."""
         blocks = self.blocks[part]
+        if not self.leans.any():
+            return np.zeros((*log_rate.shape, len(blocks.time) + self.asked[part].count))
         return np.ascontiguousarray(slow_rise(np.exp(log_rate), blocks.time, blocks.last, self.turns[part], self.asked[part]))
 
     def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:

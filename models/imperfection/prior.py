@@ -129,21 +129,18 @@ class Imperfection:
         turns, factors = np.array(self.factors).T
         return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
 
-    def kinds(self, lean: float = 0.0) -> tuple[Array, Array]:
-        """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect.
-
-        lean: of strong slow modes, that much of whose size is their mean.
-        """
+    def kinds(self) -> tuple[Array, Array]:
+        """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect."""
         both = [sizes.scaled(self.multiplier).variances() for sizes in (self.background, *self.strong)]
         relative = np.array([relative for relative, _ in both])
-        relative[1:, COMPONENTS.index("slow")] *= 1.0 - lean**2
+        relative[1:, COMPONENTS.index("slow")] *= 1.0 - self.lean**2
         return relative, np.array([absolute for _, absolute in both])
 
-    def leans(self, lean: float) -> Array:
+    def leans(self) -> Array:
         """Mean amplitude (H,) of the slow modes, relative to the rise, of each hypothesis; that of the background is nought."""
         kind, squares, _ = self.hypotheses()
         sizes = np.array([0.0, *(s.slow for s in self.strong)])
-        found: Array = lean * self.multiplier * np.sqrt(squares) * sizes[kind]
+        found: Array = self.lean * self.multiplier * np.sqrt(squares) * sizes[kind]
         return found
 
     def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array]:

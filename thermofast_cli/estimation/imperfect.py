@@ -183,7 +183,7 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
     """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little."""
     moved = [np.abs(c.found.state[:, 0] - c.found.initial) for c in closed]
     most = max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
-    rates = [one.rate[mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
+    rates = [one.rate[one.held & mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
     rate = float(np.median(every)) if len(every := np.concatenate(rates)) else math.nan
     for c, m, mine, one in zip(closed, moved, members, into, strict=True):
         if rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0]) < RULES.behind_until:

@@ -74,8 +74,8 @@ def _went(law: Estimates, sensors: Sensors) -> Array:
 def _outlying(law: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
     """Which of the readings used (S, n) are outliers: alone, where several that follow each other may be a change."""
     out: NDArray[np.bool_] = law.weights == 0.0
-    if out.any():
-        rows = out.any(axis=1)
+    rows = out.any(axis=1)
+    if rows.any():  # of few sensors: the readings used alone say so, whatever comes later
         reading = np.ascontiguousarray(sensors.reading[rows, : out.shape[1]])
         out[rows] &= spike_weights(reading, sensors.resolution[rows]) == 0.0
     return out
@@ -100,12 +100,9 @@ def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
     return found
 
 
-def _wide_words(width: float, rise: float, found: Estimate, reading: Array) -> str:
-    """Of an interval [K] many times the rise [K] of readings; where those (N,) went farther and came back, that they did."""
-    read = reading[: len(found.weights)]
-    kept = (found.weights > 0.0) | (spike_weights(np.ascontiguousarray(read)) > 0.0)
-    went = float(np.abs(read[kept] - found.initial).max(initial=0.0))
-    if went <= max(TURNED * rise, BEYOND_NOISE * found.noise):
+def _wide_words(width: float, rise: float, went: float, noise: float) -> str:
+    """Of an interval [K] many times the rise [K] of readings; where those went farther [K] and came back, that they did."""
+    if went <= max(TURNED * rise, BEYOND_NOISE * noise):
         return f"the steady state is known only to within {width:.3g} K, many times the rise so far; measure longer"
     return (
         f"the steady state is known only to within {width:.3g} K: the readings went {went:.3g} K and came back, which is no "
@@ -146,7 +143,8 @@ def claimed_verdicts(
     doubted = unfit | strong | hides | swings | lawless | restless | behind | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    still = _went(found, sensors) < RULES.at_rest * found.noise
+    went = _went(found, sensors)
+    still = went < RULES.at_rest * found.noise
     for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | (out > 0)).tolist():
         said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
         if still[i]:
@@ -154,7 +152,7 @@ def claimed_verdicts(
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
         elif too_wide[i]:
-            said.append(_wide_words(float(width[i]), float(seen[i]), found.one(i), sensors.reading[i]))
+            said.append(_wide_words(float(width[i]), float(seen[i]), float(went[i]), float(found.noise[i])))
         if unfit[i]:
             p = f"p = {claimed.check_p[i]:.1g}"
             said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
@@ -198,7 +196,7 @@ def law_verdicts(
         too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
-    out = (found.weights == 0.0).sum(axis=1)
+    out, went = (found.weights == 0.0).sum(axis=1), _went(found, sensors)
     row = left_at_end(found.weights, sensors)
     swings, leave = _too_many(out, found), np.where(row >= RULES.last_alone, row, 0)
     doubted = doubted | swings | (leave > 0)
@@ -212,7 +210,7 @@ def law_verdicts(
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
-            said.insert(0, _wide_words(float(width[i]), float(seen[i]), found.one(i), sensors.reading[i]))
+            said.insert(0, _wide_words(float(width[i]), float(seen[i]), float(went[i]), float(found.noise[i])))
         messages[i] = said
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
