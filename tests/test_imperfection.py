@@ -142,6 +142,16 @@ def test_a_slow_mass_behind_is_looked_for_where_the_heat_goes():
     assert warms.steady_state_hi_c - warms.steady_state_c > 1.5 * (warms.steady_state_c - warms.steady_state_lo_c)
 
 
+def test_curves_that_are_drawn_lean_as_the_interval_does():
+    """All but the strong slow mode is left out: what is drawn of the limit has the interval's quantiles."""
+    prior = replace(TYPICAL, strong=(Sizes(slow=0.4),), strong_weights=(), strong_share=0.9, strong_scales=(0.8, 1.0), lean=0.9)
+    time, rng = np.arange(0.0, 60.0), np.random.default_rng(1)
+    reading = 20.0 + 10.0 * -np.expm1(-time / 60.0) + 0.02 * rng.standard_normal((1, 60))
+    found = settle([Part(time, reading, np.array([0.02]), np.zeros(1))], 60.0, prior, [400.0], draws=4000)
+    assert np.quantile(found.drawn.limit[0], [0.025, 0.5, 0.975]) == pytest.approx(found.steady[0], abs=0.15)
+    assert np.quantile(found.drawn.curve[0, :, 0], [0.025, 0.5, 0.975]) == pytest.approx(found.at[0, 0], abs=0.15)
+
+
 def test_a_point_that_the_heat_has_hardly_reached_is_doubted_until_the_others_have_moved():
     time, rng = np.arange(0.0, 181.0), np.random.default_rng(1)
     near = 20.0 + 20.0 * -np.expm1(-time / 60.0) + 0.01 * rng.standard_normal(181)

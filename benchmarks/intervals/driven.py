@@ -73,10 +73,10 @@ def main() -> None:
             mine = [r for r in rows if r[:3] == (share, load_is, power)]
             ok = [r for r in mine if r[3] == "ok"]
             held = f"{100 * np.mean([r[4] for r in ok]):.0f} %" if ok else "-"
-            width = np.median([r[5] for r in ok]) if ok else np.nan
+            width = f"{np.median([r[5] for r in ok]):.2f}" if ok else "-"
             drive = "" if load_is == "constant" else ", `--drive`"
             name = load_is + drive + (f", heat as speed^{power:g}" if power != 1.0 else "")
-            print(f"| {name} | {100 * share:.0f} % | {len(ok)} of {len(mine)} | {held} | {width:.2f} |", flush=True)
+            print(f"| {name} | {100 * share:.0f} % | {len(ok)} of {len(mine)} | {held} | {width} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ python -m benchmarks.machines.bodies [--each 10] [--seed 70000] [--kinds rod,mot
 times to 63 % of the sensors' rises): the share of rows that are ``ok``, how many of these and of all hold the limit with room and
 load as they are, the median half-width over the rise, and the mean interval score (Winkler, 95 %) over the rise. Networks of heat
 capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones lean were chosen on such
-machines by another hand.
+machines by another hand. --calibrated 12: after `calibrate` on twelve complete runs of other machines of each kind.
 
 rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
 two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
@@ -28,12 +28,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import thermofast as tf
+from thermofast.models.imperfection import Imperfection
 
 Array = NDArray[np.float64]
 
 READ = (0.3, 0.5, 1.0, 2.0)
 #: Minutes that are worked out of each, and the grid that probes follow.
 LONGEST, GRID = 1500.0, 0.25
+#: Times to 63 % that a complete run lasts, and where the seeds of such runs begin.
+COMPLETE, CALIBRATE_SEED = 6.0, 500_000
 MINUTE = 60.0  # s
 STEFAN_BOLTZMANN, ZERO = 5.67e-8, 273.15
 
@@ -182,9 +185,24 @@ KINDS |= dict.fromkeys(("spindle", "viscous", "preload", "warm", "swing"), spind
 KINDS |= {"oven": oven, "coolant": coolant, "motor": motor}
 
 
-def rows_of(job: tuple[str, int]) -> list[tuple[str, float, bool, float, float]]:
-    """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
-    kind, seed = job
+@dataclass(frozen=True)
+class Record:
+    """minutes (n,), readings (S, n) and limits (S,) [degC], rises (S,) [K] of the sensors; turn [min], their median to 63 %."""
+
+    minutes: Array
+    reading: Array
+    limit: Array
+    rise: Array
+    turn: float
+
+    def table(self, until: float) -> dict[str, Array]:
+        """Columns of the first minutes."""
+        some = self.minutes <= until
+        return {"time_min": self.minutes[some], **{f"T{i}": line[some] for i, line in enumerate(self.reading)}}
+
+
+def record(kind: str, seed: int, turns: float) -> Record:
+    """So many median times to 63 % of a machine, by probes that lag."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
     bodies = KINDS[kind](rng, kind)
     times, curves = bodies.curves()
@@ -196,17 +214,30 @@ def rows_of(job: tuple[str, int]) -> list[tuple[str, float, bool, float, float]]
     done = (curves - curves[:, :1]) / rise[:, None] >= 1.0 - np.exp(-1.0)
     turn = float(np.clip(np.median([times[d.argmax()] if d.any() else LONGEST for d in done]), 12.0, 600.0))
     step, noise = rng.choice([1.0 / 60.0, 1.0 / 6.0, 1.0 / 6.0, 1.0]), 10.0 ** rng.uniform(-2.3, -1.3)
-    minutes = np.arange(0.0, max(READ) * turn + 0.5 * step, step)
-    read = np.array([np.interp(minutes, times, line) for line in curves]) + noise * rng.standard_normal((len(limit), len(minutes)))
-    found = []
+    minutes = np.arange(0.0, min(turns * turn, LONGEST) + 0.5 * step, step)
+    reading = np.array([np.interp(minutes, times, line) for line in curves])
+    return Record(minutes, reading + noise * rng.standard_normal(reading.shape), limit, rise, turn)
+
+
+def rows_of(job: tuple[str, int, str | Imperfection]) -> list[tuple[str, float, bool, float, float]]:
+    """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
+    kind, seed, prior = job
+    seen, found = record(kind, seed, max(READ)), []
     for share in READ:
-        some = minutes <= share * turn
-        table = {"time_min": minutes[some], **{f"T{i}": line[some] for i, line in enumerate(read)}}
-        for i, r in enumerate(tf.identify(table, jobs=1)):
-            sides = [np.nan if side is None else (side - limit[i]) / rise[i] for side in (r.steady_state_lo_c, r.steady_state_hi_c)]
+        for r, limit, rise in zip(
+            tf.identify(seen.table(share * seen.turn), imperfection=prior, jobs=1), seen.limit, seen.rise, strict=True
+        ):
+            sides = [np.nan if side is None else (side - limit) / rise for side in (r.steady_state_lo_c, r.steady_state_hi_c)]
             bounded = bool(np.isfinite(sides).all())
             found.append((kind, share, r.status == "ok", *((min(sides), max(sides)) if bounded else (np.nan, np.nan))))
     return found
+
+
+def learnt(job: tuple[str, int, int]) -> Imperfection:
+    """What so many complete runs of other machines of a kind teach."""
+    kind, seed, runs = job
+    past = [tf.read(record(kind, seed + CALIBRATE_SEED + i, COMPLETE).table(LONGEST), name=f"run {i}") for i in range(runs)]
+    return tf.calibrate(past).prior
 
 
 def main() -> None:
@@ -215,11 +246,16 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=10)
     parser.add_argument("--seed", type=int, default=70_000)
     parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--calibrated", type=int, default=0, help="complete runs of other machines of the kind to learn from")
     given = parser.parse_args()
     by: dict[tuple[str, float], list[tuple[bool, float, float]]] = defaultdict(list)
     kinds = given.kinds.split(",")
     with ProcessPoolExecutor() as pool:
-        for rows in pool.map(rows_of, [(kind, given.seed + i) for kind in kinds for i in range(given.each)]):
+        priors: dict[str, str | Imperfection] = dict.fromkeys(kinds, "typical")
+        if given.calibrated:
+            priors |= zip(kinds, pool.map(learnt, [(kind, given.seed, given.calibrated) for kind in kinds]), strict=True)
+        jobs = [(kind, given.seed + i, priors[kind]) for kind in kinds for i in range(given.each)]
+        for rows in pool.map(rows_of, jobs):
             for kind, share, ok, low, high in rows:
                 for name in (kind, "all"):
                     by[name, share].append((ok, low, high))

@@ -76,10 +76,10 @@ class EstimationRules:
         0.1,
         "largest movement of a sensor of the run",
         "below which another one is not determined at first",
-        "of 23 ok rows of points far from the heat that had moved by 5 % in half a time constant, 22 were wrong",
+        "a quarter of the ok rows of short records along a bar was wrong without it (benchmarks.machines.bodies --kinds far)",
     )
     behind_until: float = rule(
-        1.0, "time constants of the sensors that move", "until then", "after one all rows of such points held"
+        1.0, "time constants of the sensors that move", "until then", "after one all ok rows along a bar hold (the same)"
     )
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
