@@ -12,7 +12,7 @@ import thermofast as tf
 from thermofast.estimation.closing import estimates_at, settling
 from thermofast.estimation.identify import Method, identify_sensors
 from thermofast.estimation.sweep import sweep_sensors
-from thermofast.estimation.verdicts import _to_the_beginning
+from thermofast.estimation.verdicts import _not_done_before, _to_the_beginning
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE
@@ -311,6 +311,16 @@ def test_an_outlier_went_nowhere():
     assert warms.t95_min == pytest.approx(179.7, abs=3.0)
     assert "settles where it began" not in warms.message
     assert "did not move by more than its noise" in rests.message
+
+
+def test_an_outlier_is_not_the_time_at_which_a_rise_is_done():
+    time = np.arange(0.0, 120.0)
+    reading = 20.0 + 10.0 * -np.expm1(-time / 30.0) + 0.01 * np.random.default_rng(3).standard_normal(120)
+    reading[20], weights = 31.0, np.ones((1, 120))
+    weights[0, 20] = 0.0
+    law = SimpleNamespace(initial=np.array([20.0]), time=119.0, weights=weights)
+    seen = SimpleNamespace(time=time, reading=reading[None], resolution=np.zeros(1))
+    assert _not_done_before(law, np.array([30.0]), seen) == pytest.approx(30.0 * np.log(20.0), abs=3.0)
 
 
 def test_an_interval_that_ends_just_short_of_where_a_sensor_began_reaches_it():

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.stats import multivariate_normal, norm
 import thermofast as tf
 from benchmarks.machines import bar, network
 from thermofast.estimation.identify import Method, identify_sensors
+from thermofast.estimation.imperfect import _mark_behind
 from thermofast.filters import Afukf
 from thermofast.models import Lump
 from thermofast.models.decay import LOG_TWENTY
@@ -149,6 +151,8 @@ def test_curves_that_are_drawn_lean_as_the_interval_does():
     reading = 20.0 + 10.0 * -np.expm1(-time / 60.0) + 0.02 * rng.standard_normal((1, 60))
     found = settle([Part(time, reading, np.array([0.02]), np.zeros(1))], 60.0, prior, [400.0], draws=4000)
     assert np.quantile(found.drawn.limit[0], [0.025, 0.5, 0.975]) == pytest.approx(found.steady[0], abs=0.15)
+    # Of what is counted nothing hides: the mean of a slow mode is part of the estimate.
+    assert found.hides[0] < 0.25
     assert np.quantile(found.drawn.curve[0, :, 0], [0.025, 0.5, 0.975]) == pytest.approx(found.at[0, 0], abs=0.15)
 
 
@@ -163,6 +167,22 @@ def test_a_point_that_the_heat_has_hardly_reached_is_doubted_until_the_others_ha
     assert "on its way" not in late.message
     alone = tf.identify({"time_min": time, "far": far}, until=25)[0]
     assert "on its way" not in alone.message
+
+
+def test_a_point_that_past_runs_know_is_not_behind():
+    def block(known):
+        blank = np.full(2, np.nan)
+        return SimpleNamespace(
+            rate=np.full((2, 3), 1.0 / 60.0), held=np.ones(2, bool), known=np.array([False, known]), behind=blank
+        )
+
+    found = SimpleNamespace(state=np.array([[30.0], [20.5]]), initial=np.array([20.0, 20.0]))
+    closed = SimpleNamespace(found=found, sensors=SimpleNamespace(time=np.arange(0.0, 31.0)), count=31)
+    unknown, known = block(False), block(True)
+    for one in (unknown, known):
+        _mark_behind([closed], [np.ones(2, bool)], [one])
+    assert unknown.behind == pytest.approx([np.nan, 0.05], nan_ok=True)
+    assert np.isnan(known.behind).all()
 
 
 def test_an_interval_that_past_runs_made_narrower_is_no_doubt():

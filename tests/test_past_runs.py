@@ -52,6 +52,8 @@ def test_shape_scatter_and_disturbances_are_learnt_and_foretell_the_next_run(sev
     assert 0.03 < past.scatter < 0.09
     assert np.mean(past.stretches) == pytest.approx(0.0, abs=1e-9)
     rng = np.random.default_rng(11)
+    for one in (past, replace(past, guessed=True)):  # what slow parts add the runs have told, or what is logged drives
+        assert not one.prior(TYPICAL).leans().any()
     inside, width, error, alone = [], [], [], []
     unknown = replace(TYPICAL, strong_scales=BESIDE_KNOWN, lean=0.0)  # the same prior, without the runs
     for _ in range(20):
