@@ -20,6 +20,7 @@ def mixture(
     beside: Array,
     kind: NDArray[intp],
     scale: Array,
+    under: Array,
     active: NDArray[uint8],
     asked: int,
     evidence: Array,

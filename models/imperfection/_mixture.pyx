@@ -115,6 +115,7 @@ def mixture(
     const double[:, :, ::1] beside,
     const Py_ssize_t[::1] kind,
     const double[::1] scale,
+    const double[::1] under,
     const unsigned char[:, :, ::1] active,
     Py_ssize_t asked,
     double[:, :, ::1] evidence,
@@ -138,6 +139,8 @@ def mixture(
     cdef double *from_
     if covariance.shape[2] < wide or law.shape[2] < wide or slow.shape[2] < wide or ones.shape[0] < wide:
         raise ValueError("fewer rows than quantities asked for")
+    if scale.shape[0] != hypotheses or under.shape[0] != hypotheses:
+        raise ValueError("of each hypothesis its scale and that of the background under it")
     if slow.shape[0] != law.shape[0] or slow.shape[1] != law.shape[1] or leans.shape[0] != hypotheses:
         raise ValueError("as many slow rises as laws, and of each hypothesis how far they lean")
     cdef bint doubted = doubt.shape[0] > 0
@@ -224,7 +227,7 @@ def mixture(
                         g = lane[min(l, lanes - 1)]  # lanes left over repeat the last
                         of_kind[l] = types + kind[g] * m * wide
                         size[l] = scale[g]
-                        mixed[l] = 1.0 if kind[g] else 0.0
+                        mixed[l] = under[g]
                     assemble(a, m, wide, all_, of_kind, types, size, mixed)
                     for r in range(m):
                         if doubted:

@@ -35,6 +35,7 @@ def mixture(
     beside: Array,
     kind: NDArray[np.intp],
     scale: Array,
+    under: Array,
     active: NDArray[np.uint8],
     asked: int,
     evidence: Array,
@@ -46,7 +47,7 @@ def mixture(
 
     reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H,) times slow (S, F, m + k) is added; node
     (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m + k, m + k); relative, absolute (kinds,
-    components); rise (S, F) [K^2]; kind, scale (H,). doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a
+    components); rise (S, F) [K^2]; kind, scale, under (H,), the last of the background under an effect. doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a
     shape that past runs told; (0, 0, 0) for none. beside is another, which belongs to the background and has its scale.
     """
     m = reading.shape[2]
@@ -59,7 +60,7 @@ def mixture(
         if len(beside):
             types[0] += rise[i, f] * beside[i, :wide, :wide]
         rows = np.flatnonzero(active[i, f])
-        whole = scale[rows, None, None] * types[kind[rows]] + np.where(kind[rows, None, None] > 0, types[0], 0.0)
+        whole = scale[rows, None, None] * types[kind[rows]] + under[rows, None, None] * types[0]
         if len(doubt):
             whole = whole + rise[i, f] * doubt[i, :wide, :wide]
         factor, solved = _factors(whole[:, :m, :m] + np.diag(noise[i]))

@@ -130,7 +130,7 @@ class _Run:
             kept_covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged, late)
             for b, asked, logged, late in zip(self.blocks, self.asked, self.logged, turns, strict=True)
         ]
-        self.kind, self.scale, self.log_prior = prior.hypotheses()
+        self.kind, self.scale, self.under, self.log_prior = prior.hypotheses()
         self.relative, self.absolute = prior.kinds()
         self.leans, self.turns = prior.leans(), turns
         self.base = self.kind == 0
@@ -184,6 +184,7 @@ class _Run:
                 *self.wrong[i],
                 self.kind,
                 self.scale,
+                self.under,
                 np.ascontiguousarray(active[rows], dtype=np.uint8),
                 asked,
                 *found,
@@ -345,7 +346,8 @@ class _Run:
     def _few(self) -> NDArray[np.intp]:
         """Hypotheses enough to find where the posterior lies: every other scale of the background, each strong effect once."""
         base = np.flatnonzero(self.base)[1::2] if self.base.sum() > 1 else np.flatnonzero(self.base)
-        strong = [np.flatnonzero(self.kind == k)[1] for k in range(1, len(self.relative))]
+        middle = len(self.prior.strong_scales) * (len(self.prior.strong_over) // 2) + 1
+        strong = [np.flatnonzero(self.kind == k)[middle] for k in range(1, len(self.relative))]
         return np.concatenate([base, np.array(strong, dtype=np.intp)])
 
     def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_], evidence: Array) -> Settled:
@@ -445,7 +447,7 @@ class _Run:
             g, s = node[row, f], share[row, f]
             parts = (1.0 - s) * self.covariance[part][g] + s * self.covariance[part][g + 1]
             kinds = [0, int(self.kind[h])] if self.kind[h] else [0]
-            sizes = [1.0, self.scale[h]] if self.kind[h] else [self.scale[h]]
+            sizes = [self.under[h], self.scale[h]] if self.kind[h] else [self.scale[h]]
             amounts = [z * (rise[f] ** 2 * self.relative[n] + self.absolute[n]) for z, n in zip(sizes, kinds, strict=True)]
             whole = np.tensordot(np.sum(amounts, axis=0), parts, axes=1)
             for size, wrong in zip((1.0, sizes[0]), self.wrong[part], strict=True):

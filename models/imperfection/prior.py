@@ -101,6 +101,7 @@ class Imperfection:
     strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
     strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
+    strong_over: tuple[float, ...] = (0.15, 0.4, 1.0)
     scale_spread: float = 0.8
     clean: float = 0.1
     evidence_power: float = 0.5
@@ -138,24 +139,34 @@ class Imperfection:
 
     def leans(self) -> Array:
         """Mean amplitude (H,) of the slow modes, relative to the rise, of each hypothesis; that of the background is nought."""
-        kind, squares, _ = self.hypotheses()
+        kind, squares, *_ = self.hypotheses()
         sizes = np.array([0.0, *(s.slow for s in self.strong)])
         found: Array = self.lean * self.multiplier * np.sqrt(squares) * sizes[kind]
         return found
 
-    def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array]:
-        """(kind, scale squared, log prior), each (H,): kind 0 is the background alone, another that effect over the background."""
-        scales, count = np.array(self.scales), len(self.strong)
-        weight = np.exp(-0.5 * (np.log(scales) / self.scale_spread) ** 2)
+    def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array, Array]:
+        """(kind, scale squared, scale squared of the background under an effect, log prior), each (H,): kind 0 is the background
+        alone, another that effect over the background.
+        """
+        scales, under, count = np.array(self.scales), np.array(self.strong_over), len(self.strong)
+        weight = self._as_usual(scales)
         weight *= (1.0 - self.clean) / weight.sum()
         weight[0] += self.clean
-        kind = np.concatenate([np.zeros(len(scales), dtype=np.intp), np.repeat(np.arange(1, count + 1), len(self.strong_scales))])
-        squares = np.concatenate([scales, np.tile(self.strong_scales, count)]) ** 2
+        over = self._as_usual(under) / self._as_usual(under).sum()
+        sizes, levels = (a.ravel() for a in np.meshgrid(self.strong_scales, under))
+        kind = np.concatenate([np.zeros(len(scales), dtype=np.intp), np.repeat(np.arange(1, count + 1), len(sizes))])
+        squares = np.concatenate([scales, np.tile(sizes, count)]) ** 2
+        below = np.concatenate([np.zeros(len(scales)), np.tile(levels, count)]) ** 2
         share = self.strong_share if count else 0.0
         apiece = np.array(self.strong_weights or (1.0,) * count)
-        each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(self.strong_scales))
-        prior = np.concatenate([(1.0 - share) * weight, each])
-        return kind, squares, np.log(np.maximum(prior, 1e-300))
+        each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(sizes))
+        prior = np.concatenate([(1.0 - share) * weight, each * np.tile(np.repeat(over, len(self.strong_scales)), count)])
+        return kind, squares, below, np.log(np.maximum(prior, 1e-300))
+
+    def _as_usual(self, scales: Array) -> Array:
+        """How likely sizes of the background are, against the most likely."""
+        found: Array = np.exp(-0.5 * (np.log(scales) / self.scale_spread) ** 2)
+        return found
 
 
 TYPICAL = Imperfection()
