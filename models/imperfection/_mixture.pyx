@@ -103,8 +103,8 @@ def mixture(
     const double[:, ::1] noise,
     const double[::1] ones,
     const double[:, :, ::1] law,
-    const double[:, :, ::1] slow,
-    const double[::1] leans,
+    const double[:, :, :, ::1] slow,
+    const double[:, ::1] leans,
     const Py_ssize_t[:, ::1] node,
     const double[:, ::1] share,
     const double[:, :, :, ::1] covariance,
@@ -125,7 +125,7 @@ def mixture(
 ):
     cdef Py_ssize_t sensors = reading.shape[0], rates = reading.shape[1], m = reading.shape[2]
     cdef Py_ssize_t components = covariance.shape[1], kinds = relative.shape[0], hypotheses = kind.shape[0]
-    cdef Py_ssize_t wide = m + asked, all_ = m + asked + 3
+    cdef Py_ssize_t wide = m + asked, all_ = m + asked + 3, modes = slow.shape[2], q
     cdef Py_ssize_t i, f, h, k, n, r, j, g, l, lanes, some
     cdef Py_ssize_t[8] lane  # LANES of each at least
     cdef double[8] logs, size, mixed
@@ -137,11 +137,11 @@ def mixture(
     cdef double *a
     cdef double *row
     cdef double *from_
-    if covariance.shape[2] < wide or law.shape[2] < wide or slow.shape[2] < wide or ones.shape[0] < wide:
+    if covariance.shape[2] < wide or law.shape[2] < wide or slow.shape[3] < wide or ones.shape[0] < wide:
         raise ValueError("fewer rows than quantities asked for")
     if scale.shape[0] != hypotheses or under.shape[0] != hypotheses:
         raise ValueError("of each hypothesis its scale and that of the background under it")
-    if slow.shape[0] != law.shape[0] or slow.shape[1] != law.shape[1] or leans.shape[0] != hypotheses:
+    if slow.shape[0] != law.shape[0] or slow.shape[1] != law.shape[1] or leans.shape[0] != hypotheses or leans.shape[1] != modes:
         raise ValueError("as many slow rises as laws, and of each hypothesis how far they lean")
     cdef bint doubted = doubt.shape[0] > 0
     if doubted and (doubt.shape[0] < sensors or doubt.shape[1] < wide or doubt.shape[2] < wide):
@@ -239,7 +239,11 @@ def mixture(
                             row[r * LANES] += noise[i, r]
                             row[wide * LANES] = reading[i, f, r]
                             row[(wide + 1) * LANES] = ones[r]
-                            row[(wide + 2) * LANES] = law[i, f, r] + leans[lane[min(l, lanes - 1)]] * slow[i, f, r]
+                            g = lane[min(l, lanes - 1)]
+                            v = law[i, f, r]
+                            for q in range(modes):
+                                v += leans[g, q] * slow[i, f, q, r]
+                            row[(wide + 2) * LANES] = v
                     whiten(a, m, all_, logs)
                     products(a, m, wide, all_, sums)
                     for l in range(lanes):
@@ -266,7 +270,9 @@ def mixture(
                                 a1 += u * row[(wide + 2) * LANES]
                                 v += u * u
                             t1 = ones[m + j] - a0
-                            u = law[i, f, m + j] + leans[g] * slow[i, f, m + j] - a1
+                            u = law[i, f, m + j] - a1
+                            for q in range(modes):
+                                u += leans[g, q] * slow[i, f, q, m + j]
                             mean[i, f, g, j] = t0 + b0 * t1 + b1 * u
                             v = scale[g] * own_kind[k * asked + j] + mixed[l] * own_kind[j] - v
                             if doubted:

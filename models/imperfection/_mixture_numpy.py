@@ -45,7 +45,7 @@ def mixture(
 ) -> None:
     """Fills evidence, squares (S, F, H), mean and variance (S, F, H, asked); nan in evidence where not active or not solvable.
 
-    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H,) times slow (S, F, m + k) is added; node
+    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H, Q) times slow (S, F, Q, m + k) is added; node
     (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m + k, m + k); relative, absolute (kinds,
     components); rise (S, F) [K^2]; kind, scale, under (H,), the last of the background under an effect. doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a
     shape that past runs told; (0, 0, 0) for none. beside is another, which belongs to the background and has its scale.
@@ -65,7 +65,7 @@ def mixture(
             whole = whole + rise[i, f] * doubt[i, :wide, :wide]
         factor, solved = _factors(whole[:, :m, :m] + np.diag(noise[i]))
         whole, rows = whole[solved], rows[solved]
-        laws = law[i, f, :wide] + leans[rows, None] * slow[i, f, :wide]
+        laws = law[i, f, :wide] + leans[rows] @ slow[i, f, :, :wide]
         known = np.empty((len(rows), m, 3))
         known[..., 0], known[..., 1], known[..., 2] = reading[i, f], ones[:m], laws[:, :m]
         right = np.concatenate([known, whole[:, :m, m:]], axis=2)

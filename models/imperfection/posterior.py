@@ -18,8 +18,8 @@ from .blocks import Blocks, Part, block_means
 from .draw import Drawn, conditional, normal_draws
 from .known import NOTHING
 from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
-from .prior import COMPONENTS, Imperfection
-from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room, slow_rise
+from .prior import COMPONENTS, SLOW, Imperfection
+from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room, slow_rise
 
 Array = NDArray[np.float64]
 Rates = Literal["auto", "own", "shared"]
@@ -208,7 +208,7 @@ class _Run:
         """What slow modes of amplitude 1 add to the law's rows at log rates (s, F); nothing where none leans."""
         blocks = self.blocks[part]
         if not self.leans.any():
-            return np.zeros((*log_rate.shape, len(blocks.time) + self.asked[part].count))
+            return np.zeros((*log_rate.shape, len(SLOW), len(blocks.time) + self.asked[part].count))
         return np.ascontiguousarray(slow_rise(np.exp(log_rate), blocks.time, blocks.last, self.turns[part], self.asked[part]))
 
     def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:
@@ -358,7 +358,8 @@ class _Run:
         steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
         at = np.full((count, self.times, 3), np.nan)
         spread_of_rate, check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(5))
-        slow = np.concatenate([[False], self.relative[1:, COMPONENTS.index("slow")] >= 0.03])[self.kind]
+        modes = [COMPONENTS.index("slow"), *range(len(COMPONENTS), self.relative.shape[1])]
+        slow = np.concatenate([[False], (self.relative[1:, modes] >= 0.03).any(axis=1)])[self.kind]
         brief = np.array([COMPONENTS.index(name) for name in ("fast", "start")])
         others = np.delete(self.relative + self.absolute, brief, axis=1)
         lasting = np.concatenate([[False], others[1:].any(axis=1)])[self.kind]
@@ -452,7 +453,7 @@ class _Run:
             whole = np.tensordot(np.sum(amounts, axis=0), parts, axes=1)
             for size, wrong in zip((1.0, sizes[0]), self.wrong[part], strict=True):
                 whole = whole + size * rise[f] ** 2 * wrong[row] if len(wrong) else whole
-            rises = of_law[row, f] + self.leans[h] * slow[row, f]
+            rises = of_law[row, f] + self.leans[h] @ slow[row, f]
             given = blocks.mean[row] - known[f, :m], blocks.noise[row], ones, rises, whole, wanted
             some = normal_draws(*conditional(*given), int(counts[k]), rng) + known[f, wanted]
             into.limit[sensor, at : at + len(some)], into.curve[sensor, at : at + len(some)] = some[:, 0], some[:, 1:]

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 #: What a discrepancy is made of, in the order of the covariances of ``shapes.py``.
 COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp", "logged")
+#: How fast slow modes are against the law; their own covariances stand behind those of the components.
+SLOW = (0.1, 0.3)
 ABSOLUTE = frozenset({"room", "ramp", "logged"})
 
 
@@ -102,6 +104,7 @@ class Imperfection:
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
     strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
     strong_over: tuple[float, ...] = (0.15, 0.4, 1.0)
+    slow_alone: bool = True
     scale_spread: float = 0.8
     clean: float = 0.1
     evidence_power: float = 0.5
@@ -130,25 +133,39 @@ class Imperfection:
         turns, factors = np.array(self.factors).T
         return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
 
+    def effects(self) -> list[tuple[int, int]]:
+        """(which of `strong`, which slow mode or -1 for all) of every effect: a slow mode has one rate, which nobody knows."""
+        alone = range(len(SLOW)) if self.slow_alone else (-1,)
+        return [(i, q) for i, sizes in enumerate(self.strong) for q in (alone if sizes.slow else (-1,))]
+
     def kinds(self) -> tuple[Array, Array]:
-        """(relative, absolute) (1 + strong, components): variances of the background and of every strong effect."""
-        both = [sizes.scaled(self.multiplier).variances() for sizes in (self.background, *self.strong)]
-        relative = np.array([relative for relative, _ in both])
-        relative[1:, COMPONENTS.index("slow")] *= 1.0 - self.lean**2
-        return relative, np.array([absolute for _, absolute in both])
+        """(relative, absolute) (1 + effects, components + slow modes): variances of the background and of every strong effect."""
+        effects = self.effects()
+        both = [sizes.scaled(self.multiplier).variances() for sizes in (self.background, *(self.strong[i] for i, _ in effects))]
+        none = np.zeros((len(both), len(SLOW)))
+        relative = np.concatenate([np.array([relative for relative, _ in both]), none], axis=1)
+        slow = COMPONENTS.index("slow")
+        relative[1:, slow] *= 1.0 - self.lean**2
+        for row, (_, mode) in zip(relative[1:], effects, strict=True):
+            if mode >= 0:
+                row[len(COMPONENTS) + mode], row[slow] = row[slow], 0.0
+        return relative, np.concatenate([np.array([absolute for _, absolute in both]), none], axis=1)
 
     def leans(self) -> Array:
-        """Mean amplitude (H,) of the slow modes, relative to the rise, of each hypothesis; that of the background is nought."""
+        """Mean amplitude (H, slow modes), relative to the rise, of each hypothesis; that of the background is nought."""
         kind, squares, *_ = self.hypotheses()
-        sizes = np.array([0.0, *(s.slow for s in self.strong)])
-        found: Array = self.lean * self.multiplier * np.sqrt(squares) * sizes[kind]
+        share = np.zeros((1 + len(self.effects()), len(SLOW)))
+        for row, (i, mode) in zip(share[1:], self.effects(), strict=True):
+            row[:] = self.strong[i].slow * (1.0 / np.sqrt(len(SLOW)) if mode < 0 else np.arange(len(SLOW)) == mode)
+        found: Array = self.lean * self.multiplier * np.sqrt(squares)[:, None] * share[kind]
         return found
 
     def hypotheses(self) -> tuple[NDArray[np.intp], Array, Array, Array]:
         """(kind, scale squared, scale squared of the background under an effect, log prior), each (H,): kind 0 is the background
         alone, another that effect over the background.
         """
-        scales, under, count = np.array(self.scales), np.array(self.strong_over), len(self.strong)
+        effects = self.effects()
+        scales, under, count = np.array(self.scales), np.array(self.strong_over), len(effects)
         weight = self._as_usual(scales)
         weight *= (1.0 - self.clean) / weight.sum()
         weight[0] += self.clean
@@ -158,7 +175,8 @@ class Imperfection:
         squares = np.concatenate([scales, np.tile(sizes, count)]) ** 2
         below = np.concatenate([np.zeros(len(scales)), np.tile(levels, count)]) ** 2
         share = self.strong_share if count else 0.0
-        apiece = np.array(self.strong_weights or (1.0,) * count)
+        which, weights = [i for i, _ in effects], self.strong_weights or (1.0,) * len(self.strong)
+        apiece = np.array([weights[i] / which.count(i) for i in which])
         each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(sizes))
         prior = np.concatenate([(1.0 - share) * weight, each * np.tile(np.repeat(over, len(self.strong_scales)), count)])
         return kind, squares, below, np.log(np.maximum(prior, 1e-300))

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..decay import LOG_TWENTY
-from .prior import COMPONENTS
+from .prior import COMPONENTS, SLOW
 
 Array = NDArray[np.float64]
 
-SLOW = (0.1, 0.3)
 FAST = (1.5, 2.0, 3.0, 5.0, 9.0)
 DECAY = (0.7, 1.02, 1.5, 2.5)
 #: Periods of a cyclic load, in units.
@@ -82,14 +81,15 @@ def law(rate: Array, time: Array, spread: Array, asked: Asked) -> Array:
 
 
 def slow_rise(rate: Array, time: Array, last: float, turns: float, asked: Asked) -> Array:
-    """What slow modes of amplitude 1 together add to :func:`law` of rates (...): (..., m + asked.count)."""
-    b = rate[..., None]
+    """What each slow mode of amplitude 1 adds to :func:`law` of rates (...): (..., slow modes, m + asked.count)."""
+    b = rate[..., None, None]
+    mode = np.array(SLOW)[:, None]
 
     def at(times: Array) -> Array:
-        risen: Array = -np.expm1(-b * times * np.array(SLOW).reshape(-1, *[1] * b.ndim)).sum(axis=0)
-        return np.asarray(risen / np.sqrt(len(SLOW)))
+        risen: Array = -np.expm1(-b * mode * times)
+        return risen
 
-    end = np.full_like(b, np.sqrt(len(SLOW)))
+    end = np.ones_like(b * mode)
     rest = end - at(np.array([last]))
     settling = at(turns / b) - 0.95 * end
     found: Array = np.concatenate([at(time), end, settling, rest, at(asked.times)], axis=-1) / b
@@ -238,11 +238,13 @@ def covariances(
     mixing[m + SETTLING, m] = -0.95
     mixing[m + SETTLING, m + 2] = -0.05
     mixing[m + SLOW_AHEAD] = 0.0
-    found = np.empty((nodes, len(COMPONENTS), rows, rows))
+    found = np.empty((nodes, len(COMPONENTS) + len(SLOW), rows, rows))
     for i, name in enumerate(COMPONENTS):
         if name == "slow":
             columns = mixing @ slow
             columns[:, m + SLOW_AHEAD] = slow_rest
+            for q in range(len(SLOW)):
+                found[:, len(COMPONENTS) + q] = len(SLOW) * columns[:, :, q, None] * columns[:, None, :, q]
             found[:, i] = columns @ np.swapaxes(columns, 1, 2)
         elif name == "logged":
             found[:, i] = 0.0 if logged is None else logged[:, :, None] * logged[:, None, :]
