@@ -52,6 +52,8 @@ EDGE = 0.5
 DOUBTED = 0.05
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 5e-5
+#: Below this share of what a first look over all hypotheses found, one is not looked at again; its evidence stands.
+LEFT_ALONE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,8 @@ class _Run:
         law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
         self._known = np.zeros(0), np.zeros(0)
+        self._likely = np.ones((self.count, len(self.kind)), dtype=bool)
+        self._first = np.zeros((self.count, len(self.kind)))
 
     def log_rate_prior(self, off: Array, sensor: int | None = None) -> Array:
         """Log prior, up to a constant that all have, of log rates (S, F) less the centres; of one sensor, (F,)."""
@@ -234,6 +238,7 @@ class _Run:
         weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
         level = log_sum(kinds[:, self.base] + background, 1)
         relative = np.maximum(kinds - level[:, None], -60.0)
+        relative = self._first = np.where(self._likely, relative, self._first)
         weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
         said = np.clip(relative, -MOST_SAID, MOST_SAID)
         weight += counted * (said.sum(axis=0) - said)
@@ -307,7 +312,10 @@ class _Run:
         marginal = log_sum(posterior, 2)
         low, high = within_depth(coarse, marginal, 14.0, 1.0)
         first = self._spread(low, high, FEW)
-        marginal = self._looked(first, np.ones(self.count, dtype=bool))[1]
+        posterior, marginal, *_ = self._looked(first, np.ones(self.count, dtype=bool))
+        likely = log_sum(posterior, 1)
+        self._likely = likely - log_sum(likely, 1)[:, None] > np.log(LEFT_ALONE)
+        self._likely |= self.base  # against which all others are held
         low, high = within_depth(first, marginal, 9.0, 1.0)
         log_rate, open_ = self._spread(low, high, FINE), np.ones(self.count, dtype=bool)
         posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
@@ -333,7 +341,7 @@ class _Run:
         """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) only."""
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
-        active = np.broadcast_to(stands[..., None], (*log_rate.shape, len(self.kind)))
+        active = stands[..., None] & self._likely[:, None]
         evidence, squares, *_ = self.evaluate(log_rate, active, 0)
         if not anew.all():
             evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 #: What a discrepancy is made of, in the order of the covariances of ``shapes.py``.
 COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp", "logged")
 #: How fast slow modes are against the law; their own covariances stand behind those of the components.
-SLOW = (0.1, 0.3)
+SLOW = (0.1, 0.2, 0.4)
 ABSOLUTE = frozenset({"room", "ramp", "logged"})
 
 
@@ -103,7 +103,7 @@ class Imperfection:
     strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
     strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
-    strong_over: tuple[float, ...] = (0.15, 0.4, 1.0)
+    strong_over: tuple[float, ...] = (0.2, 1.0)
     slow_alone: bool = True
     scale_spread: float = 0.8
     clean: float = 0.1
