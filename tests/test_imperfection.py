@@ -19,7 +19,7 @@ from thermofast.models.decay import LOG_TWENTY
 from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, settle
 from thermofast.models.imperfection.blocks import block_means
 from thermofast.models.imperfection.numerics import core
-from thermofast.models.imperfection.prior import COMPONENTS
+from thermofast.models.imperfection.prior import COMPONENTS, SLOW
 from thermofast.models.imperfection.shapes import LIMIT, SETTLING, SLOW_AHEAD, Asked, _loss_shape, covariances, law, slow_rise
 
 TIME = np.arange(2.0, 62.0, 4.0)
@@ -73,14 +73,18 @@ def test_covariances_of_random_drives_are_those_of_many_draws(name):
 def test_a_slow_mass_settles_late_and_what_it_still_adds_is_a_row_of_its_own():
     found = shapes()
     slow, m = found[0, COMPONENTS.index("slow")], len(TIME)
-    modes = [-np.expm1(-k * RATE * np.append(TIME, 1e9)) / np.sqrt(2) for k in (0.1, 0.3)]
-    whole = sum(np.outer(c, c) for c in modes)
+    modes = [-np.expm1(-k * RATE * np.append(TIME, 1e9)) for k in SLOW]
+    whole = sum(np.outer(c, c) for c in modes) / 3
     assert slow[: m + 1, : m + 1] == pytest.approx(whole)
-    rest = [np.exp(-k * RATE * LAST) / np.sqrt(2) for k in (0.1, 0.3)]
-    assert slow[m + SLOW_AHEAD, m + SLOW_AHEAD] == pytest.approx(sum(r**2 for r in rest))
+    rest = [np.exp(-k * RATE * LAST) for k in SLOW]
+    assert slow[m + SLOW_AHEAD, m + SLOW_AHEAD] == pytest.approx(sum(r**2 for r in rest) / 3)
+    for q, (rises, left) in enumerate(zip(modes, rest, strict=True)):  # each alone
+        alone = found[0, len(COMPONENTS) + q]
+        assert alone[: m + 1, : m + 1] == pytest.approx(np.outer(rises, rises))
+        assert alone[m + SLOW_AHEAD, m + SLOW_AHEAD] == pytest.approx(left**2)
     settles = np.log(20.0) / RATE
-    late = [(-np.expm1(-k * RATE * settles) - 0.95) / np.sqrt(2) for k in (0.1, 0.3)]
-    assert slow[m + SETTLING, m + SETTLING] == pytest.approx(sum(v**2 for v in late))
+    late = [-np.expm1(-k * RATE * settles) - 0.95 for k in SLOW]
+    assert slow[m + SETTLING, m + SETTLING] == pytest.approx(sum(v**2 for v in late) / 3)
 
 
 def test_the_shape_of_a_loss_exponent_is_the_equations():
@@ -114,24 +118,48 @@ def test_a_swinging_load_leaves_the_limit_where_its_mean_has_it():
 def test_slow_modes_lean_by_what_bodies_behind_do():
     """Mean rise of slow modes: 1 - exp(-k b t) for each, the limit, 95 % against it, and what is left after the last reading."""
     found = slow_rise(np.array([RATE]), TIME, LAST, LOG_TWENTY, ASKED)[0] * RATE
-    m, modes = len(TIME), [0.1 * RATE, 0.3 * RATE]
-
-    def rise(time):
-        return sum(-np.expm1(-k * time) for k in modes) / np.sqrt(2.0)
-
-    assert found[:m] == pytest.approx(rise(TIME))
-    assert found[m + LIMIT] == pytest.approx(np.sqrt(2.0))
-    assert found[m + SETTLING] == pytest.approx(rise(LOG_TWENTY / RATE) - 0.95 * np.sqrt(2.0))
-    assert found[m + SLOW_AHEAD] == pytest.approx(np.sqrt(2.0) - rise(LAST))
-    assert found[m + 3] == pytest.approx(rise(100.0))
+    m = len(TIME)
+    for k, row in zip(SLOW, found, strict=True):
+        assert row[:m] == pytest.approx(-np.expm1(-k * RATE * TIME))
+        assert row[m + LIMIT] == pytest.approx(1.0)
+        assert row[m + SETTLING] == pytest.approx(0.05 - np.exp(-k * LOG_TWENTY))
+        assert row[m + SLOW_AHEAD] == pytest.approx(np.exp(-k * RATE * LAST))
+        assert row[m + 3] == pytest.approx(-np.expm1(-k * RATE * 100.0))
     # Half of a strong slow mode's size is its mean, and the rest its deviation; the background leans to no side.
-    kind, squares, _ = TYPICAL.hypotheses()
-    variance, leans = TYPICAL.kinds()[0][:, COMPONENTS.index("slow")], TYPICAL.leans()
+    kind, squares, *_ = TYPICAL.hypotheses()
+    relative, leans = TYPICAL.kinds()[0], TYPICAL.leans()
     assert not leans[kind == 0].any()
-    for k, sizes in enumerate(TYPICAL.strong, start=1):
-        size = sizes.slow * np.sqrt(squares[kind == k])
-        assert leans[kind == k] ** 2 + variance[k] * squares[kind == k] == pytest.approx(size**2)
+    effects = TYPICAL.effects()
+    assert len(effects) == len(TYPICAL.strong) + 2 * sum(s.slow > 0 for s in TYPICAL.strong)  # three rates of each mass behind
+    for k, (which, mode) in enumerate(effects, start=1):
+        size = TYPICAL.strong[which].slow * np.sqrt(squares[kind == k])[:, None] * (np.arange(len(SLOW)) == mode)
+        spread = relative[k, len(COMPONENTS) :] * squares[kind == k][:, None]
+        assert relative[k, COMPONENTS.index("slow")] == 0.0
+        assert leans[kind == k] ** 2 + spread == pytest.approx(size**2)
         assert leans[kind == k] == pytest.approx(TYPICAL.lean * size)
+
+
+def test_a_strong_effect_may_stand_over_a_small_background():
+    """Each effect with each size and each background under it; what is likely of a background is as likely under an effect."""
+    kind, squares, under, log_prior = TYPICAL.hypotheses()
+    assert not under[kind == 0].any()
+    sizes, below = TYPICAL.strong_scales, TYPICAL.strong_over
+    for k in range(1, kind.max() + 1):
+        found = sorted(zip(np.sqrt(squares[kind == k]).tolist(), np.sqrt(under[kind == k]).tolist(), strict=True))
+        assert np.array(found) == pytest.approx(np.array([(s, b) for s in sorted(sizes) for b in sorted(below)]))
+    shares = [np.exp(log_prior[(kind > 0) & (under == b**2)]).sum() for b in below]
+    usual = np.exp(-0.5 * (np.log(below) / TYPICAL.scale_spread) ** 2)
+    assert np.array(shares) / sum(shares) == pytest.approx(usual / usual.sum())
+    assert np.exp(log_prior).sum() == pytest.approx(1.0)
+    # A clean record of two time constants behind a strong fast mode is known by its readings, not by a background that it lacks.
+    time, rng = np.arange(0.0, 181.0), np.random.default_rng(4)
+    rise = 10.0 * -np.expm1(-time / 60.0) - 2.0 * -np.expm1(-time / 12.0) + 0.01 * rng.standard_normal(181)
+    narrow, wide = (
+        tf.identify({"time_min": time, "T": 20.0 + rise}, imperfection=prior)[0]
+        for prior in (TYPICAL, replace(TYPICAL, strong_over=(1.0,)))
+    )
+    assert narrow.steady_state_lo_c < 28.0 < narrow.steady_state_hi_c
+    assert narrow.steady_state_hi_c - narrow.steady_state_lo_c < 0.7 * (wide.steady_state_hi_c - wide.steady_state_lo_c)
 
 
 def test_a_slow_mass_behind_is_looked_for_where_the_heat_goes():
@@ -200,6 +228,7 @@ def test_an_interval_that_past_runs_made_narrower_is_no_doubt():
 def mixture_case(rng, asked=4):
     found = shapes()
     kinds = np.stack([sizes.variances() for sizes in (TYPICAL.background, *TYPICAL.strong[:4])])
+    kinds = np.concatenate([kinds, 0.01 * rng.random((*kinds.shape[:2], len(SLOW)))], axis=2)
     kind = np.array([0, 0, 1, 2, 3, 4], dtype=np.intp)
     y = 8 * -np.expm1(-RATE * TIME) + 0.05 * rng.standard_normal((2, len(TIME)))
     rates = np.array([[0.02, 0.021, 0.022]] * 2)
@@ -212,7 +241,7 @@ def mixture_case(rng, asked=4):
         "ones": np.concatenate([np.ones(len(TIME)), [1.0, 0.0, 0.0, 1.0]]),
         "law": law(rates, TIME, np.zeros(len(TIME)), ASKED),
         "slow": slow_rise(rates, TIME, LAST, LOG_TWENTY, ASKED),
-        "leans": np.array([0.0, 0.0, 0.3, 0.0, -0.1, 0.5]),
+        "leans": np.array([[0.0] * 3, [0.0] * 3, [0.3, 0.0, 0.0], [0.0] * 3, [0.0, -0.1, 0.2], [0.5, 0.1, 0.0]]),
         "node": np.zeros((2, 3), dtype=np.intp),
         "share": np.array([[0.0, 0.4, 0.9]] * 2),
         "covariance": found,
@@ -223,6 +252,7 @@ def mixture_case(rng, asked=4):
         "beside": 1e-4 * beside @ np.swapaxes(beside, 1, 2),
         "kind": kind,
         "scale": np.array([0.04, 1.0, 0.3, 1.0, 0.3, 1.0]),
+        "under": np.array([0.0, 0.0, 1.0, 0.3, 1.0, 0.04]),
         "active": np.ones(shape, dtype=np.uint8),
         "asked": asked,
     }
@@ -270,9 +300,9 @@ def test_evidence_and_predictions_are_those_of_one_large_gaussian():
         kinds = 64.0 * given["relative"] + given["absolute"]
         types = np.einsum("kn,nrc->krc", kinds, given["covariance"][0])
         types[0] += 64.0 * given["beside"][0]
-        whole = given["scale"][h] * types[given["kind"][h]] + (types[0] if given["kind"][h] else 0.0)
+        whole = given["scale"][h] * types[given["kind"][h]] + given["under"][h] * types[0]
         whole = whole + 64.0 * given["doubt"][0]
-        rises = given["law"][0, 0] + given["leans"][h] * given["slow"][0, 0]
+        rises = given["law"][0, 0] + given["leans"][h] @ given["slow"][0, 0]
         x = np.stack([given["ones"], rises], axis=1)
         whole = whole + 1e3 * np.outer(x[:, 0], x[:, 0]) + 10.0 * np.outer(x[:, 1], x[:, 1])
         data = whole[:m, :m] + np.diag(given["noise"][0])

@@ -29,7 +29,7 @@ NODE_STEP = 0.12
 #: Rates looked at lie between these over the length of the record, or so many times the pilot's.
 SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
 #: Rates of the first pass that closes in on the posterior, of those after it, and how many more there may be.
-FEW, FINE, MORE = 6, 16, 3
+FEW, FINE, MORE = 12, 16, 3
 #: Rates looked at beside the grid, in deviations of the law's own.
 ANCHORS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 #: Every so many nodes the first look over all rates takes.
@@ -52,8 +52,6 @@ EDGE = 0.5
 DOUBTED = 0.05
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 5e-5
-#: Below this share of what a first look over all hypotheses found, one is not looked at again; its evidence stands.
-LEFT_ALONE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -145,8 +143,6 @@ class _Run:
         law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
         self._known = np.zeros(0), np.zeros(0)
-        self._likely = np.ones((self.count, len(self.kind)), dtype=bool)
-        self._first = np.zeros((self.count, len(self.kind)))
 
     def log_rate_prior(self, off: Array, sensor: int | None = None) -> Array:
         """Log prior, up to a constant that all have, of log rates (S, F) less the centres; of one sensor, (F,)."""
@@ -238,7 +234,6 @@ class _Run:
         weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
         level = log_sum(kinds[:, self.base] + background, 1)
         relative = np.maximum(kinds - level[:, None], -60.0)
-        relative = self._first = np.where(self._likely, relative, self._first)
         weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
         said = np.clip(relative, -MOST_SAID, MOST_SAID)
         weight += counted * (said.sum(axis=0) - said)
@@ -305,17 +300,14 @@ class _Run:
         """Coarse look over all rates, then passes that close in on the posterior, then what is asked for."""
         slowest, fastest = (np.full(self.count, self.nodes[k]) for k in (0, -1))
         coarse = self._spread(slowest, fastest, len(self.nodes) // COARSE + 1)
-        looked = np.zeros((*coarse.shape, len(self.kind)), dtype=bool)
-        looked[..., self._few()] = True
-        evidence = self.evaluate(coarse, looked, 0)[0]
+        few = np.zeros(len(self.kind), dtype=bool)
+        few[self.prior.few()] = True
+        evidence = self.evaluate(coarse, np.broadcast_to(few, (*coarse.shape, len(few))), 0)[0]
         posterior = self.weighed(coarse, evidence)
         marginal = log_sum(posterior, 2)
         low, high = within_depth(coarse, marginal, 14.0, 1.0)
         first = self._spread(low, high, FEW)
-        posterior, marginal, *_ = self._looked(first, np.ones(self.count, dtype=bool))
-        likely = log_sum(posterior, 1)
-        self._likely = likely - log_sum(likely, 1)[:, None] > np.log(LEFT_ALONE)
-        self._likely |= self.base  # against which all others are held
+        marginal = self._looked(first, np.ones(self.count, dtype=bool), few)[1]
         low, high = within_depth(first, marginal, 9.0, 1.0)
         log_rate, open_ = self._spread(low, high, FINE), np.ones(self.count, dtype=bool)
         posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
@@ -337,11 +329,11 @@ class _Run:
         law_rate = np.where(np.isnan(self.anchors), low[:, None], self.anchors)
         return np.sort(np.concatenate([even, np.clip(law_rate, low[:, None], high[:, None])], axis=1), axis=1)
 
-    def _looked(self, log_rate: Array, anew: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Array]:
-        """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) only."""
+    def _looked(self, log_rate: Array, anew: NDArray[np.bool_], which: NDArray[np.bool_] | bool = True) -> tuple[Array, Array, Array, Array, Array]:
+        """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) and hypotheses `which` (H,) only."""
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
-        active = stands[..., None] & self._likely[:, None]
+        active = np.broadcast_to(stands[..., None] & which, (*log_rate.shape, len(self.kind)))
         evidence, squares, *_ = self.evaluate(log_rate, active, 0)
         if not anew.all():
             evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]
@@ -350,13 +342,6 @@ class _Run:
         marginal, plain = log_sum(posterior, 2), log_sum(posterior[..., self.base], 2)
         said, dense, agreeing = self.told(log_rate, marginal, plain)
         return posterior + said[..., None], marginal + said, squares, dense, agreeing
-
-    def _few(self) -> NDArray[np.intp]:
-        """Hypotheses enough to find where the posterior lies: every other scale of the background, each strong effect once."""
-        base = np.flatnonzero(self.base)[1::2] if self.base.sum() > 1 else np.flatnonzero(self.base)
-        middle = len(self.prior.strong_scales) * (len(self.prior.strong_over) // 2) + 1
-        strong = [np.flatnonzero(self.kind == k)[middle] for k in range(1, len(self.relative))]
-        return np.concatenate([base, np.array(strong, dtype=np.intp)])
 
     def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_], evidence: Array) -> Settled:
         asked = self.asked[0].count

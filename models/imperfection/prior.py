@@ -27,7 +27,7 @@ ABSOLUTE = frozenset({"room", "ramp", "logged"})
 class Sizes:
     """Standard deviations of one kind of discrepancy.
 
-    slow: modes 0.1 and 0.3 times as fast as the law's (a mass behind the one measured), together; fast: modes 1.5 to 9 times as
+    slow: modes 0.1 to 0.4 times as fast as the law's (a mass behind the one measured), in the background together; fast: modes 1.5 to 9 times as
     fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial share of the heat;
     load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to 45 units; walk: of a
     heat that wanders, per root hour of units; start: of the first minutes (a late or uneven start); room [K per root hour of
@@ -88,7 +88,8 @@ class Imperfection:
 
     background: what every machine has, times a scale that is estimated: one of `scales`, log-normal about 1 with deviation
     `scale_spread`; `clean` of all machines have the least. strong: effects one of which a record holds with probability
-    `strong_share`, in shares as `strong_weights` (alike without), each times one of `strong_scales`. evidence_power: to which the
+    `strong_share`, in shares as `strong_weights` (alike without), each times one of `strong_scales`, over a background times one of
+    `strong_over`; a slow mode is one of `SLOW`. evidence_power: to which the
     evidence for a strong effect counts, because its shapes are caricatures; from_others: the share of another sensor's evidence
     that counts, because disturbances are common to a run. rate_spread: deviation of the log rate between sensors of a machine
     that agree; apart: probability that one does not. log_rate_spread: prior deviation of the log rate about the pilot's.
@@ -104,7 +105,6 @@ class Imperfection:
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
     strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
     strong_over: tuple[float, ...] = (0.2, 1.0)
-    slow_alone: bool = True
     scale_spread: float = 0.8
     clean: float = 0.1
     evidence_power: float = 0.5
@@ -134,9 +134,8 @@ class Imperfection:
         return float(np.interp(np.log(max(read, 1e-9)), np.log(turns), factors))
 
     def effects(self) -> list[tuple[int, int]]:
-        """(which of `strong`, which slow mode or -1 for all) of every effect: a slow mode has one rate, which nobody knows."""
-        alone = range(len(SLOW)) if self.slow_alone else (-1,)
-        return [(i, q) for i, sizes in enumerate(self.strong) for q in (alone if sizes.slow else (-1,))]
+        """(which of `strong`, which slow mode or -1 for none) of every effect: one mass behind has one rate, which nobody knows."""
+        return [(i, q) for i, sizes in enumerate(self.strong) for q in (range(len(SLOW)) if sizes.slow else (-1,))]
 
     def kinds(self) -> tuple[Array, Array]:
         """(relative, absolute) (1 + effects, components + slow modes): variances of the background and of every strong effect."""
@@ -156,7 +155,7 @@ class Imperfection:
         kind, squares, *_ = self.hypotheses()
         share = np.zeros((1 + len(self.effects()), len(SLOW)))
         for row, (i, mode) in zip(share[1:], self.effects(), strict=True):
-            row[:] = self.strong[i].slow * (1.0 / np.sqrt(len(SLOW)) if mode < 0 else np.arange(len(SLOW)) == mode)
+            row[:] = self.strong[i].slow * (np.arange(len(SLOW)) == mode)
         found: Array = self.lean * self.multiplier * np.sqrt(squares)[:, None] * share[kind]
         return found
 
@@ -180,6 +179,14 @@ class Imperfection:
         each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(sizes))
         prior = np.concatenate([(1.0 - share) * weight, each * np.tile(np.repeat(over, len(self.strong_scales)), count)])
         return kind, squares, below, np.log(np.maximum(prior, 1e-300))
+
+    def few(self) -> NDArray[np.intp]:
+        """Hypotheses enough to find where a posterior lies: every other scale of the background, each effect in its middle size."""
+        count, sizes = len(self.scales), len(self.strong_scales)
+        each = np.arange(len(self.effects())) * sizes * len(self.strong_over)
+        middle = np.arange(len(self.strong_over))[:, None] * sizes + sizes // 2
+        found: NDArray[np.intp] = np.concatenate([np.arange(count)[1::2] if count > 1 else np.arange(count), (count + each + middle).ravel()])
+        return found
 
     def _as_usual(self, scales: Array) -> Array:
         """How likely sizes of the background are, against the most likely."""
