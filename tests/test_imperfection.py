@@ -135,7 +135,10 @@ def test_slow_modes_lean_by_what_bodies_behind_do():
         size = TYPICAL.strong[which].slow * np.sqrt(squares[kind == k])[:, None] * (np.arange(len(SLOW)) == mode)
         spread = relative[k, len(COMPONENTS) :] * squares[kind == k][:, None]
         assert relative[k, COMPONENTS.index("slow")] == 0.0
-        assert leans[kind == k] ** 2 + spread == pytest.approx(size**2)
+        near = np.abs(np.arange(len(SLOW)) - mode) == 1  # its neighbours have a fiftieth of its variance, to either side
+        assert (leans[kind == k] ** 2 + spread)[:, ~near] == pytest.approx((size**2)[:, ~near])
+        if mode >= 0:
+            assert spread[:, near] == pytest.approx(0.02 * spread[:, [mode] * near.sum()])
         assert leans[kind == k] == pytest.approx(TYPICAL.lean * size)
 
 
@@ -151,15 +154,15 @@ def test_a_strong_effect_may_stand_over_a_small_background():
     usual = np.exp(-0.5 * (np.log(below) / TYPICAL.scale_spread) ** 2)
     assert np.array(shares) / sum(shares) == pytest.approx(usual / usual.sum())
     assert np.exp(log_prior).sum() == pytest.approx(1.0)
-    # A clean record of two time constants behind a strong fast mode is known by its readings, not by a background that it lacks.
-    time, rng = np.arange(0.0, 181.0), np.random.default_rng(4)
-    rise = 10.0 * -np.expm1(-time / 60.0) - 2.0 * -np.expm1(-time / 12.0) + 0.01 * rng.standard_normal(181)
+    # Late in a record without a background, and with a mass behind, the readings say what a usual background would take for its own.
+    time, rng = np.arange(0.0, 361.0), np.random.default_rng(4)
+    rise = 10.0 * -np.expm1(-time / 60.0) + 1.0 * -np.expm1(-time / 250.0) + 0.02 * rng.standard_normal(361)
     narrow, wide = (
         tf.identify({"time_min": time, "T": 20.0 + rise}, imperfection=prior)[0]
         for prior in (TYPICAL, replace(TYPICAL, strong_over=(1.0,)))
     )
-    assert narrow.steady_state_lo_c < 28.0 < narrow.steady_state_hi_c
-    assert narrow.steady_state_hi_c - narrow.steady_state_lo_c < 0.7 * (wide.steady_state_hi_c - wide.steady_state_lo_c)
+    assert narrow.steady_state_lo_c < 31.0 < narrow.steady_state_hi_c < 31.5
+    assert wide.steady_state_hi_c < 31.0
 
 
 def test_a_slow_mass_behind_is_looked_for_where_the_heat_goes():

@@ -373,9 +373,11 @@ class _Run:
             for k in range(self.times):
                 at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
             of_rate = weight[i].sum(axis=1)
-            middle = of_rate @ log_rate[i]
             cell = cell_of[i]
-            spread_of_rate[i] = np.sqrt(max(of_rate @ ((log_rate[i] - middle) ** 2 + cell**2 / 12.0), 0.0))
+            # Within hypotheses: that a fast and a slow rate are both known, and only not which is the law's, leaves no limit open.
+            middle = (log_rate[i] @ weight[i]) / np.maximum(weight[i].sum(axis=0), 1e-300)
+            within = ((log_rate[i][:, None] - middle) ** 2 + cell[:, None] ** 2 / 12.0) * weight[i]
+            spread_of_rate[i] = np.sqrt(within.sum())
             if self.known is not None:
                 # Where its prior is knowledge there is nothing to be shrunk.
                 spread_of_rate[i] = spread_of_rate[i] / self.known[i, 1] if self.guessed else 0.0

@@ -19,7 +19,15 @@ class EstimationRules:
     unfit: float = rule(
         0.01, "1", "a machine of the prior's kind leaves the law this far with this probability", "once in a hundred records"
     )
-    strong: float = rule(0.9, "1", "probability of an effect beside the law from which a row is doubtful", BY_HAND)
+    strong: float = rule(
+        0.9,
+        "1",
+        "probability of an effect beside the law from which a row is doubtful, and past runs are not believed",
+        "benchmarks.machines.bodies, benchmarks.intervals.imperfect: rows above it miss more often early, below it they do not",
+    )
+    done: float = rule(
+        0.1, "of the rise", "an effect beside the law is no doubt where no side of the interval is farther from the readings", BY_HAND
+    )
     outlying: float = rule(
         0.1, "of the readings", "left out as outliers at which a row is doubtful: a load that swings looks so, no probe", BY_HAND
     )

@@ -127,7 +127,10 @@ def claimed_verdicts(
         width = found.steady_high - found.steady_low
         too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
         unfit = claimed.check_p < RULES.unfit
-        strong = claimed.strong > RULES.strong
+        # Of a rise that is nearly done no effect beside the law can say otherwise than its readings.
+        sides = np.abs(claimed.steady[:, [0, 2]] - found.state[:, :1]).max(axis=1)
+        ahead = ~(sides <= RULES.done * np.abs(claimed.steady[:, 1] - found.initial))
+        strong = (claimed.strong > RULES.strong) & ahead
         hides = claimed.hides > RULES.hides
     lawless = _lawless(found, sensors) & ~claimed.other_rise
     out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
