@@ -45,10 +45,11 @@ def mixture(
 ) -> None:
     """Fills evidence, squares (S, F, H), mean and variance (S, F, H, asked); nan in evidence where not active or not solvable.
 
-    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H, Q) times slow (S, F, Q, m + k) is added; node
-    (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m + k, m + k); relative, absolute (kinds,
-    components); rise (S, F) [K^2]; kind, scale, under (H,), the last of the background under an effect. doubt (S, m + k, m + k) is the covariance, over the square of the rise, of a
-    shape that past runs told; (0, 0, 0) for none. beside is another, which belongs to the background and has its scale.
+    reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H, Q) times slow (S, F, Q, m + k) is added;
+    node (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m + k, m + k); relative, absolute
+    (kinds, components); rise (S, F) [K^2]; kind, scale, under (H,), the last of the background under an effect. doubt (S, m + k,
+    m + k) is the covariance, over the square of the rise, of a shape that past runs told; (0, 0, 0) for none. beside is another,
+    which belongs to the background and has its scale.
     """
     m = reading.shape[2]
     wide = m + asked

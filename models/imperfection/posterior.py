@@ -329,8 +329,13 @@ class _Run:
         law_rate = np.where(np.isnan(self.anchors), low[:, None], self.anchors)
         return np.sort(np.concatenate([even, np.clip(law_rate, low[:, None], high[:, None])], axis=1), axis=1)
 
-    def _looked(self, log_rate: Array, anew: NDArray[np.bool_], which: NDArray[np.bool_] | bool = True) -> tuple[Array, Array, Array, Array, Array]:
-        """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement; worked out for `anew` (S,) and hypotheses `which` (H,) only."""
+    def _looked(
+        self, log_rate: Array, anew: NDArray[np.bool_], which: NDArray[np.bool_] | bool = True
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement.
+
+        Worked out for sensors `anew` (S,) and hypotheses `which` (H,) only.
+        """
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
         active = np.broadcast_to(stands[..., None] & which, (*log_rate.shape, len(self.kind)))

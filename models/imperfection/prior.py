@@ -29,12 +29,12 @@ ABSOLUTE = frozenset({"room", "ramp", "logged"})
 class Sizes:
     """Standard deviations of one kind of discrepancy.
 
-    slow: modes 0.1 to 0.4 times as fast as the law's (a mass behind the one measured), in the background together; fast: modes 1.5 to 9 times as
-    fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial share of the heat;
-    load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to 45 units; walk: of a
-    heat that wanders, per root hour of units; start: of the first minutes (a late or uneven start); room [K per root hour of
-    units]: of surroundings that wander; ramp [K per hour of units]: of a room and of a probe that drift evenly; logged: of the gain
-    of a room that is logged, about 1.
+    slow: modes 0.1 to 0.4 times as fast as the law's (a mass behind the one measured), in the background together; fast: modes
+    1.5 to 9 times as fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial
+    share of the heat; load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to
+    45 units; walk: of a heat that wanders, per root hour of units; start: of the first minutes (a late or uneven start); room [K
+    per root hour of units]: of surroundings that wander; ramp [K per hour of units]: of a room and of a probe that drift evenly;
+    logged: of the gain of a room that is logged, about 1.
     """
 
     slow: float = 0.0
@@ -90,14 +90,14 @@ class Imperfection:
 
     background: what every machine has, times a scale that is estimated: one of `scales`, log-normal about 1 with deviation
     `scale_spread`; `clean` of all machines have the least. strong: effects one of which a record holds with probability
-    `strong_share`, in shares as `strong_weights` (alike without), each times one of `strong_scales`, over a background times one of
-    `strong_over`; a slow mode is one of `SLOW`. evidence_power: to which the
-    evidence for a strong effect counts, because its shapes are caricatures; from_others: the share of another sensor's evidence
-    that counts, because disturbances are common to a run. rate_spread: deviation of the log rate between sensors of a machine
-    that agree; apart: probability that one does not. log_rate_spread: prior deviation of the log rate about the pilot's.
-    multiplier: of all sizes. lean: mean of a strong slow mode's amplitude over its root mean square, in the direction of the rise:
-    a part that is still cold takes heat and gives none, so that the limit is farther than the law says. factors: (time constants
-    read, factor on half-widths), learnt from complete runs.
+    `strong_share`, in shares as `strong_weights` (alike without), each times one of `strong_scales`, over a background times one
+    of `strong_over`; a slow mode is one of `SLOW`. evidence_power: to which the evidence for a strong effect counts, because its
+    shapes are caricatures; from_others: the share of another sensor's evidence that counts, because disturbances are common to a
+    run. rate_spread: deviation of the log rate between sensors of a machine that agree; apart: probability that one does not.
+    log_rate_spread: prior deviation of the log rate about the pilot's. multiplier: of all sizes. lean: mean of a strong slow
+    mode's amplitude over its root mean square, in the direction of the rise: a part that is still cold takes heat and gives none,
+    so that the limit is farther than the law says. factors: (time constants read, factor on half-widths), learnt from complete
+    runs.
     """
 
     background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10, logged=0.3)
@@ -188,7 +188,9 @@ class Imperfection:
         count, sizes = len(self.scales), len(self.strong_scales)
         each = np.arange(len(self.effects())) * sizes * len(self.strong_over)
         middle = np.arange(len(self.strong_over))[:, None] * sizes + sizes // 2
-        found: NDArray[np.intp] = np.concatenate([np.arange(count)[1::2] if count > 1 else np.arange(count), (count + each + middle).ravel()])
+        found: NDArray[np.intp] = np.concatenate(
+            [np.arange(count)[1::2] if count > 1 else np.arange(count), (count + each + middle).ravel()]
+        )
         return found
 
     def _as_usual(self, scales: Array) -> Array:

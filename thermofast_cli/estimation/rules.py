@@ -23,10 +23,13 @@ class EstimationRules:
         0.9,
         "1",
         "probability of an effect beside the law from which a row is doubtful, and past runs are not believed",
-        "benchmarks.machines.bodies, benchmarks.intervals.imperfect: rows above it miss more often early, below it they do not",
+        "benchmarks.intervals.imperfect, benchmarks.machines.bodies: rows from 0.6 to it miss no more often than others",
     )
     done: float = rule(
-        0.1, "of the rise", "an effect beside the law is no doubt where no side of the interval is farther from the readings", BY_HAND
+        0.1,
+        "of the rise",
+        "an effect beside the law is no doubt where no side of the interval is farther from the readings",
+        BY_HAND,
     )
     outlying: float = rule(
         0.1, "of the readings", "left out as outliers at which a row is doubtful: a load that swings looks so, no probe", BY_HAND

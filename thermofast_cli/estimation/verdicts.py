@@ -128,9 +128,9 @@ def claimed_verdicts(
         too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
         unfit = claimed.check_p < RULES.unfit
         # Of a rise that is nearly done no effect beside the law can say otherwise than its readings.
-        sides = np.abs(claimed.steady[:, [0, 2]] - found.state[:, :1]).max(axis=1)
-        ahead = ~(sides <= RULES.done * np.abs(claimed.steady[:, 1] - found.initial))
-        strong = (claimed.strong > RULES.strong) & ahead
+        low, _, high = np.abs(claimed.steady - found.state[:, :1]).T
+        rise = np.abs(claimed.steady[:, 1] - found.initial)
+        strong = (claimed.strong > RULES.strong) & ~(np.maximum(low, high) <= RULES.done * rise)
         hides = claimed.hides > RULES.hides
     lawless = _lawless(found, sensors) & ~claimed.other_rise
     out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
