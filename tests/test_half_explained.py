@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import multivariate_normal
+from scipy.stats import t as student_t
 from simulator import held_response
 
 import thermofast as tf
@@ -186,7 +187,7 @@ def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():
     assert matrix == pytest.approx(0.5 + 0.5 * np.eye(3))
 
 
-def test_evidence_is_that_of_a_normal_distribution_over_rate_and_levels():
+def test_evidence_is_that_of_a_normal_distribution_over_levels_and_students_over_the_rate():
     """Two guesses of the rate: how much likelier the readings are with one is told as by brute force."""
     time, rate, sigma = np.arange(0.0, 61.0, 2.0), 1 / 40, 0.05
     reading = 20.0 + 8.0 * -np.expm1(-rate * time) + sigma * np.random.default_rng(2).standard_normal(len(time))
@@ -199,13 +200,14 @@ def test_evidence_is_that_of_a_normal_distribution_over_rate_and_levels():
         return settle([part], 40.0, NONE, [], "own").evidence[0]
 
     def brute(guess, deviation):
-        off = np.linspace(-6, 6, 241) * deviation
+        reach = max(6.0 * deviation, 0.5)
+        off = np.linspace(-reach, reach, 961)
         columns = [np.stack([np.ones_like(time), -np.expm1(-b * time) / b]) for b in guess * np.exp(off)]
         like = [
             multivariate_normal(np.zeros(len(time)), sigma**2 * np.eye(len(time)) + wide * c.T @ c).logpdf(reading - 20.0)
             for c in columns
         ]
-        return np.log(np.trapezoid(np.exp(like) * norm.pdf(off, 0, deviation), off))
+        return np.log(np.trapezoid(np.exp(like) * student_t.pdf(off, 3, 0, deviation), off))
 
     for one, two in (((1 / 40, 0.05), (1 / 60, 0.05)), ((1 / 40, 0.05), (1 / 42, 0.3))):
         assert told(*one) - told(*two) == pytest.approx(brute(*one) - brute(*two), rel=0.05, abs=0.2)

@@ -84,3 +84,17 @@ def quantiles(weight: Array, mean: Array, deviation: Array) -> Array:
     given = [np.ascontiguousarray(v, dtype=float) for v in (weight, mean, deviation)]
     core.quantiles(*given, LEVELS, out)
     return out
+
+
+def student(off: Array, spread: Array, free: float) -> Array:
+    """Log density, up to a constant, of Student's t with `free` degrees of freedom at `off`, in units of `spread`."""
+    found: Array = -0.5 * (free + 1.0) * np.log1p((off / spread) ** 2 / free) - np.log(spread)
+    return found
+
+
+def stretch(steady: Array, t95: Array, at: Array, factor: float) -> None:
+    """Multiplies the half-widths of one sensor by `factor`, in place; none are settled before the beginning."""
+    if factor != 1.0:
+        for three in (steady, t95, *at):
+            three[...] = three[1] + factor * (three - three[1])
+        t95[0] = max(t95[0], 0.0)

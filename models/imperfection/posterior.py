@@ -17,7 +17,7 @@ from ..decay import LOG_TWENTY
 from .blocks import Blocks, Part, block_means
 from .draw import Drawn, conditional, normal_draws
 from .known import NOTHING
-from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, within_depth
+from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, stretch, student, within_depth
 from .prior import COMPONENTS, SLOW, Imperfection
 from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room, slow_rise
 
@@ -42,6 +42,9 @@ SLOWER = 2.0
 COUNTED_OTHERS = 2.0
 #: Rates of a machine that is known, or guessed, are looked at within so many deviations.
 AROUND_KNOWN, AROUND_GUESSED = 6.0, 4.0
+#: A machine that is known may have been changed since (a fan, a filter, other oil): Student's t with so many degrees of freedom, as
+#: scatter between few runs has, log rates that are looked at on either side at least, and how many of them at first.
+KNOWN_FREE, KNOWN_REACH, KNOWN_COARSE = 3.0, 0.5, 24
 #: Log evidence of one sensor that counts with others, at most: a probe that fell off says much, and nothing of its neighbours.
 MOST_SAID = 20.0
 #: Degrees of freedom of a variance that is known.
@@ -118,6 +121,8 @@ class _Run:
         self.guessed = any(p.known is not None and p.known.guessed for p in parts)
         if self.known is not None:
             reach = (AROUND_GUESSED if self.guessed else AROUND_KNOWN) * self.known[:, 1]
+            if not self.guessed:
+                reach = np.maximum(reach, KNOWN_REACH)
             slow, fast = float((self.known[:, 0] - reach).min()), float((self.known[:, 0] + reach).max())
         self.nodes = np.arange(slow, fast + NODE_STEP, NODE_STEP)
         node_rates = np.exp(self.nodes)
@@ -151,6 +156,8 @@ class _Run:
             slow, fast = np.asarray(SLOWER * spread), np.asarray(spread)
         else:
             slow = fast = self.known[:, 1:] if sensor is None else self.known[sensor, 1]
+            if not self.guessed:
+                return student(off, slow, KNOWN_FREE)
         found: Array = -0.5 * (off / np.where(off > 0.0, fast, slow)) ** 2 - np.log(slow + fast)
         return found
 
@@ -299,7 +306,8 @@ class _Run:
     def settled(self) -> Settled:
         """Coarse look over all rates, then passes that close in on the posterior, then what is asked for."""
         slowest, fastest = (np.full(self.count, self.nodes[k]) for k in (0, -1))
-        coarse = self._spread(slowest, fastest, len(self.nodes) // COARSE + 1)
+        known = self.known is not None and not self.guessed
+        coarse = self._spread(slowest, fastest, KNOWN_COARSE if known else len(self.nodes) // COARSE + 1)
         few = np.zeros(len(self.kind), dtype=bool)
         few[self.prior.few()] = True
         evidence = self.evaluate(coarse, np.broadcast_to(few, (*coarse.shape, len(few))), 0)[0]
@@ -398,7 +406,7 @@ class _Run:
             beyond = float(np.sqrt(max(w @ left / w.sum() / (m - 2), 1.0))) if check[i] < DOUBTED else 1.0
             learnt = self.prior.factor_at(self.blocks_of(i).last * rate[i, 1])
             factor = beyond * learnt
-            self._stretch(steady[i], t95[i], at[i], factor)
+            stretch(steady[i], t95[i], at[i], factor)
             if drawn is not None:
                 drawn.factor[i] = factor
                 self._draw(drawn, i, log_rate, rise[i], (places, hypotheses, w))
@@ -469,10 +477,3 @@ class _Run:
     def blocks_of(self, sensor: int) -> Blocks:
         """The blocks of the part that a sensor is in."""
         return self.blocks[int(np.searchsorted(self.rows, sensor, "right")) - 1]
-
-    def _stretch(self, steady: Array, t95: Array, at: Array, factor: float) -> None:
-        """Multiplies the half-widths of one sensor by `factor`."""
-        if factor != 1.0:
-            for three in (steady, t95, *at):
-                three[...] = three[1] + factor * (three - three[1])
-            t95[0] = max(t95[0], 0.0)
