@@ -204,7 +204,11 @@ class Record:
 def record(kind: str, seed: int, turns: float) -> Record:
     """So many median times to 63 % of a machine, by probes that lag."""
     rng = np.random.default_rng([seed, *map(ord, kind)])
-    bodies = KINDS[kind](rng, kind)
+    return measured(KINDS[kind](rng, kind), rng, turns)
+
+
+def measured(bodies: Bodies, rng: np.random.Generator, turns: float) -> Record:
+    """So many median times to 63 % of bodies, by probes that lag."""
     times, curves = bodies.curves()
     limit, curves = bodies.limits(curves[:, -1])[bodies.probes], curves[bodies.probes]
     fall = np.exp(-GRID / 10.0 ** rng.uniform(-1.3, -0.3))
