@@ -12,7 +12,8 @@ import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from thermofast.models import Observations
 from thermofast.models.imperfection import NONE, TYPICAL, Part, PastRun, learn_past, settle, widths_left_out
-from thermofast.models.imperfection.past import BESIDE_KNOWN
+from thermofast.models.imperfection.known import Known
+from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID
 from thermofast.models.joint import LEVEL, RATE, fit_model
 from thermofast.models.uncertainty.pooled import fit_together, pool
 
@@ -135,6 +136,29 @@ def test_improve_together_learns_one_model_that_identify_starts_from(tool, files
         assert "learnt from 3 runs" in a["message"]
     again = tf.identify(files[3], until=45, at=410, model=tf.improve(files[:3], together=True).model)
     assert again["T1"].at_c == pytest.approx(with_past["records"][0]["at_c"], abs=2e-3)
+    # A change of the machine bends its curves later: until a time constant is read the row says on what it stands.
+    for until in (45, 150):
+        for r in tf.identify(files[3], until=until, model=model):
+            early = until * r.rate_per_min < 1.0
+            assert early == (until == 45)
+            assert ("the machine is taken to be as it was" in r.message) == early
+
+
+def test_rates_of_a_known_machine_have_tails_for_one_that_was_changed():
+    """A loss 1.3 times as large makes the rate 1.3 times as fast: five deviations of the scatter, and found at half a time
+    constant; of a machine that is as it was the interval stays nearly as narrow.
+    """
+    time, rng = np.arange(0.0, 31.0, 0.5), np.random.default_rng(1)
+    law = -np.expm1(-GRID)[None, None]
+    widths = []
+    for rate in (1 / 60, 1.3 / 60):
+        reading = 20.0 + 10.0 / (60.0 * rate) * -np.expm1(-rate * time) + 0.02 * rng.standard_normal(len(time))
+        known = Known(np.array([[np.log(1 / 60), 0.05]]), GRID, law, law, law, np.zeros((1, 1, len(GRID))))
+        found = settle([Part(time, reading[None], np.array([0.02]), np.zeros(1), known=known)], 60.0, NONE, [], "own")
+        low, _, high = found.steady[0]
+        assert low < 20.0 + 10.0 / (60.0 * rate) < high
+        widths.append(high - low)
+    assert widths[0] < 0.9
 
 
 def test_an_effect_is_added_to_all_runs_and_runs_left_out_are_foretold_better(tool, files):

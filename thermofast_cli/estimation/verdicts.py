@@ -143,12 +143,16 @@ def claimed_verdicts(
     stayed = past.stayed_min if past is not None else np.inf
     restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
     behind = np.isfinite(claimed.behind)
+    # What was changed in a machine bends its curve later: its past is believed until then, and the row says for how long.
+    believed = claimed.known & (past is not None and not past.guessed)
+    with np.errstate(invalid="ignore"):
+        believed &= until * claimed.rate[:, 1] < 1.0
     doubted = unfit | strong | hides | swings | lawless | restless | behind | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     went = _went(found, sensors)
     still = went < RULES.at_rest * found.noise
-    for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | (out > 0)).tolist():
+    for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | believed | (out > 0)).tolist():
         said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
         if still[i]:
             said.append("it did not move by more than its noise: the heat may not be on yet")
@@ -180,6 +184,9 @@ def claimed_verdicts(
         if out[i]:
             gone = int(leave[i])
             said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), gone, _since(sensors, found, gone)))
+        if believed[i]:
+            then = rounded(1.0 / claimed.rate[i, 1])
+            said.append(f"the machine is taken to be as it was: a change of its cooling may not show before {then} min")
         if averaged[i]:
             said.append(f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts")
         messages[i] = said
