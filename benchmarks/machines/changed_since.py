@@ -1,8 +1,9 @@
 """A model of a machine that has been changed since: does ``identify --model`` hold what it says of a new run?
 
-python -m benchmarks.machines.changed_since [--each 8] [--seed 76000] prints, by what was changed and how much of the new run was
-read (in median times to 63 %): the share of rows that are ``ok``, how many of these hold the limit, and the median half-width over the
-rise. Spindle heads of ``benchmarks.machines.bodies``; the model is of three complete runs before (`improve --together`).
+python -m benchmarks.machines.changed_since [--each 8] [--seed 76000] prints, by what was changed and how much of the new run
+was read (in median times to 63 %): the share of rows that are ``ok``, how many of these hold the limit, and the median
+half-width over the rise. Spindle heads of ``benchmarks.machines.bodies``; the model is of three complete runs before
+(`improve --together`).
 """
 
 import argparse
