@@ -61,7 +61,8 @@ def test_a_model_that_lacks_an_effect_says_so_and_its_intervals_make_room_for_it
     surer = tf.identify(run, until=4 * tau, model=whole)
     assert np.all(width(surer) < 0.8 * width(told))
     assert sum(r.steady_state_lo_c <= limit <= r.steady_state_hi_c for r, limit in zip(surer, limits, strict=True)) < 3
-    # It still knows more than nothing does: by the interval score, which counts width and misses.
+    # It still knows more than nothing does; earlier too, by the interval score, which counts width and misses.
+    assert np.all(width(told) < width(tf.identify(run, until=4 * tau)))
     for turns in (1.0, 2.0, 3.0, 4.0):
         with_model, without = (score(tf.identify(run, until=turns * tau, **given), limits) for given in ({"model": model}, {}))
         assert with_model < 0.85 * without
@@ -243,10 +244,9 @@ def test_an_effect_that_grows_without_end_leaves_the_rest_as_it_was():
     assert doubts[1][0, 0] == pytest.approx(doubts[0][0, 0] + (0.01 * np.expm1(4.0 * 5.0 / 30.0)) ** 2, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_a_wave_that_was_found_settles_as_its_mean_does(seed):
+def test_a_wave_that_was_found_settles_as_its_mean_does():
     """A lump of 40 min whose heat is on for half of each 20 min: at one phase of the wave it never settles, its mean does at 120."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(3)
     time = np.arange(0.0, 240.25, 0.5)
     on = (np.floor(time / 10.0).astype(int) % 2 == 0).astype(float)
     reading = held_response(100.0 / 40.0 * on, 1.0 / 40.0, 0.5)
@@ -256,4 +256,4 @@ def test_a_wave_that_was_found_settles_as_its_mean_does(seed):
         # The first half period is on: the mean's law begins a little ahead of it.
         assert row.steady_state_lo_c < 20.0 + 50.0 * (1.0 + 0.05 * k) < row.steady_state_hi_c
         assert row.steady_state_hi_c - row.steady_state_lo_c < 3.0
-        assert 103.0 < row.t95_lo_min < row.t95_min < row.t95_hi_min < 146.0
+        assert 105.0 < row.t95_lo_min < row.t95_min < row.t95_hi_min < 140.0

@@ -1,10 +1,11 @@
 """Bodies of many kinds, far from one exponential: does ``identify`` hold what it says of the first part of their records?
 
-python -m benchmarks.machines.bodies [--each 10] [--seed 70000] [--kinds rod,motor,...] prints, by how much was read (in median
-times to 63 % of the sensors' rises): the share of rows that are ``ok``, how many of these and of all hold the limit with room and
-load as they are, the median half-width over the rise, and the mean interval score (Winkler, 95 %) over the rise. Networks of heat
-capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones lean were chosen on such
-machines by another hand. --calibrated 12: after `calibrate` on twelve complete runs of other machines of each kind.
+python -m benchmarks.machines.bodies [--each 10] [--seed 70000] [--kinds rod,motor,...] [--read 0.3,0.5,1,2] prints, by how much
+was read (in median times to 63 % of the sensors' rises): the share of rows that are ``ok``, how many of these and of all hold the
+limit with room and load as they are, the median half-width over the rise, and the mean interval score (Winkler, 95 %) over the
+rise. Networks of heat capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones
+lean were chosen on such machines by another hand. --calibrated 12: after `calibrate` on twelve complete runs of other machines of
+each kind.
 
 rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
 two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
@@ -223,11 +224,11 @@ def measured(bodies: Bodies, rng: np.random.Generator, turns: float) -> Record:
     return Record(minutes, reading + noise * rng.standard_normal(reading.shape), limit, rise, turn)
 
 
-def rows_of(job: tuple[str, int, str | Imperfection]) -> list[tuple[str, float, bool, float, float]]:
+def rows_of(job: tuple[str, int, str | Imperfection, tuple[float, ...]]) -> list[tuple[str, float, bool, float, float]]:
     """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
-    kind, seed, prior = job
-    seen, found = record(kind, seed, max(READ)), []
-    for share in READ:
+    kind, seed, prior, read = job
+    seen, found = record(kind, seed, max(read)), []
+    for share in read:
         for r, limit, rise in zip(
             tf.identify(seen.table(share * seen.turn), imperfection=prior, jobs=1), seen.limit, seen.rise, strict=True
         ):
@@ -251,14 +252,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=70_000)
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--calibrated", type=int, default=0, help="complete runs of other machines of the kind to learn from")
+    parser.add_argument("--read", default=",".join(map(str, READ)), help="median times to 63 %% that are read")
     given = parser.parse_args()
+    read = tuple(map(float, given.read.split(",")))
     by: dict[tuple[str, float], list[tuple[bool, float, float]]] = defaultdict(list)
     kinds = given.kinds.split(",")
     with ProcessPoolExecutor() as pool:
         priors: dict[str, str | Imperfection] = dict.fromkeys(kinds, "typical")
         if given.calibrated:
             priors |= zip(kinds, pool.map(learnt, [(kind, given.seed, given.calibrated) for kind in kinds]), strict=True)
-        jobs = [(kind, given.seed + i, priors[kind]) for kind in kinds for i in range(given.each)]
+        jobs = [(kind, given.seed + i, priors[kind], read) for kind in kinds for i in range(given.each)]
         for rows in pool.map(rows_of, jobs):
             for kind, share, ok, low, high in rows:
                 for name in (kind, "all"):
@@ -266,7 +269,7 @@ def main() -> None:
     print("| bodies | read | rows | `ok` | of these held | all held | half-width / rise | score / rise |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for kind in (*kinds, "all"):
-        for share in READ:
+        for share in read:
             ok, low, high = map(np.array, zip(*by[kind, share], strict=True))
             told = np.isfinite(low) & np.isfinite(high)
             held = (low <= 0.0) & (high >= 0.0)

@@ -29,7 +29,7 @@ NODE_STEP = 0.12
 #: Rates looked at lie between these over the length of the record, or so many times the pilot's.
 SLOWEST, FASTEST, BEYOND_PILOT = 1.0 / 12.0, 40.0, 10.0
 #: Rates of the first pass that closes in on the posterior, of those after it, and how many more there may be.
-FEW, FINE, MORE = 12, 16, 3
+FEW, FINE, MORE = 24, 28, 3
 #: Rates looked at beside the grid, in deviations of the law's own.
 ANCHORS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 #: Every so many nodes the first look over all rates takes.
