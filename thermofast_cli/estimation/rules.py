@@ -23,7 +23,7 @@ class EstimationRules:
         0.9,
         "1",
         "probability of an effect beside the law from which a row is doubtful, and past runs are not believed",
-        "benchmarks.intervals.imperfect, benchmarks.machines.bodies: rows from 0.6 to it miss no more often than others",
+        BY_HAND,
     )
     done: float = rule(
         0.1,
