@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp", "logged")
 #: How fast slow modes are against the law; their own covariances stand behind those of the components.
 SLOW = (0.1, 0.2, 0.4)
-#: Of the variance of the one that is at work, what each of its neighbours has: rates lie between, and one mass is not all.
-BESIDE = 0.02
+#: Of the variance of the slow mode at work, what each of its neighbours has: rates lie between, and one mass is not all.
+NEIGHBOUR_SHARE = 0.02
 ABSOLUTE = frozenset({"room", "ramp", "logged"})
 
 
@@ -149,7 +149,7 @@ class Imperfection:
         relative[1:, slow] *= 1.0 - self.lean**2
         for row, (_, mode) in zip(relative[1:], effects, strict=True):
             if mode >= 0:
-                row[len(COMPONENTS) :] = row[slow] * np.where(np.abs(np.arange(len(SLOW)) - mode) == 1, BESIDE, 0.0)
+                row[len(COMPONENTS) :] = row[slow] * np.where(np.abs(np.arange(len(SLOW)) - mode) == 1, NEIGHBOUR_SHARE, 0.0)
                 row[len(COMPONENTS) + mode], row[slow] = row[slow], 0.0
         return relative, np.concatenate([np.array([absolute for _, absolute in both]), none], axis=1)
 
