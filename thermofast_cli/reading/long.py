@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
 from .columns import check_names, sign_of
-from .moments.times import Time, is_time_name
+from .marks import good_only
+from .moments.times import Time
 from .run import Array, Guess
 from .tables.dialect import is_missing, is_number, to_number
 from .tables.table import Table
@@ -20,15 +20,6 @@ from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 MOST_LABELS = 5000
 #: Share of the rows in which another sensor is told than in the row before, where they are read in turn.
 IN_TURN = 0.4
-#: OPC's codes of quality: good from, bad below.
-GOOD, BAD_BELOW = 192.0, 64.0
-QUALITIES = frozenset(["quality", "qualität", "statuscode"])
-#: Words for a mark of 1 (good) or 0, and how marks begin that say that a reading is none.
-VALIDITIES = frozenset(["valid", "validity", "gültig"])
-_MARK = re.compile("|".join(sorted(QUALITIES | VALIDITIES, key=len, reverse=True)), re.I)
-#: What may stand behind a sensor's name in that of its readings.
-VALUE_ENDINGS = frozenset(["", "value", "val", "wert", "messwert", "reading", "temp", "temperature", "c", "f", "k", "degc", "degf"])
-BAD_WORDS = ("bad", "invalid", "ungültig", "false")
 
 
 @dataclass(frozen=True)
@@ -231,7 +222,7 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
     words_of: dict[str, list[str] | None] = {n: _label_cells(n, table.columns[n]) for n in layout.labels}
     labels = np.array(_joined(words_of, layout.labels))
     names = [n for n in dict.fromkeys(labels.tolist()) if not n.startswith("$RT_")]  # WinCC tells that its log ended
-    value, bad = _good_only(table, value)
+    value, bad = good_only(table, value)
     if len(names) > MOST_LABELS:
         raise UsageError(
             f"{table.name}: {len(names)} sensors in {' and '.join(layout.labels)}",
@@ -262,55 +253,6 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
         faults={},
         header=True,
     )
-
-
-def _good_only(table: Table, value: Array) -> tuple[Array, int]:
-    """Readings with nan where a column of marks says that they are none, and how many those are."""
-    for n in table.names:
-        bad = marked_bad(n, table.columns[n])
-        if bad is not None:
-            return np.where(bad, np.nan, value), int(bad.sum())
-    return value, 0
-
-
-def marked_bad(name: str, marks: Array | list[str]) -> NDArray[np.bool_] | None:
-    """Which readings a column of marks says are none (n,); None where it holds no marks.
-
-    Marks are OPC's codes of quality (192 is good, below 64 is bad), 1 or 0 for valid, or words.
-    """
-    said = set(words(name))
-    if isinstance(marks, np.ndarray):
-        if not np.isfinite(marks).all() or marks.min() < 0.0 or (marks % 1.0 != 0.0).any():
-            return None
-        if said & QUALITIES and GOOD <= marks.max() <= 255.0:
-            return np.asarray(marks < BAD_BELOW)
-        return np.asarray(marks == 0.0) if said & VALIDITIES and marks.max() == 1.0 else None
-    if not said & (QUALITIES | VALIDITIES):
-        return None
-    bad = np.array([c.strip().lower().startswith(BAD_WORDS) for c in marks])
-    return bad if bad.any() and not bad.all() else None
-
-
-def _stem(name: str) -> str:
-    """A name without unit, signs and gaps."""
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower()))
-
-
-def good_readings(table: Table) -> Table:
-    """A wide table without the readings that a column of marks beside them (``T2 Quality`` for ``T2``) says are none."""
-    marks = [n for n in table.names if _MARK.search(n)]
-    columns, notes = dict(table.columns), list(table.notes)
-    for n in marks:
-        bad, mine = marked_bad(n, table.columns[n]), _stem(_MARK.sub("", n))
-        if bad is None or not bad.any() or not (mine or len(marks) == 1):
-            continue
-        for other in table.names:
-            own, rest = table.columns[other], _stem(other)
-            beside = not mine or (rest.startswith(mine) and rest[len(mine) :] in VALUE_ENDINGS)  # one mark alone is the whole row's
-            if beside and other not in marks and not is_time_name(other) and isinstance(own, np.ndarray):
-                columns[other] = np.where(bad, np.nan, own)
-                notes.append(f"{other}: {int(bad.sum())} readings that {n!r} marks as bad left out")
-    return replace(table, columns=columns, notes=tuple(notes)) if len(notes) > len(table.notes) else table
 
 
 def _label_cells(name: str, column: Array | list[str]) -> list[str]:

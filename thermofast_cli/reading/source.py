@@ -27,7 +27,9 @@ from .columns import (
 )
 from .degrees import Temperatures, refuse_words, unit_told, winding
 from .faults import without_faults, without_impossible
-from .long import Layout, find_long, good_readings, to_wide, without_switches
+from .long import Layout, find_long, to_wide, without_switches
+from .marks import good_readings
+from .moments.in_turn import each_in_turn
 from .moments.order import in_order, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
 from .moments.times import Time, find_time, is_time_name
@@ -311,6 +313,9 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
         notes += [unit_note] if unit_note else []
     seen = _seen(table, time, layout, roles, units, spare, options)
+    if layout is not None:
+        time, in_turn = each_in_turn(time, columns)
+        guesses += in_turn
     stretches = in_order(time.seconds, columns, table.name, table.lines, time.wall, time.dated, layout is not None)
     runs = []
     for k, part in enumerate(stretches):
@@ -353,8 +358,9 @@ def _seen(
     """What each column was taken for, and how the file is laid out."""
     kinds = {"sensors": "sensor", "ambient": "ambient", "inputs": "input", "displacements": "displacement"}
     of = {n: role for kind, role in kinds.items() for n in getattr(roles, kind)} | dict.fromkeys(time.used, "time")
+    of |= dict.fromkeys(table.clocks, "time")
     columns = []
-    for n in table.names:
+    for n in (*table.names, *table.clocks[1:]):
         role = of.get(n, "ignored")
         unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
         if role in ("sensor", "ambient"):
@@ -364,7 +370,7 @@ def _seen(
     return Seen(
         len(time.seconds),
         tuple(columns),
-        " and ".join(n for n in table.names if n in time.used),
+        " and ".join(table.clocks or [n for n in table.names if n in time.used]),
         time.unit,
         d.encoding if d else "",
         d.delimiter if d else "",
@@ -436,7 +442,7 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
         own, main = table.columns[n], table.columns.get(used, [])
         if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
             continue
-        if (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)) or runs_otherwise(table, time, used, n):
+        if (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)) or runs_otherwise(table, time, used, n, alike):
             return InputError(
                 f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
                 allowed="one time for all columns read together",

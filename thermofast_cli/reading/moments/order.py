@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...errors import InputError, UsageError, listed
 from ..run import Array, Guess
 from ..tables.table import Table
-from .stamps import parse_stamps
+from .stamps import looks_like_stamp, parse_stamps, plain
 from .times import Time, is_time_name
 
 FEWEST_ROWS = 2
@@ -20,6 +20,11 @@ RUN_ROWS = 5
 HOUR_S = 3600.0
 #: Spread of readings at one stamp, in deviations of the readings from stamp to stamp, beyond which they are not one sensor's.
 MOST_SPREAD = 8.0
+
+#: Share of the rows in which a clock goes forward.
+GOES_ON = 0.9
+#: What is told where readings at one stamp are put apart.
+SPREAD = Guess("time", "several readings at each stamp, put evenly between it and the next", "log finer stamps to be sure")
 
 #: Readings that tell how a clock runs, and seconds in the units that it may count.
 FEWEST_OF_CLOCK, SECONDS_IN = 6, (1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)
@@ -108,11 +113,10 @@ def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[i
                 allowed="one reading of each sensor at a time",
                 do="say --long SENSOR,VALUE if a column tells the sensor, or name another column with --time",
             )
-        spread = _spread(time, columns, edges) if not mixed else None
+        spread = spread_evenly(time, columns, edges) if not mixed else None
         if spread is not None:
             time = spread
-            text = "several readings at each stamp, put evenly between it and the next"
-            guesses.append(Guess("time", text, "log finer stamps to be sure"))
+            guesses.append(SPREAD)
         else:
             if not mixed:
                 notes.append(f"{int((step == 0).sum())} repeated time stamps: readings of one stamp averaged")
@@ -122,7 +126,7 @@ def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[i
     return Stretch(time - time[0], columns, tuple(notes), tuple(guesses))
 
 
-def _spread(time: Array, columns: dict[str, Array], edges: NDArray[np.intp]) -> Array | None:
+def spread_evenly(time: Array, columns: dict[str, Array], edges: NDArray[np.intp]) -> Array | None:
     """Times (n,) [s] put evenly within the stamps where each holds as many different readings; None where they do not."""
     size = np.diff(np.append(edges, len(time)))
     inner = size[1:-1]
@@ -262,21 +266,33 @@ def clock_change(time: Array, starts: tuple[float, ...]) -> tuple[Array, Guess |
     )
 
 
-def runs_otherwise(table: Table, time: Time, used: str, name: str) -> bool:
-    """Whether a column is the clock of the readings behind it: readings stand before it too, it goes on, and not as the other."""
+def runs_otherwise(table: Table, time: Time, used: str, name: str, alike: bool = False) -> bool:
+    """Whether a column is the clock of the readings behind it: readings stand before it too, it goes on, and not as the other.
+
+    ``alike``: it has the name of the other, and is a clock wherever it stands.
+    """
     names = table.names
-    first, at = names.index(used) if used in names else 0, names.index(name)
+    first, at = sorted((names.index(used) if used in names else 0, names.index(name)))
     between, behind = names[first + 1 : at], names[at + 1 : at + 2]
-    if not all(any(isinstance(table.columns[n], np.ndarray) and not is_time_name(n) for n in some) for some in (between, behind)):
+    beside = (any(isinstance(table.columns[n], np.ndarray) and not is_time_name(n) for n in some) for some in (between, behind))
+    if not alike and not all(beside):
         return False
     own = table.columns[name]
+    clock = alike or not isinstance(own, np.ndarray)  # numbers under another name may be of anything that grows
     if not isinstance(own, np.ndarray):
-        try:
-            own = parse_stamps(own, name, range(len(own)), table.name).seconds
-        except InputError:
+        # A cell that is no moment, or an hour that is told twice, makes it no less a clock.
+        told = [i for i, cell in enumerate(own) if looks_like_stamp(plain(cell))]
+        if 2 * len(told) < len(own):
             return False
+        try:
+            seconds = np.full(len(own), np.nan)
+            seconds[told] = parse_stamps([own[i] for i in told], name, told, table.name).seconds
+        except InputError:
+            return alike
+        own = seconds
     known = np.isfinite(own) & np.isfinite(time.seconds)
-    if known.sum() < FEWEST_OF_CLOCK or not np.all(np.diff(own[known]) > 0.0):
+    forward = np.diff(own[known]) > 0.0
+    if known.sum() < FEWEST_OF_CLOCK or not (forward.all() or (clock and forward.mean() >= GOES_ON)):
         return False
     main = time.seconds[known] - time.seconds[known][0]
     if not main[-1] > 0.0:

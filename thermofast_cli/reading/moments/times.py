@@ -27,6 +27,8 @@ _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
 #: Steps of a clock in brackets, as (100ms) and [x10 s]; minutes and seconds with a point between them.
 _STEPS = re.compile(r"[\[(]\s*[x×*]?\s*(\d+(?:[.,]\d+)?)\s*[x×*]?\s*(us|ms|s|sec|min|h)\s*[\])]", re.I)
 _MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)\.(?:sec|ss|s)\s*[\])]", re.I)
+#: The time of a curve, as panels write it beside its ValueY.
+_OF_A_CURVE = re.compile(r"(?i)\bvalue ?x( \(\d+\))?$")
 #: Words of a column that tells parts of the second of a stamp.
 MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
 DATE_DIGITS = 8  # of a date written without signs, 20260131
@@ -69,13 +71,15 @@ def is_time_name(name: str) -> bool:
     told = words(name)
     if whole != name and whole in TIME_NAMES and (unit := unit_in_name(name)) is not None and unit.kind != "time":
         return False  # min [°C] is the least of a temperature
+    if whole != name and re.fullmatch(r"[Tt]\d+", whole):
+        return (unit := unit_in_name(name)) is not None and unit.kind == "time"  # t1 [s] beside T1
     if any(w in ("temp", "temperature", "temperatur") for w in told):
         return False
     if not name.isascii() and any(part in name for part in TIME_PARTS):
         return True
     if name[-1:].isdigit():
         return any(w in TIME for w in told)
-    if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name):
+    if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name) or _OF_A_CURVE.search(name):
         return True
     return any(w in TIME for w in told) or whole in TIME_NAMES or (len(whole) > 3 and whole.lower() in TIME_NAMES)
 

@@ -24,7 +24,7 @@ def with_one_clock(table: Table, options: Options) -> Table:
 
     The table as it is where there is one clock, where the user says which, or where it cannot be told whose a column is.
     """
-    if options.time is not None or options.interval_s is not None or options.long or options.channels:
+    if options.time is not None or options.interval_s is not None or options.long:
         return table
     clocks = _clocks(table)
     owned = _owners(table, clocks) if len(clocks) > 1 else None
@@ -42,7 +42,7 @@ def with_one_clock(table: Table, options: Options) -> Table:
     if max(float(np.nanmax(a)) for a in apart) <= ALIKE * length:
         columns = {n: c for n, c in table.columns.items() if n not in clocks[1:]}
         note = f"{len(clocks)} clocks within {100 * ALIKE:g} % of the record of each other, read as {clocks[0]!r}"
-        return replace(table, names=list(columns), columns=columns, notes=(*table.notes, note))
+        return replace(table, names=list(columns), columns=columns, notes=(*table.notes, note), clocks=tuple(clocks))
     moments, first = np.unique(np.concatenate([s[g] for s, g in zip(seconds, good, strict=True)]), return_index=True)
     rows = np.concatenate([np.flatnonzero(g) for g in good])[first]
     source = np.concatenate([np.full(int(g.sum()), k) for k, g in enumerate(good)])[first]
@@ -53,7 +53,7 @@ def with_one_clock(table: Table, options: Options) -> Table:
             columns[n] = _spread_over(table.columns[n], good[k], places, len(moments))
     note = f"{len(clocks)} clocks, each of the columns beside it: {len(moments)} moments in all"
     lines = np.asarray(table.lines)[rows].tolist()
-    return replace(table, names=list(columns), columns=columns, lines=lines, notes=(*table.notes, note))
+    return replace(table, names=list(columns), columns=columns, lines=lines, notes=(*table.notes, note), clocks=tuple(clocks))
 
 
 def _clocks(table: Table) -> list[str]:

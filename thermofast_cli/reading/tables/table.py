@@ -42,6 +42,8 @@ class Table:
     dialect: "Dialect | None" = None
     #: C, K or F where a line above the names says the unit of all.
     unit_above: str = ""
+    #: Where columns have clocks of their own: the names of these, of which the first is the time of the table.
+    clocks: tuple[str, ...] = ()
 
 
 def to_floats(column: pa.ChunkedArray) -> Array:
