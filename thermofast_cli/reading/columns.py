@@ -26,6 +26,7 @@ from .vocabulary import (
     EXTREMES,
     FLAGS,
     INPUT_ENDINGS,
+    INPUT_NAMES,
     INPUT_PARTS,
     INPUTS,
     MEANS,
@@ -38,6 +39,8 @@ from .vocabulary import (
     TEMPERATURE,
     TEMPERATURE_PARTS,
     WANTED,
+    WANTED_PARTS,
+    WANTED_STEMS,
     WARM_INPUTS,
     words,
 )
@@ -170,6 +173,8 @@ def _sign(name: str, unit_cell: str) -> Sign:
 
 def _is_input(name: str, said: set[str]) -> bool:
     """Whether a name without unit is that of a load, a supply, ...; the bearing of a pump is a place on the machine."""
+    if said <= INPUT_NAMES:
+        return bool(said)
     told = said & INPUTS
     if told and told <= WARM_INPUTS and said & PLACES:
         return False
@@ -177,6 +182,8 @@ def _is_input(name: str, said: set[str]) -> bool:
 
 
 def _wanted(name: str, said: set[str]) -> bool:
+    if any(w.startswith(WANTED_STEMS) for w in said) or any(part in name for part in WANTED_PARTS):
+        return True
     asked = said & WANTED
     return bool(asked - {"sp"} or (asked and not re.search(r"(?i)\bsp\d", name)))
 

@@ -39,6 +39,7 @@ class Temperatures:
         self._table, self._units = table, units
         self._all, self._own = _told(options.units, table)
         self._turned: dict[str, list[str]] = {}
+        self._scaled: dict[float, list[str]] = {}
         self._by_letter: dict[str, list[str]] = {}
         self._hot: list[str] = []
         self._cold: list[str] = []
@@ -82,6 +83,8 @@ class Temperatures:
                 self._by_letter.setdefault(symbol, []).append(name)
             if symbol is None and not is_input:
                 self._plausible(name, values, sign.kind == "ambient")
+        if scale != 1.0:
+            self._scaled.setdefault(scale, []).append(name)
         if symbol in ("K", "F"):
             self._turned.setdefault(symbol, []).append(name)
         return to_celsius(values, symbol or "C", scale)
@@ -130,6 +133,7 @@ class Temperatures:
         """What was turned into degC."""
         names = {"K": "kelvin", "F": "degF"}
         told = [f"{listed(who, 6)}: {names[s]}, turned into degC" for s, who in self._turned.items()]
+        told += [f"{listed(who, 6)}: readings times {size:g}, as the unit says" for size, who in self._scaled.items()]
         return told + [f"--units {s} overrules what the file says of {listed(who, 6)}" for s, who in self._overruled.items()]
 
     def guesses(self) -> list[Guess]:

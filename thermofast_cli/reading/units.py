@@ -39,6 +39,8 @@ _MARKED = re.compile(rf"{_MARK}[ _]?(c|k|f|celsius|kelvin|fahrenheit)$", re.IGNO
 _BEHIND = re.compile(r"(?:o|O)?([cfk])(?:°|º)|o([cf])", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
 _SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s*[x×*]?\s*(.+)$")
+#: Thousandths, and what a controller keeps as whole numbers: degC times ten.
+_MILLI, _TIMES = re.compile(r"(?:milli|m) ?((?:°|º|deg).+|celsius|℃)$", re.I), re.compile(r"(.+?) ?[x×*·] ?(10{1,3})$")
 #: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
 _UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
 _ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")
@@ -91,6 +93,10 @@ def parse_unit(text: str) -> Unit | None:
         size = {"1/10": 0.1, "1/100": 0.01, "1/1000": 0.001}.get(part)
         size = size or (10.0 ** float(part.replace("^", "")[2:]) if part.startswith("10") else float(part))
         return Unit(inner.symbol, "temperature", scale=size)
+    milli, times = _MILLI.fullmatch(text), _TIMES.fullmatch(text)
+    inner = parse_unit(milli[1]) if milli else parse_unit(times[1]) if times else None
+    if inner is not None and inner.temperature:
+        return Unit(inner.symbol, "temperature", scale=1e-3 if milli else 1.0 / float(times[2]))  # type: ignore[index]
     return None
 
 

@@ -25,7 +25,9 @@ AMBIENT = _set(
     "tair 环境 室温 okoli okolí otoczenia omgeving omgivning omgivningen omgivelser ympäristö ortam környezet prostredi prostředí "
     "окружающая окружающей среда среды воздух воздуха помещение помещении окр raumtemp umgebungstemp umgebungsluft hallenluft "
     "messraum "
-    "prüfraum klimaraum omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
+    "prüfraum klimaraum omgivelsestemperatur kamertemperatuur romtemperatur stuetemperatur huone huoneen ympäristön oda "
+    "szobahőmérséklet szoba pokojowa pokojová pokoj комнатная комнаты ambiental ambientală camerei "
+    "omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
     "laborraum inf цех"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
@@ -43,6 +45,8 @@ INPUTS = _set(
     "tension puissance pression corriente tensión potencia velocidad presión prąd napięcie moc prędkość ciśnienie "
     "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht"
 )
+#: Names of inputs that are none beside another word: Press ram is a place.
+INPUT_NAMES = _set("vin vout vcc vdd vbus vbatt ubat ibat ibatt iin iout press pres hum amp amps")
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
 #: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.
@@ -50,8 +54,17 @@ WANTED = _set(
     "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
     "führungsgröße offset tolerance uncertainty alarm set "
     "setpoint setpt sp sv soll sollwert solltemperatur target command cmd ziel zielwert zieltemperatur vorgabe vorgabewert demand "
+    "commanded wsp rsp trip nominal hedef ayar alapjel objetivo deseada deseado alvo desejada ønsket önskad tavoite setare setata "
+    "cílová docelowa задание "
     "goal req request requested calc calculated sim simulated predicted prediction berechnet simuliert correction korrektur"
 )
+#: Beginnings and parts of words for it: Sollvorgabe, Abschalttemperatur, Nastavená, 設定温度.
+WANTED_STEMS = (
+    *("soll", "setpun", "abschalt", "warnschwelle", "warngrenze", "alarmgrenze", "alarmschwelle", "grenztemp", "nastav", "nastaw"),
+    *("žádan", "zadan", "żądan", "заданн", "asetus", "impostat", "ingesteld", "beállít", "ayarla", "indstil", "innstil", "inställ"),
+    *("börvärd", "željen"),
+)
+WANTED_PARTS = ("設定", "目標", "设定", "目标", "给定", "給定", "설정", "목표")
 REFERENCE = _set(
     "cjt tcj coldjunction internal logger panel board klemmentemperatur vergleichsstellentemperatur cjc cj ref reference "
     "referenz vergleichsstelle ptemp kaltstelle"
@@ -81,6 +94,7 @@ DERIVED = _set(
     "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta std stdev stddev sigma "
     "diff difference differenz deviation abweichung messabweichung noise resolution accuracy genauigkeit auflösung "
     "rauschen погрешность error gradient rate slope deltat dt spread uncertainty temperaturdifferenz temperaturgradient "
+    "regelabweichung regeldifferenz sollabweichung überhöhung temperaturerhöhung temperaturüberhöhung "
     "temperaturspreizung spreizung tdiff overtemp excess trel rel relative"
 )
 #: The same that count wherever in a name they stand, behind its unit too: front [°C] rate.
@@ -111,7 +125,23 @@ INPUT_ENDINGS = (
     "stunden",
 )
 #: Parts of words of languages that are written without blanks.
-AMBIENT_PARTS = ("気温", "雰囲気", "T∞", "环境", "環境", "室温", "室溫", "室内", "室內", "周囲", "周围", "실내", "주위")
+AMBIENT_PARTS = (
+    "気温",
+    "雰囲気",
+    "T∞",
+    "环境",
+    "環境",
+    "室温",
+    "室溫",
+    "室内",
+    "室內",
+    "周囲",
+    "周围",
+    "실내",
+    "실온",
+    "기온",
+    "주위",
+)
 INPUT_PARTS = (
     *("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力", "速度", "进给"),
     *("전류", "전압", "회전", "속도", "압력"),
@@ -145,7 +175,7 @@ TIME = _set(
 )
 #: The same in languages that are written without blanks; and a temperature.
 TIME_PARTS = ("时间", "時間", "时刻", "時刻", "日期", "日時", "日付", "시간", "날짜")
-TEMPERATURE_PARTS = ("温度", "溫度", "온도")
+TEMPERATURE_PARTS = ("温度", "溫度", "온도", "lämpötila", "hőmérséklet", "sıcaklı")
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
 TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
 

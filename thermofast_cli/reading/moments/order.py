@@ -18,6 +18,9 @@ FEWEST_ROWS = 2
 #: Rows of a stretch from which on a time that falls back is a run that begins anew, not a row out of place.
 RUN_ROWS = 5
 HOUR_S = 3600.0
+#: No record of a machine pauses for so long [s].
+YEAR_S = 365.25 * 86400.0
+RESET_S = YEAR_S
 #: Spread of readings at one stamp, in deviations of the readings from stamp to stamp, beyond which they are not one sensor's.
 MOST_SPREAD = 8.0
 
@@ -64,6 +67,8 @@ def in_order(
     UsageError: all rows carry one time stamp.
     """
     guesses: list[Guess] = []
+    if dated:
+        _refuse_reset(time, name, lines)
     if mixed:
         return [_one(time, columns, name, lines, guesses, mixed)]
     if starts:
@@ -84,6 +89,18 @@ def in_order(
     guesses.append(Guess("runs", text, "one file a run is sure"))
     edges = [0, *begins, len(time)]
     return [_one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, lines[a:b], guesses, mixed) for a, b in pairwise(edges)]
+
+
+def _refuse_reset(time: Array, name: str, lines: Sequence[int]) -> None:
+    """Raises InputError where the calendar jumps by years between two rows: a logger whose clock was set within the record."""
+    jump = np.abs(np.diff(time))
+    if len(jump) and (at := int(np.argmax(jump))) >= 0 and jump[at] > RESET_S and np.ptp(np.delete(jump, at)) < RESET_S:
+        raise InputError(
+            f"{name}, line {lines[at + 1] + 1}: the time jumps by {jump[at] / YEAR_S:.1f} years",
+            found="the clock of the logger was set within the record, or two records stand in one file",
+            allowed="moments of one clock",
+            do="cut the file there, or say --interval SECONDS if the rows are evenly spaced",
+        )
 
 
 def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[int], told: list[Guess], mixed: bool) -> Stretch:

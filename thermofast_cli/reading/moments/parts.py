@@ -1,5 +1,6 @@
 """Moments that are written in several columns of numbers: year, month, day, hour, minute, second; or a clock as 203807."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +15,9 @@ PART_OF = {word: part for part, known in TIME_WORDS.items() for word in known}
 #: Least and largest number of each part.
 RANGES = {"year": (0, 2100), "month": (1, 12), "day": (1, 31), "hour": (0, 9999), "minute": (0, 59), "second": (0, 60)}
 DAY_H = 24
+#: Names of a day of the year, and of a clock beside it.
+DAYS_OF_YEAR = ("doy", "day of year", "julian day", "jday", "yearday", "day", "julian")
+CLOCKS = ("hhmm", "hour minute", "hourminute", "hrmin", "time")
 #: Rows of numbers from which on they can be known to be a clock; clocks of two parts are below, ten o'clock as a number.
 FEWEST_OF_CLOCK, SHORT, HOUR_AS_NUMBER = 4, 2400, 10000
 
@@ -53,6 +57,25 @@ def moments_in_parts(table: Table) -> tuple[Stamps, frozenset[str]] | None:
         return parse_stamps(cells, f"{table.name}, columns {', '.join(sorted(used))}", table.lines, ""), used | of_days
     except InputError:
         return None
+
+
+def days_of_year(table: Table) -> tuple[Stamps, frozenset[str]] | None:
+    """Moments of a year, a day of it from 1 to 366, and a clock as 1305, as Campbell's older loggers write them; else None."""
+    bare = {re.sub(r"[\W_]+", " ", n.lower()).strip(): n for n in table.names}
+    found = [next((bare[w] for w in known if w in bare), None) for known in (("year", "yyyy"), DAYS_OF_YEAR, CLOCKS)]
+    if any(n is None or not isinstance(table.columns[n], np.ndarray) for n in found):
+        return None
+    year, day, clock = (np.asarray(table.columns[str(n)], dtype=float) for n in found)
+    whole = all(len(c) and np.isfinite(c).all() and (c % 1.0 == 0.0).all() for c in (year, day, clock))
+    if not whole or year.min() < 1990 or year.max() > 2100 or day.min() < 1 or day.max() > 366:
+        return None
+    if clock.min() < 0 or clock.max() > SHORT or (clock % 100 >= 60).any():
+        return None
+    days = (year - 1970.0).astype(int).astype("datetime64[Y]").astype("datetime64[D]").astype(float) + day - 1.0
+    seconds = DAY_S * days + 3600.0 * (clock // 100) + 60.0 * (clock % 100)
+    if not (np.diff(seconds) >= 0.0).all():
+        return None
+    return Stamps(seconds - seconds[0], (float(seconds[0]),), None, True), frozenset(str(n) for n in found)
 
 
 def _fits(column: "Array | list[str]", part: str) -> bool:

@@ -15,12 +15,14 @@ from ..run import Array, Guess
 from ..tables.table import Table
 from ..units import unit_in_name
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
-from .parts import SHORT, clock_written_as_number, moments_in_parts
+from .parts import SHORT, clock_written_as_number, days_of_year, moments_in_parts
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
 
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
 #: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
 EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
+#: 2000 to 2100 in steps of 100 ns, from 1601 and from the year 1.
+TICKS = {"a file time of Windows": (1.2591e17, 1.5747e17), "ticks of .NET": (6.3082e17, 6.6239e17)}
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
@@ -104,7 +106,7 @@ def find_time(table: Table, options: Options) -> Time:
         return _convert(table, options.time, None, options)
     table = _with_colons(table)
     found = _candidates(table)
-    parts = moments_in_parts(table)
+    parts = moments_in_parts(table) or days_of_year(table)
     if parts is not None and (found is None or found[0] in parts[1] or _is_date(table, *found)):
         stamps, used = parts
         note = f"time: moments in {' and '.join(repr(n) for n in table.names if n in used)}"
@@ -301,6 +303,10 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     if written is not None:
         return written
     epoch = _epoch(column)
+    for ticks, (low, high) in TICKS.items():
+        if low <= column.min() and column.max() <= high and not options.time_unit:
+            note = f"time: {name!r}, {ticks}"
+            return Time(1e-7 * (column - column[0]), frozenset({name}), note, dated=True, unit="stamp")
     if unit == "s" and not options.time_unit and (clock := _clock_of(table, name, column, True)) is not None:
         return clock
     if unit and not (epoch and not options.time_unit):
