@@ -79,8 +79,13 @@ def _jsonable(row: Row) -> Row:
 def to_markdown(columns: Sequence[str], rows: Sequence[Row]) -> str:
     """A table with numbers to five digits: for reading, not for computing."""
     lines = ["| " + " | ".join(columns) + " |", "|" + " --- |" * len(columns)]
-    lines += ["| " + " | ".join(short(row[c]).replace("|", "\\|") for c in columns) + " |" for row in rows]
+    lines += ["| " + " | ".join(_as_text(short(row[c])) for c in columns) + " |" for row in rows]
     return "\n".join(lines) + "\n"
+
+
+def _as_text(told: str) -> str:
+    """A cell of a Markdown table that is neither its end nor HTML, whatever name stands in it."""
+    return told.replace("|", "\\|").replace("&", "&amp;").replace("<", "&lt;")
 
 
 def short(value: Any) -> str:

@@ -44,9 +44,8 @@ def good_readings(table: Table) -> Table:
         mine = [m for m in mine if not owner or (_stem(m).startswith(owner) and _stem(m)[len(owner) :] in VALUE_ENDINGS)]
         bad = bad_by(kinds, table.columns[n], of_row=not owner)
         if mine and owner and bad is None and len(told := np.unique(table.columns[n])) > 1:
-            text = (
-                f"what {n!r} says of {listed(mine, 4)} is not known ({listed([f'{v}' for v in told.tolist()], 4)}): readings kept"
-            )
+            held = listed([v if isinstance(v, str) else f"{v:g}" for v in told.tolist()], 4)
+            text = f"what {n!r} says of {listed(mine, 4)} is not known ({held}): readings kept"
             guesses.append(Guess("marks", text, f"mend the readings, or --exclude {n!r}"))
         if not mine or bad is None:
             continue

@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 class Guess:
     """What the file does not say and the reader had to take for granted.
 
-    about is one of time, unit, date order, role, layout, runs, encoding; text says what was taken and why; option overrules it.
+    about is one of time, unit, date order, role, layout, marks, runs, encoding; text says what was taken and why; option overrules
+    it.
     """
 
     about: str

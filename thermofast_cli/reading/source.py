@@ -272,9 +272,9 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
             refuse_words(table, n)
     if words:
         notes.append(f"columns of words left out: {listed(words, 6)}")
+    _refuse_taken(options)
     if options.channels:
         check_names(options.channels, [*named, *words], "--channels", table.name)
-        _refuse_taken(options)
         if wordy := [c for c in options.channels if c in words]:
             raise InputError(
                 f"{table.name}: column {wordy[0]!r} holds words", found=f"as {table.columns[wordy[0]][0]!r}", allowed="numbers"
@@ -330,7 +330,9 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
 
 
 def _refuse_taken(options: Options) -> None:
-    """Raises UsageError for a channel that another option takes away."""
+    """Raises UsageError for a column that two options name."""
+    if options.ambient is not None and options.ambient in options.inputs:
+        raise UsageError(f"--ambient and --inputs both name {options.ambient!r}", do="say it in one of them")
     taken = {"--exclude": options.exclude, "--inputs": options.inputs, "--ambient": (options.ambient,)}
     for other, names in taken.items():
         if both := [n for n in options.channels if n in names]:

@@ -103,7 +103,7 @@ QUALITIES = _set("rate noise resolution accuracy error")
 MEANS = _set("avg ave average mean mittel mittelwert mw moyenne media promedio")
 EXTREMES = _set("min max minimum maximum")
 #: Marks of a reading, one for each row, whatever else the name says.
-FLAGS = _set("ok valid validity status state error quality flag")
+FLAGS = _set("ok valid validity status state error fault quality flag")
 #: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.
 INPUT_ENDINGS = (
     "drehzahl",

@@ -440,7 +440,8 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
         lower = above[-1] if above and len(above[-1]) == width and sum(map(bool, above[-1])) > 1 else [""] * width
         cells = [c if c.strip() else merged for c, merged in zip(cells, lower, strict=True)] if len(cells) == width else cells
     for i in range(width):
-        cell = cells[i].strip().lstrip("#%").strip() if i < len(cells) else ""
+        cell = cells[i].strip() if i < len(cells) else ""
+        cell = cell.lstrip("#%").strip() if i == 0 or cell[1:2].isspace() else cell  # the sign of a comment, not of a name
         if i < len(cells) and not cell and cells[i].strip():
             cell = cells[i].strip()  # the name is the sign itself: "#"
         base = unique = cell or f"column {i + 1}"

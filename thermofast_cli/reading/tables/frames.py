@@ -57,7 +57,7 @@ def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
             f"{name}: columns of several levels",
             found=str(frame.columns[0]),
             allowed="one name a column",
-            do="join the levels first",
+            do="join the levels first: frame.columns = [' '.join(map(str, names)) for names in frame.columns]",
         )
     if frame.columns.duplicated().any():
         twice = frame.columns[frame.columns.duplicated()][0]
@@ -90,7 +90,12 @@ def _from_arrays(data: Mapping[Any, Any], name: str) -> Table:
     units: dict[str, str] = {}
     for key, values in data.items():
         if not isinstance(key, str):
-            raise InputError(f"{name}: a column is called {key!r}", found=type(key).__name__, allowed="a name of letters")
+            raise InputError(
+                f"{name}: a column is called {key!r}",
+                found=type(key).__name__,
+                allowed="names that are text",
+                do="name them, or frame.columns = frame.columns.astype(str) where sensors are called by numbers",
+            )
         columns[key], units[key] = _column(key, values, name)
     sizes = {key: len(column) for key, column in columns.items()}
     if not sizes:

@@ -1,0 +1,236 @@
+"""Clocks of long tables, clocks of single columns, and marks beside readings: what was read wrong without a word before."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.errors import InputError, UsageError
+from thermofast.reading.columns import sign_of
+from thermofast.reading.marks import bad_by
+
+COUNT = 120
+SECONDS = 60.0 * np.arange(COUNT)
+FRONT = 20.0 + 8.0 * -np.expm1(-SECONDS / 3600.0)
+REAR = 21.0 + 5.0 * -np.expm1(-SECONDS / 3000.0)
+AUTUMN, SPRING = datetime(2026, 10, 25, 3), datetime(2026, 3, 29, 2)
+
+
+def moment(seconds, start, form="%Y-%m-%d %H:%M:%S", change=None, hours=0):
+    told = start + timedelta(seconds=float(seconds))
+    return (told + timedelta(hours=hours) if change is not None and told >= change else told).strftime(form)
+
+
+def wall(seconds):
+    return moment(seconds, datetime(2026, 10, 25, 1, 30), change=AUTUMN, hours=-1)
+
+
+CLOCKS = {
+    "an hour told twice": lambda s: wall(2.0 * s),
+    "an hour never told": lambda s: moment(s, datetime(2026, 3, 29, 1), change=SPRING, hours=1),
+    "twelve hours": lambda s: moment(s, datetime(2026, 5, 3, 11, 30), "%I:%M:%S"),
+    "twelve hours and a date": lambda s: moment(s, datetime(2026, 5, 3, 11, 30), "%Y-%m-%d %I:%M:%S"),
+    "past midnight": lambda s: moment(s, datetime(2026, 5, 3, 23, 30), "%H:%M:%S"),
+    "four readings a minute": lambda s: moment(s / 4.0, datetime(2026, 5, 3, 8, 30), "%Y-%m-%d %H:%M"),
+}
+LENGTH = {"an hour told twice": 2.0, "four readings a minute": 0.25}
+
+
+def written(tmp_path, head, rows):
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("in_blocks", [False, True])
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_a_long_table_has_the_clock_of_each_of_its_sensors(tmp_path, clock, in_blocks):
+    told = [CLOCKS[clock](s) for s in SECONDS]
+    front, rear = ([f"{t},{n},{v:.3f}" for t, v in zip(told, of, strict=True)] for n, of in (("front", FRONT), ("rear", REAR)))
+    rows = [*front, *rear] if in_blocks else [row for pair in zip(front, rear, strict=True) for row in pair]
+    run = tf.read(written(tmp_path, "time,sensor,value", rows))
+    scale = LENGTH.get(clock, 1.0)
+    for name, truth in (("front", FRONT), ("rear", REAR)):
+        here = np.isfinite(run.channels[name])
+        np.testing.assert_allclose(run.channels[name][here], truth, atol=6e-4)
+        np.testing.assert_allclose(run.time_s[here], scale * SECONDS, atol=1e-6)
+    assert clock == "past midnight" or any(g.about == "time" for g in run.guesses)
+
+
+def two_clocks(tmp_path, head, one, other):
+    rows = [f"{a},{x:.3f},{b},{y:.3f}" for a, x, b, y in zip(one, FRONT, other, REAR, strict=True)]
+    return written(tmp_path, head, rows)
+
+
+@pytest.mark.parametrize("head", ["Time [s],front [°C],Time [s],rear [°C]", "t1 [s],T1 [°C],t2 [s],T2 [°C]"])
+def test_written_settings_keep_a_clock_for_each_column(tool, tmp_path, head):
+    path = two_clocks(tmp_path, head, SECONDS, 1.5 * SECONDS + 7.0)
+    rear = head.split(",")[3]
+    assert tool("inspect", path, "--write", tmp_path / "as.toml").code == 0
+    assert "\ntime = " not in (tmp_path / "as.toml").read_text(encoding="utf-8")
+    for run in (tf.read(path), tf.read(path, channels=[rear])):
+        here = np.isfinite(run.channels[rear])
+        np.testing.assert_allclose(run.time_s[here] - run.time_s[here][0], 1.5 * SECONDS, atol=1e-6)
+    shown = tool("--config", tmp_path / "as.toml", "inspect", path, "--format", "csv").out
+    assert shown == tool("inspect", path, "--format", "csv").out
+    assert shown.count(",time,") == 2
+
+
+def test_the_curves_of_a_panel_have_clocks_of_their_own(tmp_path):
+    start = datetime(2026, 5, 3, 8)
+    one, other = ([moment(s, start) for s in of] for of in (SECONDS, 1.5 * SECONDS + 7.0))
+    run = tf.read(two_clocks(tmp_path, "T1 ValueX,T1 ValueY,T2 ValueX,T2 ValueY", one, other))
+    here = np.isfinite(run.channels["T2 ValueY"])
+    np.testing.assert_allclose(run.time_s[here], 1.5 * SECONDS + 7.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("what", ["a cell that is no moment", "an hour told twice"])
+def test_a_second_clock_that_cannot_be_read_is_refused_not_dropped(tmp_path, what):
+    start = datetime(2026, 5, 3, 8)
+    one, other = [moment(s, start) for s in SECONDS], [moment(1.5 * s + 7.0, start) for s in SECONDS]
+    if what == "an hour told twice":
+        one, other = [wall(2.0 * s) for s in SECONDS], [wall(3.0 * s + 14.0) for s in SECONDS]
+    else:
+        other[50] = "#"
+    with pytest.raises(InputError, match="two clocks, 'Time"):
+        tf.read(two_clocks(tmp_path, "Time,front [°C],Time,rear [°C]", one, other))
+
+
+def test_a_clock_that_was_set_within_the_record_is_refused(tmp_path):
+    told = [moment(s, datetime(2000, 1, 1) if s < 600 else datetime(2026, 5, 3, 8)) for s in SECONDS]
+    rows = [f"{t},{v:.3f}" for t, v in zip(told, FRONT, strict=True)]
+    with pytest.raises(InputError, match=r"line 12: the time jumps by 26\.3 years"):
+        tf.read(written(tmp_path, "time,front [°C]", rows))
+
+
+BROKEN = np.arange(COUNT)[30:40]
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("T1 Status", "Good", "Bad"),
+        ("T1 Status", "OK", "Sensor break"),
+        ("T1_Q", "192", "0"),
+        ("T1.Q", "192", "24"),
+        ("Q_T1", "192", "0"),
+        ("T1 OPC Quality", "192", "0"),
+        ("T1 StatusCode", "0", "2147483648"),
+        ("T1 Error", "0", "1"),
+        ("T1 Fault", "0", "3"),
+        ("T1 ok", "1", "0"),
+        ("T1 valid", "True", "False"),
+        ("Status", "OK", "Error"),
+    ],
+)
+def test_marks_that_say_that_a_reading_is_none(tmp_path, name, good, bad):
+    marks = np.where(np.isin(np.arange(COUNT), BROKEN), bad, good)
+    shown = np.where(marks == bad, FRONT - 1.7, FRONT)
+    rows = [f"{s:g},{x:.3f},{m},{y:.3f}" for s, x, m, y in zip(SECONDS, shown, marks, REAR, strict=True)]
+    run = tf.read(written(tmp_path, f"time_s,T1,{name},T2", rows))
+    assert list(run.channels) == ["T1", "T2"]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(run.channels["T1"])), BROKEN)
+    assert np.isnan(run.channels["T2"]).sum() == (len(BROKEN) if name == "Status" else 0)
+    assert any("10 readings" in n for n in run.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "usual", "other"),
+    [
+        ("T1_Status", "0", "128"),
+        ("Status", "run", "error"),
+        ("T1 Error", "1", "0"),
+        ("Q_T1", "130.0", "131.0"),
+        ("Mode ok", "1", "0"),
+    ],
+)
+def test_marks_of_which_it_is_not_known_what_they_say_leave_the_readings(tmp_path, name, usual, other):
+    marks = np.where(np.isin(np.arange(COUNT), BROKEN), other, usual)
+    rows = [f"{s:g},{x:.3f},{m},{y:.3f}" for s, x, m, y in zip(SECONDS, FRONT, marks, REAR, strict=True)]
+    run = tf.read(written(tmp_path, f"time_s,T1,{name},T2", rows))
+    assert np.isfinite(run.channels["T1"]).all()
+    assert np.isfinite(run.channels["T2"]).all()
+    if name == "T1_Status":
+        assert any("what 'T1_Status' says of T1 is not known (0, 128)" in g.text for g in run.guesses)
+
+
+def test_marks_of_nothing_but_bad_readings_are_told_and_not_followed(tmp_path):
+    rows = [f"{s:g},{x:.3f},Bad" for s, x in zip(SECONDS, FRONT, strict=True)]
+    rows[0] = rows[0].replace("Bad", "Invalid")
+    assert bad_by(frozenset(["valid"]), ["False"] * 3, of_row=False).all()  # type: ignore[union-attr]
+    rows = [f"{s:g},{x:.3f},False" for s, x in zip(SECONDS, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, "time_s,T1,T1 valid", rows))
+    assert np.isfinite(run.channels["T1"]).all()
+    assert any("every reading is marked as bad by 'T1 valid': kept" in n for n in run.notes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("input", "設定温度 目标温度 설정온도 Žádaná Nastavená Nastawa Задание Asetuslämpötila Alapjel Setpunt Ingesteld WSP"),
+        ("input", "Temperatura_zadana Temperatura_impostata Ayar_sıcaklığı Abschalttemperatur Grenztemperatur Sollvorgabe"),
+        ("input", "Regelabweichung Überhöhung Hedef_sıcaklık Temp_objetivo Nominal_temp"),
+        ("ambient", "気温 실온 Omgivelsestemperatur Temperatura_pokojowa Комнатная_температура Oda_sıcaklığı Szobahőmérséklet"),
+        ("sensor", "主軸温度 Łożysko Подшипник Laakeri Warmbereich Limiter_housing Setzstock Setter_block Tmax"),
+    ],
+)
+def test_what_is_asked_for_and_the_room_in_the_languages_of_loggers(kind, names):
+    assert {n: sign_of(n.replace("_", " "), "°C").kind for n in names.split()} == dict.fromkeys(names.split(), kind)
+
+
+@pytest.mark.parametrize("name", ["Vin", "Press", "Ibat", "Hum"])
+def test_short_names_of_supplies_are_no_sensors(name):
+    assert sign_of(name, "").kind == "input"
+    assert sign_of(f"{name} ram", "").kind != "input"
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "minutes"),
+    [
+        ("Time [h],101,102", lambda s: f"{s / 3600.0:.6f}", 119.0),
+        ("time_s,1,2", lambda s: f"{s:g}", 119.0),
+        ("elapsed,T1 [°C],T2 [°C]", lambda s: f"{int(s // 3600)}h{int(s % 3600 // 60)}m", 119.0),
+        ("elapsed,T1 [°C],T2 [°C]", lambda s: f"{int(s // 3600)} hr {int(s % 3600 // 60)} min 5 s", 119.0),
+        ("time,T1 [°C],T2 [°C]", lambda s: f"{116444736000000000 + 10000000 * (1770000000 + int(s))}", 119.0),
+        ("time,T1 [°C],T2 [°C]", lambda s: f"{639120000000000000 + 10000000 * int(s)}", 119.0),
+        ("Year,Day,HHMM,T1 [°C],T2 [°C]", lambda s: f"2026,123,{100 * (8 + int(s) // 3600) + int(s) % 3600 // 60}", 119.0),
+    ],
+)
+def test_names_of_numbers_and_times_of_other_programs(tmp_path, head, row, minutes):
+    rows = [f"{row(s)},{x:.3f},{y:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    run = tf.read(written(tmp_path, head, rows))
+    assert list(run.channels) == head.split(",")[-2:]
+    assert run.time_s[-1] == pytest.approx(60.0 * minutes, abs=2e-3)
+    assert len(run.time_s) == COUNT
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("m°C", 1000.0), ("mdegC", 1000.0), ("°C x10", 10.0), ("°C*100", 100.0)])
+def test_degrees_that_were_kept_as_whole_numbers(tmp_path, unit, scale):
+    rows = [f"{s:g},{scale * x:.0f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, f"time_s,T1 [{unit}]", rows))
+    np.testing.assert_allclose(run.channels[f"T1 [{unit}]"], FRONT, atol=0.51 / scale)
+    assert any(f"readings times {1.0 / scale:g}" in n for n in run.notes)
+
+
+def test_advice_on_day_and_month_has_the_parts_of_the_stamps(tmp_path):
+    rows = [f"0{3 + i}/04/2026 08:00,{x:.3f}" for i, x in enumerate(FRONT[:3])]
+    with pytest.raises(InputError, match="day and month") as error:
+        tf.read(written(tmp_path, "time,T1 [°C]", rows))
+    assert "'%d/%m/%Y %H:%M'" in str(error.value)
+
+
+def test_hostile_and_odd_names_stay_what_they_are(tool, tmp_path):
+    rows = [f"{s:g},{x:.3f},{y:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    path = written(tmp_path, "#time_s,%s{0} [°C],<script>|& [°C]", rows)
+    assert list(tf.read(path).channels) == ["%s{0} [°C]", "<script>|& [°C]"]
+    shown = tool("inspect", path, "--format", "md").out
+    assert "| %s{0} [°C] |" in shown
+    assert "| &lt;script>\\|&amp; [°C] |" in shown
+
+
+def test_a_column_that_two_options_name_is_refused(tmp_path):
+    rows = [f"{s:g},{x:.3f},{y:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    path = written(tmp_path, "time_s,T1,T2", rows)
+    with pytest.raises(UsageError, match="both name 'T2'"):
+        tf.read(path, ambient="T2", inputs=["T2"])
