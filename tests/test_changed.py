@@ -1,6 +1,7 @@
 """changed: what is different in a machine since other runs of it."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -183,6 +184,31 @@ def test_a_model_takes_the_place_of_old_runs(tmp_path, what, verdict):
         tf.changed(run(rng, "a"), run(rng, "b"), model=tmp_path / "old.toml")
     with pytest.raises(tf.UsageError, match="none of its sensors"):
         tf.changed(new="sample_runs/spindle.csv", model=tmp_path / "old.toml")
+
+
+@pytest.mark.parametrize(("room", "kelvin"), [(26.0, 6.0), (15.0, -5.0)])
+def test_a_model_knows_the_room_that_nobody_logged(room, kelvin):
+    rng = np.random.default_rng(8)
+    told = tf.changed(new=run(rng, "new", length=240.0, room=room), model=tf.improve(run(rng, "old")).model)
+    assert told.verdict == "room"
+    assert told[0].difference_k == pytest.approx(kelvin, abs=0.5)
+    assert "the old ones at 20" in told[0].message
+
+
+def test_a_model_of_three_runs_counts_as_three(tmp_path):
+    rng = np.random.default_rng(12)
+    old = [run(rng, f"old {k}") for k in range(3)]
+    new = run(rng, "new", capacity=1.15)
+    by_one, by_three = (tf.changed(new=new, model=tf.improve(some, together=len(some) > 1).model) for some in (old[:1], old))
+    by_runs = tf.changed(old, new)
+
+    def of(told, kind):
+        return next(row for row in told if row.change == kind)
+
+    sure = [math.log(of(told, "heat capacity").size_hi / of(told, "heat capacity").size_lo) for told in (by_one, by_three, by_runs)]
+    # The runs themselves tell how little they scatter, too.
+    assert sure[2] < sure[1] < 0.9 * sure[0]
+    assert of(by_three, "heat capacity").probability > of(by_one, "heat capacity").probability
 
 
 def test_a_model_with_an_effect_foretells_the_run_that_it_was_learnt_from(tool, tmp_path):

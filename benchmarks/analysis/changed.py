@@ -1,7 +1,7 @@
 """Is it said rightly what changed in a machine between two tests?
 
 python -m benchmarks.analysis.changed [--each 20] [--seed 760000] [--least 0.08] [--most 0.42] compares one or three old runs of
-simulated machines, or the model that `improve` learns from one, with one new run in which the heat, the heat capacity, the loss
+simulated machines, or the model that `improve` learns from them, with one new run in which the heat, the heat capacity, the loss
 or one sensor's rise is 8 to 40 % more or less, or each sensor's (by 20 %, deviation), or the room is 4 to 8 K warmer or colder,
 which no room column tells, or nothing is: the machine's own curve, transformed (a heat capacity stretches time, a loss stretches
 time and shrinks the rise). With ../shared/data the pots of one, two and three litres and their repeats too, and the laptop at
@@ -52,16 +52,16 @@ def changed(run: Run, record: Record, kind: str, rng: np.random.Generator, facto
 
 
 def judge(job: tuple[str, str, int, int, tuple[float, float]]) -> tuple[str, str, int, str, bool]:
-    """(simulator, kind, old runs, verdict, right) of one machine; 0 old runs: the model learnt from one."""
+    """(simulator, kind, old runs, verdict, right) of one machine; -1 or -3 old runs: the model learnt from so many."""
     simulator, kind, asked, seed, sizes = job
-    count = max(asked, 1)
+    count = abs(asked)
     machine = importlib.import_module(f"benchmarks.machines.{simulator}").simulate(seed, 1.0, None, runs=count + 1)
     runs = runs_of(machine, seed)
     bare = [tf.read({"time_min": r.time_s / 60.0, **r.channels}, name=f"old {k}") for k, r in enumerate(runs[:-1])]
     rng = np.random.default_rng([seed, 5])
     room = float(np.mean([r.room[0] for r in machine.runs[:-1]]))
     new = changed(runs[-1], machine.runs[-1], kind, rng, factor_of(rng, sizes), room)
-    told = tf.changed(bare, new) if asked else tf.changed(new=new, model=tf.improve(bare[0]).model)
+    told = tf.changed(bare, new) if asked > 0 else tf.changed(new=new, model=tf.improve(bare, together=count > 1).model)
     said = told.verdict.split(" or ")
     # Of some repeats the simulator draws another room.
     moved = kind == "nothing" and "room" in said and abs(machine.runs[-1].room[0] - room) > 2.5
@@ -79,7 +79,7 @@ def main() -> None:
     print("| machines | old runs | changed | of | right | said |")
     print("| --- | ---: | --- | ---: | ---: | --- |")
     for simulator in ("bar", "network"):
-        for count in (1, 3, 0):
+        for count in (1, 3, -1, -3):
             seeds = [(k, given.seed + 1000 * k + i) for k in range(len(KINDS)) for i in range(given.each)]
             jobs = [(simulator, KINDS[k], count, seed, (given.least, given.most)) for k, seed in seeds]
             with ProcessPoolExecutor() as pool:
@@ -87,7 +87,7 @@ def main() -> None:
             for kind in KINDS:
                 some = [f for f in found if f[1] == kind]
                 said = ", ".join(f"{v} {n}" for v, n in Counter(f[3] for f in some).most_common())
-                right, old = 100 * np.mean([f[4] for f in some]), count or "model of one"
+                right, old = 100 * np.mean([f[4] for f in some]), count if count > 0 else f"model of {-count}"
                 print(f"| {simulator} | {old} | {kind} | {len(some)} | {right:.0f} % | {said} |", flush=True)
     if POTS.is_dir():
         _pots()

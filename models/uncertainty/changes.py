@@ -46,10 +46,14 @@ BESIDE, UNEVEN = 0.3, 0.5
 
 @dataclass(frozen=True)
 class RunNumbers:
-    """Logarithms of rate and rise (2 S,) of the sensors of a run, rates first, with their covariance (2 S, 2 S)."""
+    """Logarithms of rate and rise (2 S,) of the sensors of a run, rates first, with their covariance (2 S, 2 S).
+
+    runs: of how many runs they are the mean, as those of a model learnt from several; the covariance is that of one.
+    """
 
     values: Array
     covariance: Array
+    runs: int = 1
 
     @classmethod
     def of(cls, fit: Fit, wider: float, drift: float = 0.0) -> "RunNumbers | None":
@@ -164,7 +168,7 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
     spread = scatter(n, (old, new))
     means = []
     for group in (old, new):
-        precision = [np.linalg.inv(r.covariance + spread) for r in group]
+        precision = [r.runs * np.linalg.inv(r.covariance + spread) for r in group]
         covariance = np.linalg.inv(sum(precision))
         means.append((covariance @ sum(p @ r.values for p, r in zip(precision, group, strict=True)), covariance))
     difference: Array = means[1][0] - means[0][0]

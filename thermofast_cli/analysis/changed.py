@@ -105,14 +105,16 @@ def compare_runs(
     warmer = starts[many:].mean(axis=0) - starts[:many].mean(axis=0)
     begun = Begun(warmer, rise, 1.0 - WARM, ROOM_ERROR) if logged else Begun(warmer, rise)
     numbers = [_numbers(fit, LOGGED_DRIFT if logged else 1.0) for fit in fits]
+    if model is not None:
+        numbers[0] = replace(numbers[0], runs=1 + len(model.file.also_from))
     seen_as = changes(numbers[:many], numbers[many:], begun)
     found = seen_as.changes
-    if model is None:
+    if model is None or not logged:
         found = _with_room(fits, starts, many, found, seen_as.same_start)
     difference, deviation = seen_as.difference, np.sqrt(np.diag(seen_as.noise))
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
     names = ", ".join(run.name for run, _ in new)
-    notes = [*_rooms(many, seen), *_apart(many, [s.only(channels) for s in seen])] if model is None else []
+    notes = [*_rooms(many, seen), *_apart(many, [s.only(channels) for s in seen])] if model is None or not logged else []
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:

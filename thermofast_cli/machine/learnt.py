@@ -83,7 +83,9 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
 
 
 def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str) -> Observations:
-    """A run of the machine as it was learnt, without noise and events, at the readings of `seen` and begun as warm as it was.
+    """A run of the machine as it was learnt, without noise and events, at the readings of `seen`.
+
+    Where the room of `seen` is logged it begins as warm as that did, else as warm as the machine was when it was learnt.
 
     Raises
     ------
@@ -114,7 +116,7 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
     first = np.array([float(np.median(row[used][:3])) for row, used in zip(seen.reading, seen.used, strict=True)])
     warmer = float(np.median(first - told[START]))
     for key in (START, LEVEL, Key(-1, "sink")):
-        if key in told:
+        if key in told and seen.sink_c is not None:
             told[key] = told[key] + warmer
     local, shared = layout.vector(told)
     everyone = np.broadcast_to(shared, (len(channels), len(shared))), np.arange(len(channels))
