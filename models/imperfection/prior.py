@@ -30,11 +30,11 @@ class Sizes:
     """Standard deviations of one kind of discrepancy.
 
     slow: modes 0.1 to 0.4 times as fast as the law's (a mass behind the one measured), in the background together; fast: modes
-    1.5 to 9 times as fast, together; exponent: of the loss, about 1; decay: a drive that dies out (running-in friction), initial
-    share of the heat; load: of a heat that flutters with a memory of 30 units; cycle: of a heat that swings with a period of 6 to
-    45 units; walk: of a heat that wanders, per root hour of units; start: of the first minutes (a late or uneven start); room [K
-    per root hour of units]: of surroundings that wander; ramp [K per hour of units]: of a room and of a probe that drift evenly;
-    logged: of the gain of a room that is logged, about 1.
+    1.5 to 9 times as fast, together, and ever smaller ones up to 72 times; exponent: of the loss, about 1; decay: a drive that dies
+    out (running-in friction), initial share of the heat; load: of a heat that flutters with a memory of 30 units; cycle: of a heat
+    that swings with a period of 6 to 45 units; walk: of a heat that wanders, per root hour of units; start: of the first minutes (a
+    late or uneven start); room [K per root hour of units]: of surroundings that wander; ramp [K per hour of units]: of a room and
+    of a probe that drift evenly; logged: of the gain of a room that is logged, about 1.
     """
 
     slow: float = 0.0

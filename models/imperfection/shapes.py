@@ -15,7 +15,10 @@ from .prior import COMPONENTS, SLOW
 
 Array = NDArray[np.float64]
 
-FAST = (1.5, 2.0, 3.0, 5.0, 9.0)
+#: Fast modes against the law's rate, and their sizes: a lag in series, of a probe or of what heat passes on its way, is a mode as
+#: much smaller as it is faster. A slow body in a quick heater lags by a fiftieth of its time constant.
+FAST = (1.5, 2.0, 3.0, 5.0, 9.0, 18.0, 36.0, 72.0)
+FAST_SIZES = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.35, 0.18, 0.09]) / np.sqrt(5.0)
 DECAY = (0.7, 1.02, 1.5, 2.5)
 #: Periods of a cyclic load, in units.
 PERIODS = (6.0, 9.0, 13.0, 20.0, 30.0, 45.0)
@@ -194,7 +197,7 @@ def covariances(
 
     slow = np.stack([-np.expm1(-k * x) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
     slow_rest = np.stack([np.exp(-k * rate * last) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
-    fast = squares([np.exp(-k * x) / np.sqrt(len(FAST)) for k in FAST])
+    fast = squares([size * np.exp(-k * x) for k, size in zip(FAST, FAST_SIZES, strict=True)])
     exponent = squares([loss_bend(x)])
     decay = squares([(np.exp(-k * x) - np.exp(-x)) / (1.0 - k) / np.sqrt(len(DECAY)) for k in DECAY])
     steps = np.linspace(0.0, last, STEPS + 1)[:-1]
