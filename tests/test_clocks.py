@@ -7,8 +7,8 @@ import pytest
 
 import thermofast as tf
 from thermofast.errors import InputError, UsageError
-from thermofast.reading.columns import sign_of
-from thermofast.reading.marks import bad_by
+from thermofast.reading.signs import sign_of
+from thermofast.reading.values.marks import bad_by
 
 COUNT = 120
 SECONDS = 60.0 * np.arange(COUNT)

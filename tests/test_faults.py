@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import thermofast as tf
-from thermofast.reading.faults import false_first, held, without_faults, without_impossible
+from thermofast.reading.values.faults import false_first, held, without_faults, without_impossible
 
 TIME = np.arange(361.0)
 NOISE = 0.02 * np.random.default_rng(5).standard_normal(361)

@@ -5,7 +5,6 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,45 +12,20 @@ import numpy as np
 from ..errors import UsageError, listed, nearest
 from ..reading_options import Options
 from .run import Array, Guess
-from .units import Unit, names_probe, parse_unit, unit_in_name
+from .signs import Sign, sign_of
+from .units import parse_unit
 from .vocabulary import (
     AMBIENT,
-    AMBIENT_PARTS,
-    AMBIENT_STEMS,
-    BESIDE,
-    CALENDAR,
     COUNTERS,
-    DERIVED,
-    DISPLACEMENTS,
     EXTREMES,
-    FLAGS,
-    INPUT_ENDINGS,
-    INPUT_NAMES,
-    INPUT_PARTS,
-    INPUTS,
     MEANS,
-    NAMELESS,
-    NOT_TEMPERATURE,
-    OTHER,
-    PLACES,
-    QUALITIES,
     REFERENCE,
-    TEMPERATURE,
-    TEMPERATURE_PARTS,
-    WANTED,
-    WANTED_PARTS,
-    WANTED_STEMS,
-    WARM_INPUTS,
+    SPREADS,
     words,
 )
 
-#: Units of one letter in brackets that may also be the name of a place (phase A, side N).
-_LETTERS = frozenset(["A", "N", "W", "J", "m", "g", "h", "d"])
 #: Where other columns say that they are temperatures, one that does not say so is none if its readings are above this [degC].
 HOTTEST = 1000.0
-#: Channels of a data acquisition board that nobody named: they are volts until a unit says otherwise.
-_BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
-
 #: What an instrument says of its state; constant, it says nothing.
 SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
 
@@ -66,16 +40,6 @@ class Roles:
     displacements: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     guesses: tuple[Guess, ...] = ()
-
-
-@dataclass(frozen=True)
-class Sign:
-    """What a column's name and unit line say of it. kind: sensor, ambient, input, displacement, other, named, nameless."""
-
-    kind: str
-    unit: Unit | None
-    #: Whether it is said to be a temperature: by its unit, or by a word.
-    temperature: bool
 
 
 def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: str) -> None:
@@ -128,120 +92,6 @@ def columns_named(wanted: str, known: list[str], readings: Collection[str]) -> t
     return tuple(bare) if len(bare) == 1 else (wanted,)
 
 
-def sign_of(name: str, unit_cell: str) -> Sign:
-    """What name and unit line say of a column; digits at the end of a name say nothing."""
-    return _sign(name.rstrip("0123456789"), unit_cell)
-
-
-@lru_cache(maxsize=4096)
-def _sign(name: str, unit_cell: str) -> Sign:
-    core = re.sub(r"[\[(].*", "", name).split(", ")[0]
-    said = set(words(name)) | ({name} if not name.isascii() else set())
-    first = set(words(core)) or said
-    unit = parse_unit(unit_cell) or unit_in_name(name)
-    spoken = _speaks_of_temperature(core or name, said) or names_probe(name)
-    if unit is not None and unit.symbol in _LETTERS and spoken:
-        unit = None
-    degrees = unit is not None and unit.temperature
-    temperature = degrees or (spoken and unit is None)
-    if (said & FLAGS and unit is None) or name.strip().lower() in CALENDAR:
-        kind = "other"
-    elif (
-        _wanted(name, first)
-        or (first | (said & QUALITIES)) & DERIVED
-        or _over_the_room(core)
-        or re.match(r"[dDΔ]_?T(?![a-z])|u\(|([A-Za-z]{1,3})\d+ ?[-−–] ?\1\d*\b", name)
-        or _is_reference(first)
-    ):
-        kind = "input"
-    elif (said | set(words(unit_cell))) & DISPLACEMENTS and (unit is None or unit.kind == "length"):
-        kind = "displacement"
-    elif _is_ambient(name, first, spoken or degrees) and (unit is None or degrees):
-        kind = "ambient"
-    elif temperature:
-        kind = "sensor"
-    elif unit is not None and unit.kind in ("number", "time"):
-        kind = "other"
-    elif unit is not None or _BOARD.fullmatch(name.strip()) or _is_input(name, said):
-        kind = "input"
-    elif said & OTHER:
-        kind = "other"
-    else:
-        kind = "named" if _means_something(said, name) else "nameless"
-    return Sign(kind, unit, temperature)
-
-
-def _is_input(name: str, said: set[str]) -> bool:
-    """Whether a name without unit is that of a load, a supply, ...; the bearing of a pump is a place on the machine."""
-    if said <= INPUT_NAMES:
-        return bool(said)
-    told = said & INPUTS
-    if told and told <= WARM_INPUTS and said & PLACES:
-        return False
-    return bool(told or any(w.endswith(INPUT_ENDINGS) for w in said) or any(part in name for part in INPUT_PARTS))
-
-
-def _wanted(name: str, said: set[str]) -> bool:
-    if any(w.startswith(WANTED_STEMS) for w in said) or any(part in name for part in WANTED_PARTS):
-        return True
-    asked = said & WANTED
-    return bool(asked - {"sp"} or (asked and not re.search(r"(?i)\bsp\d", name)))
-
-
-def _is_reference(said: set[str]) -> bool:
-    """Whether a name is that of the instrument's own temperature: CJC, T_ref, Cold junction; not the machine's Reference block."""
-    if {"cold", "junction"} <= said:
-        return True
-    loose = {"ref", "reference", "referenz", "internal", "panel", "board", "logger"}
-    if said & (REFERENCE - loose) or any(w.startswith(("vergleichsstell", "klemmentemp", "kaltstell")) for w in said):
-        return True
-    return bool(said & loose) and said - loose <= BESIDE
-
-
-def _is_ambient(name: str, said: set[str], spoken: bool) -> bool:
-    """Whether a name is that of the surroundings; air and hall only where no part of the machine is named beside them."""
-    if said & PLACES:
-        return False  # the room side of a bearing
-    if _names_the_room(said) or any(part in name for part in AMBIENT_PARTS):
-        return True
-    loose = {"air", "luft", "hall", "tu", "outside", "klima"}
-    if said & (AMBIENT - loose):
-        return spoken or not said & INPUTS
-    return bool(said & loose) and said - AMBIENT <= BESIDE
-
-
-def _speaks_of_temperature(name: str, said: set[str]) -> bool:
-    bare = name.strip(" _")
-    return bool(
-        said & TEMPERATURE
-        or (not name.isascii() and any(part in name for part in TEMPERATURE_PARTS))
-        or any("temperat" in w or ((w.startswith("temp") or w.endswith("temp")) and w not in NOT_TEMPERATURE) for w in said)
-        or any("温度" in w for w in said)
-        or (
-            re.fullmatch(r"[Tt]|[Tt][ _].*|T[A-Z][a-z]*|T[a-z]{1,3}", bare) is not None
-            and not said & (INPUTS | OTHER) - WARM_INPUTS
-        )
-    )
-
-
-def _over_the_room(core: str) -> bool:
-    """Whether a name is that of a difference to the surroundings: front - room, rise over ambient."""
-    apart = re.split(r"\s*[-\u2013]\s*|\s+(?:over|above|minus)\s+", core.strip())
-    return len(apart) == 2 and all(apart) and bool(set(words(apart[1])) & AMBIENT) and not set(words(apart[0])) <= TEMPERATURE
-
-
-def _names_the_room(said: set[str]) -> bool:
-    return any(w.startswith(AMBIENT_STEMS) and "temp" in w for w in said)
-
-
-def _means_something(said: set[str], name: str) -> bool:
-    """Whether a name has a word that could be a place on a machine, not a code such as R1 or vbl3."""
-    if not name.isascii():
-        return True
-    meant = [w for w in said - NAMELESS if len(w) >= 3 and re.search("[aeiouy]", w)]
-    return bool(meant)
-
-
 def resistive(names: Collection[str], units: Mapping[str, str], options: Options, run: str) -> list[str]:
     """Columns that are resistances of windings: in ohms by unit or name, else those named by --channels.
 
@@ -278,6 +128,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(n, units.get(n, "")) for n in names}
     signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names))}
+    signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
     roles: dict[str, list[str]] = {
@@ -298,10 +149,30 @@ def _differences(names: list[str]) -> list[str]:
 
 
 def _extremes(names: list[str]) -> list[str]:
-    """Columns that are the least or greatest of what another one is the mean of, as ``T1 min`` beside ``T1 avg``: one sensor."""
-    parts = {n: re.split(r"[\W_]+", _core(n)) for n in names}
+    """Columns that are the least, greatest or spread of what another one is the mean of, as ``T1 min`` beside ``T1 avg``; spreads
+    beside the readings themselves, too.
+    """
+    parts = {n: [w for w in re.split(r"[\W_]+", _without_unit(n).casefold()) if w] for n in names}
     means = [[w for w in some if w not in MEANS] for some in parts.values() if MEANS.intersection(some)]
-    return [n for n, some in parts.items() if EXTREMES.intersection(some) and [w for w in some if w not in EXTREMES] in means]
+    bare = [some for some in parts.values() if not (MEANS | EXTREMES | SPREADS).intersection(some)]
+
+    def of_one(some: list[str], words_of: Collection[str], others: list[list[str]]) -> bool:
+        rest = [w for w in some if w not in words_of]
+        return len(rest) < len(some) and rest in others
+
+    return [n for n, some in parts.items() if of_one(some, EXTREMES | SPREADS, means) or of_one(some, SPREADS, bare)]
+
+
+def _without_unit(name: str) -> str:
+    """A name without the brackets that say its unit."""
+    return re.sub(r"[\[(]([^\[\]()]*)[\])]", lambda m: "" if parse_unit(m[1]) else m[0], name)
+
+
+def _rooms(names: list[str]) -> list[str]:
+    """Columns named by channel and place, as T3-room beside T1-front: no difference to the room, but its temperature."""
+    apart = {n: m for n in names if (m := re.fullmatch(r"([A-Za-z]{1,4}\d+)\s*[-–]\s*([^\W\d_]+)", _core(n)))}
+    places = [n for n, m in apart.items() if not set(words(m[2])) & AMBIENT]
+    return [n for n, m in apart.items() if places and set(words(m[2])) & AMBIENT]
 
 
 def _core(name: str) -> str:
@@ -366,9 +237,11 @@ def _constant(column: Array) -> bool:
 def _counts(name: str, sign: Sign, column: Array) -> bool:
     """Whether a column counts the rows: whole numbers one apart, under a name that says so or none."""
     unit = sign.unit is not None and sign.unit.kind != "number"
-    if sign.temperature or unit or len(column) < 2 or not _whole(column) or not np.isfinite(column).all():
+    if unit or len(column) < 2 or not _whole(column) or not np.isfinite(column).all():
         return False
     step = np.diff(column)
+    if sign.temperature:  # by its name alone, as that of a logger with a thermocouple
+        return len(column) > 20 and bool((step == 1.0).all()) and column[0] in (0.0, 1.0)
     if len(column) > 5 and (step == 1.0).all() and column[0] in (0.0, 1.0):
         return True  # whatever it is called
     counting = set(words(name)) & COUNTERS or "#" in name or name.strip().lower() == "n" or name == "column 1"

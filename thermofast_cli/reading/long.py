@@ -8,13 +8,14 @@ import numpy as np
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
-from .columns import check_names, sign_of
-from .marks import good_only
+from .columns import check_names
 from .moments.times import Time
 from .run import Array, Guess
+from .signs import sign_of
 from .tables.dialect import is_missing, is_number, to_number
 from .tables.table import Table
 from .units import parse_unit, to_celsius
+from .values.marks import good_only, unsure
 from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 
 MOST_LABELS = 5000
@@ -242,7 +243,7 @@ def to_wide(table: Table, layout: Layout, time: Time) -> Table:
             columns[label], units[label] = to_celsius(column, own.symbol), "°C"
     note = f"long table: {len(names)} columns from {' and '.join(layout.labels)} and {layout.value}"
     note += f"; {bad} reading{'s' if bad > 1 else ''} of bad quality left out" if bad else ""
-    guesses = (*table.guesses, *([layout.guess] if layout.guess else []))
+    guesses = (*table.guesses, *([layout.guess] if layout.guess else []), *unsure(table))
     return replace(
         table,
         names=list(columns),

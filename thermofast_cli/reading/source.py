@@ -22,19 +22,16 @@ from .columns import (
     column_named,
     resistive,
     resolved,
-    sign_of,
     to_micrometres,
 )
-from .degrees import Temperatures, refuse_words, unit_told, winding
-from .faults import without_faults, without_impossible
 from .long import Layout, find_long, to_wide, without_switches
-from .marks import good_readings
 from .moments.in_turn import each_in_turn
 from .moments.order import in_order, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
 from .moments.times import Time, find_time, is_time_name
 from .moments.zones import in_zone
 from .run import Run, Seen, SeenColumn, renamed, stretch
+from .signs import sign_of
 from .tables.clocks import with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
@@ -45,6 +42,9 @@ from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
 from .units import parse_unit, unit_changes
+from .values.degrees import Temperatures, refuse_words, unit_told, winding
+from .values.faults import without_faults, without_impossible
+from .values.marks import good_readings
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 
@@ -293,7 +293,9 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         if n in table.faults:
             raise table.faults[n]
     own = [u for n in roles.sensors if (u := sign_of(n, units.get(n, "")).unit) is not None and u.temperature]
-    if table.unit_above and not options.units and not own:
+    if table.unit_above and table.unit_above not in ("C", "K", "F") and not options.units and not own and not options.channels:
+        raise _no_sensor(table, roles, [], [f"{n} [{table.unit_above}]" for n in roles.sensors])
+    if table.unit_above in ("C", "K", "F") and not options.units and not own:
         options = replace(options, units=(table.unit_above,))
         notes.append(f"temperatures in {table.unit_above}, as a line above the names says")
     used = (*roles.sensors, *roles.ambient, *roles.inputs, *roles.displacements)
@@ -316,7 +318,8 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     if layout is not None:
         time, in_turn = each_in_turn(time, columns)
         guesses += in_turn
-    stretches = in_order(time.seconds, columns, table.name, table.lines, time.wall, time.dated, layout is not None)
+    where = table.lines, time.wall, time.dated, layout is not None, table.headers
+    stretches = in_order(time.seconds, columns, table.name, *where)
     runs = []
     for k, part in enumerate(stretches):
         name = table.name if len(stretches) == 1 else f"{table.name}#{k + 1}"
@@ -368,7 +371,7 @@ def _seen(
         if role in ("sensor", "ambient"):
             unit = unit_told(n, options, table) or unit
         columns.append(SeenColumn(n, role, unit, _why(n, role, table, roles, spare, options)))
-    d = table.dialect
+    d = table.dialect if table.dialect is None or not table.dialect.joined else replace(table.dialect, delimiter="", decimal="")
     return Seen(
         len(time.seconds),
         tuple(columns),

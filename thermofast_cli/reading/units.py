@@ -40,7 +40,7 @@ _BEHIND = re.compile(r"(?:o|O)?([cfk])(?:°|º)|o([cf])", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
 _SCALED = re.compile(r"(?:x\s*|×\s*)?(1/10|1/100|1/1000|0[.,]0*1|10\^?-[123])\s*[x×*]?\s*(.+)$")
 #: Thousandths, and what a controller keeps as whole numbers: degC times ten.
-_MILLI, _TIMES = re.compile(r"(?:milli|m) ?((?:°|º|deg).+|celsius|℃)$", re.I), re.compile(r"(.+?) ?[x×*·] ?(10{1,3})$")
+_MILLI, _TIMES = re.compile(r"(?:milli|m) ?((?:°|º|deg).+|celsius|℃)$", re.I), re.compile(r"(.+?) ?[x×*·/] ?(10{1,3})$")
 #: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
 _UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
 _ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")
@@ -51,6 +51,10 @@ _CYRILLIC = str.maketrans("СК", "CK")
 _BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
 _ANYWHERE = re.compile(r"[°º˚] ?([CFK])\b(?!\s*/)|(℃)|(℉)|(?i:(?<![a-z])deg[ _]?([CFK])(?![a-z]))|(?i:(celsius|kelvin|fahrenheit))")
 _LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
+
+_UNIT_ABOVE = re.compile(r"(?i)\W*(?:temperature |temp\.? )?(?:units?|einheit)\W+?([^\s;,\"]+(?: [cfk])?)[\"\s;,]*$")
+_SCALE_IN_WORDS = re.compile(r"(?i)\b(?:temp\w*|values|readings|units?|data)\b[^\n]*\b(fahrenheit|celsius|kelvin|deg ?[fck])\b")
+_SCALES = {"fahrenheit": "F", "celsius": "C", "kelvin": "K"} | {f"deg{b}{u}": u.upper() for b in ("", " ") for u in "fck"}
 
 
 @dataclass(frozen=True)
@@ -162,6 +166,19 @@ def unit_changes(place: str, told: Iterable[str]) -> InputError:
         allowed="readings of one unit in a column",
         do="export the record in one unit, or cut it where the unit changes",
     )
+
+
+def unit_above(lines: list[str]) -> str:
+    """The unit of temperature, C, K or F, that a line above the names or a comment says of all of them, or a voltage's; empty where
+    none or several do.
+    """
+    told = [unit for m in map(_UNIT_ABOVE.match, lines) if m and (unit := parse_unit(m[1])) is not None]
+    units = {unit.symbol for unit in told if unit.temperature}
+    if not units:  # # all temperatures in Fahrenheit
+        units = {_SCALES[m[1].lower()] for line in lines for m in _SCALE_IN_WORDS.finditer(line)}
+    if not units and told and all(unit.kind == "voltage" for unit in told):
+        return told[0].symbol
+    return units.pop() if len(units) == 1 else ""
 
 
 def to_celsius(values: Array, symbol: str, scale: float = 1.0) -> Array:

@@ -24,7 +24,7 @@ AMBIENT = _set(
     "ambient amb room air surroundings surrounding environment env umgebung umg raum raumluft luft hall halle hallen troom "
     "tair 环境 室温 okoli okolí otoczenia omgeving omgivning omgivningen omgivelser ympäristö ortam környezet prostredi prostředí "
     "окружающая окружающей среда среды воздух воздуха помещение помещении окр raumtemp umgebungstemp umgebungsluft hallenluft "
-    "messraum "
+    "messraum rumtemperatur huonelämpötila officina atelier werkhalle místnosti airtemp "
     "prüfraum klimaraum omgivelsestemperatur kamertemperatuur romtemperatur stuetemperatur huone huoneen ympäristön oda "
     "szobahőmérséklet szoba pokojowa pokojová pokoj комнатная комнаты ambiental ambientală camerei "
     "omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
@@ -43,6 +43,7 @@ INPUTS = _set(
     "frequency freq utilization light lux lamp lamps co "
     "ток напряжение мощность скорость обороты давление corrente tensione potenza velocità coppia pressione courant "
     "tension puissance pression corriente tensión potencia velocidad presión prąd napięcie moc prędkość ciśnienie "
+    "stellgrad stellgröße stellgrösse stellwert "
     "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht"
 )
 #: Names of inputs that are none beside another word: Press ram is a place.
@@ -54,7 +55,8 @@ WANTED = _set(
     "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
     "führungsgröße offset tolerance uncertainty alarm set "
     "setpoint setpt sp sv soll sollwert solltemperatur target command cmd ziel zielwert zieltemperatur vorgabe vorgabewert demand "
-    "commanded wsp rsp trip nominal hedef ayar alapjel objetivo deseada deseado alvo desejada ønsket önskad tavoite setare setata "
+    "desired gewenste gewenst célhőmérséklet zul tref setată warning ajuste commanded wsp rsp "
+    "trip nominal hedef ayar alapjel objetivo deseada deseado alvo desejada ønsket önskad tavoite setare setata "
     "cílová docelowa задание "
     "goal req request requested calc calculated sim simulated predicted prediction berechnet simuliert correction korrektur"
 )
@@ -76,14 +78,14 @@ OTHER = _set(
     "output index idx alm dio totalizer "
     "id serial status state code alarm flag error crc counter cycle cyc step rssi signal lat lon latitude longitude altitude "
     "depth seq sequence quality validity marker mode result table millisecond millitm msec position cell rack shelf test lot "
-    "batch tvoc tds type"
+    "batch tvoc voc tds type"
 )
 TEMPERATURE = _set(
     "temp temps temperature temperatures temperatur temperaturen tmp tc thermocouple thermo pt rtd ntc thermistor therm dewpt "
     "dewpoint probe fühler 温度 temperatura temperaturas teplota lämpötila hőmérséklet sıcaklık температура"
 )
 #: Words that a name may have beside the one that decides, and is still that.
-BESIDE = _set("t c f k degc temp temps temperature temperatur avg ave average mean last max min inside indoor")
+BESIDE = _set("t tc ch c f k degc temp temps temperature temperatur avg ave average mean last max min inside indoor")
 #: Places on a machine, which have a temperature whatever stands beside them.
 PLACES = _set(
     "bearing lager motor housing gehäuse winding wicklung casing stator rotor coil spule nut flange block body outlet inlet "
@@ -100,8 +102,9 @@ DERIVED = _set(
 #: The same that count wherever in a name they stand, behind its unit too: front [°C] rate.
 QUALITIES = _set("rate noise resolution accuracy error")
 #: Of the readings of an interval: their mean, and what else is told of them.
-MEANS = _set("avg ave average mean mittel mittelwert mw moyenne media promedio")
-EXTREMES = _set("min max minimum maximum")
+MEANS = _set("avg ave average mean mittel mittelwert mw moyenne moy media promedio 平均 平均值")
+EXTREMES = _set("min max mini maxi minimum maximum lowest highest mín máx 最小 最大 最小值 最大值")
+SPREADS = _set("range std stdev stddev dev sd spread span")
 #: Marks of a reading, one for each row, whatever else the name says.
 FLAGS = _set("ok valid validity status state error fault quality flag")
 #: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..run import Array, Guess
-from .order import SPREAD, clock_change, restarts, spread_evenly, unwrapped
+from .order import SPREAD, clock_change, newest_first, restarts, set_back, spread_evenly, unwrapped
 from .stamps import DAY_S
 from .times import Time
 
@@ -23,9 +23,12 @@ def each_in_turn(time: Time, columns: dict[str, Array]) -> tuple[Time, list[Gues
         rows = np.flatnonzero(np.isfinite(column))
         if len(rows) < 2:
             continue
+        if descends := newest_first(seconds[rows]):
+            rows = rows[::-1]
         own = seconds[rows]
         if daily:  # the days that a clock without dates went on by, before the rows of this sensor began
-            own = own - DAY_S * np.round((own[0] - seconds[0]) / DAY_S)
+            begins = seconds[0] if not descends else seconds[rows].min()
+            own = own - DAY_S * np.round((own[0] - begins) / DAY_S)
         if time.wall:
             own, changed = clock_change(own, time.wall)
             guesses |= {changed.text: changed} if changed else {}
@@ -34,6 +37,9 @@ def each_in_turn(time: Time, columns: dict[str, Array]) -> tuple[Time, list[Gues
             own, wrapped = unwrapped(own)
             guesses |= {wrapped.text: wrapped} if wrapped else {}
             step = np.diff(own)
+        own, back = set_back(own, {"": column[rows]})
+        guesses |= {back.text: back} if back else {}
+        step = np.diff(own)
         if (step == 0).any() and (step >= 0).all():
             spread = spread_evenly(own, {"": column[rows]}, np.flatnonzero(np.concatenate([[True], step > 0])))
             own = own if spread is None else spread

@@ -1,7 +1,7 @@
 """Rows in the order of time: sorted, split where the time begins anew, clock changes taken out, repeated stamps merged."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -24,6 +24,10 @@ RESET_S = YEAR_S
 #: Spread of readings at one stamp, in deviations of the readings from stamp to stamp, beyond which they are not one sensor's.
 MOST_SPREAD = 8.0
 
+#: A clock is set back this often at most, between so many usual steps on either side.
+MOST_SET, SET_AROUND = 4, 4
+#: Usual steps of a gap before which names that stand again begin another run.
+APPENDED = 20.0
 #: Share of the rows in which a clock goes forward.
 GOES_ON = 0.9
 #: What is told where readings at one stamp are put apart.
@@ -55,11 +59,13 @@ def in_order(
     starts: tuple[float, ...] = (),
     dated: bool = False,
     mixed: bool = False,
+    headers: Sequence[int] = (),
 ) -> list[Stretch]:
     """The runs that a table holds, mostly one.
 
     starts are the moments that the first row may have [s since 1970] where time is a wall clock without zone; ``dated``: times are
-    moments of a calendar. ``mixed``: rows of several sensors follow each other, so that time may fall back between them.
+    moments of a calendar. ``mixed``: rows of several sensors follow each other, so that time may fall back between them. headers
+    are the lines at which the names stand again.
 
     Raises
     ------
@@ -71,13 +77,40 @@ def in_order(
         _refuse_reset(time, name, lines)
     if mixed:
         return [_one(time, columns, name, lines, guesses, mixed)]
+    turned: tuple[str, ...] = ()
+    if newest_first(time):
+        time, columns, lines = time[::-1], {n: c[::-1] for n, c in columns.items()}, list(lines)[::-1]
+        turned = ("newest first: sorted by time",)
+    found = _runs(time, columns, name, lines, starts, dated, headers, guesses)
+    return [replace(one, notes=(*turned, *one.notes)) for one in found]
+
+
+def newest_first(time: Array) -> bool:
+    """Whether rows stand in the reverse order of time: nearly all steps go back."""
+    return len(time) > FEWEST_ROWS and float((np.diff(time) <= 0.0).mean()) > GOES_ON and float(np.ptp(time)) > 0.0
+
+
+def _runs(
+    time: Array,
+    columns: dict[str, Array],
+    name: str,
+    lines: Sequence[int],
+    starts: tuple[float, ...],
+    dated: bool,
+    headers: Sequence[int],
+    guesses: list[Guess],
+) -> list[Stretch]:
+    """The runs of rows in the order in which they were written."""
+    mixed = False
     if starts:
         time, changed = clock_change(time, starts)
         guesses += [changed] if changed else []
     full, wrapped = unwrapped(time)
     if wrapped and not dated and _goes_on(columns, np.flatnonzero(np.diff(time) < 0)):
         time, guesses = full, [*guesses, wrapped]
-    begins = restarts(time)
+    time, back = set_back(time, columns)
+    guesses += [back] if back else []
+    begins = sorted({*restarts(time), *_after_headers(time, lines, headers)})
     if not begins and not (np.diff(time) <= 0).all():
         time, wrapped = unwrapped(time)
         guesses += [wrapped] if wrapped else []
@@ -222,6 +255,36 @@ def earlier_stretches(time: Array) -> list[int]:
         return []
     parts = [time[a:b] for a, b in pairwise(edges)]
     return back.tolist() if all(float(after.max()) <= float(before.min()) for before, after in pairwise(parts)) else []
+
+
+def set_back(time: Array, columns: dict[str, Array]) -> tuple[Array, Guess | None]:
+    """Time (n,) [s] without the seconds or minutes by which a clock was set back while it ran on, and what was done.
+
+    The steps before and after are the usual ones and the readings go on: a row out of place is made good by the next step, and a
+    second run begins cold.
+    """
+    step = np.diff(time)
+    back = np.flatnonzero(step < 0)
+    usual = float(np.median(step)) if len(step) else 0.0
+    if not 0 < len(back) <= MOST_SET or usual <= 0.0 or (np.abs(step[back]) > HOUR_S).any() or not _goes_on(columns, back):
+        return time, None
+    for i in back.tolist():
+        near = np.concatenate([step[max(0, i - SET_AROUND) : i], step[i + 1 : i + 1 + SET_AROUND]])
+        if len(near) < SET_AROUND or (np.abs(near - usual) > 0.5 * usual).any():
+            return time, None
+    shift = np.zeros(len(time))
+    shift[1:] = np.cumsum(np.where(step < 0, usual - step, 0.0))
+    told = listed([f"{usual - step[i]:g} s" for i in back.tolist()], 3)
+    return time + shift, Guess("time", f"the clock was set back by {told} while it ran; taken out", "log whole moments to be sure")
+
+
+def _after_headers(time: Array, lines: Sequence[int], headers: Sequence[int]) -> list[int]:
+    """Rows below names that stand again, at which time falls back or leaves a gap: another run, appended to the file."""
+    step = np.diff(time)
+    usual = float(np.median(step)) if len(step) else 0.0
+    rows = np.searchsorted(np.asarray(lines), np.asarray(headers, dtype=int))
+    inside = [r for r in rows.tolist() if RUN_ROWS <= r <= len(time) - RUN_ROWS]
+    return [r for r in inside if step[r - 1] < 0 or step[r - 1] > APPENDED * max(usual, 1.0)]
 
 
 def _goes_on(columns: dict[str, Array], back: NDArray[np.intp]) -> bool:

@@ -15,14 +15,10 @@ from ..run import Array, Guess
 from ..tables.table import Table
 from ..units import unit_in_name
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
+from .epochs import UNITS, epoch_of, is_date_number, of_archive, serial, ticks_of
 from .parts import SHORT, clock_written_as_number, days_of_year, moments_in_parts
 from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
 
-UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
-#: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
-EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
-#: 2000 to 2100 in steps of 100 ns, from 1601 and from the year 1.
-TICKS = {"a file time of Windows": (1.2591e17, 1.5747e17), "ticks of .NET": (6.3082e17, 6.6239e17)}
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
@@ -32,8 +28,10 @@ _MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)\.(?:sec|ss|s)\s*[\])]", re.
 #: The time of a curve, as panels write it beside its ValueY.
 _OF_A_CURVE = re.compile(r"(?i)\bvalue ?x( \(\d+\))?$")
 #: Words of a column that tells parts of the second of a stamp.
-MILLISECONDS = frozenset(["millitm", "millisecond", "milliseconds", "msec"])
+MILLISECONDS = frozenset(["ms", "millitm", "millisecond", "milliseconds", "msec"])
 DATE_DIGITS = 8  # of a date written without signs, 20260131
+#: Words of a time that is still to go.
+COUNTDOWN = frozenset(["remaining", "countdown", "restzeit", "verbleibend", "restante", "left"])
 #: Names that are units of time, and of deviations, least readings and heights.
 BARE = ("s", "min", "h")
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
@@ -74,7 +72,8 @@ def is_time_name(name: str) -> bool:
     if whole != name and whole in TIME_NAMES and (unit := unit_in_name(name)) is not None and unit.kind != "time":
         return False  # min [°C] is the least of a temperature
     if whole != name and re.fullmatch(r"[Tt]\d+", whole):
-        return (unit := unit_in_name(name)) is not None and unit.kind == "time"  # t1 [s] beside T1
+        # t1 [s] beside T1; T1 (min) is the least of a temperature.
+        return (unit := unit_in_name(name)) is not None and unit.kind == "time" and (unit.symbol != "min" or "[" in name)
     if any(w in ("temp", "temperature", "temperatur") for w in told):
         return False
     if not name.isascii() and any(part in name for part in TIME_PARTS):
@@ -150,7 +149,7 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
             stamped.append(n)
         elif looks_like_stamp(column[0]) and ":" not in column[0]:
             stamped.append(n)  # a date alone may be the same all day
-    archived = [n for n in numeric if words(n) == ["time", "ms"] and _of_archive(_values(table, n))]
+    archived = [n for n in numeric if words(n) == ["time", "ms"] and of_archive(_values(table, n))]
     if archived and stamped:
         return archived[0], None
     named = [n for n in table.names if is_time_name(n)]
@@ -166,7 +165,7 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     pair = len(any_dates) == len(any_clocks) == 1 and not others
     dates = [n for n in any_dates if pair or n in named or n == table.names[0]]
     clocks = [n for n in any_clocks if pair or n in named]
-    days = dates or [n for n in numeric if n in named and _is_date_number(table.columns[n])]
+    days = dates or [n for n in numeric if n in named and is_date_number(table.columns[n])]
     if days and clocks and not whole:
         return (clocks[0], None) if _elapses(table.columns[days[0]], table.columns[clocks[0]]) else (days[0], clocks[0])
     dated = [n for n in stamps if n not in clocks and n not in dates]
@@ -177,8 +176,8 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
         # Of several stamps the one with most different values: the others tell when a step or the query began.
         return max(ordered[:8], key=lambda n: (len(set(table.columns[n])), n in named)), None
     timed = [n for n in numeric if n in named and np.isfinite(np.asarray(table.columns[n])).any()]
-    timed = [n for n in timed if not _is_date_number(table.columns[n])] or timed
-    epochs = [n for n in timed if _epoch(_values(table, n)) and unit_of(n) is None]
+    timed = [n for n in timed if not is_date_number(table.columns[n])] or timed
+    epochs = [n for n in timed if epoch_of(_values(table, n)) and unit_of(n) is None]
     ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5]
     for group in (
         [n for n in timed if unit_of(n, table.units.get(n, "")) and n in ascending and not _after_time(n, ascending)],
@@ -296,17 +295,18 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
             allowed="a number in every row, up to 1e30",
             do="mend or remove the rows",
         )
+    if COUNTDOWN.intersection(words(name)) and (np.diff(column) <= 0.0).all():
+        counting = _numeric(table, name, column.max() - column, options)
+        return replace(counting, note=f"{counting.note}, counted down", dated=False)
     if not options.time_unit and (counted := _counted(name, column)) is not None:
         return counted
     unit = options.time_unit or unit_of(name, table.units.get(name, ""))
     written = _written_moments(table, name, column) if not options.time_unit else None
     if written is not None:
         return written
-    epoch = _epoch(column)
-    for ticks, (low, high) in TICKS.items():
-        if low <= column.min() and column.max() <= high and not options.time_unit:
-            note = f"time: {name!r}, {ticks}"
-            return Time(1e-7 * (column - column[0]), frozenset({name}), note, dated=True, unit="stamp")
+    epoch = epoch_of(column)
+    if (ticks := ticks_of(column)) and not options.time_unit:
+        return Time(1e-7 * (column - column[0]), frozenset({name}), f"time: {name!r}, {ticks}", dated=True, unit="stamp")
     if unit == "s" and not options.time_unit and (clock := _clock_of(table, name, column, True)) is not None:
         return clock
     if unit and not (epoch and not options.time_unit):
@@ -315,7 +315,7 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         # 1.7e18 less 1.7e18 has lost its last digits once it is multiplied: take the start away first.
         note = f"time: {name!r}, an epoch in {epoch}"
         return Time((column - column[0]) * UNITS[epoch], frozenset({name}), note, dated=True, unit=epoch)
-    if _serial(column):
+    if serial(column):
         text = f"{name!r} read as serial days of a spreadsheet (one is {column[0]:.6g})"
         seconds = np.round((column - column[0]) * DAY_S, 3)
         guess = Guess("time", text, "--time-unit says otherwise")
@@ -339,15 +339,10 @@ def _clock_of(table: Table, name: str, column: Array, in_seconds: bool) -> Time 
     return Time(clock, frozenset({name}), f"time: {name!r}, a clock without signs", (guess,), unit="stamp")
 
 
-def _of_archive(column: Array) -> bool:
-    """Whether these are the millionths of days that Siemens archives call milliseconds."""
-    return bool(np.isfinite(column).all()) and SERIAL_DAYS[0] <= column.min() / 1e6 and column.max() / 1e6 < SERIAL_DAYS[1]
-
-
 def _counted(name: str, column: Array) -> Time | None:
     """Numbers that count otherwise than in one unit of time: steps, minutes.seconds, the clock of an archive."""
     minutes = np.floor(column + 1e-9)
-    if words(name) == ["time", "ms"] and _of_archive(column):
+    if words(name) == ["time", "ms"] and of_archive(column):
         seconds, said, guessed = np.round((column - column[0]) * DAY_S / 1e6, 3), "millionths of days, as archives have it", False
     elif step := _STEPS.search(name):
         size, unit = float(step[1].replace(",", ".")), unit_of(step[2]) or "s"
@@ -368,7 +363,7 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
     if column.min() >= 1.9e13 and column.max() < 2.2e13:
         cells, used = [f"{v:014.0f}" for v in column], frozenset({name})
     else:
-        date = next((n for n in table.names if n != name and is_time_name(n) and _is_date_number(table.columns[n])), None)
+        date = next((n for n in table.names if n != name and is_time_name(n) and is_date_number(table.columns[n])), None)
         elapsed = unit_of(name, table.units.get(name, "")) is not None  # a column 'min' beside a date counts minutes
         if date is None or elapsed or not is_time_name(name) or column.min() < 0 or column.max() >= 240000:
             return None
@@ -384,27 +379,6 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
         return None
     note = f"time: moments in {' and '.join(map(repr, sorted(used)))}"
     return Time(stamps.seconds, used, note, guesses, stamps.starts, True, "stamp")
-
-
-def _is_date_number(column: Array | list[str]) -> bool:
-    return isinstance(column, np.ndarray) and bool(np.isfinite(column).all() and column.min() >= 1.9e7 and column.max() < 2.2e7)
-
-
-def _epoch(values: Array) -> str | None:
-    """Unit in which all numbers are moments between 2000 and 2100: s, ms, us, ns, or None."""
-    good = values[np.isfinite(values)]
-    if not len(good):
-        return None
-    for unit in ("s", "ms", "us", "ns"):
-        if EPOCH_S[0] <= good.min() * UNITS[unit] and good.max() * UNITS[unit] <= EPOCH_S[1]:
-            return unit
-    return None
-
-
-def _serial(values: Array) -> bool:
-    """Whether the numbers are dates of a spreadsheet: days since 1900 with a fraction."""
-    inside = SERIAL_DAYS[0] <= values.min() and values.max() <= SERIAL_DAYS[1]
-    return inside and bool((values % 1.0 != 0.0).any()) and float(np.median(np.abs(np.diff(values)))) < 0.5
 
 
 #: Seconds that jitter, without a name that says so, may be as few as these.
@@ -445,7 +419,7 @@ def _same_time(table: Table, other: str, column: Array) -> str | None:
     second = table.columns[other]
     if isinstance(second, np.ndarray):
         unit = unit_of(other, table.units.get(other, "")) if is_time_name(other) and other.lower() not in BARE else None
-        scale = UNITS[u] if (u := _epoch(second) or unit) else None
+        scale = UNITS[u] if (u := epoch_of(second) or unit) else None
         if scale is None or not np.isfinite(second).all():
             return None
         seconds = (second - second[0]) * scale

@@ -17,6 +17,8 @@ from .table import Table
 
 #: Clocks that are never further apart than this share of the record are one: a time constant is not known so well.
 ALIKE = 1e-3
+#: Readings of a clock that has no name of one.
+FEWEST = 10
 
 
 def with_one_clock(table: Table, options: Options) -> Table:
@@ -26,6 +28,7 @@ def with_one_clock(table: Table, options: Options) -> Table:
     """
     if options.time is not None or options.interval_s is not None or options.long:
         return table
+    table = _called_time(table)
     clocks = _clocks(table)
     owned = _owners(table, clocks) if len(clocks) > 1 else None
     if owned is None:
@@ -54,6 +57,22 @@ def with_one_clock(table: Table, options: Options) -> Table:
     note = f"{len(clocks)} clocks, each of the columns beside it: {len(moments)} moments in all"
     lines = np.asarray(table.lines)[rows].tolist()
     return replace(table, names=list(columns), columns=columns, lines=lines, notes=(*table.notes, note), clocks=tuple(clocks))
+
+
+def _called_time(table: Table) -> Table:
+    """A table in which clocks that are called after the column beside them (``t_front``, ``front``) are called time as well."""
+    new = {}
+    for a, b in pairwise(table.names):
+        column = table.columns[a]
+        bare = re.sub(r"\s*[\[(].*$", "", b).strip().casefold()
+        if re.fullmatch(r"t[ _].+", a) and a[2:].casefold() == bare and isinstance(column, np.ndarray):
+            told = column[np.isfinite(column)]
+            if len(told) > FEWEST and (np.diff(told) > 0.0).all():
+                new[a] = f"time {a[2:]}"
+    if len(new) < 2 or any(n in table.names for n in new.values()):
+        return table
+    columns = {new.get(n, n): c for n, c in table.columns.items()}
+    return replace(table, names=list(columns), columns=columns, units={new.get(n, n): u for n, u in table.units.items()})
 
 
 def _clocks(table: Table) -> list[str]:

@@ -8,10 +8,9 @@ from itertools import pairwise
 
 from ...errors import InputError
 from ...reading_options import Options
-from ..columns import sign_of
 from ..moments.stamps import looks_like_stamp
-from ..units import parse_unit, unit_in_name
-from ..vocabulary import DISPLACEMENTS, TIME, words
+from ..units import parse_unit
+from ..vocabulary import TIME, words
 
 #: Cells that loggers write where there is no reading (compared in lower case).
 MISSING = frozenset(
@@ -75,7 +74,20 @@ UNIT_WORDS = frozenset(
     ["unit", "units", "einheit", "einheiten", "unité", "unités", "unità", "unidad", "eenheid", "enhet", "单位", "単位"]
 )
 NAME_WORDS = frozenset(
-    ["tag", "tag name", "tagname", "name", "names", "channel name", "comment", "label", "bezeichnung", "kommentar"]
+    [
+        "tag",
+        "tag comment",
+        "tag no.",
+        "tag name",
+        "tagname",
+        "name",
+        "names",
+        "channel name",
+        "comment",
+        "label",
+        "bezeichnung",
+        "kommentar",
+    ]
 )
 ROWS_ABOVE = 6
 
@@ -91,6 +103,8 @@ class Dialect:
     unit_lines: tuple[int, ...]
     data_line: int
     width: int
+    #: Whether numbers with decimal commas stood in a file that is parted by commas.
+    joined: bool = False
 
     def describe(self) -> str:
         header = f"header in line {self.header_line + 1}" if self.header_line is not None else "no header"
@@ -205,7 +219,7 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
     if options.header_line is not None:
         header = options.header_line - 1 if options.header_line > 0 else None
         below = range(options.header_line, first) if header is not None else range(0)
-        units = tuple(i for i in below if len(rows[i]) == width and is_unit_line(rows[i]) and not _is_process_line(rows[i]))
+        units = tuple(i for i in below if len(rows[i]) == width and is_unit_line(rows[i]) and not is_process_line(rows[i]))
     else:
         header, units = _header([[] if i <= ends else row for i, row in enumerate(rows)], first, width, decimal)
     if header is None and options.header_line is None:
@@ -217,6 +231,8 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         units = (labels,)
     if header is not None and not units:
         units = tuple(i for i in range(max(header - ROWS_ABOVE, 0), header) if len(rows[i]) == width and says(rows[i], UNIT_WORDS))
+        if not units and header > 0 and len(rows[header - 1]) == width and all(map(parse_unit, rows[header - 1])):
+            units = (header - 1,)
     if header is not None:  # rows of another width between the names and the block are readings all the same
         below = range(max((header, *units)) + 1, first)
         first = next(
@@ -280,9 +296,9 @@ def _header(rows: list[list[str]], first: int, width: int, decimal: str) -> tupl
     while (
         len(named) > 1
         and len(rows[named[-2]]) == len(rows[header])
-        and (is_unit_line(rows[header]) or _is_process_line(rows[header]) or _repeats_units(rows[header], rows[named[-2]]))
+        and (is_unit_line(rows[header]) or is_process_line(rows[header]) or _repeats_units(rows[header], rows[named[-2]]))
     ):
-        if not _is_process_line(rows[header]):
+        if not is_process_line(rows[header]):
             units.append(header)
         named.pop()
         header = named[-1]
@@ -323,132 +339,8 @@ def _repeats_units(cells: list[str], above: list[str]) -> bool:
     return len({cells[i].strip() for i in places}) < len(places) and len(set(names)) == len(names) and all(names)
 
 
-def _is_process_line(cells: list[str]) -> bool:
+def is_process_line(cells: list[str]) -> bool:
+    """Whether cells say how readings were made (Avg, Max) or of which kind they are."""
     told = [c.strip().lower() for c in cells]
     known = all(c in _PROCESS for c in told) or all(not c or c in _KINDS or _RULE.match(c) for c in told)
     return known and sum(map(bool, told)) >= 0.5 * len(cells)
-
-
-def _named_below(cells: list[str], units: list[str], below: list[str], rows: list[list[str]]) -> tuple[list[str], list[str]]:
-    """Names and units where the line of units names the columns that have none above (Yokogawa: Date,Time,sec,Unit,degC below
-    ,,,Tag,front); a column that only labels the two lines has no name.
-    """
-    cells, units = list(cells), list(units)
-    for i, told in enumerate(below[: len(cells)]):
-        label = cells[i].strip().lower() in NAME_WORDS and told.strip().lower() in UNIT_WORDS
-        if label and all(not row[i].strip() for row in rows if len(row) > i):
-            cells[i] = units[i] = ""
-            continue
-        nameless = not cells[i].strip() or cells[i].strip().lower() in NAME_WORDS
-        if nameless and re.search(r"[A-Za-z]{3}", told) and parse_unit(told) is None and told.strip().lower() not in UNIT_WORDS:
-            cells[i], units[i] = told.strip(), ""
-    return cells, units
-
-
-def _counts(cells: list[str]) -> bool:
-    """Whether cells are 1, 2, 3, ..."""
-    return len(cells) > 2 and cells == [str(i + 1) for i in range(len(cells))]
-
-
-def _groups(head: list[str], dialect: Dialect) -> list[str]:
-    """Of each column what the line right above the names says of several of them together; empty where it says nothing.
-
-    Two groups at least, one of them of temperatures, over no or another name of the time, and no numbers:
-    ``;Temperature [°C];;Displacement [um];``.
-    """
-    line = next((i for i in range((dialect.header_line or 0) - 1, -1, -1) if head[i].strip()), None)
-    cells = split(head[line], dialect.delimiter) if line is not None and line not in dialect.unit_lines else []
-    told = [c.strip() for c in cells]
-    if not 2 < len(told) <= dialect.width or len([c for c in told[1:] if c]) < 2 or any(re.match(r"[+-]?\d", c) for c in told):
-        return []
-    names = split(head[dialect.header_line or 0], dialect.delimiter)
-    of_time = not told[0] or names[0].strip() in ("", told[0]) or told[0].lower() in TIME
-    if not of_time or not any(sign_of(c, "").temperature for c in told[1:]):
-        return []
-    found = [""]
-    for cell in told[1:]:
-        found.append(cell or found[-1])  # a merged cell stands where it begins
-    return found
-
-
-def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
-    """(name, unit) of a column in a group, which has the group's unit in brackets; its name where it would be read alike."""
-    if not group or not cell.strip() or group == cell.strip():
-        return cell, unit
-    bracket = re.search(r"[\[(]([^\])]+)[\])]", group)
-    own = parse_unit(bracket[1] if bracket else group)
-    if not unit and unit_in_name(cell) is None and own is not None:
-        unit = own.symbol
-    moves = own is None and bool(set(words(group))) and set(words(group)) <= DISPLACEMENTS
-    return (f"{group} {cell.strip()}" if twice or moves else cell), unit
-
-
-def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
-    """Names and units of the columns, from the first lines of a file.
-
-    Raises
-    ------
-    InputError: a row has another number of cells than the header.
-    """
-    width = dialect.width
-    header = head[dialect.header_line] if dialect.header_line is not None else ""
-    # Decimal commas that were joined stand under a header of commas.
-    delimiter = dialect.delimiter
-    if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
-        delimiter = ","
-    cells = header_cells(header, delimiter) if header else []
-    rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
-    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
-        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
-    if len(cells) == width - 1 and _counts([row[0] for row in rows if len(row) == width]):
-        cells.insert(0, "")  # R writes the names of rows under no name
-    if len(cells) > width and rows and len(rows[0]) == len(cells):
-        del cells[width:]  # what the first row alone has: Lascar's serial number
-    while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
-        cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
-    if cells and len(cells) != width:
-        commas = dialect.delimiter == "," and width > len(cells)
-        raise InputError(
-            f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
-            found="numbers with decimal commas in a comma-separated file?" if commas else "",
-            allowed="as many names as cells",
-            do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
-        )
-    units = [""] * width
-    groups = _groups(head, dialect) if cells else []
-    for line in dialect.unit_lines[::-1]:
-        told = split(head[line], dialect.delimiter)[:width]
-        for i, cell in enumerate(told):
-            if (
-                cell.strip()
-                and not (i == 0 and says(told, UNIT_WORDS))
-                and (parse_unit(cell) or (not units[i] and is_unit_line(told)))
-            ):
-                units[i] = cell.strip()
-    for line in dialect.unit_lines if cells else ():
-        cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
-    twice = {c for c in cells if cells.count(c) > 1} if groups else set()
-    for i, group in enumerate(groups):
-        cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
-    names: list[str] = []
-    taken: set[str] = set()
-    if dialect.header_line is not None and any(not c.strip() for c in cells):
-        above = [split(line, delimiter) for line in head[max(dialect.header_line - ROWS_ABOVE, 0) : dialect.header_line]]
-        tags = next((row for row in above if len(row) == width and says(row, NAME_WORDS)), [""] * width)
-        cells = [c if c.strip() or i == 0 else tag for i, (c, tag) in enumerate(zip(cells, tags, strict=False))]
-        # A name that a sheet merged downwards stands in the line above.
-        lower = above[-1] if above and len(above[-1]) == width and sum(map(bool, above[-1])) > 1 else [""] * width
-        cells = [c if c.strip() else merged for c, merged in zip(cells, lower, strict=True)] if len(cells) == width else cells
-    for i in range(width):
-        cell = cells[i].strip() if i < len(cells) else ""
-        cell = cell.lstrip("#%").strip() if i == 0 or cell[1:2].isspace() else cell  # the sign of a comment, not of a name
-        if i < len(cells) and not cell and cells[i].strip():
-            cell = cells[i].strip()  # the name is the sign itself: "#"
-        base = unique = cell or f"column {i + 1}"
-        count = 2
-        while unique in taken:
-            unique = f"{base} ({count})"
-            count += 1
-        names.append(unique)
-        taken.add(unique)
-    return names, units

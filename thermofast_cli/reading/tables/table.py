@@ -44,6 +44,8 @@ class Table:
     unit_above: str = ""
     #: Where columns have clocks of their own: the names of these, of which the first is the time of the table.
     clocks: tuple[str, ...] = ()
+    #: Lines at which the names stand again.
+    headers: tuple[int, ...] = ()
 
 
 def to_floats(column: pa.ChunkedArray) -> Array:

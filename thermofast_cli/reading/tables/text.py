@@ -13,14 +13,14 @@ from ...errors import InputError, listed
 from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
 from ..moments.times import is_time_name
+from ..names import names_and_units
 from ..run import Array, Guess
-from ..units import parse_unit, unit_changes
+from ..units import parse_unit, unit_above, unit_changes
 from .dialect import (
     Dialect,
     detect_dialect,
     is_missing,
     is_number,
-    names_and_units,
     number_within,
     split,
     to_number,
@@ -31,10 +31,11 @@ from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
 LINE_END = re.compile(r"\r\n|\n|\r")
-_UNIT_ABOVE = re.compile(r"(?i)\W*(?:temperature |temp\.? )?(?:units?|einheit)\W+?([^\s;,\"]+(?: [cfk])?)[\"\s;,]*$")
 #: A number in several groups of thousands, and in one, which alone may be a decimal sign.
 _THOUSANDS = {d: re.compile(rf"\s*[+-]?\d{{1,3}}(?:[{o}]\d{{3}}){{2,}}\s*$") for d, o in (".,", ",.")}
 _THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
+#: A number with decimals in brackets, or with a letter or a sign behind it.
+_ODD_NUMBER = {d: re.compile(rf"\(?[+-]?\d+[{d}]\d+\)? ?[A-Za-z*!<>#]?$") for d in ".,"}
 #: Share of a column's cells that must be numbers for it to be one of numbers.
 MOSTLY = 0.5
 
@@ -50,8 +51,8 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     data, encoding, notes = to_utf8(data, name, options.encoding)
     # To look for one byte takes a tenth of the time of looking for three.
-    if b"\xe2" in data and b"\xe2\x88\x92" in data:
-        data = data.replace(b"\xe2\x88\x92", b"-")  # the minus of typesetters, as some countries' programs write it
+    if b"\xe2" in data:
+        data = re.sub(rb"\xe2\x88\x92|(?<![^\s;,|\"])\xe2\x80\x93(?=\d)", b"-", data)  # the minus of typesetters, and their dash
     if b"\r\r\n" in data[:SAMPLE_BYTES]:
         data = data.replace(b"\r\r\n", b"\r\n")  # written twice through a text layer
     if options.skip_footer:
@@ -93,21 +94,16 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         guesses.append(Guess("layout", text, "export with semicolons to be sure"))
     names, units = names_and_units(head, dialect, name)
     more = frozenset(m.lower() for m in options.missing)
-    clean, strangers = _without_strangers(body, head, dialect) if _in_trouble(body, dialect) else (body, [])
+    clean, strangers, headers = _without_strangers(body, head, dialect) if _in_trouble(body, dialect) else (body, [], [])
     notes += strangers
     columns, faults, carried, at, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
-    above = _unit_above(head[: dialect.header_line or 0])
+    comments = [line for line in head[dialect.data_line :] if line[:1] in "#%"]
+    above = unit_above([*head[: dialect.header_line or 0], *comments])
     named = dialect.header_line is not None
-    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, above)
-
-
-def _unit_above(lines: list[str]) -> str:
-    """The unit of temperature, C, K or F, that a line above the names says of all of them; empty where none or several do."""
-    told = (_UNIT_ABOVE.match(line) for line in lines)
-    units = {unit.symbol for m in told if m and (unit := parse_unit(m[1])) is not None and unit.temperature}
-    return units.pop() if len(units) == 1 else ""
+    again = tuple(dialect.data_line + i for i in headers)
+    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, above, (), again)
 
 
 def _refuse_markup(data: bytes, name: str) -> None:
@@ -201,16 +197,18 @@ def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
     )
 
 
-def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str]]:
-    """With empty lines for those that hold no readings (the header again, comments, events), and how many there were."""
+def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str], list[int]]:
+    """With empty lines for those that hold no readings (the header again, comments, events), how many there were, and which of them
+    were headers.
+    """
     names = {head[i].strip() for i in (dialect.header_line, *dialect.unit_lines) if i is not None}
     lines = body.split(b"\n")
-    kept, comments, headers, events = [], 0, 0, 0
+    kept, comments, headers, events = [], 0, list[int](), 0
     last = max((i for i, line in enumerate(lines) if line.strip()), default=0)
     for i, line in enumerate(lines):
         text = line.decode("utf-8", errors="replace").strip()
         if text and text in names:
-            headers += 1
+            headers.append(i)
             line = b""
         elif text.startswith(("#", "%", "//")):
             comments += 1
@@ -219,9 +217,9 @@ def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[
             events += 1
             line = b""
         kept.append(line)
-    told = [(headers, "repeated headers"), (comments, "comment lines"), (events, "lines without readings")]
+    told = [(len(headers), "repeated headers"), (comments, "comment lines"), (events, "lines without readings")]
     notes = [f"{n} {what} left out" for n, what in told if n]
-    return (b"\n".join(kept), notes) if notes else (body, [])
+    return (b"\n".join(kept), notes, headers) if notes else (body, [], [])
 
 
 def _is_event(cells: list[str], dialect: Dialect) -> bool:
@@ -249,7 +247,7 @@ def _decimal_commas(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
     first = 1 if whole else 0
     rows = [p[:first] + [f"{p[i].strip()},{p[i + 1].strip()}" for i in range(first, len(p) - 1, 2)] for p in parts]
     text = "\n".join(";".join(r) for r in rows) + "\n"
-    return text.encode(), replace(dialect, delimiter=";", decimal=",", width=count)
+    return text.encode(), replace(dialect, delimiter=";", decimal=",", width=count, joined=True)
 
 
 Cells = Array | list[str]
@@ -424,6 +422,20 @@ def _cells(
     return values, fault, unit
 
 
+def _odd_numbers(cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int]) -> InputError | None:
+    """What is wrong with a column of words most of which are numbers with a sign beside: 28.4 H, (9.5)."""
+    odd = [bool(_ODD_NUMBER[dialect.decimal].match(c.strip())) or is_missing(c) or is_number(c, dialect.decimal) for c in cells]
+    told = [i for i, c in enumerate(cells) if not is_missing(c) and not is_number(c, dialect.decimal)]
+    if not told or not all(odd):
+        return None
+    return InputError(
+        f"{name}, line {lines[told[0]] + 1}, column {column!r}: no number in a column of temperatures",
+        found=listed(dict.fromkeys(repr(cells[i]) for i in told), 3) + f" in {len(told)} rows",
+        allowed="numbers, empty cells, and known words for 'no reading'",
+        do=f"export plain numbers, or say --exclude {column!r}",
+    )
+
+
 def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int]) -> InputError | None:
     """What is wrong with a column of words that holds numbers too: a probe that was open for most of the record."""
     if not cells or looks_like_stamp(cells[0]):
@@ -434,7 +446,7 @@ def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Se
         return unit_changes(f"{name}, column {column!r}", units.values())
     numbers = [is_number(c, dialect.decimal) or number_within(c, dialect.decimal) is not None for c in cells]
     if not 0.05 * len(cells) <= sum(numbers) < len(cells):
-        return None
+        return _odd_numbers(cells, column, dialect, name, lines)
     first = numbers.index(False)
     other = listed(dict.fromkeys(repr(c) for c, n in zip(cells, numbers, strict=True) if not n), 3)
     return InputError(

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import InputError, UsageError, listed
-from ..reading_options import Options
-from .columns import sign_of
-from .run import Array, Guess
-from .tables.dialect import is_missing
-from .tables.table import Table
-from .units import parse_unit, to_celsius
-from .vocabulary import words
+from ...errors import InputError, UsageError, listed
+from ...reading_options import Options
+from ..run import Array, Guess
+from ..signs import sign_of
+from ..tables.dialect import is_missing
+from ..tables.table import Table
+from ..units import parse_unit, to_celsius
+from ..vocabulary import words
 
 #: Nothing in a test lab is colder [K]: a smaller number under a (K) is degC from a thermocouple of type K.
 COLDEST_K = 170.0

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import listed
-from .moments.times import is_time_name
-from .run import Array, Guess
-from .tables.table import Table
+from ...errors import listed
+from ..moments.times import is_time_name
+from ..run import Array, Guess
+from ..tables.table import Table
 
 #: OPC's classic codes: good from, bad below; and all that there are in use.
 GOOD, BAD_BELOW = 192.0, 64.0
@@ -66,6 +66,19 @@ def good_only(table: Table, value: Array) -> tuple[Array, int]:
         if bad is not None and bad.any() and not bad.all():
             return np.where(bad, np.nan, value), int(bad.sum())
     return value, 0
+
+
+def unsure(table: Table) -> tuple[Guess, ...]:
+    """What to say of a long table whose marks of quality have words that are neither good nor bad, as ``Uncertain``."""
+    for n, marks in table.columns.items():
+        owned = _owner(n)
+        if owned is None or owned[0] or not owned[1] & QUALITIES or isinstance(marks, np.ndarray):
+            continue
+        odd = sorted({c.strip() for c in marks} - {c for c in marks if not c or c.strip().lower() in GOOD_WORDS})
+        odd = [c for c in odd if not c.lower().startswith(BAD_WORDS)]
+        if odd:
+            return (Guess("marks", f"readings that {n!r} marks as {listed(odd, 3)} are kept", "take those rows out to be sure"),)
+    return ()
 
 
 def bad_by(kinds: frozenset[str], marks: Array | list[str], of_row: bool) -> NDArray[np.bool_] | None:

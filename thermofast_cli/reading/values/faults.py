@@ -6,15 +6,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .run import Array
+from ..run import Array
 
 HOTTEST_C = 5000.0
 COLDEST_C = -273.15
 #: What probes and their inputs write where they are broken: DS18B20, sixteen bits of tenths and hundredths, all nines.
 FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8, 655.35, 999.9, 999.99, -99.9, -99.99)
-#: The same, that may be temperatures too and are none where the readings jump to and from them: a range's end (Pt100, types K and
-#: T), no reading, a DS18B20 that was just switched on.
-CODES_C = (-270.0, -250.0, -200.0, 0.0, 85.0, 850.0, 1370.0, 1372.0)
+#: The same, that may be temperatures too and are none where the readings jump to and from them: a range's end (Pt100, types K, T,
+#: S and B), a display with all segments on, no reading, a DS18B20 that was just switched on.
+CODES_C = (-270.0, -250.0, -242.02, -200.0, 0.0, 85.0, 850.0, 888.8, 888.88, 1300.0, 1370.0, 1372.0, 1768.0, 1820.0)
 #: A jump is larger than so many times the three steps beyond it, and than the median of all; and than so much [K].
 BEYOND_NEXT, BEYOND_USUAL, BEYOND_C = 5.0, 20.0, 2.0
 #: One from readings that are no code is larger than so many times any but two of the steps that follow, and than what they cover.

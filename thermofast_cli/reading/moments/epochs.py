@@ -1,0 +1,43 @@
+"""Numbers that are moments: epochs, ticks of programs, serial days of a spreadsheet, dates and clocks of archives."""
+
+import numpy as np
+
+from ..run import Array
+from .stamps import DAY_S
+
+UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
+#: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
+EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
+#: 2000 to 2100 in steps of 100 ns, from 1601 and from the year 1.
+TICKS = {"a file time of Windows": (1.2591e17, 1.5747e17), "ticks of .NET": (6.3082e17, 6.6239e17)}
+
+
+def of_archive(column: Array) -> bool:
+    """Whether these are the millionths of days that Siemens archives call milliseconds."""
+    return bool(np.isfinite(column).all()) and SERIAL_DAYS[0] <= column.min() / 1e6 and column.max() / 1e6 < SERIAL_DAYS[1]
+
+
+def is_date_number(column: Array | list[str]) -> bool:
+    return isinstance(column, np.ndarray) and bool(np.isfinite(column).all() and column.min() >= 1.9e7 and column.max() < 2.2e7)
+
+
+def epoch_of(values: Array) -> str | None:
+    """Unit in which all numbers are moments between 2000 and 2100: s, ms, us, ns, or None."""
+    good = values[np.isfinite(values)]
+    if not len(good):
+        return None
+    for unit in ("s", "ms", "us", "ns"):
+        if EPOCH_S[0] <= good.min() * UNITS[unit] and good.max() * UNITS[unit] <= EPOCH_S[1]:
+            return unit
+    return None
+
+
+def serial(values: Array) -> bool:
+    """Whether the numbers are dates of a spreadsheet: days since 1900 with a fraction."""
+    inside = SERIAL_DAYS[0] <= values.min() and values.max() <= SERIAL_DAYS[1]
+    return inside and bool((values % 1.0 != 0.0).any()) and float(np.median(np.abs(np.diff(values)))) < 0.5
+
+
+def ticks_of(column: Array) -> str:
+    """What counts in steps of 100 ns, in words; empty where the numbers (n,) are no such moments."""
+    return next((what for what, (low, high) in TICKS.items() if low <= column.min() and column.max() <= high), "")

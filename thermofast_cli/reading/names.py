@@ -1,0 +1,165 @@
+"""Names and units of the columns of a text table, from the lines above its readings."""
+
+import re
+
+from ..errors import InputError
+from .signs import names_a_set_point, names_the_room_alone, sign_of
+from .tables.dialect import NAME_WORDS, ROWS_ABOVE, UNIT_WORDS, Dialect, header_cells, is_process_line, is_unit_line, says, split
+from .units import parse_unit, unit_in_name
+from .vocabulary import DISPLACEMENTS, TIME, words
+
+
+def _named_below(cells: list[str], units: list[str], below: list[str], rows: list[list[str]]) -> tuple[list[str], list[str]]:
+    """Names and units where the line of units names the columns that have none above (Yokogawa: Date,Time,sec,Unit,degC below
+    ,,,Tag,front); a column that only labels the two lines has no name.
+    """
+    cells, units = list(cells), list(units)
+    for i, told in enumerate(below[: len(cells)]):
+        label = cells[i].strip().lower() in NAME_WORDS and told.strip().lower() in UNIT_WORDS
+        if label and all(not row[i].strip() for row in rows if len(row) > i):
+            cells[i] = units[i] = ""
+            continue
+        nameless = not cells[i].strip() or cells[i].strip().lower() in NAME_WORDS
+        if nameless and re.search(r"[A-Za-z]{3}", told) and parse_unit(told) is None and told.strip().lower() not in UNIT_WORDS:
+            cells[i], units[i] = told.strip(), ""
+    return cells, units
+
+
+def _counts(cells: list[str]) -> bool:
+    """Whether cells are 1, 2, 3, ..."""
+    return len(cells) > 2 and cells == [str(i + 1) for i in range(len(cells))]
+
+
+def _groups(head: list[str], dialect: Dialect) -> list[str]:
+    """Of each column what the line right above the names says of several of them together; empty where it says nothing.
+
+    Two groups at least, one of them of temperatures, of the room or of set points, or such as tell columns of one name apart, over
+    no or another name of the time, and no numbers: ``;Temperature [°C];;Displacement [um];``.
+    """
+    line = next((i for i in range((dialect.header_line or 0) - 1, -1, -1) if head[i].strip()), None)
+    cells = split(head[line], dialect.delimiter) if line is not None and line not in dialect.unit_lines else []
+    told = [c.strip() for c in cells]
+    if not 2 < len(told) <= dialect.width or len([c for c in told[1:] if c]) < 2 or any(re.match(r"[+-]?\d", c) for c in told):
+        return []
+    names = split(head[dialect.header_line or 0], dialect.delimiter)
+    of_time = not told[0] or names[0].strip() in ("", told[0]) or told[0].lower() in TIME
+    found = [""]
+    for cell in told[1:]:
+        found.append(cell or found[-1])  # a merged cell stands where it begins
+    bare = [n.strip() for n in names]
+    parts = len(set(bare)) < len(bare) and len(set(zip(bare, found, strict=False))) == len(bare) <= len(found)
+    if not of_time or not (parts or any(sign_of(c, "").temperature or _tells(c) for c in told[1:])):
+        return []
+    return found
+
+
+def _tells(label: str) -> bool:
+    """Whether a label says that what it stands above is the room's or is asked for."""
+    return names_the_room_alone(label) or names_a_set_point(label)
+
+
+def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
+    """(name, unit) of a column in a group, which has the group's unit in brackets; its name where it would be read alike."""
+    if not group or not cell.strip() or group == cell.strip():
+        return cell, unit
+    bracket = re.search(r"[\[(]([^\])]+)[\])]", group)
+    own = parse_unit(bracket[1] if bracket else group)
+    if not unit and unit_in_name(cell) is None and own is not None:
+        unit = own.symbol
+    moves = own is None and bool(set(words(group))) and set(words(group)) <= DISPLACEMENTS
+    moves = moves or (_tells(group) and sign_of(cell, unit).kind in ("sensor", "named", "nameless"))
+    return (f"{group} {cell.strip()}" if twice or moves else cell), unit
+
+
+def _told_apart(cells: list[str], head: list[str], dialect: Dialect) -> list[str]:
+    """Names with the label above them where that is of the room or of a set point, or where several are alike: front MIN,
+    front MAX; and with how they were made, where that stands below and they still are.
+    """
+    header = dialect.header_line or 0
+    above = [split(line, dialect.delimiter) for line in head[max(header - ROWS_ABOVE, 0) : header]]
+    labels = next((row for row in reversed(above) if len(row) == len(cells) and says(row, NAME_WORDS)), None)
+    twice = {c for c in cells if c.strip() and cells.count(c) > 1}
+    found = list(cells)
+    for i, label in enumerate(labels or []):
+        other = _tells(label) and sign_of(cells[i].strip(), "").kind in ("sensor", "named", "nameless")
+        if label.strip() and cells[i].strip() and i > 0 and (cells[i] in twice or other):
+            found[i] = f"{label.strip()} {cells[i].strip()}"
+    twice = {c for c in found if c.strip() and found.count(c) > 1}
+    below = [split(line, dialect.delimiter) for line in head[header + 1 : dialect.data_line]] if twice else []
+    made = next((row for row in below if len(row) == len(cells) and is_process_line(row)), None)
+    if made is not None:
+        found = [f"{c} {m.strip()}" if c in twice and m.strip() else c for c, m in zip(found, made, strict=True)]
+    return found
+
+
+def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
+    """Names and units of the columns, from the first lines of a file.
+
+    Raises
+    ------
+    InputError: a row has another number of cells than the header.
+    """
+    width = dialect.width
+    header = head[dialect.header_line] if dialect.header_line is not None else ""
+    # Decimal commas that were joined stand under a header of commas.
+    delimiter = dialect.delimiter
+    if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
+        delimiter = ","
+    cells = header_cells(header, delimiter) if header else []
+    rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
+    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
+        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
+    if len(cells) == width - 1 and _counts([row[0] for row in rows if len(row) == width]):
+        cells.insert(0, "")  # R writes the names of rows under no name
+    if len(cells) > width and rows and len(rows[0]) == len(cells):
+        del cells[width:]  # what the first row alone has: Lascar's serial number
+    while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
+        cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
+    if cells and len(cells) != width:
+        commas = dialect.delimiter == "," and width > len(cells)
+        raise InputError(
+            f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
+            found="numbers with decimal commas in a comma-separated file?" if commas else "",
+            allowed="as many names as cells",
+            do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
+        )
+    units = [""] * width
+    groups = _groups(head, dialect) if cells else []
+    for line in dialect.unit_lines[::-1]:
+        told = split(head[line], dialect.delimiter)[:width]
+        for i, cell in enumerate(told):
+            if (
+                cell.strip()
+                and not (i == 0 and says(told, UNIT_WORDS))
+                and (parse_unit(cell) or (not units[i] and is_unit_line(told)))
+            ):
+                units[i] = cell.strip()
+    for line in dialect.unit_lines if cells else ():
+        cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
+    twice = {c for c in cells if cells.count(c) > 1} if groups else set()
+    for i, group in enumerate(groups):
+        cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
+    if cells and dialect.header_line is not None:
+        cells = _told_apart(cells, head, dialect)
+    names: list[str] = []
+    taken: set[str] = set()
+    if dialect.header_line is not None and any(not c.strip() for c in cells):
+        above = [split(line, delimiter) for line in head[max(dialect.header_line - ROWS_ABOVE, 0) : dialect.header_line]]
+        tags = next((row for row in above if len(row) == width and says(row, NAME_WORDS)), [""] * width)
+        cells = [c if c.strip() or i == 0 else tag for i, (c, tag) in enumerate(zip(cells, tags, strict=False))]
+        # A name that a sheet merged downwards stands in the line above.
+        lower = above[-1] if above and len(above[-1]) == width and sum(map(bool, above[-1])) > 1 else [""] * width
+        cells = [c if c.strip() else merged for c, merged in zip(cells, lower, strict=True)] if len(cells) == width else cells
+    for i in range(width):
+        cell = cells[i].strip() if i < len(cells) else ""
+        cell = cell.lstrip("#%").strip() if i == 0 or cell[1:2].isspace() else cell  # the sign of a comment, not of a name
+        if i < len(cells) and not cell and cells[i].strip():
+            cell = cells[i].strip()  # the name is the sign itself: "#"
+        base = unique = cell or f"column {i + 1}"
+        count = 2
+        while unique in taken:
+            unique = f"{base} ({count})"
+            count += 1
+        names.append(unique)
+        taken.add(unique)
+    return names, units
