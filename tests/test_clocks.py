@@ -234,3 +234,124 @@ def test_a_column_that_two_options_name_is_refused(tmp_path):
     path = written(tmp_path, "time_s,T1,T2", rows)
     with pytest.raises(UsageError, match="both name 'T2'"):
         tf.read(path, ambient="T2", inputs=["T2"])
+
+
+# --- rows in another order, runs that were appended, clocks that were set ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("long", [False, True])
+@pytest.mark.parametrize("clock", ["an hour told twice", "an hour never told", "twelve hours and a date", "past midnight"])
+def test_newest_first_with_any_clock(tmp_path, clock, long):
+    told = [CLOCKS[clock](s) for s in SECONDS]
+    rows = [f"{t},{x:.3f},{y:.3f}" for t, x, y in zip(told, FRONT, REAR, strict=True)]
+    if long:
+        rows = [f"{t},{n},{v:.3f}" for t, x, y in zip(told, FRONT, REAR, strict=True) for n, v in (("front", x), ("rear", y))]
+    run = tf.read(written(tmp_path, "time,sensor,value" if long else "time,front [°C],rear [°C]", rows[::-1]))
+    scale = LENGTH.get(clock, 1.0)
+    for name, truth in zip(run.channels, (REAR, FRONT) if long else (FRONT, REAR), strict=True):
+        here = np.isfinite(run.channels[name])
+        np.testing.assert_allclose(run.time_s[here], scale * SECONDS, atol=1e-6)
+        np.testing.assert_allclose(run.channels[name][here], truth, atol=6e-4)
+
+
+def test_time_that_is_still_to_go_is_counted_down(tmp_path):
+    rows = [f"{SECONDS[-1] - s:g},{x:.3f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, "Time remaining [s],front", rows))
+    np.testing.assert_allclose(run.channels["front"], FRONT, atol=6e-4)
+    np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-9)
+
+
+@pytest.mark.parametrize(("pause", "count"), [(86400.0, 2), (60.0, 1)])
+def test_names_that_stand_again_after_a_gap_begin_another_run(tmp_path, pause, count):
+    """A page of a long record repeats them too, and leaves no gap."""
+    head, start = "time,front [°C],rear [°C]", datetime(2026, 5, 3, 8)
+    rows = [f"{moment(s, start)},{x:.3f},{y:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    later = [f"{moment(s + SECONDS[-1] + pause, start)},{x:.3f},{y:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    runs = tf.read_all(written(tmp_path, head, [*rows, head, *later]))
+    assert [len(r.time_s) for r in runs] == [2 * COUNT // count] * count
+
+
+def test_a_clock_that_was_set_back_while_it_ran_is_put_right(tmp_path):
+    start = datetime(2026, 5, 3, 8)
+    told = [moment(s - (130.0 if s > 3000.0 else 0.0), start) for s in SECONDS]
+    rows = [f"{t},{x:.4f}" for t, x in zip(told, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, "time,front [°C]", rows))
+    np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-6)
+    assert any("set back by 130 s" in g.text for g in run.guesses)
+    rows = [f"{moment(s, start)},{x:.4f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    rows[50], rows[52] = rows[52], rows[50]  # two rows that changed places are none
+    run = tf.read(written(tmp_path, "time,front [°C]", rows))
+    np.testing.assert_allclose(run.channels["front [°C]"], FRONT, atol=6e-5)
+    assert not run.guesses
+
+
+# --- names, labels and units above ----------------------------------------------------------------------------------------------------
+
+
+def columns_of(run):
+    return list(run.channels), list(run.ambient), list(run.inputs)
+
+
+@pytest.mark.parametrize(
+    ("above", "expected"),
+    [
+        (["Time,T1 (avg) [°C],T1 (min) [°C],T1 (max) [°C]"], (["T1 (avg) [°C]"], [], ["T1 (min) [°C]", "T1 (max) [°C]"])),
+        (["Time,T1 (front bearing) [°C],T3 (ambient) [°C],T4 (setpoint) [°C]"], ([0], [1], [2])),
+        (["Time,T1-front,T2-rear,T3-room"], ([0, 1], [2], [])),
+        (["Time,SV1 MOTOR TEMP,SP1 MOTOR TEMP,SP1 SPEED"], ([0, 1], [], [2])),
+        (["Time,T1.PV,T1.OP,T1 Stellgrad"], ([0], [], [1, 2])),
+        (["Label,front,room,setpoint", "Unit,°C,°C,°C", "Time,CH1,CH2,CH3"], (["CH1"], ["room CH2"], ["setpoint CH3"])),
+        ([",Measured,,Setpoint", "Time,front,rear,front"], (["Measured front", "rear"], [], ["Setpoint front"])),
+        ([",Left,,Right", "Time,T1,T2,T1"], (["Left T1", "T2", "Right T1"], [], [])),
+        ([",front,front,rear", ",mean,std,mean"], (["front mean", "rear"], [], ["front std"])),
+    ],
+)
+def test_what_lines_above_and_brackets_say_of_columns(tmp_path, above, expected):
+    start = datetime(2026, 5, 3, 8)
+    rows = [
+        f"{moment(s, start)},{x:.3f},{y:.3f},{z:.2f}" for s, x, y, z in zip(SECONDS, FRONT, REAR, 20.0 + 0.01 * REAR, strict=True)
+    ]
+    run = tf.read(written(tmp_path, "\n".join(above), rows))
+    names = above[-1].split(",")[1:]
+    assert columns_of(run) == tuple([n if isinstance(n, str) else names[n] for n in some] for some in expected)
+
+
+@pytest.mark.parametrize("above", ["# all temperatures in Fahrenheit", "# Unit: °F", "s,°F,°F"])
+def test_the_unit_that_a_comment_or_a_line_above_says(tmp_path, above):
+    rows = [f"{s:g},{1.8 * x + 32.0:.3f},{1.8 * y + 32.0:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    run = tf.read(written(tmp_path, f"{above}\nTime,T1,T2" if above[0] == "s" else f"{above}\ntime_s,T1,T2", rows))
+    np.testing.assert_allclose(run.channels["T1"], FRONT, atol=6e-4)
+    with pytest.raises(InputError, match="no sensor column"):
+        tf.read(written(tmp_path, "Unit: mV\ntime_s,T1,T2", rows))
+
+
+def test_a_number_logger_and_a_probe_under_its_name(tmp_path):
+    """Row numbers under the name of a thermocouple logger, and odd numbers in a sensor's column."""
+    rows = [f"{i},{s:g},{x:.3f}" for i, (s, x) in enumerate(zip(SECONDS, FRONT, strict=True), 1)]
+    assert list(tf.read(written(tmp_path, "EL-USB-TC,Time [s],front [°C]", rows)).channels) == ["front [°C]"]
+    rows = [f"{s:g},{x:.3f}{' H' if x > 23.0 else ''},{y:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    with pytest.raises(InputError, match="no number in a column of temperatures"):
+        tf.read(written(tmp_path, "time_s,T1,T2", rows))
+
+
+def test_clocks_called_after_the_column_beside_them(tmp_path):
+    path = two_clocks(tmp_path, "t_front,front [°C],t_rear,rear [°C]", SECONDS, 1.5 * SECONDS + 7.0)
+    run = tf.read(path, time_unit="s")
+    here = np.isfinite(run.channels["rear [°C]"])
+    np.testing.assert_allclose(run.time_s[here], 1.5 * SECONDS + 7.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("code", [888.88, 1820.0, -242.02, 1300.0])
+def test_codes_of_displays_and_ranges_are_no_readings(tmp_path, code):
+    shown = np.where((SECONDS > 3000.0) & (SECONDS < 3400.0), code, FRONT)
+    run = tf.read(written(tmp_path, "time_s,T1 [°C]", [f"{s:g},{x:.3f}" for s, x in zip(SECONDS, shown, strict=True)]))
+    np.testing.assert_array_equal(np.isnan(run.channels["T1 [°C]"]), shown == code)
+
+
+def test_settings_of_a_file_of_commas_read_it_again(tool, tmp_path):
+    rows = [f"{s:g},{x:.2f},{y:.2f}".replace(".", ",") for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    path = written(tmp_path, "t_s,T1,T2", rows)
+    assert tool("inspect", path, "--write", tmp_path / "as.toml").code == 0
+    again = tool("--config", tmp_path / "as.toml", "inspect", path, "--format", "csv")
+    assert again.code == 0
+    assert ",20.0," in again.out

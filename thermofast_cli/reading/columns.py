@@ -164,8 +164,8 @@ def _extremes(names: list[str]) -> list[str]:
 
 
 def _without_unit(name: str) -> str:
-    """A name without the brackets that say its unit."""
-    return re.sub(r"[\[(]([^\[\]()]*)[\])]", lambda m: "" if parse_unit(m[1]) else m[0], name)
+    """A name without the brackets that say its unit of temperature."""
+    return re.sub(r"[\[(]([^\[\]()]*)[\])]", lambda m: "" if (unit := parse_unit(m[1])) and unit.temperature else m[0], name)
 
 
 def _rooms(names: list[str]) -> list[str]:
