@@ -355,3 +355,71 @@ def test_settings_of_a_file_of_commas_read_it_again(tool, tmp_path):
     again = tool("--config", tmp_path / "as.toml", "inspect", path, "--format", "csv")
     assert again.code == 0
     assert ",20.0," in again.out
+
+
+# --- rows as other programs write them ---------------------------------------------------------------------------------------------
+
+
+def test_a_long_table_of_means_and_extremes_keeps_them_apart(tmp_path):
+    start = datetime(2026, 5, 3, 8)
+    rows = [
+        f"{moment(s, start)},front,{what},{x + more:.3f}"
+        for s, x in zip(SECONDS, FRONT, strict=True)
+        for what, more in (("avg", 0.0), ("min", -0.1), ("max", 0.1))
+    ]
+    alone = tf.read(written(tmp_path, "time,sensor,stat,value", rows))
+    assert columns_of(alone) == (["avg"], [], ["min", "max"])
+    run = tf.read(written(tmp_path, "time,sensor,stat,value", [*rows, *(r.replace("front", "rear") for r in rows)]))
+    assert columns_of(run)[0] == ["front avg", "rear avg"]
+    np.testing.assert_allclose(run.channels["front avg"], FRONT, atol=6e-4)
+    np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-9)
+
+
+@pytest.mark.parametrize("quality", ["Uncertain", "0x40000000"])
+def test_marks_of_a_long_table(tmp_path, quality):
+    good, bad = ("Good", "Bad") if quality == "Uncertain" else ("0x00000000", "0x80340000")
+    rows = [
+        f"{s:g},front,{x:.3f},{bad if i in BROKEN else quality if i < 5 else good}"
+        for i, (s, x) in enumerate(zip(SECONDS, FRONT, strict=True))
+    ]
+    rows += [f"{s:g},rear,{y:.3f},{good}" for s, y in zip(SECONDS, REAR, strict=True)]
+    run = tf.read(written(tmp_path, "time_s,sensor,value,quality", rows))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(run.channels["front"])), BROKEN)
+    assert any("'quality' marks as Uncertain are kept" in g.text for g in run.guesses) == (quality == "Uncertain")
+
+
+@pytest.mark.parametrize("form", ["whole rows", "R", "Fortran"])
+def test_rows_of_other_programs(tmp_path, form):
+    start = datetime(2026, 5, 3, 8)
+    told = [moment(s, start) for s in SECONDS]
+    values = list(zip(told, FRONT, REAR, strict=True))
+    head, rows = {
+        "whole rows": ("Time,front,rear", [f'"{t},{x:.3f},{y:.3f}"' for t, x, y in values]),
+        "R": ('"time" "front" "rear"', [f'"{i}" "{t}" {x:.3f} {y:.3f}' for i, (t, x, y) in enumerate(values, 1)]),
+        "Fortran": (
+            "time_s,front,rear",
+            [f"{s:g},{x / 100.0:.5f}D+02,{y / 100.0:.5f}D+02" for s, (_, x, y) in zip(SECONDS, values, strict=True)],
+        ),
+    }[form]
+    run = tf.read(written(tmp_path, head, rows))
+    assert list(run.channels) == ["front", "rear"]
+    np.testing.assert_allclose(run.channels["front"], FRONT, atol=6e-4)
+    np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-6)
+
+
+@pytest.mark.parametrize(("month", "number"), [("paź", 10), ("úno", 2), ("ağu", 8), ("out", 10)])
+def test_months_of_more_languages(tmp_path, month, number):
+    rows = [f"30-{month}-2026 23:{i:02d},{x:.3f}" for i, x in enumerate(FRONT[:60])] if number != 2 else []
+    rows = rows or [f"27-{month}-2026 23:{i:02d},{x:.3f}" for i, x in enumerate(FRONT[:60])]
+    rows += [f"{'31' if number != 2 else '28'}-{month}-2026 00:{i:02d},{x:.3f}" for i, x in enumerate(FRONT[60:])]
+    run = tf.read(written(tmp_path, "Date,front", rows))
+    np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-6)
+
+
+def test_a_table_below_the_record_is_named_with_the_option_that_leaves_it_out(tmp_path):
+    rows = [f"{s:g},{x:.3f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    path = written(tmp_path, "time_s,front", [*rows, ",24.5", ",20.0"])
+    with pytest.raises(InputError, match="2 rows without a time") as error:
+        tf.read(path)
+    assert "skip_footer=2" in str(error.value)
+    np.testing.assert_allclose(tf.read(path, skip_footer=2).channels["front"], FRONT, atol=6e-4)

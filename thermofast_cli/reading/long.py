@@ -16,7 +16,7 @@ from .tables.dialect import is_missing, is_number, to_number
 from .tables.table import Table
 from .units import parse_unit, to_celsius
 from .values.marks import good_only, unsure
-from .vocabulary import FLAGS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
+from .vocabulary import FLAGS, MEANS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words
 
 MOST_LABELS = 5000
 #: Share of the rows in which another sensor is told than in the row before, where they are read in turn.
@@ -75,18 +75,32 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
             sensor = (unclear[0],)
     if not sensor:
         return None
+    sensor = (*sensor, *_beside(time.seconds, words_of, sensor, repeated))
     in_turn = bool(set(words(value)) & READINGS) and _in_turn(words_of[sensor[0]])
     if any(n in numbers for n in sensor) and not (in_turn or _interleaved(time.seconds, words_of, sensor)):
         return None
+    naming = f"{' and '.join(map(repr, sensor))} {'name' if len(sensor) > 1 else 'names'}"
     return Layout(
         sensor,
         value,
         Guess(
             "layout",
-            f"a long table: {' and '.join(map(repr, sensor))} names the sensor, {value!r} is the reading",
+            f"a long table: {naming} the sensor, {value!r} is the reading",
             "--long SENSOR,VALUE says otherwise",
         ),
     )
+
+
+def _beside(seconds: Array, words_of: dict[str, list[str] | None], sensor: tuple[str, ...], repeated: list[str]) -> tuple[str, ...]:
+    """The column of words that tells the readings of one sensor at one moment apart, as mean, least and greatest; mostly none."""
+    moments = [(t, w) for t, w in zip(seconds.tolist(), _joined(words_of, sensor), strict=True)]
+    if len(set(moments)) > 0.6 * len(moments):
+        return ()
+    for n in repeated:
+        apart = {(*m, w) for m, w in zip(moments, words_of[n] or [], strict=False)}
+        if n not in sensor and not set(words(n)) & (UNITS | REMARKS) and len(apart) == len(moments):
+            return (n,)
+    return ()
 
 
 def _of_one_sensor(table: Table, time: Time, words_of: dict[str, list[str] | None]) -> Layout | None:
@@ -101,7 +115,8 @@ def _of_one_sensor(table: Table, time: Time, words_of: dict[str, list[str] | Non
 
 
 def _ask(table: Table, labels: list[str], values: list[str]) -> InputError:
-    example = f"{'+'.join(labels)!r},{values[-1]!r}"
+    told = next((n for n in values if set(words(n)) & MEANS), values[-1])
+    example = f"{'+'.join(labels)!r},{told!r}"
     return InputError(
         f"{table.name}: this looks like a long table, one row per sensor and time",
         found=f"words that repeat in {listed(labels, 4)}; numbers in {listed(values, 4)}",

@@ -252,7 +252,8 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         numbers |= {n: winding(numbers[n], n, table, options) for n in windings}
         options = replace(options, units=(*options.units, *(f"{n}=C" for n in windings)))
         notes.append(f"temperatures of windings by their resistance: {listed(windings, 6)}")
-    spare = [n for n in numbers if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
+    clocks = numbers if layout is None else ()  # of a long table a sensor may be called min
+    spare = [n for n in clocks if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
     other = _other_clock(table, time, spare, options)
     if other:
         raise other

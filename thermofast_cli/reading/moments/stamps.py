@@ -15,6 +15,8 @@ from ..run import Array, Guess
 from .four_parts import HUNDREDTHS, days_to_seconds
 
 DAY_S = 86400.0
+#: Lines of statistics or of another table below the readings, at most.
+MOST_BELOW = 60
 #: A record lasts this long [s] and is read at these intervals [s]: what tells minutes from seconds where nothing else does.
 PLAUSIBLE_LENGTH_S = (600.0, 4.0 * DAY_S)
 PLAUSIBLE_INTERVAL_S = (0.04, 900.0)
@@ -48,6 +50,11 @@ _MONTHS |= {
     "set": 9,
     "ott": 10,
 }
+_MONTHS |= dict(
+    zip(["sty", "lut", "kwi", "maj", "cze", "lip", "sie", "wrz", "paź", "lis", "gru"], (1, 2, 4, *range(5, 13)), strict=True)
+)
+_MONTHS |= {"led": 1, "úno": 2, "bře": 3, "dub": 4, "kvě": 5, "zář": 9, "říj": 10, "pro": 12, "fev": 2, "out": 10}
+_MONTHS |= {"oca": 1, "şub": 2, "nis": 4, "haz": 6, "tem": 7, "ağu": 8, "eyl": 9, "eki": 10, "kas": 11, "ara": 12}
 _MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12, "fév": 2, "avr": 4, "juin": 6, "juil": 7, "aoû": 8, "déc": 12}
 _CELL = re.compile(
     r"(?:[A-Za-z]{2,9}[,.]?\s+)?"  # a day of the week
@@ -72,7 +79,7 @@ _DURATION = re.compile(
 _YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
 _OTHER_FORM = re.compile(
     r"(?i:uhr|hrs)$|[年년时時点點시午오]|\d ?(?i:h(?:rs?|ours?)?),? ?\d|(?i:[ap]m) *\d"
-    r"|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$|(?i:[ap]\. ?m\.)"
+    r"|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$|(?i:[ap]\.\s?m\.)"
     r"|^\d+\. \d|\.\d\d\.\d\d$|^\d{4}(?:\.\d\d?){2}\. |^\d{1,3}[. ]\d\d?:\d\d:"
 )
 _FORMAT_IN_NAME = re.compile(r"(?i)\b(h{1,2}:m{2}:s{2}|m{1,2}:s{2}|h{1,2}:m{2})\b")
@@ -104,7 +111,7 @@ def plain(cell: str) -> str:
         return f"{24.0 * days + hours:.0f}:{minutes:02.0f}:{int(seconds):02d}{f'{seconds % 1.0:.3f}'[1:] if seconds % 1.0 else ''}"
     cell = _FRENCH_CLOCK.sub(lambda m: f"{m[1]}:{m[2]}" + (f":{m[3]}" if m[3] else ""), cell)
     cell = re.sub(r"(?<=\d) ?(?i:uhr|hrs)$", "", cell)
-    cell = re.sub(r"(?i)\b([ap])\. ?m\.", r"\1m", cell)
+    cell = re.sub(r"(?i)\b([ap])\.\s?m\.", r"\1m", cell)
     cell = re.sub(r"^(\d{1,4})\. (\d{1,2})\. (\d{1,4})\.?(?= |$)", r"\1.\2.\3", cell)
     cell = re.sub(r"^(\d{4})\.(\d{1,2})\.(\d{1,2})\.(?= )", r"\1.\2.\3", cell)
     cell = re.sub(r"(?<=\d) ([01]?\d|2[0-3])\.([0-5]\d)\.([0-5]\d)$", r" \1:\2:\3", cell)
@@ -178,8 +185,15 @@ def _unreadable(cells: Sequence[str], at: int, place: str, lines: Sequence[int])
         f"{place}, line {lines[at] + 1}: unreadable time",
         found=repr(cells[at]),
         allowed=ALLOWED,
-        do="mend the cell or say --time-format, as in '%d.%m.%Y %H:%M:%S'",
+        do=f"mend the cell or say --time-format, as in '%d.%m.%Y %H:%M:%S'{below(lines, at)}",
     )
+
+
+def below(lines: Sequence[int], at: int) -> str:
+    """What to do besides where the row `at` without a time is near the end of the lines, as the first of a table below them."""
+    rest = lines[-1] - lines[at] + 1
+    near = at > len(lines) // 2 and rest <= MOST_BELOW
+    return f", or --skip-footer {rest} if what begins there is no part of the record" if near else ""
 
 
 def two_signs(cells: Sequence[str]) -> str:

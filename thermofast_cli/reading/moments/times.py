@@ -17,7 +17,7 @@ from ..units import unit_in_name
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 from .epochs import UNITS, epoch_of, is_date_number, of_archive, serial, ticks_of
 from .parts import SHORT, clock_written_as_number, days_of_year, moments_in_parts
-from .stamps import DAY_S, looks_like_stamp, parse_stamps, plain, plausible
+from .stamps import DAY_S, below, looks_like_stamp, parse_stamps, plain, plausible
 
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
@@ -123,7 +123,8 @@ def find_time(table: Table, options: Options) -> Time:
         f"{table.name}: no time column",
         found=listed(table.names),
         allowed="a column named time_s, time_min, elapsed, timestamp, ... or of wall-clock stamps",
-        do="name it with --time NAME (and --time-unit), or say --interval SECONDS if rows are evenly spaced",
+        do="name it with --time NAME (and --time-unit), say --header-line N if the names stand in another line, or say --interval"
+        " SECONDS if rows are evenly spaced",
     )
 
 
@@ -291,9 +292,9 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     if len(bad):
         raise InputError(
             f"{table.name}, line {table.lines[int(bad[0])] + 1}, column {name!r}: no time in this row",
-            found=f"{len(bad)} rows without a time, the first {column[bad[0]]:g}",
+            found=f"{len(bad)} row{'s' if len(bad) > 1 else ''} without a time",
             allowed="a number in every row, up to 1e30",
-            do="mend or remove the rows",
+            do="mend or remove the rows" + below(table.lines, int(bad[0])),
         )
     if COUNTDOWN.intersection(words(name)) and (np.diff(column) <= 0.0).all():
         counting = _numeric(table, name, column.max() - column, options)

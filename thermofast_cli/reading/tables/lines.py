@@ -21,6 +21,28 @@ _NAMES = re.compile(rb"(?m)^Name([\t;,])")
 #: Share of the usual number of separators from which on a line is a row of readings by itself.
 FULL = 0.7
 MARKS = (b",", b";", b"\t", b"|")
+#: Bytes and rows that show how rows are written.
+SAMPLE, SOME = 1 << 14, 40
+_FORTRAN = re.compile(rb"(?<![\w.])([+-]?\d*\.\d+)[dD]([+-]\d{2,3})(?!\d)")
+
+
+def plain_rows(data: bytes) -> tuple[bytes, list[str]]:
+    """(text, notes) without quotes around whole rows, with tabs for blanks between quoted cells, and E for Fortran's D."""
+    notes = []
+    first = [line.strip(b"\r") for line in data[:SAMPLE].split(b"\n")[:-1] if line.strip()][1:SOME]
+    if not first:
+        return data, []
+    whole = [re.fullmatch(rb'"[^"]*[,;\t][^"]*"', line) for line in first]
+    if all(whole):
+        data = re.sub(rb'(?m)^"([^"\n]*)"(?=\r?$)', rb"\1", data)
+        notes.append("quotes around whole rows left out")
+    elif all(b'"' in line and not re.search(rb"[,;\t]", line) for line in first):
+        data = re.sub(rb'("[^"\n]*"|[^\s"]+)[ ]+(?=\S)', rb"\1\t", data)
+        notes.append("quoted cells between blanks")
+    if sum(bool(re.search(_FORTRAN, line)) for line in first) > len(first) // 2:
+        data = re.sub(_FORTRAN, rb"\1E\2", data)
+        notes.append("numbers with Fortran's D for the exponent")
+    return data, notes
 
 
 def closed_quotes(data: bytes) -> tuple[bytes, list[str]]:

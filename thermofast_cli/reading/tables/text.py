@@ -26,7 +26,7 @@ from .dialect import (
     to_number,
 )
 from .encoding import to_utf8
-from .lines import closed_quotes, joined_segments, plain_scope, without_last, without_separator_line
+from .lines import closed_quotes, joined_segments, plain_rows, plain_scope, without_last, without_separator_line
 from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
@@ -60,10 +60,11 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         notes.append(f"the last {options.skip_footer} lines left out, as told")
     _refuse_markup(data, name)
     data, separator = without_separator_line(data)
+    data, written = plain_rows(data)
     data, quotes = closed_quotes(data)
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
-    notes += quotes + segments + scope
+    notes += written + quotes + segments + scope
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
     dialect = detect_dialect(head, encoding, name, told)

@@ -22,6 +22,7 @@ VALIDITIES = frozenset(["valid", "validity", "gültig", "ok", "good"])
 FAULTS = frozenset(["fault", "error", "err", "fehler", "fail", "failure", "bad", "invalid", "ungültig"])
 STATES = frozenset(["status", "state", "flag", "code"])
 MARKS = QUALITIES | VALIDITIES | FAULTS | STATES
+_HEX = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 #: Words of marks. A state that has none of the good ones (run, idle) is one of the machine.
 GOOD_WORDS = frozenset(["ok", "good", "valid", "gut", "gültig", "normal", "true", "0", "1", "o.k.", "none", "no error", "g"])
 BAD_WORDS = ("bad", "invalid", "ungültig", "fault", "fail", "error", "fehler", "sensor", "open", "short", "broken", "bruch")
@@ -74,6 +75,8 @@ def unsure(table: Table) -> tuple[Guess, ...]:
         owned = _owner(n)
         if owned is None or owned[0] or not owned[1] & QUALITIES or isinstance(marks, np.ndarray):
             continue
+        if bad_by(owned[1], marks, of_row=True) is not None and all(map(_HEX.fullmatch, marks)):
+            continue
         odd = sorted({c.strip() for c in marks} - {c for c in marks if not c or c.strip().lower() in GOOD_WORDS})
         odd = [c for c in odd if not c.lower().startswith(BAD_WORDS)]
         if odd:
@@ -88,6 +91,8 @@ def bad_by(kinds: frozenset[str], marks: Array | list[str], of_row: bool) -> NDA
     is bad), 1 or 0 for valid or for a fault, or words. ``of_row``: the marks are those of all readings of a row, where a state may
     be the machine's.
     """
+    if not isinstance(marks, np.ndarray) and marks and all(_HEX.fullmatch(c.strip()) for c in marks):
+        marks = np.array([float(int(c, 16)) for c in marks])
     if not isinstance(marks, np.ndarray):
         told = [c.strip().lower() for c in marks]
         if kinds & FAULTS and set(told) <= {"true", "false", "", "0", "1"}:
