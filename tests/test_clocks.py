@@ -423,3 +423,19 @@ def test_a_table_below_the_record_is_named_with_the_option_that_leaves_it_out(tm
         tf.read(path)
     assert "skip_footer=2" in str(error.value)
     np.testing.assert_allclose(tf.read(path, skip_footer=2).channels["front"], FRONT, atol=6e-4)
+
+
+def test_an_hour_that_a_gap_may_hide_is_told(tmp_path):
+    """Whether that clock was put forward in the pause, or runs in UTC, the file does not say."""
+    start = datetime(2026, 3, 29, 1)
+    rows = [f"{moment(s + (4800.0 if s > 2400.0 else 0.0), start)},{x:.3f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, "time,front [°C]", rows))
+    assert run.time_s[-1] == SECONDS[-1] + 4800.0
+    assert any(
+        "from 2026-03-29 01:40 to 03:01: where that clock was put forward it is an hour shorter" in g.text for g in run.guesses
+    )
+
+
+def test_rows_that_are_numbered_backwards(tmp_path):
+    rows = [f"{i},{s:g},{x:.3f}" for i, (s, x) in enumerate(zip(SECONDS, FRONT, strict=True), 1)]
+    assert list(tf.read(written(tmp_path, "No.,time_s,front", rows[::-1])).channels) == ["front"]

@@ -239,6 +239,7 @@ def _counts(name: str, sign: Sign, column: Array) -> bool:
     unit = sign.unit is not None and sign.unit.kind != "number"
     if unit or len(column) < 2 or not _whole(column) or not np.isfinite(column).all():
         return False
+    column = column[::-1] if column[0] > column[-1] else column  # newest first
     step = np.diff(column)
     if sign.temperature:  # by its name alone, as that of a logger with a thermocouple
         return len(column) > 20 and bool((step == 1.0).all()) and column[0] in (0.0, 1.0)

@@ -339,11 +339,27 @@ def clock_change(time: Array, starts: tuple[float, ...]) -> tuple[Array, Guess |
         moment = (likely or moments)[0]
         shift[i + 1 :] += HOUR_S if set_back else -HOUR_S
         words.append(f"{moment:%Y-%m-%d %H:%M} ({'set back' if set_back else 'put forward'})")
-    if not words or len(words) > 4:
+    if not words:
+        return time, _hidden_hour(time, step, starts, usual)
+    if len(words) > 4:
         return time, None
     return time + shift, Guess(
         "time", f"the clock was changed by an hour at {listed(words)}; the hour was taken out", "log in UTC to be sure"
     )
+
+
+def _hidden_hour(time: Array, step: Array, starts: tuple[float, ...], usual: float) -> Guess | None:
+    """What to say of a gap that holds all of an hour which no wall clock told: from two to three on a Sunday in March or April."""
+    for i in np.flatnonzero(step > max(HOUR_S, 1.5 * usual)).tolist():
+        for start in starts:
+            before, after = (datetime(1970, 1, 1) + timedelta(seconds=start + float(time[k])) for k in (i, i + 1))
+            spring = before.date() == after.date() and before.weekday() == 6 and before.month in (3, 4)
+            if spring and before.hour < 2 and after.hour >= 3:
+                text = (
+                    f"a gap from {before:%Y-%m-%d %H:%M} to {after:%H:%M}: where that clock was put forward it is an hour shorter"
+                )
+                return Guess("time", text, "log in UTC to be sure")
+    return None
 
 
 def runs_otherwise(table: Table, time: Time, used: str, name: str, alike: bool = False) -> bool:
