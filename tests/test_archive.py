@@ -89,6 +89,8 @@ def test_resume_redoes_what_is_missing_or_other_and_nothing_else(archive, tmp_pa
     (tmp_path / "r" / ".thermofast-left.part").write_bytes(b"half")
     found = tf.archive(*call, into, until=60, jobs=1, resume=True)
     assert (found.done, found.skipped, found.others) == (3, 6, 0)
+    again = tf.archive(*call, into, until=60, jobs=1, resume=True)
+    assert (again.done, again.skipped, again.statuses, again.lost) == (0, 9, {}, {"unreadable": 1})
     kept = [p for p in before if p.exists() and p.stat().st_mtime_ns == before[p]]
     assert len(kept) == 6
     tf.archive(*call, str(tmp_path / "whole"), until=60, jobs=1)
@@ -260,3 +262,12 @@ def test_the_questions_of_the_documentation_are_answered(archive, tmp_path, monk
     ((sensors, share),) = answers[5]
     assert sensors == len(measured)
     assert share == pytest.approx(held) if sensors else share is None
+
+
+def test_what_could_not_be_read_is_told_again_when_the_call_is_taken_up(tool, tmp_path):
+    (tmp_path / "in").mkdir()
+    shutil.copy("sample_runs/spindle.csv", tmp_path / "in")
+    (tmp_path / "in" / "bad.csv").write_text("no record\n")
+    first, again = (tool("identify", tmp_path / "in", "-o", f"{tmp_path}/r/", *more) for more in ((), ("--resume",)))
+    assert (first.code, again.code) == (1, 1)
+    assert "2 were there already (1 unreadable)" in again.err

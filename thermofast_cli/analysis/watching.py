@@ -81,7 +81,7 @@ class Look:
         alone = next(r.reading_half_width_c for r in self.records if r.channel == channel)
         if alone is None or not wide * alone <= self.tolerance_c < half:
             return ""
-        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit"
+        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit (past runs make that less: calibrate, or --model)"
 
 
 def half_width(record: IdentifyRecord) -> float | None:

@@ -29,13 +29,16 @@ KINDS = {"identify": IdentifyRecord, "sweep": SweepRecord, "compare": CompareRec
 
 @dataclass(frozen=True)
 class Archived:
-    """A folder of results: files done now and there before, records made now by status, parts of files that were not named now."""
+    """A folder of results: files done now and there before, records made now by status, parts of files that were not named now, and
+    records without a result, by status, of the files that were there before.
+    """
 
     folder: str
     done: int
     skipped: int
     statuses: dict[str, int] = field(default_factory=dict)
     others: int = 0
+    lost: dict[str, int] = field(default_factory=dict)
 
     def to_frame(self, columns: Sequence[str] | None = None) -> "pd.DataFrame":
         """The records of all parts, those of earlier calls too; `columns` of them."""
@@ -136,4 +139,4 @@ def into_folder(
             others = parts.others({s.name for s in sources})
     finally:
         crew.close()
-    return Archived(into, found.done, found.skipped, dict(found.statuses), others)
+    return Archived(into, found.done, found.skipped, dict(found.statuses), others, dict(found.lost))

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -13,6 +14,7 @@ from urllib.parse import quote
 from ..errors import UsageError
 from ..output.files import write_json
 from ..output.whole import TEMPORARY, write_whole
+from ..records import FAILURES
 from .sources import SourceFile
 
 #: Version of the layout: of names, of the columns beside a record's own, of the manifest.
@@ -22,6 +24,8 @@ MANIFEST, LOCK = "_thermofast.json", ".thermofast.lock"
 LONGEST, SHORT = 80, 16
 #: Where a part says how many of its records have the status failed.
 FAILED = b"thermofast.failed"
+#: Where it says how many have which of the statuses that are no result.
+LOST = b"thermofast.lost"
 
 
 @dataclass(frozen=True)
@@ -53,16 +57,20 @@ class Parts:
         """Where the part of a file goes."""
         return self._place(source) / f"{self._stem(source)}-{self.manifest.key(source, content)}.parquet"
 
-    def is_there(self, source: SourceFile, content: str) -> bool:
-        """Whether it is there, whole, and nothing in it failed: what failed may be better the next time."""
+    def there(self, source: SourceFile, content: str) -> dict[str, int] | None:
+        """How many records of a part that is there, whole, have a status that is no result, by status.
+
+        None where it is not, or something in it failed: that may be better the next time, which an unreadable file is not.
+        """
         import pyarrow as pa
         import pyarrow.parquet as papq
 
         path = self.path(source, content)
         try:
-            return path.exists() and (papq.read_schema(path).metadata or {}).get(FAILED) == b"0"
-        except (OSError, pa.ArrowException):
-            return False
+            marks = (papq.read_schema(path).metadata or {}) if path.exists() else {}
+            return dict(json.loads(marks.get(LOST, b"{}"))) if marks.get(FAILED) == b"0" else None
+        except (OSError, ValueError, pa.ArrowException):
+            return None
 
     def write(self, source: SourceFile, content: str, table: Any) -> None:
         """A part, on the disk when this returns; parts of the same file as it was before go.
@@ -75,7 +83,9 @@ class Parts:
 
         told = {"layout": str(LAYOUT), "command": self.manifest.command, "version": self.manifest.version}
         marks = {f"thermofast.{name}": value for name, value in told.items()}
-        marks[FAILED.decode()] = str(table.column("status").to_pylist().count("failed"))
+        statuses = Counter(table.column("status").to_pylist())
+        marks[FAILED.decode()] = str(statuses["failed"])
+        marks[LOST.decode()] = json.dumps({status: statuses[status] for status in sorted(FAILURES & set(statuses))})
         table = table.replace_schema_metadata(marks)
         path = self.path(source, content)
         try:

@@ -53,6 +53,8 @@ class Progress:
     skipped: int = 0
     done_bytes: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
+    #: Records without a result, by status, of files that were there already.
+    lost: Counter[str] = field(default_factory=Counter)
     _marks: list[tuple[float, int]] = field(default_factory=list)
 
     def finished(self, size: int, statuses: "Counter[str]") -> None:
@@ -62,9 +64,10 @@ class Progress:
         self.statuses.update(statuses)
         self._marks.append((time.monotonic() - self.began, self.done_bytes))
 
-    def there(self, size: int) -> None:
-        """A file more was there already."""
+    def there(self, size: int, lost: dict[str, int]) -> None:
+        """A file more was there already; `lost` of its records have no result, by status."""
         self.skipped += 1
+        self.lost.update(lost)
         self.total_bytes -= size
 
     def remaining_s(self) -> tuple[float, float, float] | None:
@@ -191,8 +194,8 @@ class _Stream:
             content = ""
             try:
                 content, data = content_of(source.at, self.reading.options, source.path)
-                if self.parts.is_there(source, content):
-                    self.progress.there(size)
+                if (lost := self.parts.there(source, content)) is not None:
+                    self.progress.there(size, lost)
                     continue
                 if whole:
                     yield WholeFile(number, source, self.reading, self.parts)

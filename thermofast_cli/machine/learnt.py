@@ -56,7 +56,7 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
             f"{source}: none of its sensors is in the model {model_path}",
             found=", ".join(seen.channels[:12]),
             allowed=", ".join(model.channels[:12]),
-            do="use a model of this machine, or name the sensors alike",
+            do="use a model of this machine, or give its sensors the model's names: --rename COLUMN=NAME",
         )
     notes = [f"not in the model: {', '.join(missing)}; fitted freely"] if missing else []
     same_run = bool(model.learnt_from.sha256) and sha256_of(source) == model.learnt_from.sha256
@@ -97,6 +97,7 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
             f"{source}: none of its sensors is in the model {model_path}",
             found=", ".join(seen.channels[:12]),
             allowed=", ".join(model.channels[:12]),
+            do="give its sensors the model's names: --rename COLUMN=NAME",
         )
     if model.learnt_from.drive:
         raise UsageError(

@@ -266,7 +266,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
             f"{name}: none of its sensors is in the model {task.model.source}",
             found=", ".join(list(task.run.channels)[:12]),
             allowed=", ".join(file.channels[:12]),
-            do="use a model of this machine, or name the sensors alike",
+            do="use a model of this machine, or give its sensors the model's names: --rename COLUMN=NAME",
         )
     past = past_of_model(task.model)
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]

@@ -88,11 +88,12 @@ def run_archive(
         )
     if not quiet:
         sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
-        there = f"; {found.skipped} were there already" if found.skipped else ""
+        lost = ", ".join(f"{count} {status}" for status, count in sorted(found.lost.items()))
+        there = f"; {found.skipped} were there already{f' ({lost})' if lost else ''}" if found.skipped else ""
         say(f"{into}: {found.done} files done{f' ({sensors})' if sensors else ''}{there}")
         if found.others:
             say(f"{into}: {found.others} parts are of files that were not named now; they were left")
-    return 1 if FAILURES & set(found.statuses) else 0
+    return 1 if FAILURES & {*found.statuses, *found.lost} else 0
 
 
 def _line(progress: "Progress") -> str:
