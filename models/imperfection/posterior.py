@@ -359,6 +359,8 @@ class _Run:
     def _predicted(self, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_], evidence: Array) -> Settled:
         asked = self.asked[0].count
         active = weight > LEAST_WEIGHT
+        for mine, w in zip(active, weight, strict=True):
+            mine &= w > negligible(w[mine])
         _, _, mean, variance, rise = self.evaluate(log_rate, active, asked)
         count = self.count
         steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
@@ -376,8 +378,6 @@ class _Run:
             if not len(places):
                 continue
             w = weight[i, places, hypotheses]
-            keep = w > negligible(w)
-            places, hypotheses, w = places[keep], hypotheses[keep], w[keep]
             mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
             steady[i] = quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
             b, r = np.exp(log_rate[i, places]), rise[i, places]

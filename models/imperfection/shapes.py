@@ -237,14 +237,10 @@ def covariances(
         "room": room,
         "ramp": ramp,
     }
-    mixing = np.eye(rows)
-    mixing[m + SETTLING, m] = -0.95
-    mixing[m + SETTLING, m + 2] = -0.05
-    mixing[m + SLOW_AHEAD] = 0.0
     found = np.empty((nodes, len(COMPONENTS) + len(SLOW), rows, rows))
     for i, name in enumerate(COMPONENTS):
         if name == "slow":
-            columns = mixing @ slow
+            columns = _differences(slow, m)
             columns[:, m + SLOW_AHEAD] = slow_rest
             for q in range(len(SLOW)):
                 found[:, len(COMPONENTS) + q] = len(SLOW) * columns[:, :, q, None] * columns[:, None, :, q]
@@ -252,7 +248,15 @@ def covariances(
         elif name == "logged":
             found[:, i] = 0.0 if logged is None else logged[:, :, None] * logged[:, None, :]
         else:
-            found[:, i] = mixing @ by_name[name] @ mixing.T
+            found[:, i] = np.swapaxes(_differences(np.swapaxes(_differences(by_name[name], m), 1, 2), m), 1, 2)
+    return found
+
+
+def _differences(values: Array, m: int) -> Array:
+    """Values (G, rows, k) of rows with 95 % less 0.95 of the limit and 0.05 of the beginning, which is left with nothing."""
+    found = values.copy()
+    found[:, m + SETTLING] = -0.95 * values[:, m] + values[:, m + SETTLING] - 0.05 * values[:, m + SLOW_AHEAD]
+    found[:, m + SLOW_AHEAD] = 0.0
     return found
 
 

@@ -81,6 +81,10 @@ def command(
     from ..pipeline.around import simulate_record
 
     check_target(output, (".csv", ".parquet"))
+    if 60.0 * duration < interval:
+        raise UsageError(
+            f"--duration {duration:g}: one reading is no record", found=f"one each {interval:g} s", do="a longer one, or --interval"
+        )
     if key:
         check_target(key, (".json",))
     given = []
