@@ -439,3 +439,20 @@ def test_an_hour_that_a_gap_may_hide_is_told(tmp_path):
 def test_rows_that_are_numbered_backwards(tmp_path):
     rows = [f"{i},{s:g},{x:.3f}" for i, (s, x) in enumerate(zip(SECONDS, FRONT, strict=True), 1)]
     assert list(tf.read(written(tmp_path, "No.,time_s,front", rows[::-1])).channels) == ["front"]
+
+
+def test_a_clock_of_one_column_is_not_taken_for_the_others(tmp_path):
+    path = two_clocks(tmp_path, "t_front,front [°C],t_rear,rear [°C]", SECONDS, 1.5 * SECONDS + 7.0)
+    with pytest.raises(InputError, match="two clocks, 't_front' and 't_rear'"):
+        tf.read(path, time="t_front", time_unit="s")
+    assert list(tf.read(path, time="t_rear", time_unit="s", channels=["rear [°C]"]).channels) == ["rear [°C]"]
+
+
+@pytest.mark.parametrize("name", ["n", "P", "I_Spindel", "H2", "X"])
+def test_signs_of_quantities_beside_temperatures_are_no_sensors(tmp_path, name):
+    rows = [f"{s:g},{x:.3f},{y:.3f},{y / 7.0:.3f}" for s, x, y in zip(SECONDS, FRONT, REAR, strict=True)]
+    run = tf.read(written(tmp_path, f"time_s,T1,T2,{name}", rows))
+    assert list(run.channels) == ["T1", "T2"]
+    assert any(name in g.text for g in run.guesses)
+    assert name in tf.read(written(tmp_path, f"time_s,front,rear,{name}", rows)).channels
+    assert name in tf.read(written(tmp_path, f"time_s,T1,T2,{name}", rows), channels=["T1", name]).channels

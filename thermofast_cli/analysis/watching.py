@@ -81,7 +81,8 @@ class Look:
         alone = next(r.reading_half_width_c for r in self.records if r.channel == channel)
         if alone is None or not wide * alone <= self.tolerance_c < half:
             return ""
-        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit (past runs make that less: calibrate, or --model)"
+        past = "(past runs make that less: calibrate, or --model)"
+        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit {past}"
 
 
 def half_width(record: IdentifyRecord) -> float | None:

@@ -26,6 +26,8 @@ from .vocabulary import (
 
 #: Where other columns say that they are temperatures, one that does not say so is none if its readings are above this [degC].
 HOTTEST = 1000.0
+#: Signs of speed, power, current, voltage, torque, force, flow, humidity and place beside temperatures that are called T1, T2.
+_QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
 #: What an instrument says of its state; constant, it says nothing.
 SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
 
@@ -131,13 +133,16 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
+    quantities = {n for n in names if signs[n].unit is None and _QUANTITY.fullmatch(n)}
+    quantities = quantities if origin != "long" and any(_bare(n, s) for n, s in signs.items()) else set()
     roles: dict[str, list[str]] = {
         k: [] for k in ("ambient", "input", "sensor", "displacement", "counter", "empty", "constant", "other", "silent")
     }
     for n in names:
         if n in options.exclude:
             continue
-        roles[_role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)].append(n)
+        role = _role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)
+        roles["silent" if role == "sensor" and n in quantities and n not in (*options.channels, *told) else role].append(n)
     return _with_words(roles, signs, values, options, origin)
 
 

@@ -32,7 +32,7 @@ from .moments.times import Time, find_time, is_time_name
 from .moments.zones import in_zone
 from .run import Run, Seen, SeenColumn, renamed, stretch
 from .signs import sign_of
-from .tables.clocks import with_one_clock
+from .tables.clocks import clocks_of_columns, with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.limits import Limits
@@ -441,14 +441,16 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
     if options.channels and options.time:
         return None
     words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray) and is_time_name(n)]
-    for n in (*spare, *words):
-        if n in options.exclude:
+    named = clocks_of_columns(table) if used in clocks_of_columns(table) else []
+    for n in (*spare, *words, *named):
+        if n in options.exclude or n == used:
             continue
         alike = words_of(re.sub(r" \(\d+\)$", "", n)) == words_of(re.sub(r" \(\d+\)$", "", used))
         own, main = table.columns[n], table.columns.get(used, [])
         if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
             continue
-        if (alike and isinstance(own, np.ndarray) and isinstance(main, np.ndarray)) or runs_otherwise(table, time, used, n, alike):
+        numbers = isinstance(own, np.ndarray) and isinstance(main, np.ndarray)
+        if (numbers and (alike or n in named)) or runs_otherwise(table, time, used, n, alike):
             return InputError(
                 f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
                 allowed="one time for all columns read together",

@@ -64,7 +64,7 @@ WANTED = _set(
 WANTED_STEMS = (
     *("soll", "setpun", "abschalt", "warnschwelle", "warngrenze", "alarmgrenze", "alarmschwelle", "grenztemp", "nastav", "nastaw"),
     *("žádan", "zadan", "żądan", "заданн", "asetus", "impostat", "ingesteld", "beállít", "ayarla", "indstil", "innstil", "inställ"),
-    *("börvärd", "željen"),
+    *("börvärd", "željen", "tavoite"),
 )
 WANTED_PARTS = ("設定", "目標", "设定", "目标", "给定", "給定", "설정", "목표")
 REFERENCE = _set(
@@ -103,8 +103,8 @@ DERIVED = _set(
 QUALITIES = _set("rate noise resolution accuracy error")
 #: Of the readings of an interval: their mean, and what else is told of them.
 MEANS = _set("avg ave average mean mittel mittelwert mw moyenne moy media promedio 平均 平均值")
-EXTREMES = _set("min max mini maxi minimum maximum lowest highest mín máx 最小 最大 最小值 最大值")
-SPREADS = _set("range std stdev stddev dev sd spread span")
+EXTREMES = _set("rms min max mini maxi minimum maximum lowest highest mín máx 最小 最大 最小值 最大值")
+SPREADS = _set("raw adc counts range std stdev stddev dev sd spread span")
 #: Marks of a reading, one for each row, whatever else the name says.
 FLAGS = _set("ok valid validity status state error fault quality flag")
 #: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.
@@ -140,6 +140,8 @@ AMBIENT_PARTS = (
     "室內",
     "周囲",
     "周围",
+    "车间",
+    "주변",
     "실내",
     "실온",
     "기온",

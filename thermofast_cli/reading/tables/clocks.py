@@ -59,17 +59,23 @@ def with_one_clock(table: Table, options: Options) -> Table:
     return replace(table, names=list(columns), columns=columns, lines=lines, notes=(*table.notes, note), clocks=tuple(clocks))
 
 
-def _called_time(table: Table) -> Table:
-    """A table in which clocks that are called after the column beside them (``t_front``, ``front``) are called time as well."""
-    new = {}
+def clocks_of_columns(table: Table) -> list[str]:
+    """Clocks that are called after the column beside them, and not time: ``t_front``, ``front``; two of them at least."""
+    found = []
     for a, b in pairwise(table.names):
         column = table.columns[a]
         bare = re.sub(r"\s*[\[(].*$", "", b).strip().casefold()
         if re.fullmatch(r"t[ _].+", a) and a[2:].casefold() == bare and isinstance(column, np.ndarray):
             told = column[np.isfinite(column)]
             if len(told) > FEWEST and (np.diff(told) > 0.0).all():
-                new[a] = f"time {a[2:]}"
-    if len(new) < 2 or any(n in table.names for n in new.values()):
+                found.append(a)
+    return found if len(found) > 1 else []
+
+
+def _called_time(table: Table) -> Table:
+    """A table in which such clocks are called time as well."""
+    new = {n: f"time {n[2:]}" for n in clocks_of_columns(table)}
+    if not new or any(n in table.names for n in new.values()):
         return table
     columns = {new.get(n, n): c for n, c in table.columns.items()}
     return replace(table, names=list(columns), columns=columns, units={new.get(n, n): u for n, u in table.units.items()})

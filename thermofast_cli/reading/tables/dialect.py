@@ -143,7 +143,11 @@ def to_number(cell: str, decimal: str) -> float:
 
 def _data_like(cells: list[str], decimal: str) -> bool:
     cells = cells[:SAMPLE_CELLS]
-    if cells[0].strip().lower() in TIME or (not re.search(r"\d", cells[0]) and set(words(cells[0])) & TIME):
+    if (
+        cells[0].strip().lower() in TIME
+        or re.match(r"\s*[tT] ?[\[(][a-z]+[\])]\s*$", cells[0])
+        or (not re.search(r"\d", cells[0]) and set(words(cells[0])) & TIME)
+    ):
         return False  # names, be they the numbers of channels: Date,Time,ms,0001,0002 or Time [h],101,102
     told = [c for c in cells if not is_missing(c) and parse_unit(c) is None]
     numbers = sum(is_number(c, decimal) for c in told)

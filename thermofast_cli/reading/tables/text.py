@@ -35,7 +35,7 @@ LINE_END = re.compile(r"\r\n|\n|\r")
 _THOUSANDS = {d: re.compile(rf"\s*[+-]?\d{{1,3}}(?:[{o}]\d{{3}}){{2,}}\s*$") for d, o in (".,", ",.")}
 _THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
 #: A number with decimals in brackets, or with a letter or a sign behind it.
-_ODD_NUMBER = {d: re.compile(rf"\(?[+-]?\d+[{d}]\d+\)? ?[A-Za-z*!<>#]?$") for d in ".,"}
+_ODD_NUMBER = {d: re.compile(rf"\(?[+-]?\d+[{d}]\d+\)? ?[A-Za-z*!<>#-]?$") for d in ".,"}
 #: Share of a column's cells that must be numbers for it to be one of numbers.
 MOSTLY = 0.5
 
