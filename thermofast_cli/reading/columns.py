@@ -157,15 +157,18 @@ def _extremes(names: list[str]) -> list[str]:
     """Columns that are the least, greatest or spread of what another one is the mean of, as ``T1 min`` beside ``T1 avg``; spreads
     beside the readings themselves, too.
     """
-    parts = {n: [w for w in re.split(r"[\W_]+", _without_unit(n).casefold()) if w] for n in names}
-    means = [[w for w in some if w not in MEANS] for some in parts.values() if MEANS.intersection(some)]
-    bare = [some for some in parts.values() if not (MEANS | EXTREMES | SPREADS).intersection(some)]
+    parts = {n: tuple(w for w in re.split(r"[\W_]+", _without_unit(n).casefold()) if w) for n in names}
+    told = {n: some for n, some in parts.items() if (EXTREMES | SPREADS).intersection(some)}
+    if not told:
+        return []
+    means = {tuple(w for w in some if w not in MEANS) for some in parts.values() if MEANS.intersection(some)}
+    bare = {some for some in parts.values() if not (MEANS | EXTREMES | SPREADS).intersection(some)}
 
-    def of_one(some: list[str], words_of: Collection[str], others: list[list[str]]) -> bool:
-        rest = [w for w in some if w not in words_of]
+    def of_one(some: tuple[str, ...], words_of: Collection[str], others: set[tuple[str, ...]]) -> bool:
+        rest = tuple(w for w in some if w not in words_of)
         return len(rest) < len(some) and rest in others
 
-    return [n for n, some in parts.items() if of_one(some, EXTREMES | SPREADS, means) or of_one(some, SPREADS, bare)]
+    return [n for n, some in told.items() if of_one(some, EXTREMES | SPREADS, means) or of_one(some, SPREADS, bare)]
 
 
 def _without_unit(name: str) -> str:

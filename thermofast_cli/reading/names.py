@@ -1,6 +1,7 @@
 """Names and units of the columns of a text table, from the lines above its readings."""
 
 import re
+from collections import Counter
 
 from ..errors import InputError
 from .signs import names_a_set_point, names_the_room_alone, sign_of
@@ -71,6 +72,11 @@ def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
     return (f"{group} {cell.strip()}" if twice or moves else cell), unit
 
 
+def _repeated(cells: list[str]) -> set[str]:
+    """Names that stand there more than once."""
+    return {name for name, count in Counter(cells).items() if count > 1 and name.strip()}
+
+
 def _told_apart(cells: list[str], head: list[str], dialect: Dialect) -> list[str]:
     """Names with the label above them where that is of the room or of a set point, or where several are alike: front MIN,
     front MAX; and with how they were made, where that stands below and they still are.
@@ -78,13 +84,13 @@ def _told_apart(cells: list[str], head: list[str], dialect: Dialect) -> list[str
     header = dialect.header_line or 0
     above = [split(line, dialect.delimiter) for line in head[max(header - ROWS_ABOVE, 0) : header]]
     labels = next((row for row in reversed(above) if len(row) == len(cells) and says(row, NAME_WORDS)), None)
-    twice = {c for c in cells if c.strip() and cells.count(c) > 1}
+    twice = _repeated(cells)
     found = list(cells)
     for i, label in enumerate(labels or []):
         other = _tells(label) and sign_of(cells[i].strip(), "").kind in ("sensor", "named", "nameless")
         if label.strip() and cells[i].strip() and i > 0 and (cells[i] in twice or other):
             found[i] = f"{label.strip()} {cells[i].strip()}"
-    twice = {c for c in found if c.strip() and found.count(c) > 1}
+    twice = _repeated(found)
     below = [split(line, dialect.delimiter) for line in head[header + 1 : dialect.data_line]] if twice else []
     made = next((row for row in below if len(row) == len(cells) and is_process_line(row)), None)
     if made is not None:
@@ -136,7 +142,7 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
                 units[i] = cell.strip()
     for line in dialect.unit_lines if cells else ():
         cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
-    twice = {c for c in cells if cells.count(c) > 1} if groups else set()
+    twice = _repeated(cells) if groups else set()
     for i, group in enumerate(groups):
         cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
     if cells and dialect.header_line is not None:
