@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.estimation.imperfect import until_then
+from thermofast.estimation.measured import until_then
 from thermofast.models.uncertainty.surroundings import room_ahead
 
 TIME = np.arange(0.0, 120.5, 0.5)

@@ -26,17 +26,21 @@ from .imperfect import (
     Claims,
     Closed,
     claims,
-    follows_machine,
-    in_room,
-    moved_by_room,
-    room_at,
     said_of_slow,
     times_asked,
-    until_then,
     why_let_go,
     without_past,
 )
-from .measured import contradicts, measured_equilibria, outside_band
+from .measured import (
+    contradicts,
+    follows_machine,
+    in_room,
+    measured_equilibria,
+    moved_by_room,
+    outside_band,
+    room_at,
+    until_then,
+)
 from .rules import RULES
 from .sensor import Sensors, prepare_all, refusal
 from .verdicts import claimed_verdicts, comes_back, law_verdicts, with_claims

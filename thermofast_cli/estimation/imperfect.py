@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
-from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, lagged, pilot, settle
+from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.surroundings import room_ahead
+from thermofast.models.uncertainty.companions import faster, moved_since
 
 from ..errors import rounded
 from ..standards.stopping import DRAWS, asked_ahead, foretold_trips
@@ -30,8 +30,6 @@ GROUP = 50
 AHEAD, DRAWN = 9, 30
 #: The same of a rise with corners, which a logged column or an event gives it.
 CORNERED = 32
-#: Share of an interval's width, and size [K], from which what the room may do until the time asked for is told.
-TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
 
@@ -65,7 +63,8 @@ class Claims:
     when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
     averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
     out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
-    did, too little so early to be foretold; else nan.
+    did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
+    (S,) [K]: so far it has moved since it settled by the law; else nan.
     """
 
     steady: Array
@@ -90,6 +89,8 @@ class Claims:
     averaged: NDArray[np.int_]
     left_last: NDArray[np.int_]
     behind: Array
+    faster: Array
+    moved: Array
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -154,6 +155,7 @@ def claims(
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
         _mark_behind(closed, members, empty)
+        _mark_settled(closed, members, empty)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
 
 
@@ -186,8 +188,28 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
     rates = [one.rate[one.held & mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
     rate = float(np.median(every)) if len(every := np.concatenate(rates)) else math.nan
     for c, m, mine, one in zip(closed, moved, members, into, strict=True):
-        if rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0]) < RULES.behind_until:
-            one.behind[:] = np.where(mine & (m < RULES.behind * most) & ~one.known, m / max(most, 1e-9), one.behind)
+        read = rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0])
+        little = m < RULES.behind * most
+        if read >= RULES.behind_until:  # later only what does not move at all, and by far
+            little &= (m < RULES.at_rest * c.found.noise) & (most > 4.0 * RULES.at_rest * c.found.noise)
+        if read < RULES.still_until:
+            one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
+
+
+def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+    """Marks the sensors of a group that are said to have settled, against what the others or their own later readings say."""
+    rate = np.concatenate([np.where(m & ~o.known, o.rate[:, 1], np.nan) for m, o in zip(members, into, strict=True)])
+    span = max(float(c.sensors.time[c.count - 1] - c.sensors.time[0]) for c in closed)
+    many = faster(rate, span, RULES.faster, RULES.faster_slowest, RULES.faster_until)
+    row = 0
+    for c, mine, one in zip(closed, members, into, strict=True):
+        own = slice(row, row + len(mine))
+        row += len(mine)
+        one.faster[:] = np.where(mine, many[own], one.faster)
+        if c.room is None:
+            time, reading = c.sensors.time[: c.count], c.sensors.reading[:, : c.count]
+            moved = moved_since(time, reading, rate[own], one.steady[:, 1] - c.found.initial)
+            one.moved[:] = np.where(mine, moved, one.moved)
 
 
 def _let_go(
@@ -329,48 +351,6 @@ def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
     return f"a second mass slower than {rounded(claimed.unseen_from[i])} min, up to {rounded(min(share, 999.0))} % of the rise"
 
 
-def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
-    """A room logged (N,) at time_min (N,), at times (n,), straight over its gaps; None where too little of it is logged."""
-    known = np.isfinite(room) if room is not None else np.zeros(0, dtype=bool)
-    if room is None or known.sum() < max(4, 0.5 * len(known)):
-        return None
-    found: Array = np.interp(times, time_min[known], room[known])
-    return found
-
-
-def follows_machine(reading: Array, room: Array) -> bool:
-    """Whether a logged room (n,) moves with the machine read (S, n): a thermometer in its warmth tells nothing of the air.
-
-    One that moves much does so in the machine's own shape then, and not as a room that drifts evenly, which machines follow later.
-    """
-    ends = max(1, len(room) // 20)
-    moved = abs(float(np.median(room[-ends:]) - np.median(room[:ends])))
-    rises = np.median(reading[:, -ends:], axis=1) - np.median(reading[:, :ends], axis=1)
-    if moved <= RULES.room_share * float(np.median(np.abs(rises))) or moved <= RULES.room_least:
-        return False
-    warmth = ((reading - reading[:, :1]) / np.where(rises == 0.0, 1.0, rises)[:, None]).mean(axis=0)
-    return _left(room, warmth) < _left(room, np.arange(len(room), dtype=float))
-
-
-def _left(column: Array, like: Array) -> float:
-    """Sum of squares (1,) that a column (n,) leaves when another is fitted to it."""
-    design = np.column_stack([np.ones(len(like)), like])
-    return float(np.linalg.lstsq(design, column, rcond=None)[1].sum())
-
-
-def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float, later: Array) -> Array:
-    """What a logged room does (S, m) [K] at times (m,) after the `last` reading used, from which on a prediction took it to stay.
-
-    That is not held against it; rate (S,) [1/min].
-    """
-    grid = np.linspace(last, float(later[-1]), 200)
-    there = room_at(time_min, room, grid)
-    if there is None or grid[-1] <= grid[0]:
-        return np.zeros((len(rate), len(later)))
-    moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
-    return np.array([np.interp(later, grid, line) for line in moved])
-
-
 def why_let_go(past: Past | None) -> str:
     """What is said of a sensor whose past was let go."""
     if past is None or not past.guessed:
@@ -381,36 +361,6 @@ def why_let_go(past: Past | None) -> str:
 def without_past(notes: Sequence[str]) -> list[str]:
     """Notes of a sensor whose past was let go: nothing was identified with it, and what was found was not added."""
     return [n.replace(" added, which", " found, which") for n in notes if not n.startswith(("with ", "by "))]
-
-
-def until_then(
-    at: Array, time_min: Array, room: Array, rate: Array, until: float, gain_doubt: float
-) -> tuple[Array, tuple[str, ...]]:
-    """Temperatures at a named time (S, 3) [degC], foretold for a room that stays, with what the room may do until then.
-
-    room (n,) [degC] is logged at time_min (n,), rate (S,) [1/min], gain_doubt (1 sd) by how much sensors follow it more or less.
-    Also what the room itself does until then, in words where it counts.
-    """
-    rates = np.append(np.where(np.isfinite(rate), rate, 1.0), math.inf)  # the last is the room itself
-    mean, deviation = room_ahead(time_min, room, rates, until)
-    doubt = 1.96 * np.hypot(deviation, gain_doubt * np.abs(mean))[:-1]
-    low, middle, high = (side + mean[:-1] for side in at.T)
-    moved = np.stack([middle - np.hypot(middle - low, doubt), middle, middle + np.hypot(high - middle, doubt)], axis=1)
-    with np.errstate(invalid="ignore"):
-        counts = np.any(doubt + np.abs(mean[:-1]) > np.maximum(TOLD_OF_ROOM * (at[:, 2] - at[:, 0]), TOLD_FROM))
-    words = f"the room as logged may move by {rounded(mean[-1])} ± {rounded(1.96 * deviation[-1])} K until then, which at_c counts"
-    return moved, (words,) if counts else ()
-
-
-def in_room(steady: Sequence[Array], logged_c: float | None, room_c: float | None, gain_doubt: float) -> dict[str, Array]:
-    """Columns of the limit (low, middle, high) (S,) [degC], found in the room at the last reading, in another: it moves as much."""
-    found = (np.full_like(steady[0], np.nan),) * 4
-    if logged_c is not None and room_c is not None:
-        moved = room_c - logged_c
-        low, middle, high = steady
-        below, above = (np.hypot(side, 1.96 * gain_doubt * abs(moved)) for side in (middle - low, high - middle))
-        found = (np.full_like(middle, room_c), middle + moved, middle + moved - below, middle + moved + above)
-    return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True))
 
 
 def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_]) -> Part:
@@ -438,7 +388,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
     count = len(closed.sensors)
     numbers = {
         n: np.full(count, np.nan)
-        for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence", "behind")
+        for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence", "behind", "faster", "moved")
     }
     threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing")}
     return Claims(

@@ -1,14 +1,23 @@
-"""What readings themselves show: the equilibrium of a complete record, and whether they contradict what was said of them."""
+"""What readings themselves show: the equilibrium of a complete record, whether they contradict what was said of them, and the room
+as it was logged.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from thermofast.models.imperfection import lagged
+from thermofast.models.uncertainty.surroundings import room_ahead
 
 from ..errors import rounded
 from .rules import RULES
 
 Array = NDArray[np.float64]
+
+#: Share of an interval's width, and size [K], from which what the room may do until the time asked for is told.
+TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
 
 
 def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
@@ -84,3 +93,75 @@ def words(size: float, until_min: float) -> str:
     """What to say of a contradiction of `size` [K]."""
     after = f"the readings after {until_min:.4g} min leave the prediction's band"
     return f"{after}, by up to {rounded(size)} K: the interval does not hold"
+
+
+def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
+    """A room logged (N,) at time_min (N,), at times (n,), straight over its gaps; None where too little of it is logged."""
+    known = np.isfinite(room) if room is not None else np.zeros(0, dtype=bool)
+    if room is None or known.sum() < max(4, 0.5 * len(known)):
+        return None
+    found: Array = np.interp(times, time_min[known], room[known])
+    return found
+
+
+def follows_machine(reading: Array, room: Array) -> bool:
+    """Whether a logged room (n,) moves with the machine read (S, n): a thermometer in its warmth tells nothing of the air.
+
+    One that moves much does so in the machine's own shape then, and not as a room that drifts evenly, which machines follow later.
+    """
+    ends = max(1, len(room) // 20)
+    moved = abs(float(np.median(room[-ends:]) - np.median(room[:ends])))
+    rises = np.median(reading[:, -ends:], axis=1) - np.median(reading[:, :ends], axis=1)
+    if moved <= RULES.room_share * float(np.median(np.abs(rises))) or moved <= RULES.room_least:
+        return False
+    warmth = ((reading - reading[:, :1]) / np.where(rises == 0.0, 1.0, rises)[:, None]).mean(axis=0)
+    return _left(room, warmth) < _left(room, np.arange(len(room), dtype=float))
+
+
+def _left(column: Array, like: Array) -> float:
+    """Sum of squares (1,) that a column (n,) leaves when another is fitted to it."""
+    design = np.column_stack([np.ones(len(like)), like])
+    return float(np.linalg.lstsq(design, column, rcond=None)[1].sum())
+
+
+def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float, later: Array) -> Array:
+    """What a logged room does (S, m) [K] at times (m,) after the `last` reading used, from which on a prediction took it to stay.
+
+    That is not held against it; rate (S,) [1/min].
+    """
+    grid = np.linspace(last, float(later[-1]), 200)
+    there = room_at(time_min, room, grid)
+    if there is None or grid[-1] <= grid[0]:
+        return np.zeros((len(rate), len(later)))
+    moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
+    return np.array([np.interp(later, grid, line) for line in moved])
+
+
+def until_then(
+    at: Array, time_min: Array, room: Array, rate: Array, until: float, gain_doubt: float
+) -> tuple[Array, tuple[str, ...]]:
+    """Temperatures at a named time (S, 3) [degC], foretold for a room that stays, with what the room may do until then.
+
+    room (n,) [degC] is logged at time_min (n,), rate (S,) [1/min], gain_doubt (1 sd) by how much sensors follow it more or less.
+    Also what the room itself does until then, in words where it counts.
+    """
+    rates = np.append(np.where(np.isfinite(rate), rate, 1.0), math.inf)  # the last is the room itself
+    mean, deviation = room_ahead(time_min, room, rates, until)
+    doubt = 1.96 * np.hypot(deviation, gain_doubt * np.abs(mean))[:-1]
+    low, middle, high = (side + mean[:-1] for side in at.T)
+    moved = np.stack([middle - np.hypot(middle - low, doubt), middle, middle + np.hypot(high - middle, doubt)], axis=1)
+    with np.errstate(invalid="ignore"):
+        counts = np.any(doubt + np.abs(mean[:-1]) > np.maximum(TOLD_OF_ROOM * (at[:, 2] - at[:, 0]), TOLD_FROM))
+    words = f"the room as logged may move by {rounded(mean[-1])} ± {rounded(1.96 * deviation[-1])} K until then, which at_c counts"
+    return moved, (words,) if counts else ()
+
+
+def in_room(steady: Sequence[Array], logged_c: float | None, room_c: float | None, gain_doubt: float) -> dict[str, Array]:
+    """Columns of the limit (low, middle, high) (S,) [degC], found in the room at the last reading, in another: it moves as much."""
+    found = (np.full_like(steady[0], np.nan),) * 4
+    if logged_c is not None and room_c is not None:
+        moved = room_c - logged_c
+        low, middle, high = steady
+        below, above = (np.hypot(side, 1.96 * gain_doubt * abs(moved)) for side in (middle - low, high - middle))
+        found = (np.full_like(middle, room_c), middle + moved, middle + moved - below, middle + moved + above)
+    return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True))

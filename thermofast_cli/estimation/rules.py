@@ -4,6 +4,10 @@ from dataclasses import dataclass
 
 from thermofast.models.search.rules import BY_HAND, rule
 
+ODD_HEATS = (
+    "of 2,718 ok rows of another hand's networks the 55 that these rules take away held in 36 % (benchmarks.machines.odd_heats)"
+)
+
 
 @dataclass(frozen=True)
 class EstimationRules:
@@ -92,6 +96,17 @@ class EstimationRules:
     behind_until: float = rule(
         1.0, "time constants of the sensors that move", "until then", "after one all ok rows along a bar hold (the same)"
     )
+    still_until: float = rule(
+        3.0, "time constants of the sensors that move", "until then, for one that does not move at all", BY_HAND
+    )
+    faster: float = rule(
+        4.0,
+        "1",
+        "times as fast as the median of a run's other sensors, before these have settled, at which a row is doubtful",
+        ODD_HEATS,
+    )
+    faster_slowest: float = rule(8.0, "1", "the same, as the slowest of them, of one that is said to have settled", ODD_HEATS)
+    faster_until: float = rule(2.0, "time constants of the others", "after which they have settled", ODD_HEATS)
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")

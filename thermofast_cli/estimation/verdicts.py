@@ -143,11 +143,14 @@ def claimed_verdicts(
     stayed = past.stayed_min if past is not None else np.inf
     restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
     behind = np.isfinite(claimed.behind)
+    haste = np.isfinite(claimed.faster)
+    with np.errstate(invalid="ignore"):
+        goes_on = np.abs(claimed.moved) > np.maximum(0.5 * width, RULES.at_rest * found.noise)
     # What was changed in a machine bends its curve later: its past is believed until then, and the row says for how long.
     believed = claimed.known & (past is not None and not past.guessed)
     with np.errstate(invalid="ignore"):
         believed &= until * claimed.rate[:, 1] < 1.0
-    doubted = unfit | strong | hides | swings | lawless | restless | behind | (leave > 0)
+    doubted = unfit | strong | hides | swings | lawless | restless | behind | haste | goes_on | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     went = _went(found, sensors)
@@ -179,6 +182,16 @@ def claimed_verdicts(
         if behind[i]:
             share = rounded(100.0 * claimed.behind[i])
             said.append(f"it has moved by {share} % of what others have: heat may still be on its way to it; measure on")
+        if haste[i]:
+            said.append(
+                f"it would be {rounded(claimed.faster[i])} times as fast as others of the run, which have not settled: what these "
+                "still do may reach it, or what was read is no rise (a swing, a probe that came loose); measure on"
+            )
+        if goes_on[i]:
+            said.append(
+                f"by the law it had settled after {rounded(3.0 / claimed.rate[i, 1])} min, and it moved by "
+                f"{rounded(abs(claimed.moved[i]))} K since: more than the interval holds"
+            )
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:

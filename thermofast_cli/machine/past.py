@@ -33,7 +33,7 @@ from thermofast.models.search.rules import RULES
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, rounded
-from ..estimation.imperfect import follows_machine
+from ..estimation.measured import follows_machine
 from ..plugins.effects import chosen_effects
 from .jumps import longest_stay
 from .learnt import carry, changed_files

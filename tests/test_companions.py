@@ -1,0 +1,91 @@
+"""What the other sensors of a run, and its own later readings, say against a sensor that is said to have settled."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import thermofast as tf
+from benchmarks.machines.odd_heats import KINDS, judge
+from thermofast.models.uncertainty.companions import faster, moved_since
+
+
+def test_how_many_times_as_fast_as_the_others():
+    rate = np.array([0.02, 0.025, 0.3, 0.018, np.nan])
+    found = faster(rate, 40.0, 4.0, 8.0, 2.0)
+    np.testing.assert_allclose(found, [np.nan, np.nan, 0.3 / 0.02, np.nan, np.nan])
+    assert not np.isfinite(faster(rate, 120.0, 4.0, 8.0, 2.0)).any()  # the others were read for two time constants
+    assert not np.isfinite(faster(np.array([0.3]), 40.0, 4.0, 8.0, 2.0)).any()
+    # Most are as fast: as the slowest of them, if it is done itself.
+    several = np.array([0.3, 0.3, 0.25, 0.02])
+    np.testing.assert_allclose(faster(several, 40.0, 4.0, 8.0, 2.0), [15.0, 15.0, 12.5, np.nan])
+    assert not np.isfinite(faster(several / 10.0, 40.0, 4.0, 8.0, 2.0)[:3]).any()
+
+
+def test_how_far_readings_moved_since_they_were_done():
+    time = np.arange(0.0, 200.0)
+    settled = 8.0 * -np.expm1(-0.05 * time)
+    drifts = settled + 0.02 * np.maximum(time - 60.0, 0.0)
+    reading = 20.0 + np.array([settled, drifts, drifts])
+    found = moved_since(time, reading, np.array([0.05, 0.05, 0.012]), np.array([8.0, 8.0, np.nan]))
+    assert abs(found[0]) < 1e-9
+    # From the middle of the first third, 83 min, to that of the last, 177.
+    assert found[1] == pytest.approx(0.02 * 94.0, abs=0.05)
+    assert np.isnan(found[2])
+    assert np.isnan(moved_since(time[:70], reading[:, :70], np.array([0.05, 0.05, 0.05]), np.full(3, 8.0))).all()
+
+
+def two_bodies(duty, minutes=60.0):
+    """A small body in front of a large one, heated by turns of ten minutes; limits by the mean heat."""
+    time = np.arange(0.0, minutes, 0.25)
+    heat = (time % 10.0 < 10.0 * duty) / duty
+    matrix = np.array([[-0.14, 0.12], [0.02, -0.22 / 6.0]])
+    onward = expm(np.block([[matrix, np.array([[2.0], [0.0]])], [np.zeros((1, 3))]]) * 0.25)
+    rise = np.zeros((2, len(time)))
+    for k in range(1, len(time)):
+        rise[:, k] = onward[:2, :2] @ rise[:, k - 1] + onward[:2, 2] * heat[k - 1]
+    return time, 20.0 + rise, 20.0 + np.linalg.solve(-matrix, [2.0, 0.0])
+
+
+def test_a_body_that_is_heated_by_turns_has_not_settled_with_the_first():
+    time, clean, limit = two_bodies(0.4)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, clean.shape)
+    for r, truth in zip(tf.identify({"time_min": time, "T1": clean[0] + noise[0], "T2": clean[1] + noise[1]}), limit, strict=True):
+        assert r.status != "ok" or r.steady_state_lo_c <= truth <= r.steady_state_hi_c
+
+
+def rows_of(loose):
+    time, rng = np.arange(0.0, 25.25, 0.25), np.random.default_rng(5)
+    rows = [20.0 + r * -np.expm1(-time / tau) for r, tau in ((9.0, 60.0), (7.0, 66.0), (8.0, 72.0))]
+    if loose:
+        rows[0] = np.where(time > 8.0, 20.0 + 0.3 * (rows[0] - 20.0), rows[0])
+    return tf.identify({"time_min": time} | {f"T{i}": row + rng.normal(0.0, 0.02, len(time)) for i, row in enumerate(rows)})
+
+
+def test_a_probe_that_came_loose_is_no_fast_machine():
+    loose, sound = rows_of(True), rows_of(False)
+    assert loose[0].status == "model_doubtful"
+    assert "times as fast as others of the run, which have not settled" in loose[0].message
+    assert [r.status for r in loose[1:]] == [r.status for r in sound[1:]] == ["ok", "ok"]
+    assert sound[0].status == "ok"
+
+
+def test_a_point_that_does_not_move_while_others_do_is_not_determined():
+    time, rng = np.arange(0.0, 100.5, 0.5), np.random.default_rng(6)
+    table = {"time_min": time, "near": 20.0 + 9.0 * -np.expm1(-time / 60.0), "far": np.full(len(time), 20.0)}
+    for name in ("near", "far"):
+        table[name] = table[name] + rng.normal(0.0, 0.02, len(time))
+    near, far = tf.identify(table)
+    assert near.status == "ok"
+    assert far.status == "not_determined"
+    assert "of what others have: heat may still be on its way to it" in far.message
+    alone = tf.identify({n: table[n] for n in ("time_min", "far")})[0]
+    assert "it did not move by more than its noise" in alone.message
+
+
+def test_doubtful_rows_would_mostly_have_missed_and_plain_machines_have_none():
+    jobs = [(k, kind, i) for k, kind in enumerate(KINDS) if kind in ("plain", "duty", "loose") for i in range(5)]
+    rows = [row for k, kind, i in jobs for read in (0.4, 1.0) for row in judge((kind, 640_000 + 1000 * k + i, read))]
+    doubted = [r for r in rows if r[4]]
+    assert len(doubted) >= 7
+    assert np.mean([r[3] for r in doubted]) < 0.3
+    assert not [r for r in doubted if r[0] == "plain"]
