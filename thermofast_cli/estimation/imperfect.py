@@ -155,7 +155,7 @@ def claims(
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
         _mark_behind(closed, members, empty)
-        _mark_settled(closed, members, empty)
+        _mark_settled(closed, members, empty, past is not None and not past.guessed)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
 
 
@@ -196,9 +196,13 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
             one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
 
 
-def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
-    """Marks the sensors of a group that are said to have settled, against what the others or their own later readings say."""
-    rate = np.concatenate([np.where(m & ~o.known, o.rate[:, 1], np.nan) for m, o in zip(members, into, strict=True)])
+def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:
+    """Marks the sensors of a group that are said to have settled, against what the others or their own later readings say.
+
+    learnt: what is known of some is from past runs, in which they may have been as fast.
+    """
+    asked = [m & ~(o.known & learnt) for m, o in zip(members, into, strict=True)]
+    rate = np.concatenate([np.where(m, o.rate[:, 1], np.nan) for m, o in zip(asked, into, strict=True)])
     span = max(float(c.sensors.time[c.count - 1] - c.sensors.time[0]) for c in closed)
     many = faster(rate, span, RULES.faster, RULES.faster_slowest, RULES.faster_until)
     row = 0
@@ -206,7 +210,7 @@ def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]
         own = slice(row, row + len(mine))
         row += len(mine)
         one.faster[:] = np.where(mine, many[own], one.faster)
-        if c.room is None:
+        if c.room is None and not one.other_rise.any():
             time, reading = c.sensors.time[: c.count], c.sensors.reading[:, : c.count]
             moved = moved_since(time, reading, rate[own], one.steady[:, 1] - c.found.initial)
             one.moved[:] = np.where(mine, moved, one.moved)

@@ -69,6 +69,7 @@ class EstimationRules:
         "that no reading went farther than where a sensor is said not to move",
         "of 10,000 normal ones the largest is 4",
     )
+    room_unlike: float = rule(0.2, "1", "share of its variance that the machine's shape leaves of such a room at most", BY_HAND)
     room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     kept_share: float = rule(
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND

@@ -141,7 +141,10 @@ def claimed_verdicts(
     swings = _too_many(out, found)
     leave = np.where(claimed.other_rise, 0, claimed.left_last)
     stayed = past.stayed_min if past is not None else np.inf
-    restless = claimed.other_rise & (stayed * claimed.rate[:, 1] < 1.0)
+    # A sensor that is said to be quick has slower parts behind it all the same: those that the others read.
+    driven = claimed.rate[claimed.other_rise & claimed.held, 1]
+    slow = np.minimum(claimed.rate[:, 1], np.median(driven) if len(driven) else np.inf)
+    restless = claimed.other_rise & (stayed * slow < 1.0)
     behind = np.isfinite(claimed.behind)
     haste = np.isfinite(claimed.faster)
     with np.errstate(invalid="ignore"):
@@ -177,7 +180,7 @@ def claimed_verdicts(
         if restless[i]:
             said.append(
                 f"the heat stayed for {rounded(stayed)} min at most, less than a time constant "
-                f"({rounded(1.0 / claimed.rate[i, 1])} min): slower parts of the machine cannot be told; let it stay and measure on"
+                f"({rounded(1.0 / slow[i])} min): slower parts of the machine cannot be told; let it stay and measure on"
             )
         if behind[i]:
             share = rounded(100.0 * claimed.behind[i])
