@@ -39,11 +39,6 @@ def test_nothing_hidden_is_none():
     assert verdicts.count("none") == 8
 
 
-@pytest.mark.parametrize("outside", ["hysteresis_friction"])
-def test_what_the_catalogue_does_not_hold_is_unexplained(outside):
-    assert guarded(Job("outside", (outside,), "clear", 12)).verdict == "unexplained"
-
-
 def test_two_effects_are_found_together():
     assert guarded(Job("pairs", ("cooling_switch", "reading_jump"), "clear", 7)).verdict == "cooling_switch+reading_jump"
 
