@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import thermofast as tf
-from benchmarks.machines.odd_heats import KINDS, judge
+from benchmarks.machines.odd_heats import KINDS, judge, simulate
 from thermofast.models.uncertainty.companions import faster, moved_since
 
 
@@ -89,3 +89,14 @@ def test_doubtful_rows_would_mostly_have_missed_and_plain_machines_have_none():
     assert len(doubted) >= 7
     assert np.mean([r[3] for r in doubted]) < 0.3
     assert not [r for r in doubted if r[0] == "plain"]
+
+
+def test_what_the_point_that_moved_most_shows_is_still_ahead_of_the_others():
+    """Read for two cycles of a heat that is switched, four points lie still after the first; the heated one swings."""
+    record = simulate("duty", 661_001)
+    n = int(np.searchsorted(record.time, 0.4 * record.tau)) + 1
+    rows = tf.identify({"time_min": record.time[:n]} | {f"T{i}": row[:n] for i, row in enumerate(record.reading)})
+    assert all(r.status == "model_doubtful" for r in rows)
+    assert "the point that moved most shows a heat that is not constant" not in rows[0].message
+    assert all("the point that moved most shows a heat that is not constant" in r.message for r in rows[1:])
+    assert all(r.steady_state_hi_c < limit for r, limit in zip(rows[2:], record.limit[2:], strict=True))

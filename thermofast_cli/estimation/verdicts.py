@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Tracks
 from thermofast.models import spike_weights
 from thermofast.models.imperfection import Past
+from thermofast.models.uncertainty.companions import DONE
 
 from ..errors import rounded
 from ..records import IdentifyRecord
@@ -153,10 +154,16 @@ def claimed_verdicts(
     believed = claimed.known & (past is not None and not past.guessed)
     with np.errstate(invalid="ignore"):
         believed &= until * claimed.rate[:, 1] < 1.0
-    doubted = unfit | strong | hides | swings | lawless | restless | behind | haste | goes_on | (leave > 0)
+    went = _went(found, sensors)
+    # Where the point that moved most shows a heat that is not constant, one that is said to have settled has it ahead.
+    uneven = (unfit | swings | lawless | goes_on | (leave > 0)) & ~claimed.known
+    first = int(np.argmax(went))
+    with np.errstate(invalid="ignore"):
+        done = claimed.rate[:, 1] * (found.time - sensors.time[0]) > DONE
+    reaches = done & bool(uneven[first]) & ~uneven & ~claimed.known
+    doubted = unfit | strong | hides | swings | lawless | restless | behind | haste | goes_on | reaches | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    went = _went(found, sensors)
     still = went < RULES.at_rest * found.noise
     for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | believed | (out > 0)).tolist():
         said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
@@ -195,6 +202,8 @@ def claimed_verdicts(
                 f"by the law it had settled after {rounded(3.0 / claimed.rate[i, 1])} min, and it moved by "
                 f"{rounded(abs(claimed.moved[i]))} K since: more than the interval holds"
             )
+        if reaches[i]:
+            said.append("the point that moved most shows a heat that is not constant, which may still reach this one")
         if hides[i]:
             said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
         if out[i]:

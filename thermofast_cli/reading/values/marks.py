@@ -25,8 +25,10 @@ MARKS = QUALITIES | VALIDITIES | FAULTS | STATES
 _HEX = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 #: Words of marks. A state that has none of the good ones (run, idle) is one of the machine.
 GOOD_WORDS = frozenset(["ok", "good", "valid", "gut", "gültig", "normal", "true", "0", "1", "o.k.", "none", "no error", "g"])
-BAD_WORDS = ("bad", "invalid", "ungültig", "fault", "fail", "error", "fehler", "sensor", "open", "short", "broken", "bruch")
-BAD_WORDS += ("disconnect", "not connected", "no data", "comm", "timeout", "stale", "out of", "over", "under", "nok", "schlecht")
+BAD_WORDS = (
+    *("bad", "invalid", "ungültig", "fault", "fail", "error", "fehler", "sensor", "open", "short", "broken", "bruch", "disconnect"),
+    *("not connected", "no data", "comm", "timeout", "stale", "out of", "over", "under", "nok", "schlecht"),
+)
 #: What may stand behind a sensor's name in that of its readings.
 VALUE_ENDINGS = frozenset(["", "value", "val", "wert", "messwert", "reading", "temp", "temperature", "c", "f", "k", "degc", "degf"])
 
@@ -54,7 +56,7 @@ def good_readings(table: Table) -> Table:
             notes.append(f"{listed(mine, 4)}: every reading is marked as bad by {n!r}: kept")
             continue
         for m in mine if bad.any() else []:
-            columns[m] = np.where(bad, np.nan, columns[m])  # type: ignore[arg-type]
+            columns[m] = np.where(bad, np.nan, columns[m])
             notes.append(f"{m}: {int(bad.sum())} readings that {n!r} marks as bad left out")
     return replace(table, columns=columns, notes=tuple(notes), guesses=tuple(guesses))
 
