@@ -76,3 +76,14 @@ def test_a_heat_that_cycles_is_no_moving_average():
         rows = np.array([curve * (1.0 + 0.1 * k) + 0.02 * rng.standard_normal(len(time)) for k in range(2)])
         wrong += averaging_window(time, rows) > 1
     assert wrong <= 1
+
+
+@pytest.mark.parametrize(("period", "seed"), [(9, 2), (15, 1), (21, 1)])
+def test_a_load_that_is_switched_in_odd_periods_is_no_average(period, seed):
+    """Its half periods are a reading longer and shorter by turns, so that nothing is alike after exactly two of them."""
+    time, rng = np.arange(240.0), np.random.default_rng(seed)
+    heat = 10.0 * (1.0 + 0.6 * np.sign(np.sin(2.0 * np.pi * time / period + 0.1)))
+    reading = np.zeros((3, 240))
+    for k in range(1, 240):
+        reading[:, k] = reading[:, k - 1] + (heat[k] - reading[:, k - 1]) / np.array([60.0, 80.0, 50.0])
+    assert averaging_window(time, reading + 0.02 * rng.standard_normal(reading.shape)) == 1

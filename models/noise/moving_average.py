@@ -63,8 +63,11 @@ def _returns(bend: Array, window: int) -> bool:
     """
     series = bend - bend.mean(axis=1, keepdims=True)
     power = float((series**2).sum())
-    alike = [float((series[:, lag:] * series[:, :-lag]).sum()) / power for lag in (*range(2, window + 1), 2 * window)]
-    return alike[-2] < -RETURNED and max(np.abs([*alike[:-3], alike[-1]])) < RETURNED
+    # A half period may be half a reading longer or shorter; an average is alike up to the reading behind its window.
+    periods = [lag for lag in (2 * window - 1, 2 * window, 2 * window + 1) if lag > window + 1]
+    lags = (window, *range(2, window - 1), *periods)
+    turned, *others = [float((series[:, lag:] * series[:, :-lag]).sum()) / power for lag in lags]
+    return turned < -RETURNED and max(np.abs(others)) < RETURNED
 
 
 def _used(n: int) -> Array:
