@@ -31,6 +31,7 @@ CLOCKS = {
     "an hour never told": lambda s: moment(s, datetime(2026, 3, 29, 1), change=SPRING, hours=1),
     "twelve hours": lambda s: moment(s, datetime(2026, 5, 3, 11, 30), "%I:%M:%S"),
     "twelve hours and a date": lambda s: moment(s, datetime(2026, 5, 3, 11, 30), "%Y-%m-%d %I:%M:%S"),
+    "twelve hours, a date and midnight": lambda s: moment(s, datetime(2026, 5, 3, 23, 15), "%Y-%m-%d %I:%M:%S"),
     "past midnight": lambda s: moment(s, datetime(2026, 5, 3, 23, 30), "%H:%M:%S"),
     "four readings a minute": lambda s: moment(s / 4.0, datetime(2026, 5, 3, 8, 30), "%Y-%m-%d %H:%M"),
 }

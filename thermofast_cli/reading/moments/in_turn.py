@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..run import Array, Guess
-from .order import SPREAD, clock_change, newest_first, restarts, set_back, spread_evenly, unwrapped
+from .order import SPREAD, clock_change, half_days, newest_first, restarts, set_back, spread_evenly, unwrapped
 from .stamps import DAY_S
 from .times import Time
 
@@ -29,6 +29,8 @@ def each_in_turn(time: Time, columns: dict[str, Array]) -> tuple[Time, list[Gues
         if daily:  # the days that a clock without dates went on by, before the rows of this sensor began
             begins = seconds[0] if not descends else seconds[rows].min()
             own = own - DAY_S * np.round((own[0] - begins) / DAY_S)
+        own, halves = half_days(own) if time.dated else (own, None)
+        guesses |= {halves.text: halves} if halves else {}
         if time.wall:
             own, changed = clock_change(own, time.wall)
             guesses |= {changed.text: changed} if changed else {}

@@ -102,6 +102,8 @@ def _runs(
 ) -> list[Stretch]:
     """The runs of rows in the order in which they were written."""
     mixed = False
+    time, halves = half_days(time) if dated else (time, None)
+    guesses += [halves] if halves else []
     if starts:
         time, changed = clock_change(time, starts)
         guesses += [changed] if changed else []
@@ -255,6 +257,23 @@ def earlier_stretches(time: Array) -> list[int]:
         return []
     parts = [time[a:b] for a, b in pairwise(edges)]
     return back.tolist() if all(float(after.max()) <= float(before.min()) for before, after in pairwise(parts)) else []
+
+
+def half_days(time: Array) -> tuple[Array, Guess | None]:
+    """Time (n,) [s] of dated stamps whose clock has twelve hours and no AM, and what was done; as it is where none is.
+
+    At midnight such a clock goes from 11:59 to 12:00 of the next day, a day too far, and an hour later back by half a day.
+    """
+    step = np.diff(time)
+    usual = float(np.median(step)) if len(step) else 0.0
+    if not usual > 0.0:
+        return time, None
+    half = 43200.0
+    moved = np.where(step > 1.5 * half, -2.0 * half, np.where(step < 0.0, half, 0.0))
+    if not (moved < 0.0).any() or not (moved > 0.0).any() or (np.abs(step + moved - usual) > 2.0 * usual)[moved != 0.0].any():
+        return time, None
+    shift = np.concatenate([[0.0], np.cumsum(moved)])
+    return time + shift, Guess("time", "a clock of twelve hours without AM and PM, told by its midnight", "log 24 hours to be sure")
 
 
 def set_back(time: Array, columns: dict[str, Array]) -> tuple[Array, Guess | None]:
