@@ -101,3 +101,18 @@ def test_what_the_point_that_moved_most_shows_is_still_ahead_of_the_others():
     assert all("the point that moved most shows a heat that is not constant" in r.message for r in rows[1:])
     missed = [not r.steady_state_lo_c <= limit <= r.steady_state_hi_c for r, limit in zip(rows, record.limit, strict=True)]
     assert missed == [True, False, False, True, True]
+
+
+@pytest.mark.parametrize(("what", "said"), [("a jump", True), ("an outlier", False), ("a gap", False)])
+def test_a_jump_that_no_machine_makes_is_doubtful(what, said):
+    time, rng = np.arange(0.0, 121.0), np.random.default_rng(9)
+    reading = 20.0 + 9.0 * -np.expm1(-time / 60.0) + rng.normal(0.0, 0.02, len(time))
+    if what == "a jump":
+        reading[20:] -= 1.5
+    elif what == "an outlier":
+        reading[20] -= 1.5
+    else:
+        time, reading = np.delete(time, np.s_[20:50]), np.delete(reading, np.s_[20:50])
+    row = tf.identify({"time_min": time, "T": reading})[0]
+    assert (f"the readings jump at {20:g} min, as no machine does" in row.message) == said
+    assert (row.status == "ok") != said

@@ -160,8 +160,9 @@ def claimed_verdicts(
     first = int(np.argmax(went))
     with np.errstate(invalid="ignore"):
         done = claimed.rate[:, 1] * (found.time - sensors.time[0]) > DONE
+    jumped = _jumped(found, sensors)
     reaches = done & bool(uneven[first]) & ~uneven & ~claimed.known
-    doubted = unfit | strong | hides | swings | lawless | restless | behind | haste | goes_on | reaches | (leave > 0)
+    doubted = unfit | strong | hides | swings | lawless | restless | behind | haste | goes_on | reaches | (jumped > 0) | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     still = went < RULES.at_rest * found.noise
@@ -201,6 +202,10 @@ def claimed_verdicts(
             said.append(
                 f"by the law it had settled after {rounded(3.0 / claimed.rate[i, 1])} min, and it moved by "
                 f"{rounded(abs(claimed.moved[i]))} K since: more than the interval holds"
+            )
+        if jumped[i]:
+            said.append(
+                f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved or came loose?"
             )
         if reaches[i]:
             said.append("the point that moved most shows a heat that is not constant, which may still reach this one")
@@ -261,6 +266,26 @@ def _lawless(found: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
         most, least = np.nanpercentile(read, (99, 1), axis=1)
         far[far] = found.misfit[far] > RULES.lawless * (most - least)
     return far
+
+
+def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
+    """Reading (S,) to which a sensor jumps once, farther than several times any other step, and from which it goes on; 0 for none.
+
+    An outlier makes two such steps, a gap none; what jumps at the end may be a change, and is told as one.
+    """
+    used = sensors.time <= found.time
+    time, reading = sensors.time[used], sensors.reading[:, used]
+    jumped = np.zeros(len(reading), dtype=np.intp)
+    if len(time) < 4 * RULES.last_alone:
+        return jumped
+    gap = np.diff(time)
+    step = np.where(gap > 1.5 * np.median(gap), 0.0, np.abs(np.diff(reading, axis=1)))
+    at, rows = step.argmax(axis=1), np.arange(len(reading))
+    largest = step[rows, at]
+    step[rows, at] = 0.0
+    inside = (at >= RULES.last_alone) & (at < step.shape[1] - RULES.last_alone)
+    far = largest > np.maximum(RULES.fastest_step * step.max(axis=1), 2.0 * RULES.at_rest * found.noise)
+    return np.where(inside & far, at + 1, jumped)
 
 
 def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:
