@@ -47,5 +47,5 @@ def moved_since(time: Array, reading: Array, rate: Array, ahead: Array) -> Array
         if 3 * third < FEWEST:
             continue
         limit = reading[i] + ahead[i] * np.exp(-rate[i] * since)
-        found[i] = np.nanmedian(limit[len(time) - third :]) - np.nanmedian(limit[first : first + third])
+        found[i] = np.median(limit[len(time) - third :]) - np.median(limit[first : first + third])
     return found

@@ -191,7 +191,7 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
         read = rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0])
         little = m < RULES.behind * most
         if read >= RULES.behind_until:  # later only what does not move at all, and by far
-            little &= (m < RULES.at_rest * c.found.noise) & (most > 4.0 * RULES.at_rest * c.found.noise)
+            little &= (m < RULES.at_rest * c.found.noise) & (most > RULES.still_others * c.found.noise)
         if read < RULES.still_until:
             one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
 

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 
 from thermofast.models.search.rules import BY_HAND, rule
 
-ODD_HEATS = (
-    "of 2,718 ok rows of another hand's networks the 55 that these rules take away held in 36 % (benchmarks.machines.odd_heats)"
-)
+ODD_HEATS = "set on networks of another hand; what it takes away would mostly have missed: benchmarks.machines.odd_heats"
 
 
 @dataclass(frozen=True)
@@ -99,6 +97,10 @@ class EstimationRules:
     )
     still_until: float = rule(
         3.0, "time constants of the sensors that move", "until then, for one that does not move at all", BY_HAND
+    )
+    still_others: float = rule(20.0, "noise", "that the others have moved by, at least", "four times what is no movement")
+    jump: float = rule(
+        10.0, "noise", "of a single step beyond fastest_step that is a probe's", "twice what no reading at rest reaches"
     )
     faster: float = rule(
         4.0,

@@ -200,7 +200,7 @@ def claimed_verdicts(
             )
         if goes_on[i]:
             said.append(
-                f"by the law it had settled after {rounded(3.0 / claimed.rate[i, 1])} min, and it moved by "
+                f"by the law it had settled after {rounded(DONE / claimed.rate[i, 1])} min, and it moved by "
                 f"{rounded(abs(claimed.moved[i]))} K since: more than the interval holds"
             )
         if jumped[i]:
@@ -284,7 +284,7 @@ def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
     largest = step[rows, at]
     step[rows, at] = 0.0
     inside = (at >= RULES.last_alone) & (at < step.shape[1] - RULES.last_alone)
-    far = largest > np.maximum(RULES.fastest_step * step.max(axis=1), 2.0 * RULES.at_rest * found.noise)
+    far = largest > np.maximum(RULES.fastest_step * step.max(axis=1), RULES.jump * found.noise)
     return np.where(inside & far, at + 1, jumped)
 
 

@@ -27,6 +27,7 @@ from .vocabulary import (
 #: Where other columns say that they are temperatures, one that does not say so is none if its readings are above this [degC].
 HOTTEST = 1000.0
 #: Signs of speed, power, current, voltage, torque, force, flow, humidity and place beside temperatures that are called T1, T2.
+_ANY_EXTREME = re.compile("|".join(sorted(EXTREMES | SPREADS, key=len, reverse=True)), re.I)
 _QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
 #: What an instrument says of its state; constant, it says nothing.
 SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
@@ -157,10 +158,10 @@ def _extremes(names: list[str]) -> list[str]:
     """Columns that are the least, greatest or spread of what another one is the mean of, as ``T1 min`` beside ``T1 avg``; spreads
     beside the readings themselves, too.
     """
+    if not _ANY_EXTREME.search("\n".join(names)):
+        return []
     parts = {n: tuple(w for w in re.split(r"[\W_]+", _without_unit(n).casefold()) if w) for n in names}
     told = {n: some for n, some in parts.items() if (EXTREMES | SPREADS).intersection(some)}
-    if not told:
-        return []
     means = {tuple(w for w in some if w not in MEANS) for some in parts.values() if MEANS.intersection(some)}
     bare = {some for some in parts.values() if not (MEANS | EXTREMES | SPREADS).intersection(some)}
 
@@ -178,7 +179,9 @@ def _without_unit(name: str) -> str:
 
 def _rooms(names: list[str]) -> list[str]:
     """Columns named by channel and place, as T3-room beside T1-front: no difference to the room, but its temperature."""
-    apart = {n: m for n in names if (m := re.fullmatch(r"([A-Za-z]{1,4}\d+)\s*[-–]\s*([^\W\d_]+)", _core(n)))}
+    apart = {
+        n: m for n in names if ("-" in n or "–" in n) and (m := re.fullmatch(r"([A-Za-z]{1,4}\d+)\s*[-–]\s*([^\W\d_]+)", _core(n)))
+    }
     places = [n for n, m in apart.items() if not set(words(m[2])) & AMBIENT]
     return [n for n, m in apart.items() if places and set(words(m[2])) & AMBIENT]
 

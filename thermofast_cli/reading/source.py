@@ -441,7 +441,8 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
     if options.channels and options.time:
         return None
     words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray) and is_time_name(n)]
-    named = clocks_of_columns(table) if used in clocks_of_columns(table) else []
+    named = clocks_of_columns(table)
+    named = named if used in named else []
     for n in (*spare, *words, *named):
         if n in options.exclude or n == used:
             continue

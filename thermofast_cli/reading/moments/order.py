@@ -20,7 +20,6 @@ RUN_ROWS = 5
 HOUR_S = 3600.0
 #: No record of a machine pauses for so long [s].
 YEAR_S = 365.25 * 86400.0
-RESET_S = YEAR_S
 #: Spread of readings at one stamp, in deviations of the readings from stamp to stamp, beyond which they are not one sensor's.
 MOST_SPREAD = 8.0
 
@@ -80,7 +79,7 @@ def in_order(
     turned: tuple[str, ...] = ()
     if newest_first(time):
         time, columns, lines = time[::-1], {n: c[::-1] for n, c in columns.items()}, list(lines)[::-1]
-        turned = ("newest first: sorted by time",)
+        turned, headers = ("newest first: sorted by time",), ()
     found = _runs(time, columns, name, lines, starts, dated, headers, guesses)
     return [replace(one, notes=(*turned, *one.notes)) for one in found]
 
@@ -101,7 +100,6 @@ def _runs(
     guesses: list[Guess],
 ) -> list[Stretch]:
     """The runs of rows in the order in which they were written."""
-    mixed = False
     time, halves = half_days(time) if dated else (time, None)
     guesses += [halves] if halves else []
     if starts:
@@ -118,18 +116,19 @@ def _runs(
         guesses += [wrapped] if wrapped else []
         begins = earlier_stretches(time) if not dated else []
     if not begins:
-        return [_one(time, columns, name, lines, guesses, mixed)]
+        return [_one(time, columns, name, lines, guesses, False)]
     where = ", ".join(str(lines[i] + 1) for i in begins[:6])
     text = f"the time begins anew at line {where}: {len(begins) + 1} runs, #1 to #{len(begins) + 1}"
     guesses.append(Guess("runs", text, "one file a run is sure"))
     edges = [0, *begins, len(time)]
-    return [_one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, lines[a:b], guesses, mixed) for a, b in pairwise(edges)]
+    return [_one(time[a:b], {n: c[a:b] for n, c in columns.items()}, name, lines[a:b], guesses, False) for a, b in pairwise(edges)]
 
 
 def _refuse_reset(time: Array, name: str, lines: Sequence[int]) -> None:
     """Raises InputError where the calendar jumps by years between two rows: a logger whose clock was set within the record."""
     jump = np.abs(np.diff(time))
-    if len(jump) and (at := int(np.argmax(jump))) >= 0 and jump[at] > RESET_S and np.ptp(np.delete(jump, at)) < RESET_S:
+    at = int(np.argmax(jump))
+    if jump[at] > YEAR_S and np.delete(jump, at).max(initial=0.0) < YEAR_S:
         raise InputError(
             f"{name}, line {lines[at + 1] + 1}: the time jumps by {jump[at] / YEAR_S:.1f} years",
             found="the clock of the logger was set within the record, or two records stand in one file",

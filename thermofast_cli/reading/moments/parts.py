@@ -15,7 +15,8 @@ PART_OF = {word: part for part, known in TIME_WORDS.items() for word in known}
 #: Least and largest number of each part.
 RANGES = {"year": (0, 2100), "month": (1, 12), "day": (1, 31), "hour": (0, 9999), "minute": (0, 59), "second": (0, 60)}
 DAY_H = 24
-#: Names of a day of the year, and of a clock beside it.
+#: Names of a year, of a day of it, and of a clock beside it.
+YEARS = ("year", "yyyy")
 DAYS_OF_YEAR = ("doy", "day of year", "julian day", "jday", "yearday", "day", "julian")
 CLOCKS = ("hhmm", "hour minute", "hourminute", "hrmin", "time")
 #: Rows of numbers from which on they can be known to be a clock; clocks of two parts are below, ten o'clock as a number.
@@ -61,8 +62,10 @@ def moments_in_parts(table: Table) -> tuple[Stamps, frozenset[str]] | None:
 
 def days_of_year(table: Table) -> tuple[Stamps, frozenset[str]] | None:
     """Moments of a year, a day of it from 1 to 366, and a clock as 1305, as Campbell's older loggers write them; else None."""
+    if not any(n.strip().lower() in YEARS for n in table.names):
+        return None
     bare = {re.sub(r"[\W_]+", " ", n.lower()).strip(): n for n in table.names}
-    found = [next((bare[w] for w in known if w in bare), None) for known in (("year", "yyyy"), DAYS_OF_YEAR, CLOCKS)]
+    found = [next((bare[w] for w in known if w in bare), None) for known in (YEARS, DAYS_OF_YEAR, CLOCKS)]
     if any(n is None or not isinstance(table.columns[n], np.ndarray) for n in found):
         return None
     year, day, clock = (np.asarray(table.columns[str(n)], dtype=float) for n in found)

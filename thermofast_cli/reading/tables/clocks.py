@@ -63,9 +63,11 @@ def clocks_of_columns(table: Table) -> list[str]:
     """Clocks that are called after the column beside them, and not time: ``t_front``, ``front``; two of them at least."""
     found = []
     for a, b in pairwise(table.names):
+        if a[:2] not in ("t ", "t_"):
+            continue
         column = table.columns[a]
         bare = re.sub(r"\s*[\[(].*$", "", b).strip().casefold()
-        if re.fullmatch(r"t[ _].+", a) and a[2:].casefold() == bare and isinstance(column, np.ndarray):
+        if a[2:].casefold() == bare and isinstance(column, np.ndarray):
             told = column[np.isfinite(column)]
             if len(told) > FEWEST and (np.diff(told) > 0.0).all():
                 found.append(a)

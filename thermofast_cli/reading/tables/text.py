@@ -51,7 +51,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     data, encoding, notes = to_utf8(data, name, options.encoding)
     # To look for one byte takes a tenth of the time of looking for three.
-    if b"\xe2" in data:
+    if b"\xe2" in data and (b"\xe2\x88\x92" in data or b"\xe2\x80\x93" in data):
         data = re.sub(rb"\xe2\x88\x92|(?<![^\s;,|\"])\xe2\x80\x93(?=\d)", b"-", data)  # the minus of typesetters, and their dash
     if b"\r\r\n" in data[:SAMPLE_BYTES]:
         data = data.replace(b"\r\r\n", b"\r\n")  # written twice through a text layer

@@ -22,12 +22,15 @@ VALIDITIES = frozenset(["valid", "validity", "gültig", "ok", "good"])
 FAULTS = frozenset(["fault", "error", "err", "fehler", "fail", "failure", "bad", "invalid", "ungültig"])
 STATES = frozenset(["status", "state", "flag", "code"])
 MARKS = QUALITIES | VALIDITIES | FAULTS | STATES
+_ANY_MARK = re.compile("|".join(sorted(MARKS, key=len, reverse=True)), re.I)
 _HEX = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 #: Words of marks. A state that has none of the good ones (run, idle) is one of the machine.
 GOOD_WORDS = frozenset(["ok", "good", "valid", "gut", "gültig", "normal", "true", "0", "1", "o.k.", "none", "no error", "g"])
 BAD_WORDS = (
-    *("bad", "invalid", "ungültig", "fault", "fail", "error", "fehler", "sensor", "open", "short", "broken", "bruch", "disconnect"),
-    *("not connected", "no data", "comm", "timeout", "stale", "out of", "over", "under", "nok", "schlecht"),
+    *("bad", "invalid", "ungültig", "fault", "fail", "error", "fehler", "open", "short", "broken", "bruch", "disconnect", "nok"),
+    *("sensor break", "sensor broken", "sensor fault", "sensor fail", "sensor error", "sensor open", "sensor short", "no sensor"),
+    *("not connected", "no data", "comm fail", "comm err", "comm loss", "communication", "timeout", "stale", "out of", "schlecht"),
+    *(f"{side}{gap}{what}" for side in ("over", "under") for gap in ("", " ", "-") for what in ("range", "flow", "load")),
 )
 #: What may stand behind a sensor's name in that of its readings.
 VALUE_ENDINGS = frozenset(["", "value", "val", "wert", "messwert", "reading", "temp", "temperature", "c", "f", "k", "degc", "degf"])
@@ -35,9 +38,9 @@ VALUE_ENDINGS = frozenset(["", "value", "val", "wert", "messwert", "reading", "t
 
 def good_readings(table: Table) -> Table:
     """A wide table without the readings that a column of marks beside them (``T2 Quality`` for ``T2``) says are none."""
+    if not _ANY_MARK.search("\n".join(table.names)):
+        return table  # of thousands of sensors none is looked at
     marks = {n: owned for n in table.names if (owned := _owner(n)) is not None}
-    if not marks:
-        return table
     alone = sum(not owner for owner, _ in marks.values()) == len(marks) == 1  # one mark alone is the whole row's
     columns, notes, guesses = dict(table.columns), list(table.notes), list(table.guesses)
     for n, (owner, kinds) in marks.items():
@@ -77,7 +80,7 @@ def unsure(table: Table) -> tuple[Guess, ...]:
         owned = _owner(n)
         if owned is None or owned[0] or not owned[1] & QUALITIES or isinstance(marks, np.ndarray):
             continue
-        if bad_by(owned[1], marks, of_row=True) is not None and all(map(_HEX.fullmatch, marks)):
+        if all(map(_HEX.fullmatch, marks)):
             continue
         odd = sorted({c.strip() for c in marks} - {c for c in marks if not c or c.strip().lower() in GOOD_WORDS})
         odd = [c for c in odd if not c.lower().startswith(BAD_WORDS)]
@@ -98,7 +101,8 @@ def bad_by(kinds: frozenset[str], marks: Array | list[str], of_row: bool) -> NDA
     if not isinstance(marks, np.ndarray):
         told = [c.strip().lower() for c in marks]
         if kinds & FAULTS and set(told) <= {"true", "false", "", "0", "1"}:
-            return np.array([c in ("true", "1") for c in told])
+            faulty = np.array([c in ("true", "1") for c in told])
+            return faulty if faulty.mean() < 0.5 else None
         if kinds & (VALIDITIES | QUALITIES) and set(told) <= {"true", "false", "", "0", "1"}:
             return np.array([c in ("false", "0") for c in told])
         wrong = {c: c.startswith(BAD_WORDS) and c not in GOOD_WORDS for c in set(told)}
@@ -137,4 +141,4 @@ def _owner(name: str) -> tuple[str, frozenset[str]] | None:
 
 def _stem(name: str) -> str:
     """A name without unit, signs and gaps."""
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower()))
+    return re.sub(r"[\W_]", "", re.sub(r"[\[(].*", "", name.lower()))
