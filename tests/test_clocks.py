@@ -122,6 +122,7 @@ BROKEN = np.arange(COUNT)[30:40]
         ("T1 Fault", "0", "3"),
         ("T1 ok", "1", "0"),
         ("T1 valid", "True", "False"),
+        ("T1 Status", "OK", "Over-range"),
         ("Status", "OK", "Error"),
     ],
 )
@@ -457,3 +458,15 @@ def test_signs_of_quantities_beside_temperatures_are_no_sensors(tmp_path, name):
     assert any(name in g.text for g in run.guesses)
     assert name in tf.read(written(tmp_path, f"time_s,front,rear,{name}", rows)).channels
     assert name in tf.read(written(tmp_path, f"time_s,T1,T2,{name}", rows), channels=["T1", name]).channels
+
+
+def test_marks_of_sensors_in_other_scripts(tmp_path):
+    marks = np.where(np.isin(np.arange(COUNT), BROKEN), "Bad", "Good")
+    rows = [f"{s:g},{x:.3f},{m}" for s, x, m in zip(SECONDS, FRONT, marks, strict=True)]
+    run = tf.read(written(tmp_path, "time_s,主轴 [°C],主轴 Quality", rows))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(run.channels["主轴 [°C]"])), BROKEN)
+
+
+def test_two_rows_years_apart_are_refused_in_words(tmp_path):
+    with pytest.raises(InputError, match=r"line 3: the time jumps by 26\.0 years"):
+        tf.read(written(tmp_path, "time,front", ["2000-01-01 00:00:00,20.0", "2026-01-01 00:00:00,21.0"]))
