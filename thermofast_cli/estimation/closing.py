@@ -2,13 +2,14 @@
 
 import math
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.filters import Filter, Track, Tracks
+from thermofast.filters import Afukf, Filter, Track, Tracks
+from thermofast.filters.joint import track_together
 from thermofast.models import (
     LOG_TWENTY,
     OUTLIER,
@@ -32,6 +33,7 @@ from ..plugins.filters import track_problem
 from ..plugins.guard import PATIENCE_EACH_S, PATIENCE_S, PluginError, alarm
 from .estimate import Estimate, Estimates, FilterError, Model
 from .rules import RULES
+from .sensor import Sensors
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,17 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
     if problem:
         raise FilterError(f"{method.name}: {problem}")
     return track
+
+
+def tracks_together(model: Model, method: Afukf, blocks: Sequence[Sensors], until_min: float | None) -> dict[int, Track]:
+    """Track of every row under one filter over all of them."""
+    records, rows = [], []
+    for block in blocks:
+        n = block.until(until_min)
+        records += [(block.time[:n], r[:n], float(step)) for r, step in zip(block.reading, block.resolution, strict=True)]
+        rows += block.rows.tolist()
+    tracks = track_together(model, method.moments, method.fading_rule, records)
+    return dict(zip(rows, tracks, strict=True))
 
 
 def tracks_of(method: Filter, model: Model, time: Array, reading: Array, resolution: Array) -> Tracks | None:

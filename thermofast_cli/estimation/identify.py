@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.filters import Afukf, Filter, Track, Tracks
-from thermofast.filters.joint import track_together
 from thermofast.models import PrintedLump, spike_weights
 from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates, room_at_end
 from thermofast.models.standards import Criterion
@@ -19,7 +18,7 @@ from thermofast.models.uncertainty.first_passage import Pace
 from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
 from ..standards.stopping import Trips, columns_of, trips_of
-from .closing import estimates_of, track_of, tracks_of
+from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, trace_columns
 from .estimate import Estimates, FilterError, Model, remaining
 from .imperfect import (
@@ -28,6 +27,7 @@ from .imperfect import (
     claims,
     said_of_slow,
     times_asked,
+    together_of,
     why_let_go,
     without_past,
 )
@@ -39,6 +39,7 @@ from .measured import (
     moved_by_room,
     outside_band,
     room_at,
+    steadied,
     until_then,
 )
 from .rules import RULES
@@ -68,6 +69,11 @@ class Method:
         """Whether the closing estimate counts the machine: not with the bare law, and not for a filter whose own state stands."""
         exact = self.imperfection.none and self.rates == "own" and self.past is None
         return not exact and self.filter.closing != "never" and not isinstance(self.model, PrintedLump)
+
+    @property
+    def steadies(self) -> bool:
+        """Whether a swing that goes on all the time is taken out: not where a model of the machine foretells its rise, corners and all."""
+        return self.widens and not self.imperfection.none and not (self.past is not None and self.past.rises)
 
 
 @dataclass(frozen=True)
@@ -166,8 +172,10 @@ def identify_sensors(
                 refused_ones.append(Identified(record))
                 keep[i] = False
         if keep.any():
-            blocks.append(block if keep.all() else block.some(keep))
-    shared = _tracks_together(method, blocks, until_min) if together else {}
+            block = block if keep.all() else block.some(keep)
+            logged = room_at(time_min, room, block.time)
+            blocks.append(steadied(block, until_min, together_of(method.rates), logged) if method.steadies else block)
+    shared = tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
     jobs = [
         _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c, criterion)
         for b in blocks
@@ -179,18 +187,6 @@ def identify_sensors(
     rows = np.concatenate([*(b.rows for b in blocks), np.array(refused_rows, dtype=np.intp)])
     order = np.argsort(rows)
     return whole if np.array_equal(order, np.arange(len(order))) else whole.taken(order)
-
-
-def _tracks_together(method: Method, blocks: Sequence[Sensors], until_min: float | None) -> dict[int, Track]:
-    """Track of every row under one filter over all of them."""
-    assert isinstance(method.filter, Afukf)
-    records, rows = [], []
-    for block in blocks:
-        n = block.until(until_min)
-        records += [(block.time[:n], r[:n], float(step)) for r, step in zip(block.reading, block.resolution, strict=True)]
-        rows += block.rows.tolist()
-    tracks = track_together(method.model, method.filter.moments, method.filter.fading_rule, records)
-    return dict(zip(rows, tracks, strict=True))
 
 
 @dataclass(frozen=True)
@@ -413,7 +409,7 @@ class _Block:
         at = np.full((len(self.sensors), 3), np.nan)
         time = (self.at_min or 0.0) + self.start_min
         if self.at_min is not None and claimed is not None:
-            at = claimed.at[:, int(np.abs(claimed.times - time).argmin())]
+            at = claimed.at[:, int(np.abs(claimed.times - time).argmin())] + self.sensors.swing_ends()
             if self.surroundings is not None:
                 then, room = self.sensors.time[: self.count], self.surroundings[: self.count]
                 at, said = until_then(at, then, room, claimed.rate[:, 1], time, self.method.imperfection.background.logged)
@@ -471,6 +467,7 @@ class _Block:
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
         room = float(self.surroundings[n - 1]) if self.surroundings is not None else None
+        sensor = replace(sensor, reading=self.sensors.measured(i))
         return trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i, room)
 
 

@@ -117,6 +117,11 @@ class Claims:
         return low, middle, high
 
 
+def together_of(rates: Rates) -> int:
+    """Columns of a run, in their order, that tell each other what they show; with rates of its own a sensor says the same alone."""
+    return GROUP if rates != "own" else 1
+
+
 def claims(
     closed: Sequence[Closed],
     asked: tuple[Array, NDArray[np.bool_]],
@@ -132,7 +137,7 @@ def claims(
     stopping rule, to be foretold too.
     """
     empty = [_empty(c, *asked, prior) for c in closed]
-    together = GROUP if rates != "own" else 1  # its own word only: a sensor says the same alone
+    together = together_of(rates)
     groups = sorted({int(row) // together for c in closed for row in c.sensors.rows})
     left = [left_at_end(c.found.weights, c.sensors) for c in closed]
     for group in groups:

@@ -4,20 +4,45 @@ as it was logged.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models.imperfection import lagged
+from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
 
 from ..errors import rounded
 from .rules import RULES
+from .sensor import Sensors
 
 Array = NDArray[np.float64]
 
 #: Share of an interval's width, and size [K], from which what the room may do until the time asked for is told.
 TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
+
+
+def steadied(sensors: Sensors, until_min: float | None, together: int, room: Array | None) -> Sensors:
+    """Sensors without the swing that the readings of the first `until_min` show, which leaves temperatures as means over its cycle.
+
+    together: columns of a run that are looked at at once; room (N,) [degC] where it is logged: one that swings alike explains it.
+    """
+    n = sensors.until(until_min)
+    swung, swing, notes = np.zeros_like(sensors.reading), np.zeros((len(sensors), 2)), list(sensors.notes)
+    for group in np.unique(sensors.rows // together).tolist():
+        mine = np.flatnonzero(sensors.rows // together == group)
+        found = swing_of(sensors.time[:n], sensors.reading[mine, :n], sensors.resolution[mine])
+        if found is None or (room is not None and found.also_in(sensors.time[:n], room[:n])):
+            continue
+        swung[mine], swing[mine] = found.at(sensors.time), np.stack(found.ends(), axis=1)
+        for k in mine[found.swings].tolist():
+            by = rounded(0.5 * float(swing[k, 1] - swing[k, 0]))
+            said = f"swings by {by} K with a period of {rounded(found.period, 3)} min: temperatures are means over its cycle"
+            notes[k] = (*notes[k], said)
+    if not swung.any():
+        return sensors
+    return replace(sensors, reading=sensors.reading - swung, swung=swung, swing=swing, notes=tuple(notes))
 
 
 def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:

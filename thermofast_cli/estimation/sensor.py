@@ -41,7 +41,8 @@ def _until(time: Array, minutes: float | None) -> int:
 class Sensors:
     """Sensors of a run whose readings stand at the same times: :class:`Sensor` with arrays over them, and their rows in the run.
 
-    time (N,); reading (S, N); resolution (S,); notes (S); rows (S,).
+    time (N,); reading (S, N); resolution (S,); notes (S); rows (S,). swung (S, N) [K]: what was taken out of the readings as a swing
+    that goes on all the time; swing (S, 2) [K]: its least and greatest.
     """
 
     rows: NDArray[np.intp]
@@ -49,9 +50,22 @@ class Sensors:
     reading: Array
     resolution: Array
     notes: tuple[tuple[str, ...], ...]
+    swung: Array | None = None
+    swing: Array | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def measured(self, i: int) -> Array:
+        """Readings (N,) of the i-th of them as the logger has them."""
+        return self.reading[i] if self.swung is None else self.reading[i] + self.swung[i]
+
+    def swing_ends(self) -> Array:
+        """How far temperatures (S, 3) [K], low, middle, high, are from their mean over a cycle."""
+        found = np.zeros((len(self), 3))
+        if self.swing is not None:
+            found[:, ::2] = self.swing
+        return found
 
     def one(self, i: int) -> Sensor:
         """The i-th of them."""

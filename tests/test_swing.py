@@ -1,0 +1,87 @@
+"""A heat or cooling that swings all the time: its periodic part is found, taken out and told, and nothing else is taken for one."""
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.models.swing import swing_of
+
+TIME = np.arange(0.0, 120.0, 0.5)
+LAW = 20.0 + 15.0 * (1.0 - np.exp(-TIME / 60.0))
+
+
+def _swung(period: float = 11.0, size: float = 1.0) -> np.ndarray:
+    turn = (TIME / period) % 1.0
+    return size * (np.where(turn < 0.3, turn / 0.3, (1.0 - turn) / 0.7) - 0.5)
+
+
+def _readings(part: np.ndarray, noise: float = 0.02, seed: int = 4) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.stack([LAW + part, 20.0 + 0.5 * (LAW - 20.0) + 0.4 * part]) + noise * rng.standard_normal((2, len(TIME)))
+
+
+def test_the_period_and_the_periodic_part_are_found() -> None:
+    found = swing_of(TIME, _readings(_swung()), np.zeros(2))
+    assert found is not None
+    assert found.period == pytest.approx(11.0, rel=3e-3)
+    assert found.swings.all()
+    assert np.sqrt(np.mean((found.at(TIME)[0] - _swung() + _swung().mean()) ** 2)) < 0.03
+    low, high = found.ends()
+    assert high[0] - low[0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_sensor_that_does_not_swing_is_left_as_it_is() -> None:
+    reading = _readings(_swung())
+    reading[1] = 20.0 + 0.5 * (LAW - 20.0) + 0.02 * np.random.default_rng(9).standard_normal(len(TIME))
+    found = swing_of(TIME, reading, np.zeros(2))
+    assert found is not None
+    assert found.swings.tolist() == [True, False]
+    assert not found.at(TIME)[1].any()
+
+
+@pytest.mark.parametrize("what", ["nothing", "one step", "two steps", "a walk", "a slow wave"])
+def test_what_happens_once_is_no_swing(what: str) -> None:
+    rng = np.random.default_rng(3)
+    part = {
+        "nothing": 0.0 * TIME,
+        "one step": 3.0 * np.where(TIME > 50.0, -np.expm1(-(TIME - 50.0) / 20.0), 0.0),
+        "two steps": 2.0 * ((TIME > 30.0) & (TIME < 70.0)),
+        "a walk": 0.2 * np.cumsum(rng.standard_normal(len(TIME))),
+        "a slow wave": np.sin(2.0 * np.pi * TIME / 50.0),
+    }[what]
+    assert swing_of(TIME, _readings(part), np.zeros(2)) is None
+
+
+def test_a_logger_that_rounds_swings_no_machine() -> None:
+    assert swing_of(TIME, np.round(_readings(0.0 * TIME) / 0.5) * 0.5, np.full(2, 0.5)) is None
+
+
+def test_readings_on_hand_are_cleared_and_those_ahead_foretold_with_it() -> None:
+    """The limit is the mean over a cycle, the row is no doubt, and a temperature at a named time counts the swing."""
+    turn = (TIME / 11.0) % 1.0
+    drive, here, out = np.where(turn < 0.4, 2.5, 0.0), 0.0, []
+    for heat in drive:
+        out.append(here)
+        here += 0.5 / 60.0 * (15.0 * heat - here)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(TIME))
+    table = {"time_min": TIME, "spindle": 20.0 + np.array(out) + noise}
+    row = tf.identify(table, until=70.0, at=90.0)[0]
+    assert row.status == "ok"
+    assert "period of 11 min: temperatures are means over its cycle" in row.message
+    assert row.steady_state_lo_c is not None and row.steady_state_hi_c is not None
+    assert row.steady_state_lo_c < 35.0 < row.steady_state_hi_c
+    assert row.steady_state_hi_c - row.steady_state_lo_c < 12.0
+    assert row.at_lo_c is not None and row.at_hi_c is not None
+    assert row.at_lo_c < 20.0 + out[180] < row.at_hi_c
+    assert row.at_hi_c - row.at_lo_c > np.ptp(np.array(out)[-40:] - TIME[-40:] * 0.0) * 0.5
+    bare = tf.identify(table, until=70.0, imperfection="none")[0]
+    assert "cycle" not in bare.message
+
+
+def test_a_logged_room_that_swings_alike_explains_it() -> None:
+    reading = _readings(_swung())
+    table = {"time_min": TIME, "front": reading[0], "rear": reading[1], "ambient": 20.0 + _swung()}
+    assert all("means over its cycle" not in r.message for r in tf.identify(table))
+    calm = table | {"ambient": 20.0 + 0.01 * np.random.default_rng(2).standard_normal(len(TIME))}
+    assert all("means over its cycle" in r.message for r in tf.identify(calm))
+
