@@ -84,4 +84,3 @@ def test_a_logged_room_that_swings_alike_explains_it() -> None:
     assert all("means over its cycle" not in r.message for r in tf.identify(table))
     calm = table | {"ambient": 20.0 + 0.01 * np.random.default_rng(2).standard_normal(len(TIME))}
     assert all("means over its cycle" in r.message for r in tf.identify(calm))
-

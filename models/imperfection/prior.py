@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 #: What a discrepancy is made of, in the order of the covariances of ``shapes.py``.
 COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp", "logged")
 #: How fast slow modes are against the law; their own covariances stand behind those of the components.
-SLOW = (0.1, 0.2, 0.4)
+SLOW = (0.05, 0.1, 0.2, 0.4)
+#: How likely each is against the others. The slowest is a large cold mass behind a weak link: rare, and looked for by itself alone.
+SLOW_WEIGHTS = (0.3, 1.0, 1.0, 1.0)
 #: Of the variance of the slow mode at work, what each of its neighbours has: rates lie between, and one mass is not all.
 NEIGHBOUR_SHARE = 0.02
 ABSOLUTE = frozenset({"room", "ramp", "logged"})
@@ -29,7 +31,7 @@ ABSOLUTE = frozenset({"room", "ramp", "logged"})
 class Sizes:
     """Standard deviations of one kind of discrepancy.
 
-    slow: modes 0.1 to 0.4 times as fast as the law's (a mass behind the one measured), in the background together; fast: modes
+    slow: modes 0.05 to 0.4 times as fast as the law's (a mass behind the one measured), in the background together; fast: modes
     1.5 to 9 times as fast, together, and ever smaller ones up to 72 times; exponent: of the loss, about 1; decay: a drive that dies
     out (running-in friction), initial share of the heat; load: of a heat that flutters with a memory of 30 units; cycle: of a heat
     that swings with a period of 6 to 45 units; walk: of a heat that wanders, per root hour of units; start: of the first minutes (a
@@ -137,7 +139,12 @@ class Imperfection:
 
     def effects(self) -> list[tuple[int, int]]:
         """(which of `strong`, which slow mode or -1 for none) of every effect: one mass behind has one rate, which nobody knows."""
-        return [(i, q) for i, sizes in enumerate(self.strong) for q in (range(len(SLOW)) if sizes.slow else (-1,))]
+        found = []
+        for i, sizes in enumerate(self.strong):
+            alone = sizes == Sizes(slow=sizes.slow)
+            modes = [q for q, weight in enumerate(SLOW_WEIGHTS) if alone or weight == 1.0] if sizes.slow else [-1]
+            found += [(i, q) for q in modes]
+        return found
 
     def kinds(self) -> tuple[Array, Array]:
         """(relative, absolute) (1 + effects, components + slow modes): variances of the background and of every strong effect."""
@@ -177,8 +184,9 @@ class Imperfection:
         squares = np.concatenate([scales, np.tile(sizes, count)]) ** 2
         below = np.concatenate([np.zeros(len(scales)), np.tile(levels, count)]) ** 2
         share = self.strong_share if count else 0.0
-        which, weights = [i for i, _ in effects], self.strong_weights or (1.0,) * len(self.strong)
-        apiece = np.array([weights[i] / which.count(i) for i in which])
+        which, weights = np.array([i for i, _ in effects], dtype=int), self.strong_weights or (1.0,) * len(self.strong)
+        parts = np.array([SLOW_WEIGHTS[q] if q >= 0 else 1.0 for _, q in effects])
+        apiece = np.array([weights[i] * part / parts[which == i].sum() for i, part in zip(which, parts, strict=True)])
         each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(sizes))
         prior = np.concatenate([(1.0 - share) * weight, each * np.tile(np.repeat(over, len(self.strong_scales)), count)])
         return kind, squares, below, np.log(np.maximum(prior, 1e-300))

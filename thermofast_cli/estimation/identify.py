@@ -175,7 +175,9 @@ def identify_sensors(
             block = block if keep.all() else block.some(keep)
             logged = room_at(time_min, room, block.time)
             blocks.append(steadied(block, until_min, together_of(method.rates), logged) if method.steadies else block)
-    shared = tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
+    shared = (
+        tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
+    )
     jobs = [
         _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c, criterion)
         for b in blocks

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
-from thermofast.models import spike_weights
+from thermofast.models import difference_noise, spike_weights
 from thermofast.models.imperfection import Past
 from thermofast.models.uncertainty.companions import DONE
 
@@ -166,6 +166,8 @@ def claimed_verdicts(
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     still = went < RULES.at_rest * found.noise
+    for i in np.flatnonzero(still).tolist():  # what a law leaves that cannot follow the readings is no noise
+        still[i] = went[i] < RULES.at_rest * max(float(difference_noise(sensors.reading[i])), float(sensors.resolution[i]))
     for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | believed | (out > 0)).tolist():
         said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
         if still[i]:

@@ -18,6 +18,11 @@ Array = NDArray[np.float64]
 HORIZON, AFTER = 12.0, 800
 #: A level this near to the start [K] has no shape of its own to be read off.
 LEAST_RISE = 1e-3
+#: Of what readings leave open of an effect's parameters, the prior with which the same readings are counted again: they then leave a
+#: fifth less.
+COUNTED_AGAIN = 4.0
+#: Share of a doubt by which a curve is moved to see what it does: parameters that make up for each other do so along the tangent.
+TANGENT = 0.05
 #: What nothing determines moves no further than this, in search coordinates.
 MOST_DOUBT = 2.0
 #: An effect that grows without end moves a temperature by so much at most [K].
@@ -34,7 +39,7 @@ def rises_of(
     """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
 
     Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
-    the rise; the uncertainty of an effect's parameters, level, start and rate given, is its doubt. nodes (L,) are the log rates
+    the rise; the uncertainty of an effect's parameters is its doubt. nodes (L,) are the log rates
     about that of the fit at which it is worked out. What is logged counts up to until_min, as long as the record without.
     other_modes: share (1 sd) of what the heat does that a sensor may follow at each of DRIVEN_MODES.
     """
@@ -82,8 +87,8 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
     rows[:nodes, fit.model.column(RATE)] = rows[nodes : 2 * nodes, fit.model.column(RATE)] = log_rate + about
     rows[:, fit.model.column(LEVEL)] = start + rise
     rows[nodes : 2 * nodes, fit.model.column(LEVEL)] = start
-    rows[2 * nodes :] += moves[:, :kl]
-    shared[2 * nodes :] += moves[:, kl:]
+    rows[2 * nodes :] += TANGENT * moves[:, :kl]
+    shared[2 * nodes :] += TANGENT * moves[:, kl:]
     curves = free_run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
     kept = free_run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting(fit))
     # The clock of a sensor begins with its own first reading.
@@ -92,7 +97,7 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
     unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
     whole = kept[:nodes] - kept[:nodes, :1]
     whole = np.where(np.abs(whole[:, -1:]) > LEAST_RISE, whole / np.where(whole[:, -1:] == 0.0, 1.0, whole[:, -1:]), of_end)
-    wrong = [np.interp(over[middle], time, c / rise) for c in (*(curves[2 * nodes :] - curves[middle]), *of_others)]
+    wrong = [np.interp(over[middle], time, c / rise) for c in (*((curves[2 * nodes :] - curves[middle]) / TANGENT), *of_others)]
     followed = _driven(fit, i, seen, log_rate + DRIVEN_MODES, start, rise) if other_modes > 0.0 else ()
     others = [other_modes * np.interp(over[middle], time, u - unit[middle]) for u in followed]
 
@@ -213,7 +218,8 @@ def free_runs(
 def _doubtful(fit: Fit, sensor: int) -> Array:
     """Moves (J, kl + ks) by a deviation each of what is not known of a sensor's shape before its readings are counted.
 
-    Of a machine learnt before that is what is known of its constants; of the rest, what the readings leave open given them.
+    Of a machine learnt before that is what is known of its constants; of the rest, so many times what the readings leave open given
+    these. They are counted again with rate, level and start, and what they leave open of all together must stay open.
     """
     kl = fit.local.shape[1]
     base = [fit.model.column(key) for key in (RATE, LEVEL, START)]
@@ -223,10 +229,9 @@ def _doubtful(fit: Fit, sensor: int) -> Array:
     blocks = [(known, learnt)] if known else []
     if others:
         whole = fit.joint_covariance(sensor)
-        given = list(dict.fromkeys([*base, *known]))
-        cross = whole[np.ix_(others, given)]
-        left = whole[np.ix_(others, others)] - cross @ np.linalg.pinv(whole[np.ix_(given, given)]) @ cross.T
-        blocks.append((others, 0.5 * (left + left.T)))
+        cross = whole[np.ix_(others, known)]
+        left = whole[np.ix_(others, others)] - cross @ np.linalg.pinv(whole[np.ix_(known, known)]) @ cross.T
+        blocks.append((others, COUNTED_AGAIN * 0.5 * (left + left.T)))
     moves = [np.zeros((0, kl + len(fit.shared)))]
     for columns, covariance in blocks:
         roots = covariance_root(covariance)

@@ -129,7 +129,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     if options.ambient:
         check_names([options.ambient], names, "--ambient", run)
     told = {option.partition("=")[0] for option in options.units if "=" in option}
-    signs = {n: sign_of(n, units.get(n, "")) for n in names}
+    signs = {n: sign_of(own, units.get(n, "")) for n, own in _beyond_place(names).items()}
     signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
@@ -145,6 +145,25 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         role = _role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)
         roles["silent" if role == "sensor" and n in quantities and n not in (*options.channels, *told) else role].append(n)
     return _with_words(roles, signs, values, options, origin)
+
+
+def _beyond_place(names: list[str]) -> dict[str, str]:
+    """Names without the place that stands in front of all, or in front of several as in a path: lab/T1 is not the lab's air."""
+    found = {n: n for n in names}
+    if not any(AMBIENT.intersection(words(n)) for n in names):
+        return found
+    for sign in (r"[/\\.:]", r"[\s_]"):
+        groups: dict[str, list[str]] = {}
+        for n in names:
+            bare = re.sub(r"\s*[\[(].*$", "", n)
+            last = [m.end() for m in re.finditer(sign, bare)]
+            if last:
+                groups.setdefault(n[: last[-1] if sign.startswith("[/") else last[0]], []).append(n)
+        for place, some in groups.items():
+            many = len(some) > 1 and (sign.startswith("[/") or len(some) == len(names))
+            if many and AMBIENT.intersection(words(place)) and all(re.search(r"[^\W\d_]", n[len(place) :]) for n in some):
+                found |= {n: n[len(place) :] for n in some}
+    return found
 
 
 def _differences(names: list[str]) -> list[str]:

@@ -23,6 +23,7 @@ from .vocabulary import (
     OTHER,
     PLACES,
     QUALITIES,
+    QUANTITIES,
     REFERENCE,
     TEMPERATURE,
     TEMPERATURE_PARTS,
@@ -37,6 +38,10 @@ from .vocabulary import (
 _LETTERS = frozenset(["A", "N", "W", "J", "m", "g", "h", "d"])
 #: Channels of a data acquisition board that nobody named: they are volts until a unit says otherwise.
 _BOARD = re.compile(r"(?i)(dev|mod|cdaq\w*)?\d*[/_ ]?ai[/_ ]?\d*$")
+#: Names of differences: dT, Rear ΔT, T1-T2, T front - T rear, ±T1; and of an uncertainty: u(T1).
+_DIFFERENCE = re.compile(
+    r"[dDΔ]_?T(?![a-z])|.*\bΔ_?T\b|u\(|±|([A-Za-z]{1,3})\d+ ?[-−–] ?\1\d*\b|([A-Za-z]{1,3})[ _]\S.* [-−–] \2[ _]\S"
+)
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ def _sign(name: str, unit_cell: str) -> Sign:
         _wanted(name, first)
         or (first | (said & QUALITIES)) & DERIVED
         or _over_the_room(core)
-        or re.match(r"[dDΔ]_?T(?![a-z])|u\(|([A-Za-z]{1,3})\d+ ?[-−–] ?\1\d*\b", name)
+        or re.match(_DIFFERENCE, name)
         or _is_reference(first)
     ):
         kind = "input"
@@ -104,7 +109,7 @@ def _is_input(name: str, said: set[str]) -> bool:
     if said <= INPUT_NAMES:
         return bool(said)
     told = said & INPUTS
-    if told and told <= WARM_INPUTS and said & PLACES:
+    if told and told <= WARM_INPUTS and said & PLACES and words(name)[-1] not in QUANTITIES:
         return False
     return bool(told or any(w.endswith(INPUT_ENDINGS) for w in said) or any(part in name for part in INPUT_PARTS))
 
@@ -112,7 +117,7 @@ def _is_input(name: str, said: set[str]) -> bool:
 def _wanted(name: str, said: set[str]) -> bool:
     if any(w.startswith(WANTED_STEMS) for w in said) or any(part in name for part in WANTED_PARTS):
         return True
-    if re.search(r"\.(?:OP|MV|CO)$", name):
+    if re.search(r"(?:\.(?:OP|MV|CO)|_OP)$", name):
         return True  # what a controller puts out
     asked = said & WANTED
     if asked <= {"sp", "sv"} and re.search(r"(?i)\bs[pv]\d", name):
@@ -135,7 +140,7 @@ def _is_reference(said: set[str]) -> bool:
     """Whether a name is that of the instrument's own temperature: CJC, T_ref, Cold junction; not the machine's Reference block."""
     if {"cold", "junction"} <= said:
         return True
-    loose = {"ref", "reference", "referenz", "internal", "panel", "board", "logger"}
+    loose = {"ref", "reference", "referenz", "internal", "panel", "board", "logger", "device", "instrument", "gerät"}
     if said & (REFERENCE - loose) or any(w.startswith(("vergleichsstell", "klemmentemp", "kaltstell")) for w in said):
         return True
     return bool(said & loose) and said - loose <= BESIDE
@@ -170,7 +175,8 @@ def _speaks_of_temperature(name: str, said: set[str]) -> bool:
 def _over_the_room(core: str) -> bool:
     """Whether a name is that of a difference to the surroundings: front - room, rise over ambient."""
     apart = re.split(r"\s*[-\u2013]\s*|\s+(?:over|above|minus)\s+", core.strip())
-    return len(apart) == 2 and all(apart) and bool(set(words(apart[1])) & AMBIENT) and not set(words(apart[0])) <= TEMPERATURE
+    alone = set(words(apart[0])) <= TEMPERATURE | BESIDE  # T-Halle, as T hall
+    return len(apart) == 2 and all(apart) and bool(set(words(apart[1])) & AMBIENT) and not alone
 
 
 def _names_the_room(said: set[str]) -> bool:

@@ -28,7 +28,7 @@ AMBIENT = _set(
     "prüfraum klimaraum omgivelsestemperatur kamertemperatuur romtemperatur stuetemperatur huone huoneen ympäristön oda "
     "szobahőmérséklet szoba pokojowa pokojová pokoj комнатная комнаты ambiental ambientală camerei "
     "omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
-    "laborraum inf цех"
+    "laborraum inf цех umgeb laborluft okol cabin kabine"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
 AMBIENT_STEMS = ("umgebung", "raum", "hallen", "luft", "aussen", "außen")
@@ -44,12 +44,16 @@ INPUTS = _set(
     "ток напряжение мощность скорость обороты давление corrente tensione potenza velocità coppia pressione courant "
     "tension puissance pression corriente tensión potencia velocidad presión prąd napięcie moc prędkość ciśnienie "
     "stellgrad stellgröße stellgrösse stellwert "
-    "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht"
+    "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht "
+    "velocity barometer pwm distance cosphi intensité potência velocidade нагрузка yük obciążenie carga carico charge zatížení "
+    "schalter betriebsart restzeit switch"
 )
 #: Names of inputs that are none beside another word: Press ram is a place.
 INPUT_NAMES = _set("vin vout vcc vdd vbus vbatt ubat ibat ibatt iin iout press pres hum amp amps")
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
+#: Those of them that are a quantity where they end a name that speaks of no temperature: Motor load.
+QUANTITIES = _set("flow load last")
 #: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.
 WANTED = _set(
     "consigne consigna setpunkt börvärde уставка tset tsoll tsp preset grenzwert limit limits threshold schwelle "
@@ -58,7 +62,8 @@ WANTED = _set(
     "desired gewenste gewenst célhőmérséklet zul tref setată warning ajuste commanded wsp rsp "
     "trip nominal hedef ayar alapjel objetivo deseada deseado alvo desejada ønsket önskad tavoite setare setata "
     "cílová docelowa задание "
-    "goal req request requested calc calculated sim simulated predicted prediction berechnet simuliert correction korrektur"
+    "goal req request requested calc calculated sim simulated predicted prediction berechnet simuliert correction korrektur "
+    "allowed zulässig permissible shutdown programmed programmiert forecast extrapolated extrapoliert führungsgrösse cutout"
 )
 #: Beginnings and parts of words for it: Sollvorgabe, Abschalttemperatur, Nastavená, 設定温度.
 WANTED_STEMS = (
@@ -89,7 +94,7 @@ BESIDE = _set("t tc ch c f k degc temp temps temperature temperatur avg ave aver
 #: Places on a machine, which have a temperature whatever stands beside them.
 PLACES = _set(
     "bearing lager motor housing gehäuse winding wicklung casing stator rotor coil spule nut flange block body outlet inlet "
-    "pipe rohr rodamiento cuscinetto rolamento palier roulement łożysko łożyska ložisko ložiska подшипник подшипника"
+    "spindle spindel compressor gearbox headstock pipe rohr rodamiento cuscinetto rolamento palier roulement łożysko łożyska ložisko ložiska подшипник подшипника"
 )
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(
@@ -97,7 +102,7 @@ DERIVED = _set(
     "diff difference differenz deviation abweichung messabweichung noise resolution accuracy genauigkeit auflösung "
     "rauschen погрешность error gradient rate slope deltat dt spread uncertainty temperaturdifferenz temperaturgradient "
     "regelabweichung regeldifferenz sollabweichung überhöhung temperaturerhöhung temperaturüberhöhung "
-    "temperaturspreizung spreizung tdiff overtemp excess trel rel relative"
+    "temperaturspreizung spreizung tdiff overtemp excess trel rel relative residual residuum hysteresis abw"
 )
 #: The same that count wherever in a name they stand, behind its unit too: front [°C] rate.
 QUALITIES = _set("rate noise resolution accuracy error")
@@ -117,6 +122,8 @@ INPUT_ENDINGS = (
     "moment",
     "kraft",
     "feuchte",
+    "feuchtigkeit",
+    "frequenz",
     "durchfluss",
     "menge",
     "aufnahme",
@@ -149,7 +156,7 @@ AMBIENT_PARTS = (
 )
 INPUT_PARTS = (
     *("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力", "速度", "进给"),
-    *("전류", "전압", "회전", "속도", "압력"),
+    *("전류", "전압", "회전", "속도", "압력", "부하", "负载", "負荷", "負載"),
 )
 #: Names that begin so are no temperature though "temp" stands in them.
 NOT_TEMPERATURE = _set("attempts attempt template templates tempo tempus contempt temporary temporal")

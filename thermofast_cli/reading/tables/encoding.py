@@ -1,6 +1,7 @@
 """Bytes of a text file to UTF-8, by rule: marks, the pattern of NULs, strict UTF-8, then what the vendor's machines write."""
 
 import codecs
+import re
 
 import numpy as np
 
@@ -158,3 +159,15 @@ def _decodes(data: bytes, encoding: str) -> bool:
     except UnicodeDecodeError:
         return False
     return True
+
+
+def refuse_markup(data: bytes, name: str) -> None:
+    """Raises InputError for JSON and XML, which are text and no table."""
+    head = data[:200].lstrip()
+    if re.match(rb"\[?\s*\{\s*\"", head):
+        lines = ", lines=True" if head.startswith(b"{") and data.count(b"\n{") else ""
+        raise InputError(
+            f"{name}: JSON, not a table", allowed="CSV text, Parquet, ...", do=f"in Python: tf.read(pandas.read_json(path{lines}))"
+        )
+    if head.startswith((b"<?xml", b"<html", b"<!DOCTYPE")):
+        raise InputError(f"{name}: XML or a page, not a table", allowed="CSV text, Parquet, ...", do="export the record as CSV")

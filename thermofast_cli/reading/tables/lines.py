@@ -2,12 +2,14 @@
 several segments, exports of TwinCAT Scope.
 """
 
+import csv
+import io
 import re
 
 import numpy as np
 
 from ...errors import InputError, listed
-from .dialect import split
+from .dialect import Dialect, split
 
 #: Lines above the readings of each segment of a LabVIEW measurement file.
 _SEGMENT_HEAD = re.compile(
@@ -161,6 +163,62 @@ def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
         rows += [b""] * (end + 2 - len(rows))  # lines that are left out stay as empty ones: line numbers hold
         rows += [b"" if _SEGMENT_HEAD.match(r) else r for r in lines[end + 2 : until]]
     return ending.join(rows) + ending, [f"{len(ends) - 1} segments joined"]
+
+
+def united_headers(data: bytes, head: list[str], dialect: Dialect, name: str) -> tuple[bytes, list[str]]:
+    """(text, notes) where the header stands again with other columns, or in another order: all rows under all names.
+
+    Raises
+    ------
+    InputError: the same where units stand in lines of their own, which nobody can put together, or where they change.
+    """
+    if dialect.header_line is None or dialect.delimiter == " ":
+        return data, []
+    header = split(head[dialect.header_line], dialect.delimiter)
+    first = header[0] if header else ""
+    if not first.strip() or first.strip()[:1].isdigit():
+        return data, []
+    begins = re.compile(rb'(?m)^"?' + re.escape(first.encode()) + rb'"?' + re.escape(dialect.delimiter.encode()) + rb"[^\n]*")
+    found = {m[0].rstrip(b"\r"): data.count(b"\n", 0, m.start()) for m in begins.finditer(data)}
+    if len(found) < 2:
+        return data, []
+    lines = data.decode("utf-8", errors="replace").splitlines()
+    names: dict[str, None] = {}
+    at: list[int] = []
+    out: list[tuple[list[str], list[int] | None]] = []
+    started = False
+    for line in lines:
+        cells = split(line, dialect.delimiter) if line.strip() else []
+        if cells and cells[0] == first and line.encode() in found:
+            named = [c for c in cells if c.strip()]
+            if len(set(named)) < len(named) or (started and len(named) < len(cells) and any(cells[len(named) :])):
+                return data, []  # which of two columns of one name is which, nobody knows
+            started = True
+            names |= dict.fromkeys(named)
+            at = [list(names).index(c) if c.strip() else -1 for c in cells]
+        out.append((cells, at if started and len(cells) == len(at) else None))
+    again = min(line for line in found.values() if line != min(found.values())) + 1
+    bare = {re.sub(r"\s*[\[(].*", "", n) for n in names}
+    if dialect.unit_lines or len(bare) < len(names):
+        raise InputError(
+            f"{name}, line {again}: the header stands again with other {'columns' if dialect.unit_lines else 'units'}",
+            found=lines[again - 1][:80],
+            allowed="one header; or several with each column's unit behind its name, the same in all",
+            do=f"split the file there, or say --header-line {again} to read the rows below alone",
+        )
+    text = io.StringIO()
+    write = csv.writer(text, delimiter=dialect.delimiter, lineterminator="\n").writerow
+    for line, (cells, places) in zip(lines, out, strict=True):
+        if places is None:
+            text.write(line + "\n")
+            continue
+        row = list(names) if cells[0] == first and line.encode() in found else [""] * len(names)
+        if row[0] == "":
+            for place, cell in zip(places, cells, strict=True):
+                if place >= 0:
+                    row[place] = cell
+        write(row)
+    return text.getvalue().encode(), [f"the header stands again in line {again} with other columns: rows put under their names"]
 
 
 def plain_scope(data: bytes) -> tuple[bytes, list[str]]:

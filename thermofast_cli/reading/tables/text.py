@@ -25,8 +25,16 @@ from .dialect import (
     split,
     to_number,
 )
-from .encoding import to_utf8
-from .lines import closed_quotes, joined_segments, plain_rows, plain_scope, without_last, without_separator_line
+from .encoding import refuse_markup, to_utf8
+from .lines import (
+    closed_quotes,
+    joined_segments,
+    plain_rows,
+    plain_scope,
+    united_headers,
+    without_last,
+    without_separator_line,
+)
 from .table import Table, to_floats
 
 SAMPLE_BYTES = 1 << 18
@@ -58,7 +66,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if options.skip_footer:
         data = without_last(data, options.skip_footer)
         notes.append(f"the last {options.skip_footer} lines left out, as told")
-    _refuse_markup(data, name)
+    refuse_markup(data, name)
     data, separator = without_separator_line(data)
     data, written = plain_rows(data)
     data, quotes = closed_quotes(data)
@@ -68,6 +76,11 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
     dialect = detect_dialect(head, encoding, name, told)
+    united, of_headers = united_headers(data, head, dialect, name) if options.header_line is None else (data, [])
+    if of_headers:
+        data, head = united, LINE_END.split(united[: _sample_end(united)].decode())
+        dialect = detect_dialect(head, encoding, name, replace(told, delimiter=dialect.delimiter))
+        notes += of_headers
     start = _offset(data, dialect.data_line)
     body = data[start:]
     del data  # a large file is held once
@@ -105,18 +118,6 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     named = dialect.header_line is not None
     again = tuple(dialect.data_line + i for i in headers)
     return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, above, (), again)
-
-
-def _refuse_markup(data: bytes, name: str) -> None:
-    """Raises InputError for JSON and XML, which are text and no table."""
-    head = data[:200].lstrip()
-    if re.match(rb"\[?\s*\{\s*\"", head):
-        lines = ", lines=True" if head.startswith(b"{") and data.count(b"\n{") else ""
-        raise InputError(
-            f"{name}: JSON, not a table", allowed="CSV text, Parquet, ...", do=f"in Python: tf.read(pandas.read_json(path{lines}))"
-        )
-    if head.startswith((b"<?xml", b"<html", b"<!DOCTYPE")):
-        raise InputError(f"{name}: XML or a page, not a table", allowed="CSV text, Parquet, ...", do="export the record as CSV")
 
 
 def _sample_end(data: bytes) -> int:

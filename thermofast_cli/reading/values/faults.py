@@ -1,5 +1,6 @@
 """Readings that are the logger's and not the machine's: overloads, codes of broken probes, false first readings, held values."""
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -14,9 +15,17 @@ COLDEST_C = -273.15
 FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8, 655.35, 999.9, 999.99, -99.9, -99.99)
 #: The same, that may be temperatures too and are none where the readings jump to and from them: a range's end (Pt100, types K, T,
 #: S and B), a display with all segments on, no reading, a DS18B20 that was just switched on.
-CODES_C = (-270.0, -250.0, -242.02, -200.0, 0.0, 85.0, 850.0, 888.8, 888.88, 1300.0, 1370.0, 1372.0, 1768.0, 1820.0)
+CODES_C = (
+    *(-270.0, -250.0, -246.0, -242.02, -242.0, -200.0, 0.0, 85.0, 327.67, 409.5, 850.0, 888.8, 888.88),
+    *(1300.0, 1370.0, 1372.0, 1767.6, 1768.0, 1820.0, 1999.0, 2320.0),
+)
+#: Those of them so far above all machines that a reading near them is one.
+CODES_ABOVE_C = tuple(c for c in CODES_C if c >= 1300.0)
 #: A jump is larger than so many times the three steps beyond it, and than the median of all; and than so much [K].
 BEYOND_NEXT, BEYOND_USUAL, BEYOND_C = 5.0, 20.0, 2.0
+#: A number that stands there twice is a code where it is farther from all others than so many times what those cover, and so much
+#: [K] more; of so many readings at least. So many of them tell whether it is worth to look.
+FAR, FAR_C, FEWEST, FEW = 1.0, 10.0, 12, 7
 #: One from readings that are no code is larger than so many times any but two of the steps that follow, and than what they cover.
 BEYOND_ANY, BEYOND_RANGE = 10.0, 3.0
 #: At most so many first readings are false, told by so many after them.
@@ -34,11 +43,15 @@ def without_impossible(values: Array) -> tuple[Array, int]:
     """Overload values (9.9E+37), codes of broken probes and what is below absolute zero become nan; and how many there were."""
     low, high = np.fmin.reduce(values, initial=np.inf), np.fmax.reduce(values, initial=-np.inf)
     # Of nearly all columns the ends say that there is none.
-    if low > 0.0 and high < min(c for c in CODES_C if c > 0.0):
+    some = [v for v in values[:: max(len(values) // FEW, 1)].tolist() if math.isfinite(v)]
+    near = FAR * (max(some) - min(some)) + FAR_C if len(some) > 2 else 0.0
+    far = len(some) > 2 and (high > max(some) + near or low < min(some) - near)
+    if not far and low > 0.0 and high < min(c for c in CODES_C if c > 0.0):
         return values, 0
     with np.errstate(invalid="ignore"):
-        bad = (values <= COLDEST_C) | (values > HOTTEST_C) | np.isin(values, FAULTS_C)
+        bad = (values <= COLDEST_C) | (values > HOTTEST_C) | np.isin(np.round(values, 6), FAULTS_C)
     bad |= _codes(np.where(bad, np.nan, values))
+    bad |= _same_far_away(np.where(bad, np.nan, values))
     if not bad.any():
         return values, 0
     return np.where(bad, np.nan, values), int(bad.sum())
@@ -49,16 +62,43 @@ def _codes(values: Array) -> NDArray[np.bool_]:
     found = np.zeros(len(values), dtype=bool)
     at = np.flatnonzero(np.isfinite(values))
     reading = values[at]
-    coded = np.isin(reading, CODES_C)
+    coded = np.isin(np.round(reading, 6), CODES_C)  # readings in K are an ulp off
+    for code in CODES_ABOVE_C:  # and those in degF were rounded
+        coded |= np.abs(reading - code) < 0.3
     if not coded.any() or coded.all():
         return found
-    steps = np.abs(np.diff(reading[~coded]))
+    plain, place = reading[~coded], np.cumsum(~coded)
+    steps = np.abs(np.diff(plain))
     usual = float(np.median(steps)) if len(steps) else 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[0], coded.astype(int), [0]])))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
-        before, after = reading[max(0, first - 4) : first][::-1], reading[end : end + 4]
+        at_first = int(place[first])  # of readings that are no codes: a loose probe comes and goes
+        before, after = plain[max(0, at_first - 4) : at_first][::-1], plain[at_first : at_first + 4]
         sides = [(reading[first], before), (reading[end - 1], after)]
         found[at[first:end]] = all(_jumps(float(edge), beyond, usual) for edge, beyond in sides if len(beyond))
+    return found
+
+
+def _same_far_away(values: Array) -> NDArray[np.bool_]:
+    """Readings (n,) that are one and the same number, twice at least, far outside all others: what the logger has for none."""
+    found = np.zeros(len(values), dtype=bool)
+    at = np.flatnonzero(np.isfinite(values))
+    if len(at) < FEWEST:
+        return found
+    reading = values[at]
+    ordered = np.sort(reading)
+    gaps = np.diff(ordered)
+    for code, rest in ((ordered[-1], reading[reading < ordered[-1]]), (ordered[0], reading[reading > ordered[0]])):
+        alike = reading == code
+        gap = (
+            float(gaps[len(rest) - 1] if code == ordered[-1] else gaps[int(alike.sum()) - 1])
+            if 0 < len(rest) < len(reading)
+            else 0.0
+        )
+        other = np.flatnonzero(~alike)
+        between = alike.sum() > 1 and len(other) > 0 and alike[other[0] : other[-1]].any()  # not only before or after all others
+        if between and len(rest) > len(reading) // 2 and gap > FAR * float(np.ptp(rest)) + FAR_C:
+            found[at[alike]] = True
     return found
 
 
