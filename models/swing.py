@@ -1,4 +1,4 @@
-"""Heats that swing all the time about a mean (a chiller between two limits, a load switched on and off) and what they do to readings.
+"""Heats that swing all the time about a mean (a chiller between two limits, a load on and off) and what they do to readings.
 
 A machine driven so does what it would do under the mean heat, and beside that a periodic part, which is there from the first cycle
 on but for a transient that dies out as the machine's own does. The periodic part is found by regression on harmonics of one period
@@ -25,8 +25,8 @@ SENSORS, POINTS = 8, 480
 MOST, STEP, PADDED = 80, 0.1, 8
 #: What is left of a sensor's readings beside the trend, at most, where they swing.
 LEFT = 0.25
-#: Other periods, in shares of the one found, and what is left there of what they leave, at most: a load that changed once, or a room
-#: that wanders, is met by one as well as by the next.
+#: Other periods, in shares of the one found, and what is left there of what they leave, at most: a load that changed once, or a
+#: room that wanders, is met by one as well as by the next.
 NEAR, SHARP = (0.85, 0.9, 1.1, 1.15), 0.25
 #: Share of that in the strongest frequency and its neighbours, below which nothing is looked for further.
 PEAK = 0.2
@@ -40,7 +40,7 @@ STEPS = 0.6
 
 @dataclass(frozen=True)
 class Swing:
-    """period and start [min], and of each of S sensors cosines and sines of the harmonics (S, 2 K) [K]; swings (S,): whose show it."""
+    """period, start [min]; size (S, 2 K) [K]: of each sensor cosines and sines of K harmonics; swings (S,): which of them swing."""
 
     period: float
     start: float

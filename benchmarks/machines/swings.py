@@ -6,7 +6,7 @@ cycles of a record eight time constants long, how many of all rows do, and the m
 
 A housing, a spindle, a motor and a tank of coolant [kJ/K, W/K], by Euler's steps of a two-thousandth of the slowest time constant.
 thermostat: a chiller takes heat from the tank, on and off between two limits, with a period that changes as the machine warms;
-room: air conditioning, a sawtooth of 0.6 to 2 K that nobody logged; load: work and pause, with ten to thirty minutes a cycle; pulses:
+room: air conditioning, a sawtooth of 0.6 to 2 K that nobody logged; load: work and pause, ten to thirty minutes a cycle; pulses:
 cold oil every so often; steady: none of it. All have a room that wanders by 0.1 K.
 """
 
@@ -84,7 +84,7 @@ def simulate(kind: str, seed: int) -> Record:
     last = time > time[-1] - max(8.0 * period, 0.5 * tau)
     whole = last if kind == "thermostat" or kind == "steady" else time > time[-1] - 8.0 * period
     limit = found[:, whole].mean(axis=1)
-    each = max(int(round(rng.choice([0.25, 0.5, 1.0]) / step)), 1)
+    each = max(round(float(rng.choice([0.25, 0.5, 1.0])) / step), 1)
     reading = found[:, ::each] + rng.uniform(0.01, 0.04) * rng.standard_normal((count, len(time[::each])))
     return Record(time[::each], np.round(reading, 2), limit, tau)
 

@@ -72,7 +72,7 @@ class Method:
 
     @property
     def steadies(self) -> bool:
-        """Whether a swing that goes on all the time is taken out: not where a model of the machine foretells its rise, corners and all."""
+        """Whether a swing that goes on all the time is taken out: not where a model of the machine foretells its rise."""
         return self.widens and not self.imperfection.none and not (self.past is not None and self.past.rises)
 
 

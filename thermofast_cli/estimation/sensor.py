@@ -41,8 +41,8 @@ def _until(time: Array, minutes: float | None) -> int:
 class Sensors:
     """Sensors of a run whose readings stand at the same times: :class:`Sensor` with arrays over them, and their rows in the run.
 
-    time (N,); reading (S, N); resolution (S,); notes (S); rows (S,). swung (S, N) [K]: what was taken out of the readings as a swing
-    that goes on all the time; swing (S, 2) [K]: its least and greatest.
+    time (N,); reading (S, N); resolution (S,); notes (S); rows (S,). swung (S, N) [K]: what was taken out of the readings as a
+    swing that goes on all the time; swing (S, 2) [K]: its least and greatest.
     """
 
     rows: NDArray[np.intp]
@@ -58,7 +58,8 @@ class Sensors:
 
     def measured(self, i: int) -> Array:
         """Readings (N,) of the i-th of them as the logger has them."""
-        return self.reading[i] if self.swung is None else self.reading[i] + self.swung[i]
+        found: Array = self.reading[i] if self.swung is None else self.reading[i] + self.swung[i]
+        return found
 
     def swing_ends(self) -> Array:
         """How far temperatures (S, 3) [K], low, middle, high, are from their mean over a cycle."""

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 HORIZON, AFTER = 12.0, 800
 #: A level this near to the start [K] has no shape of its own to be read off.
 LEAST_RISE = 1e-3
-#: Of what readings leave open of an effect's parameters, the prior with which the same readings are counted again: they then leave a
-#: fifth less.
+#: Times what readings leave open of an effect's parameters is the prior with which the same readings are counted again: they then
+#: leave a fifth less.
 COUNTED_AGAIN = 4.0
 #: Share of a doubt by which a curve is moved to see what it does: parameters that make up for each other do so along the tangent.
 TANGENT = 0.05

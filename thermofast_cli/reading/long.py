@@ -52,7 +52,9 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
     named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
     unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
     values = [n for n in table.names if n not in time.used and n not in repeated and isinstance(table.columns[n], np.ndarray)]
-    values = [n for n in values if _varies(table.columns[n]) and n not in table.faults and not set(words(n)) <= FLAGS - READINGS]
+    # Of readings with a word among them that nobody knows, the word is told, and no other number is taken for them.
+    sound = {n for n in values if n not in table.faults or set(words(n)) & READINGS}
+    values = [n for n in values if _varies(table.columns[n]) and n in sound and not set(words(n)) <= FLAGS - READINGS]
     valued = [n for n in values if set(words(n)) & READINGS] or [
         n for n in values if sign_of(n, table.units.get(n, "")).temperature
     ]

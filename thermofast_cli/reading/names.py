@@ -9,6 +9,21 @@ from .tables.dialect import NAME_WORDS, ROWS_ABOVE, UNIT_WORDS, Dialect, header_
 from .units import parse_unit, unit_in_name
 from .vocabulary import DISPLACEMENTS, TIME, words
 
+#: The path of a sensor of a computer, and the unit of each kind.
+_PATH = re.compile(r"/[\w./%-]+/([a-z]+)/\d+")
+_KINDS = {
+    "temperature": "°C",
+    "load": "%",
+    "clock": "MHz",
+    "power": "W",
+    "fan": "rpm",
+    "voltage": "V",
+    "current": "A",
+    "control": "%",
+    "level": "%",
+    "flow": "l/h",
+}
+
 
 def _named_below(cells: list[str], units: list[str], below: list[str], rows: list[list[str]]) -> tuple[list[str], list[str]]:
     """Names and units where the line of units names the columns that have none above (Yokogawa: Date,Time,sec,Unit,degC below
@@ -98,6 +113,18 @@ def _told_apart(cells: list[str], head: list[str], dialect: Dialect) -> list[str
     return found
 
 
+def _told_by_path(head: list[str], dialect: Dialect, units: list[str]) -> list[str]:
+    """Units as the line right above the names tells them by paths of sensors, as LibreHardwareMonitor has it:
+    /amdcpu/0/temperature/0.
+    """
+    above = head[dialect.header_line - 1] if dialect.header_line else ""
+    cells = split(above, dialect.delimiter) if above.count("/") > 2 else []
+    paths = [_PATH.fullmatch(c.strip()) for c in cells]
+    if len(cells) != dialect.width or sum(p is not None for p in paths) < len(cells) - 1:
+        return units
+    return [u or (_KINDS.get(p[1], "counts") if p else "") for u, p in zip(units, paths, strict=True)]
+
+
 def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[str], list[str]]:
     """Names and units of the columns, from the first lines of a file.
 
@@ -140,6 +167,7 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
                 and (parse_unit(cell) or (not units[i] and is_unit_line(told)))
             ):
                 units[i] = cell.strip()
+    units = _told_by_path(head, dialect, units) if cells else units
     for line in dialect.unit_lines if cells else ():
         cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
     twice = _repeated(cells) if groups else set()

@@ -46,7 +46,7 @@ INPUTS = _set(
     "stellgrad stellgröße stellgrösse stellwert "
     "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht "
     "velocity barometer pwm distance cosphi intensité potência velocidade нагрузка yük obciążenie carga carico charge zatížení "
-    "schalter betriebsart restzeit switch"
+    "schalter betriebsart restzeit switch adc"
 )
 #: Names of inputs that are none beside another word: Press ram is a place.
 INPUT_NAMES = _set("vin vout vcc vdd vbus vbatt ubat ibat ibatt iin iout press pres hum amp amps")
@@ -94,7 +94,8 @@ BESIDE = _set("t tc ch c f k degc temp temps temperature temperatur avg ave aver
 #: Places on a machine, which have a temperature whatever stands beside them.
 PLACES = _set(
     "bearing lager motor housing gehäuse winding wicklung casing stator rotor coil spule nut flange block body outlet inlet "
-    "spindle spindel compressor gearbox headstock pipe rohr rodamiento cuscinetto rolamento palier roulement łożysko łożyska ložisko ložiska подшипник подшипника"
+    "spindle spindel compressor gearbox headstock "
+    "pipe rohr rodamiento cuscinetto rolamento palier roulement łożysko łożyska ložisko ložiska подшипник подшипника"
 )
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(

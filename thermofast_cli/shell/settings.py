@@ -69,7 +69,7 @@ def _found(run: "Run") -> dict[str, Any]:
     if seen.long:
         found["long"] = f"{'+'.join(seen.long[:-1])},{seen.long[-1]}"
     of = {role: [c.in_file for c in seen.columns if c.role == role] for role in ("sensor", "ambient", "input")}
-    if of["ambient"]:
+    if len(of["ambient"]) == 1:  # several are found again by themselves
         found["ambient"] = of["ambient"][0]
     return found | {"channels": of["sensor"]} | ({"inputs": of["input"]} if of["input"] else {})
 

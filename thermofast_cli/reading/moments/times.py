@@ -16,6 +16,7 @@ from ..tables.table import Table
 from ..units import unit_in_name
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 from .epochs import UNITS, epoch_of, is_date_number, of_archive, serial, ticks_of
+from .fractions import padded
 from .parts import SHORT, clock_written_as_number, days_of_year, moments_in_parts
 from .stamps import DAY_S, below, looks_like_stamp, parse_stamps, plain, plausible
 
@@ -257,6 +258,8 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
     if halves and not any(c[-1:].lower() == "m" for c in cells[:3]):
         cells = [f"{c} {h}" for c, h in zip(cells, table.columns[halves], strict=True)]
     label = f"{name} {clock}" if clock else name
+    with_zeros = padded(cells)
+    cells = with_zeros or cells
     stamps = parse_stamps(cells, f"{table.name}, column {name!r}", table.lines, label, options.time_format)
     used = frozenset({name} | ({clock} if clock else set()) | ({halves} if halves else set()))
     fine = _milliseconds(table, stamps.seconds)
@@ -264,6 +267,7 @@ def _convert(table: Table, name: str, clock: str | None, options: Options) -> Ti
         seconds = stamps.seconds + 1e-3 * (table.columns[fine] - table.columns[fine][0])  # type: ignore[operator]
         stamps, used = replace(stamps, seconds=seconds), used | {fine}
     note = f"time: stamps in {' and '.join(repr(u) for u in sorted(used))}, from {cells[0].strip()!r}"
+    note += ", milliseconds written without leading zeros" if with_zeros else ""
     # A clock that the heading calls UTC, or a fixed step from it, is never changed.
     starts = () if re.search(r"\b(UTC|GMT)\b", name) else stamps.starts
     return Time(stamps.seconds, used, note, (stamps.guess,) if stamps.guess else (), starts, stamps.dated, "stamp")
@@ -287,6 +291,14 @@ def _halves_of_day(table: Table) -> str | None:
     return None
 
 
+def _another_table(table: Table, column: Array, bad: int) -> str:
+    """What to do where time begins anew below a row without one: columns may be others there."""
+    after = column[bad + 1 :][:1]
+    if not bad or not len(after) or not after[0] <= column[bad - 1]:
+        return ""
+    return f"; or, if another table begins in line {table.lines[bad] + 1}, put it into a file of its own"
+
+
 def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     bad = np.flatnonzero(~(np.abs(column) < NO_TIME))
     if len(bad):
@@ -294,7 +306,7 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
             f"{table.name}, line {table.lines[int(bad[0])] + 1}, column {name!r}: no time in this row",
             found=f"{len(bad)} row{'s' if len(bad) > 1 else ''} without a time",
             allowed="a number in every row, up to 1e30",
-            do="mend or remove the rows" + below(table.lines, int(bad[0])),
+            do="mend or remove the rows" + below(table.lines, int(bad[0])) + _another_table(table, column, int(bad[0])),
         )
     if COUNTDOWN.intersection(words(name)) and (np.diff(column) <= 0.0).all():
         counting = _numeric(table, name, column.max() - column, options)

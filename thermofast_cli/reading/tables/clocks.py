@@ -112,7 +112,9 @@ def _of_neighbour(table: Table, clock: str) -> bool:
 
 
 def _stem(name: str) -> list[str]:
-    return words(re.sub(r" \(\d+\)$", "", name))
+    # Time A [s], Time B [s], as Time 1, Time 2
+    bare = re.sub(r"(?<=\w)[ _-][A-Z](?=\s*(?:[\[(].*)?$)", "", re.sub(r" \(\d+\)$", "", name))
+    return words(bare)
 
 
 def _equal(one: Array | list[str], other: Array | list[str]) -> bool:

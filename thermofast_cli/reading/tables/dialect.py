@@ -20,7 +20,7 @@ MISSING = frozenset(
         "over", "overload", "overflow", "ovfl", "open", "short", "err", "error", "#n/a",
         "#num!", "#value!", "#div/0!", "inf", "+inf", "-inf", "infinity", "bad", "fault",
         "fail", "invalid", "no data", "nodata", "?", "*", "***", "****", "*****",
-        "#nv", "#wert!", "#valeur!", "#zahl!", "1.#qnan", "-1.#ind", "1.#inf", "<null>", "\\n",
+        "#nv", "#wert!", "#valeur!", "#zahl!", "1.#qnan", "-1.#ind", "1.#inf", "<null>", "(null)", "\\n",
         "unavailable", "unknown", "i/o timeout", "bad input", "n.c.", "fehler", "bruch", "burnout", "+burnout",
         "-burnout", "open tc", "open circuit", "over range", "overrange", "+over", "-over", "under", "underrange",
         "n. def.", "not connected", "disconnected", "timeout", "lo", "hi", "-----", "------", "---.-",

@@ -12,13 +12,16 @@ from ..run import Array, Guess
 from ..signs import sign_of
 from ..tables.dialect import is_missing
 from ..tables.table import Table
-from ..units import parse_unit, to_celsius
+from ..units import Unit, parse_unit, to_celsius
 from ..vocabulary import words
+from .faults import HOTTEST_C
 
 #: Nothing in a test lab is colder [K]: a smaller number under a (K) is degC from a thermocouple of type K.
 COLDEST_K = 170.0
 #: A room in kelvin: a column without unit that begins here may be kelvin, or degC of something hot.
 ROOM_K = (278.0, 318.0)
+#: A room in tenths of a degree, and the hottest that thousandths are taken for.
+ROOM_TENTHS, MOST_MILLI = (130.0, 350.0), 200_000.0
 #: A room in degF.
 ROOM_F = (55.0, 95.0)
 #: A name and the letter that ends it, which may be a unit or a place.
@@ -42,6 +45,7 @@ class Temperatures:
         self._scaled: dict[float, list[str]] = {}
         self._by_letter: dict[str, list[str]] = {}
         self._hot: list[str] = []
+        self._tenths = False
         self._cold: list[str] = []
         self._overruled: dict[str, list[str]] = {}
         self._channels = frozenset(options.channels)
@@ -56,7 +60,8 @@ class Temperatures:
         ------
         InputError: its unit cannot be told.
         """
-        symbol, scale = self._own.get(name, self._all), 1.0
+        told = self._own.get(name, self._all)
+        symbol, scale = (told.symbol, told.scale) if told is not None else (None, 1.0)
         if symbol is not None:
             unit = sign_of(name, self._units.get(name, "")).unit
             if unit is not None and unit.temperature and unit.sure and unit.symbol != symbol:
@@ -112,6 +117,13 @@ class Temperatures:
             return
         first = sorted(begins)[len(begins) // 2]
         what = ""
+        if first > HOTTEST_C and first.is_integer() and first < MOST_MILLI:
+            raise InputError(
+                f"{self._table.name}: the unit of column {name!r} cannot be told",
+                found=f"{first:g} to {values[np.isfinite(values)][-1]:g}, thousandths of a degree?",
+                allowed="a unit in the name, as in 'T [m°C]', or a unit line",
+                do="say --units m°C, or --exclude it",
+            )
         if ROOM_K[0] <= first <= ROOM_K[1]:
             what = "a room in kelvin or something hot in degC"
         elif ambient and ROOM_F[0] <= first <= ROOM_F[1]:
@@ -128,6 +140,7 @@ class Temperatures:
             )
         if first > HOT_C or ROOM_F[0] <= first <= ROOM_F[1]:
             self._hot.append(f"{name} begins at {first:g}")
+            self._tenths |= first.is_integer() and ROOM_TENTHS[0] <= first <= ROOM_TENTHS[1]
 
     def notes(self) -> list[str]:
         """What was turned into degC."""
@@ -147,7 +160,8 @@ class Temperatures:
             text = f"{listed(self._cold, 3)}: too cold for kelvin, read as degC"
             found.append(Guess("unit", text, "--exclude it if it is a rise or a difference, --units C confirms it"))
         if self._hot:
-            found.append(Guess("unit", f"no unit, taken for degC: {listed(self._hot, 3)}", "--units C confirms it"))
+            way = "--units C confirms it" + (", --units '°C x10' says that they are tenths" if self._tenths else "")
+            found.append(Guess("unit", f"no unit, taken for degC: {listed(self._hot, 3)}", way))
         return found
 
 
@@ -164,32 +178,35 @@ def _common_letter(names: Sequence[str]) -> str | None:
     return letter if letter and len(names) >= 2 else None
 
 
-def _told(units: tuple[str, ...], table: Table) -> tuple[str | None, dict[str, str]]:
+def _told(units: tuple[str, ...], table: Table) -> tuple[Unit | None, dict[str, Unit]]:
     """(unit of all sensors, unit by column) as the user says.
 
     Raises
     ------
     UsageError: no unit of temperature, or no such column.
     """
-    whole, own = None, {}
+    whole, own = None, dict[str, Unit]()
     for text in units:
         name, sign, letter = text.rpartition("=")
         unit = parse_unit(letter)
         if unit is None or not unit.temperature:
-            raise UsageError(f"--units: {letter!r} is no unit of temperature", allowed="C, K or F, or COLUMN=C")
+            raise UsageError(
+                f"--units: {letter!r} is no unit of temperature", allowed="C, K, F, m°C, '°C x10' for tenths, or COLUMN=C"
+            )
         if not sign:
-            whole = unit.symbol
+            whole = unit
         elif name not in table.names:
             raise UsageError(f"{table.name}: --units {name!r} is no column of this record", allowed=listed(table.names))
         else:
-            own[name] = unit.symbol
+            own[name] = unit
     return whole, own
 
 
 def unit_told(name: str, options: Options, table: Table) -> str:
     """The unit that the user says a column of temperatures has, if any."""
     whole, own = _told(options.units, table)
-    return own.get(name, whole) or ""
+    unit = own.get(name, whole)
+    return unit.symbol if unit is not None else ""
 
 
 def winding(ohms: Array, column: str, table: Table, options: Options) -> Array:

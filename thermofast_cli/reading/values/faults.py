@@ -90,11 +90,9 @@ def _same_far_away(values: Array) -> NDArray[np.bool_]:
     gaps = np.diff(ordered)
     for code, rest in ((ordered[-1], reading[reading < ordered[-1]]), (ordered[0], reading[reading > ordered[0]])):
         alike = reading == code
-        gap = (
-            float(gaps[len(rest) - 1] if code == ordered[-1] else gaps[int(alike.sum()) - 1])
-            if 0 < len(rest) < len(reading)
-            else 0.0
-        )
+        if not 0 < len(rest) < len(reading):
+            continue
+        gap = float(gaps[len(rest) - 1] if code == ordered[-1] else gaps[int(alike.sum()) - 1])
         other = np.flatnonzero(~alike)
         between = alike.sum() > 1 and len(other) > 0 and alike[other[0] : other[-1]].any()  # not only before or after all others
         if between and len(rest) > len(reading) // 2 and gap > FAR * float(np.ptp(rest)) + FAR_C:
