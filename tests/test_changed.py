@@ -242,7 +242,8 @@ def test_a_sensor_that_begins_elsewhere_than_before_is_told():
     rng = np.random.default_rng(1)
     new = run(rng, "new")
     high = tf.read({"time_min": new.time_s / 60.0} | {c: v + 2.0 * (c == "b") for c, v in new.channels.items()}, name="high")
-    told = tf.changed([run(rng, "one"), run(rng, "two")], high)
+    assert tf.changed([run(rng, "one"), run(rng, "two")], high).verdict == "sensor"
+    told = tf.changed([run(rng, "one")], high)  # how unevenly it begins one run does not show
     assert told.verdict == "nothing"
     assert "b began 2 K higher against the others than before: warmer than they were, or its probe reads high" in told[0].message
     assert "began" not in tf.changed([run(rng, "one"), run(rng, "two")], new)[0].message
@@ -294,3 +295,28 @@ def test_a_model_of_sensors_that_warm_each_other_stands_for_the_old_machine(what
     assert kind.size == pytest.approx(size, abs=0.05)  # 0.64 and 1.07 with the new run's neighbours
     assert kind.size_lo <= size <= kind.size_hi
     assert tf.changed(new=record("again"), model=model).verdict == "nothing"
+
+
+def test_a_probe_that_is_off_throughout_is_a_sensor_and_a_warm_place_is_none():
+    """By 3 K from beginning to end; 1 K is not told from how unevenly machines begin, and no longer called nothing."""
+
+    def verdict(off, warm=0.0, old=2):
+        rng = np.random.default_rng(8)
+        runs = [run(rng, f"old {k}") for k in range(old)]
+        new = run(rng, "new")
+        curves = {c: v.copy() for c, v in new.channels.items()}
+        curves["b"] += off + warm * np.exp(-0.4 * new.time_s / 60.0 * 0.06)
+        return tf.changed(runs, tf.read({"time_min": new.time_s / 60.0, **curves}, name="new"))
+
+    told = verdict(3.0)
+    assert told.verdict == "sensor"
+    assert (told[0].change, told[0].channel, told[0].status) == ("sensor", "b", "ok")
+    assert told[0].difference_lo_k < 3.0 < told[0].difference_hi_k
+    assert told[0].size is None
+    assert "b tells 3 K higher than it did beside the others, from beginning to end: its probe" in told[0].message
+    assert sum(r.probability for r in told) == pytest.approx(1.0, abs=0.02)
+    assert verdict(1.0).verdict == "nothing or sensor"
+    assert verdict(0.0).verdict == "nothing"
+    assert "one probe by" in verdict(0.0)[0].message
+    assert all(r.difference_k is None for r in verdict(0.0, warm=3.0) if r.change == "sensor" and r.probability > 0.5)
+    assert not any(r.difference_k for r in verdict(3.0, old=1))  # after one run nobody knows how uneven they begin

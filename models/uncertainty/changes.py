@@ -40,6 +40,8 @@ DRIFT = 0.3, 0.15
 ROOM_BETWEEN = 0.7
 #: Prior probability that a run which begins elsewhere began warm, and not in another room; where the room is logged, the other way.
 WARM = 0.2
+#: Prior deviation [K] of what a probe that is off tells beside the truth.
+PROBE = 2.0
 #: Deviation [K] of where sensors begin beside each other from run to run; of a machine that is warm, as share of how warm it is.
 BESIDE, UNEVEN = 0.3, 0.5
 
@@ -120,7 +122,8 @@ class Change:
     """One kind of change: its probability, and the logarithm of its size with its deviation; sensor is that of a `sensor`.
 
     size is the factor on heat, heat capacity or loss; of a sensor the factor on its rise; of the contacts that on the rise of the
-    sensor that moved most; of the room the difference [K], not a logarithm; None for `nothing`.
+    sensor that moved most; of the room the difference [K], not a logarithm; None for `nothing`. kelvin: of a sensor as well, whose
+    probe tells another temperature throughout.
     """
 
     kind: str
@@ -128,6 +131,7 @@ class Change:
     probability: float
     size: float | None = None
     deviation: float | None = None
+    kelvin: bool = False
 
 
 def scatter(n: int, runs: Sequence[Sequence[RunNumbers]]) -> Array:
@@ -233,6 +237,44 @@ def with_room(found: Sequence[Change], probability: float, difference: float, de
         Change("room", None, as_it_was.probability * probability, difference, deviation),
     ]
     return sorted([*parted, *(c for c in found if c is not as_it_was)], key=lambda c: -c.probability)
+
+
+def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, errors: Array) -> list[Change]:
+    """Kinds of change with a probe among them that tells another temperature throughout; the likeliest first.
+
+    starts, rises (K, S) [K]: of each run, the first of which are `old`; errors (S,): of the new rises over the old ones, in
+    logarithms. A probe that is off moves where its sensor begins and not how far it rises; a place that is warm from before does
+    both, and a run is as uneven as the old ones were. Of two sensors nobody knows which is off, after one run how uneven they are.
+    """
+    count = starts.shape[1]
+    if count < 3 or old < 2:
+        return list(found)
+    begun = starts - np.median(starts, axis=1, keepdims=True)
+    before = begun[:old].mean(axis=0)
+    own = ((begun[:old] - before) ** 2).sum(axis=0)
+    # Of one sensor as of all together, as one run more whose sensors begin as they usually do.
+    variance = (BESIDE**2 * count + own.sum()) / (count * old) * (1.0 / old + 1.0 / (len(starts) - old))
+    moved = begun[old:].mean(axis=0) - before
+    factor = np.median(rises[old:].mean(axis=0) / rises[:old].mean(axis=0))
+    fell = rises[old:].mean(axis=0) - factor * rises[:old].mean(axis=0)
+    unsure = (np.hypot(errors, OWN[1]) * np.abs(rises[old:].mean(axis=0))) ** 2 + BESIDE**2
+    chance = norm.logpdf(moved, 0.0, np.sqrt(variance))
+    as_probe = norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2)) + norm.logpdf(fell, 0.0, np.sqrt(unsure))
+    as_warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), as_warm_spot(moved, fell, variance, unsure))
+    odds = PRIORS["sensor"] / count * np.exp(np.minimum(as_probe - as_warm, 50.0))
+    i = int(np.argmax(odds))
+    share = float(odds[i] / (1.0 + odds[i]))
+    others = [replace(c, probability=c.probability * (1.0 - share)) for c in found]
+    size = float(moved[i]) * PROBE**2 / (PROBE**2 + variance)
+    probe = Change("sensor", i, share, size, float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), kelvin=True)
+    return sorted([probe, *others], key=lambda c: -c.probability)
+
+
+def as_warm_spot(moved: Array, fell: Array, variance: float, unsure: Array) -> Array:
+    """Log likelihood (S,) that a sensor's place was warm from before: it began higher, and rose by so much less."""
+    likely: Array = np.log(WARM) + norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2))
+    likely += norm.logpdf(fell, -moved, np.sqrt(unsure))
+    return likely
 
 
 def other_room(old: Array, new: Array, error: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
-from thermofast.models.uncertainty.changes import WARM, Begun, Change, RunNumbers, changes, other_room, with_room
+from thermofast.models.uncertainty.changes import WARM, Begun, Change, RunNumbers, changes, other_room, with_offset, with_room
 
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError, rounded
@@ -46,6 +46,7 @@ WORDS = {
     "heat capacity": "every point settles where it did, {slower}: the heat capacity",
     "loss": "every point rises {less} and settles {quicker}: the loss to the surroundings",
     "sensor": "{sensor} alone tells another temperature or is in another place",
+    "probe": "{sensor} tells {kelvin} K {higher} than it did beside the others, from beginning to end: its probe",
     "contact": "points differ each in its own way, {sensor} most, which rises {more}: a contact, a coupling, or several at once",
 }
 
@@ -112,9 +113,15 @@ def compare_runs(
     if model is None or not logged:
         found = _with_room(fits, starts, many, found, seen_as.same_start)
     difference, deviation = seen_as.difference, np.sqrt(np.diag(seen_as.noise))
+    if model is None:
+        found = with_offset(found, starts, levels - starts, many, deviation[len(channels) :])
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
     names = ", ".join(run.name for run, _ in new)
-    notes = [*_rooms(many, seen), *_apart(many, [s.only(channels) for s in seen])] if model is None or not logged else []
+    told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
+    apart = [
+        note for note in _apart(many, [s.only(channels) for s in seen]) if not any(note.startswith(f"{c} began") for c in told)
+    ]
+    notes = [*_rooms(many, seen), *apart] if model is None or not logged else []
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -196,14 +203,14 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
     kelvin: tuple[float | None, ...] = None, None, None
     if c.size is not None and c.deviation is not None:
         sides = [c.size + k * c.deviation for k in (0.0, -1.96, 1.96)]
-        if c.kind == "room":
+        if c.kind == "room" or c.kelvin:
             kelvin = tuple(sides)
         else:
             size, low, high = map(math.exp, sides)
     sensor = channels[c.sensor] if c.sensor is not None else ""
     percent = "" if size is None else f"by {rounded(abs(100.0 * (size - 1.0)))} %"
     up = size is None or size > 1.0
-    said = WORDS[c.kind].format(
+    said = WORDS["probe" if c.kelvin else c.kind].format(
         more=f"{'more' if up else 'less'} {percent}",
         less="less" if up else "more",
         slower=f"{'slower' if up else 'faster'} {percent}",
@@ -211,6 +218,7 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
         sensor=sensor,
         kelvin=rounded(abs(c.size or 0.0)),
         warmer="warmer" if (c.size or 0.0) > 0.0 else "colder",
+        higher="higher" if (c.size or 0.0) > 0.0 else "lower",
     )
     said = said if status == "ok" else f"likeliest: {said}"
     message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
@@ -238,6 +246,7 @@ def _visible(found: Sequence[Change]) -> str:
         for c in found
         if c.kind in WHOLE and c.deviation is not None
     ]
+    sizes += [f"one probe by {rounded(SHOWS * c.deviation)} K" for c in found if c.kelvin and c.kind == "sensor" and c.deviation]
     return f"would most likely have shown: {', '.join(sizes)}"
 
 
