@@ -151,7 +151,8 @@ class Past:
     runs, and what stands here of rates is a guess from the run at hand. unexplained: sensors whose readings the model leaves in a
     pattern: its effects stand for what is missing in it, too, and are others in another run. searched: the rises are of effects
     that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
-    a machine's usual disturbance does. stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most.
+    a machine's usual disturbance does. stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
+    changed_min: when it jumped last [min of the run].
     """
 
     shapes: dict[str, SensorShape]
@@ -167,6 +168,7 @@ class Past:
     unexplained: tuple[str, ...] = ()
     searched: Searched = ""
     stayed_min: float = np.inf
+    changed_min: float = -np.inf
 
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt.

@@ -19,7 +19,7 @@ from ..effects.base import Effect
 from ..joint import Fit, fit_model
 from ..observations import Observations
 from .candidates import Candidate, in_order, try_add
-from .dominant import Stage, beats_disturbance, explain, try_all
+from .dominant import Stage, beats_disturbance, explain, foreseen, try_all
 from .heldout import held_out_errors
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
@@ -113,6 +113,9 @@ def discover(
     if named is None and above and most > 1 and known is None:
         named, rivals = _several(base, pairs, effects, false_alarm, spread)
         also = also if named is None else rivals
+    first = foreseen(base, singles, false_alarm) if above and known is None else None
+    if first is not None and (named is None or first.named.effect.id not in named.ids):
+        return _in_stages([base], [[c] for c in singles], effects, false_alarm, spread, first)[0]
     p = min((over_all(c) for c in singles), default=1.0)
     blank = np.full(run.sensors, np.nan)
     if named is None:
@@ -149,6 +152,7 @@ def _in_stages(
     effects: Sequence[Effect],
     false_alarm: float,
     spread: Spread,
+    first: Stage | None = None,
 ) -> list[Discovery]:
     """Effects named one after the other as long as the error on readings left out, of all runs, falls; what that says of each."""
     stages: list[Stage] = []
@@ -157,7 +161,7 @@ def _in_stages(
     def pooled(number: int) -> float:
         return sum(float(np.nansum(h[number] ** 2 * fit.readings)) for h, fit in zip(held, bases, strict=True))
 
-    for stage in explain(bases, tried, effects, false_alarm, spread):
+    for stage in explain(bases, tried, effects, false_alarm, spread, first=first):
         for h, fit, single in zip(held, stage.fits, stage.named.by_run, strict=True):
             h.append(held_out_errors(fit) if single is not None else h[-1])
         if not pooled(-1) < pooled(-2):

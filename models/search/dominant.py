@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from ..core.kernel import Array
 from ..core.tails import chi2_tail
 from ..effects.base import Effect
-from ..joint import Fit, Part, fit_model, with_parts
+from ..joint import Fit, Key, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
 from .candidates import Candidate, in_order, once_more, partners, trials, try_add
 from .judge import least_p, likelihood_ratios, sensor_p_values
@@ -209,6 +209,27 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None
 
 
+def foreseen(base: Fit, singles: Sequence[Candidate], false_alarm: float) -> Stage | None:
+    """The effect of what was logged, where it comes out as large as physics has it and explains most of the misfit; mostly none.
+
+    Of a room that is logged, and that moves a machine by as much as it moved itself, no other effect needs to be better: how large
+    these are nobody knows before.
+    """
+    found = []
+    for single in singles:
+        effect = single.parts[-1].effect
+        typical = next((p.typical for p in effect.parameters if p.name == effect.amplitude), None)
+        if not effect.logged or typical is None or typical[1] > RULES.known_size * typical[0] or len(single.parts) > 1:
+            continue
+        size = np.atleast_1d(single.fit.values[Key(len(single.parts) - 1, effect.amplitude)])
+        as_known = (size >= typical[0] / RULES.known_size) & (size <= typical[1] * RULES.known_size)
+        weighed = weigh([base], [[single]], false_alarm)
+        if as_known.all() and weighed and single.identifiable.ok and single.fit.physical:
+            found += [w for w in weighed if w.share >= RULES.mostly and w.evidence >= w.need]
+    best = max(found, key=lambda w: w.share, default=None)
+    return None if best is None else Stage((base,), best, None)
+
+
 def _twice(
     before: Sequence[Fit],
     weighed: Sequence[Weighed],
@@ -265,14 +286,22 @@ def explain(
     false_alarm: float = RULES.false_alarm,
     spread: Callable[..., Iterable[Any]] = map,
     most: int = RULES.most_effects,
+    first: Stage | None = None,
 ) -> tuple[Stage, ...]:
     """Effects named one after the other in the runs of one machine; none where nothing beats an unknown disturbance.
 
-    bases has the model of each run to begin with, singles for each effect the candidate of each run that was tried first on it.
+    bases has the model of each run to begin with, singles for each effect the candidate of each run that was tried first on it;
+    first is the stage to begin with, where it is known.
     """
     stages: list[Stage] = []
     before, tried = tuple(bases), singles
     while len(stages) < most:
+        if first is not None and not stages:
+            stages.append(first)
+            before = first.fits
+            if all(least_p(sensor_p_values(fit)) >= RULES.pattern for fit in before):
+                break
+            tried = try_all(before, partners(effects, [*bases[0].model.parts, *first.named.shown[0].candidate.parts]), spread)
         weighed = weigh(before, tried, false_alarm)
         decided = decide(before, weighed)
         stage = _twice(before, weighed, tried, false_alarm, spread, decided) or decided

@@ -82,6 +82,12 @@ class SearchRules:
         "share of the misfit below which twice the evidence is asked for",
         "benchmarks.discovery.dominant: disturbances outside the catalogue",
     )
+    known_size: float = rule(
+        1.25,
+        "times",
+        "an effect of what is logged may be larger or smaller than physics has it, and then needs no more evidence than chance gives",
+        "a logged room acts as it is: records of a stranger's hand with a room that rises by 5 K",
+    )
     overruled: float = rule(
         2.5, "1", "times that evidence overrules an amplitude that is near nothing by the curvature there", "records without a room"
     )

@@ -86,6 +86,12 @@ class EstimationRules:
     changed_share: float = rule(
         0.25, "of the sensors", "and two at least, whose last reading is left out: a change", "outliers of probes come one by one"
     )
+    fresh: float = rule(
+        0.5,
+        "time constants",
+        "since the load changed, before which a row is doubtful",
+        "a stranger's machines with a logged speed: of 261 `ok` rows sooner after a step 76 % held, later 93 and more",
+    )
     behind: float = rule(
         0.1,
         "largest movement of a sensor of the run",

@@ -120,6 +120,7 @@ def claimed_verdicts(
     until: float,
     back: NDArray[np.bool_],
     past: Past | None,
+    changed_min: float | None,
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
     seen = np.abs(found.state[:, 0] - found.initial)
@@ -146,6 +147,9 @@ def claimed_verdicts(
     driven = claimed.rate[claimed.other_rise & claimed.held, 1]
     slow = np.minimum(claimed.rate[:, 1], np.median(driven) if len(driven) else np.inf)
     restless = claimed.other_rise & (stayed * slow < 1.0)
+    since = _since_change(claimed, past, changed_min, found)
+    with np.errstate(invalid="ignore"):
+        fresh = since * np.minimum(claimed.rate[:, 1], _median(claimed.rate[claimed.held, 1])) < RULES.fresh
     behind = np.isfinite(claimed.behind)
     haste = np.isfinite(claimed.faster)
     with np.errstate(invalid="ignore"):
@@ -162,7 +166,8 @@ def claimed_verdicts(
         done = claimed.rate[:, 1] * (found.time - sensors.time[0]) > DONE
     jumped = _jumped(found, sensors)
     reaches = done & bool(uneven[first]) & ~uneven & ~claimed.known
-    doubted = unfit | strong | hides | swings | lawless | restless | behind | haste | goes_on | reaches | (jumped > 0) | (leave > 0)
+    doubted = unfit | strong | hides | swings | lawless | restless | fresh | behind | haste | goes_on | reaches
+    doubted |= (jumped > 0) | (leave > 0)
     status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
     still = went < RULES.at_rest * found.noise
@@ -171,7 +176,7 @@ def claimed_verdicts(
     for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | believed | (out > 0)).tolist():
         said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
         if still[i]:
-            said.append("it did not move by more than its noise: the heat may not be on yet")
+            said.append("it did not move by more than its noise: not heated yet, or settled before")
         if not bounded[i]:
             said.append(_open_side(found.one(i)))
         elif too_wide[i]:
@@ -191,6 +196,11 @@ def claimed_verdicts(
             said.append(
                 f"the heat stayed for {rounded(stayed)} min at most, less than a time constant "
                 f"({rounded(1.0 / slow[i])} min): slower parts of the machine cannot be told; let it stay and measure on"
+            )
+        if fresh[i]:
+            said.append(
+                f"the load changed {rounded(float(since[i]))} min before the last reading: what it leads to shows after "
+                f"{rounded(RULES.fresh / claimed.rate[i, 1])} min; measure on"
             )
         if behind[i]:
             share = rounded(100.0 * claimed.behind[i])
@@ -288,6 +298,17 @@ def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
     inside = (at >= RULES.last_alone) & (at < step.shape[1] - RULES.last_alone)
     far = largest > np.maximum(RULES.fastest_step * step.max(axis=1), RULES.jump * found.noise)
     return np.where(inside & far, at + 1, jumped)
+
+
+def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:
+    """Minutes since the load changed (S,): the drive of a sensor that follows one, else what is logged and not counted; inf for none."""
+    counted = past.changed_min if past is not None else -np.inf
+    other = -np.inf if changed_min is None or changed_min > found.time else changed_min
+    return np.asarray(found.time - np.where(claimed.other_rise, counted, other))
+
+
+def _median(values: Array) -> float:
+    return float(np.median(values)) if len(values) else np.inf
 
 
 def _too_many(out: NDArray[np.intp], found: Estimates) -> NDArray[np.bool_]:

@@ -186,7 +186,10 @@ def _watched(option: Option, time: float) -> str:
 
 
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
-    reached = f"it comes to +-{rounded(best)} K at best" if math.isfinite(best) else "no side is ever closed"
+    within = f"within {TURNS[-1]:g} time constants ({rounded(float(curve.time[-1]), 3)} min)"
+    if best < tolerance:
+        return f"{within} it comes to +-{rounded(best)} K at best, but not on half of the machines drawn so that it stays so"
+    reached = f"{within} it comes to +-{rounded(best)} K at best" if math.isfinite(best) else f"{within} no side is ever closed"
     alone = needed(law.time, law.half_width, tolerance)
     if curve.name != law.name and alone is not None:
         return f"{reached}: the machine is the limit, not the readings, which alone would do after {alone:.3g} min"

@@ -16,9 +16,12 @@ BEGINNING = 0.1
 UNCOUNTED, FEW = 0.2, 8
 
 
-def uncounted(run: Run, start_min: float, until_min: float | None) -> str:
-    """Where a logged column jumped a few times within the readings used [min], that nothing counts it; else empty."""
-    said = []
+def uncounted(run: Run, start_min: float, until_min: float | None, drive: str | None = None) -> tuple[str, float | None]:
+    """Where a logged column jumped a few times within the readings used [min], that nothing counts it, else empty; and when [min of
+    the run] the last of all did so. drive: the column that was asked to be counted.
+    """
+    said: list[str] = []
+    last: list[float] = []
     used = (run.time_s >= 60.0 * start_min) & (run.time_s <= (np.inf if until_min is None else 60.0 * until_min))
     for name, column in run.inputs.items():
         known = used & np.isfinite(column)
@@ -28,8 +31,16 @@ def uncounted(run: Run, start_min: float, until_min: float | None) -> str:
         jumps = _jumps(level, UNCOUNTED * float(np.abs(level).max()))
         if 0 < len(jumps) <= FEW:
             when = listed([f"{t:.4g}" for t in minutes[jumps]], 3)
-            said.append(f"{name} changed at {when} min, which is not counted: --drive {name!r} counts it")
-    return "; ".join(said)
+            way = f": --drive {name!r} counts it" if drive is None else ""
+            said.append(f"{name} changed at {when} min, which is not counted{way}")
+            last.append(float(minutes[jumps[-1]]))
+    return "; ".join(said), max(last, default=None)
+
+
+def last_change(time: Array, column: Array) -> float:
+    """When [min] a logged column (n,) jumped last; -inf where it does not, or goes on and off all the time."""
+    jumps = _jumps(column, STAGE * float(np.ptp(column)))
+    return float(time[jumps[-1]]) if 0 < len(jumps) <= FEW else -np.inf
 
 
 def last_level(time: Array, column: Array, tau: float) -> float:

@@ -35,7 +35,7 @@ from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, rounded
 from ..estimation.measured import follows_machine
 from ..plugins.effects import chosen_effects
-from .jumps import longest_stay
+from .jumps import last_change, longest_stay
 from .learnt import carry, changed_files
 from .model import Model
 from .modelfile import ModelFile, past_of
@@ -170,26 +170,46 @@ def _guessed(task: LoopTask) -> Knowledge:
             fit = fit_disturbed(both_ways(found.named.fit))
             searched = "all" if any(part.effect.scope == "run" for part in found.named.parts) else "each"
     elif task.drive is not None:
-        fit, told = _as_it_follows(fit)
-        notes += told
+        followed, told = _as_it_follows(fit)
+        if followed is None:
+            return Knowledge(name, notes=tuple(told))
+        fit, notes = followed, [*notes, *told]
     log_rates = np.log(fit.values[RATE])
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
     stayed = _stayed(fit)
     rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(fit, stayed))
-    past = Past(shapes, scatter=0.0, guessed=True, rises=rises, searched=searched, stayed_min=stayed)
+    past = Past(
+        shapes,
+        scatter=0.0,
+        guessed=True,
+        rises=rises,
+        searched=searched,
+        stayed_min=stayed,
+        changed_min=_changed(fit, task.start_min),
+    )
     return Knowledge(name, past, tuple(notes), _follows_room(fit), strange=tuple(strange), found=len(fit.model.parts))
 
 
-def _stayed(fit: Fit) -> float:
-    """Minutes that a logged column which brings heat stayed where it was, at most; inf where none jumps."""
+def _heats(fit: Fit) -> list[np.ndarray]:
+    """Logged columns (n,) that bring heat, over the readings used."""
     run = fit.run
     columns = [run.inputs[c] for p in fit.model.parts if (c := p.choice.constants.get("column", "")) in run.inputs]
     if run.heat is not None:
         columns.append(run.heat if run.driven is None else run.driven)
     read = int(np.flatnonzero(run.used.any(axis=0))[-1]) + 1
-    return min((longest_stay(run.time[:read], column[:read]) for column in columns), default=float("inf"))
+    return [column[:read] for column in columns]
+
+
+def _stayed(fit: Fit) -> float:
+    """Minutes that a logged column which brings heat stayed where it was, at most; inf where none jumps."""
+    return min((longest_stay(fit.run.time[: len(column)], column) for column in _heats(fit)), default=float("inf"))
+
+
+def _changed(fit: Fit, start_min: float) -> float:
+    """When [min of the run] such a column jumped last; -inf where none does."""
+    return max((start_min + last_change(fit.run.time[: len(c)], c) for c in _heats(fit)), default=-float("inf"))
 
 
 def _other_modes(fit: Fit, stayed: float) -> float:
@@ -203,8 +223,11 @@ def _other_modes(fit: Fit, stayed: float) -> float:
     return RESTLESS if stayed * float(np.median(fit.values[RATE])) < STAYED else DRIVEN
 
 
-def _as_it_follows(fit: Fit) -> tuple[Fit, list[str]]:
-    """The fit with the power to which the heat follows its drive, and how late, where the readings tell it from a disturbance."""
+def _as_it_follows(fit: Fit) -> tuple[Fit | None, list[str]]:
+    """The fit with the power to which the heat follows its drive, and how late, where the readings tell it from a disturbance.
+
+    None where that power may be 0, so that the heat may not follow at all.
+    """
     law = try_add(fit, DriveLaw())
     if law is None or not law.identifiable.ok or not beats_disturbance(fit, law, RULES.false_alarm, 1):
         return fit, []
@@ -213,6 +236,8 @@ def _as_it_follows(fit: Fit) -> tuple[Fit, list[str]]:
     power, error = 1.0 + float(law.fit.values[amplitude]), 1.96 * widening(law.fit) * float(law.fit.deviations[amplitude])
     others = [p for p in effect.active(law.parts[-1].choice) if p.name != effect.amplitude]
     beside = "".join(f", {p.name} {rounded(float(law.fit.values[Key(at, p.name)]))} {p.unit}" for p in others)
+    if power - error <= 0.0:
+        return None, [f"the heat may not follow {fit.run.drive} (power {power:.2g} ± {error:.2g}), and it is not counted"]
     return fit_disturbed(law.fit), [f"the heat follows {fit.run.drive} to the power {power:.3g} ± {error:.2g}{beside}"]
 
 
@@ -301,7 +326,7 @@ def past_of_model(model: Model) -> Past:
 
 
 def _said(effects: Sequence[str], source: str, runs: int) -> str:
-    learnt = f", learnt from {runs} runs" if runs > 1 else ""
+    learnt = f", learnt from {runs} runs" if runs > 1 and source != f"{runs} runs" else ""
     return f"with {', '.join(effects)} of {source}{learnt}" if effects else f"by {source}{learnt}"
 
 

@@ -126,20 +126,23 @@ def identify_runs(
     failed = [one for one in told.values() if one.failed]
     able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
 
-    changed = {run.name: uncounted(run, start, until_min) for run, start in able} if not (model or drive or auto) else {}
+    changed = {run.name: uncounted(run, start, until_min, drive) for run, start in able} if not model else {}
 
     def make(
         name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
     ) -> IdentifyTask:
         of_run, known = method, told.get(name)
-        if changed.get(name):
-            notes = tuple(_and((note,), changed[name]) for note in notes)
+        changes, last = changed.get(name, ("", None))
+        if changes:
+            of_run = replace(of_run, changed_min=last)
+            counted = known.past.shapes if known is not None and known.past is not None else {}
+            notes = tuple(note if c in counted else _and((note,), changes) for c, note in zip(part, notes, strict=True))
         if known is not None and known.past is None:
             notes = tuple(_and(known.notes, note) for note in notes)
         if known is not None and known.uses_room and room_c is not None:
             notes = tuple(_and(("the model accounts for the surroundings: --room is not told with it",), note) for note in notes)
         if known is not None and known.past is not None:
-            of_run = replace(method, past=known.past)
+            of_run = replace(of_run, past=known.past)
             mine = known.past.shapes
             notes = tuple(
                 _and(known.notes if c in mine else (_other(c, known),), note) for c, note in zip(part, notes, strict=True)

@@ -191,7 +191,7 @@ def _told(units: tuple[str, ...], table: Table) -> tuple[Unit | None, dict[str, 
         unit = parse_unit(letter)
         if unit is None or not unit.temperature:
             raise UsageError(
-                f"--units: {letter!r} is no unit of temperature", allowed="C, K, F, m°C, '°C x10' for tenths, or COLUMN=C"
+                f"--units: {letter!r} is no unit of temperature", allowed="C, K or F, m°C, '°C x10' for tenths, or COLUMN=C"
             )
         if not sign:
             whole = unit

@@ -48,7 +48,7 @@ def without_impossible(values: Array) -> tuple[Array, int]:
     far = len(some) > 2 and (high > max(some) + near or low < min(some) - near)
     if not far and low > 0.0 and high < min(c for c in CODES_C if c > 0.0):
         return values, 0
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         bad = (values <= COLDEST_C) | (values > HOTTEST_C) | np.isin(np.round(values, 6), FAULTS_C)
     bad |= _codes(np.where(bad, np.nan, values))
     bad |= _same_far_away(np.where(bad, np.nan, values))
@@ -62,7 +62,8 @@ def _codes(values: Array) -> NDArray[np.bool_]:
     found = np.zeros(len(values), dtype=bool)
     at = np.flatnonzero(np.isfinite(values))
     reading = values[at]
-    coded = np.isin(np.round(reading, 6), CODES_C)  # readings in K are an ulp off
+    with np.errstate(over="ignore"):
+        coded = np.isin(np.round(reading, 6), CODES_C)  # readings in K are an ulp off
     for code in CODES_ABOVE_C:  # and those in degF were rounded
         coded |= np.abs(reading - code) < 0.3
     if not coded.any() or coded.all():
