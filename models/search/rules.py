@@ -85,7 +85,7 @@ class SearchRules:
     known_size: float = rule(
         1.25,
         "times",
-        "an effect of what is logged may be larger or smaller than physics has it, and then needs no more evidence than chance gives",
+        "an effect of what is logged may be larger or smaller than physics has it, and needs no more evidence than chance gives",
         "a logged room acts as it is: records of a stranger's hand with a room that rises by 5 K",
     )
     overruled: float = rule(

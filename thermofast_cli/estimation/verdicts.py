@@ -301,7 +301,7 @@ def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
 
 
 def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:
-    """Minutes since the load changed (S,): the drive of a sensor that follows one, else what is logged and not counted; inf for none."""
+    """Minutes since the load changed (S,): the drive of a sensor that follows one, else what is logged and not counted; or inf."""
     counted = past.changed_min if past is not None else -np.inf
     other = -np.inf if changed_min is None or changed_min > found.time else changed_min
     return np.asarray(found.time - np.where(claimed.other_rise, counted, other))

@@ -1,0 +1,219 @@
+"""What readers from outside met in the fourth trial: loose probes, headers that change, clocks, computers' logs, loads that change."""
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.errors import InputError
+
+MINUTES = np.arange(40.0)
+FRONT = np.round(20.0 + 8.0 * -np.expm1(-MINUTES / 25.0), 2)
+REAR = np.round(20.0 + 5.0 * -np.expm1(-MINUTES / 30.0), 2)
+OIL = np.round(20.0 + 3.0 * -np.expm1(-MINUTES / 20.0), 2)
+
+
+def written(tmp_path, text, name="run.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def rows(*columns, first=0):
+    return "".join(
+        ",".join([f"{60 * m:g}", *(f"{c[m]:.2f}" for c in columns)]) + "\n" for m in range(first, first + len(columns[0]))
+    )
+
+
+@pytest.mark.parametrize("code", [1372.0, 850.0, 0.0, 85.0, -200.0, 1999.0])
+@pytest.mark.parametrize("unit", ["C", "K"])
+@pytest.mark.parametrize("gap", [2, 4, 9])
+def test_a_probe_that_comes_and_goes_is_left_out_where_it_is_broken(tmp_path, code, unit, gap):
+    column = FRONT.copy()
+    column[[12, 12 + gap]] = code
+    column = column + (273.15 if unit == "K" else 0.0)
+    text = f"Time [s],front [{'°C' if unit == 'C' else 'K'}]\n" + "".join(f"{60 * m:g},{v:.2f}\n" for m, v in enumerate(column))
+    run = tf.read(written(tmp_path, text))
+    (found,) = run.channels.values()
+    assert np.flatnonzero(np.isnan(found)).tolist() == [12, 12 + gap]
+    assert found[20] == pytest.approx(FRONT[20], abs=0.006) or 20 in (12, 12 + gap)
+
+
+def test_a_number_that_no_list_has_is_a_code_where_it_comes_back_and_a_beginning_is_none():
+    column = FRONT.copy()
+    column[[9, 21, 33]] = 444.0
+    assert np.flatnonzero(np.isnan(tf.read(_written_run(column)).channels["front [°C]"])).tolist() == [9, 21, 33]
+    column = np.where(MINUTES < 4, 20.0, 60.0 + 0.1 * np.round(MINUTES))  # put into hot oil after four readings
+    assert np.isfinite(tf.read(_written_run(column)).channels["front [°C]"][4:]).all()
+    once = FRONT.copy()
+    once[20] = 444.0  # one alone is an outlier, which the estimate leaves out by itself
+    assert np.isfinite(tf.read(_written_run(once)).channels["front [°C]"]).all()
+
+
+def _written_run(column):
+    import tempfile
+    from pathlib import Path
+
+    path = Path(tempfile.mkdtemp()) / "run.csv"
+    path.write_text("Time [s],front [°C]\n" + "".join(f"{60 * m:g},{v:.2f}\n" for m, v in enumerate(column)), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("at", [10, 19, 20, 30])
+def test_a_column_more_or_less_and_another_order_after_a_restart(tmp_path, at):
+    two, three = "Time [s],A [°C],B [°C]\n", "Time [s],A [°C],B [°C],C [°C]\n"
+    early, late = slice(None, at), slice(at, None)
+
+    def part(*columns, first):
+        return "".join(
+            ",".join([f"{60 * (first + k):g}", *(f"{c[k]:.2f}" for c in columns)]) + "\n" for k in range(len(columns[0]))
+        )
+
+    more = two + part(FRONT[early], REAR[early], first=0) + three + part(FRONT[late], REAR[late], OIL[late], first=at)
+    less = three + part(FRONT[early], REAR[early], OIL[early], first=0) + two + part(FRONT[late], REAR[late], first=at)
+    turned = two + part(FRONT[early], REAR[early], first=0)
+    turned += "Time [s],B [°C],A [°C]\n" + part(REAR[late], FRONT[late], first=at)
+    for text, known in ((more, at <= MINUTES), (less, at > MINUTES), (turned, None)):
+        run = tf.read(written(tmp_path, text))
+        assert run.time_s.tolist() == (60.0 * MINUTES).tolist()
+        np.testing.assert_allclose(run.channels["A [°C]"], FRONT)
+        np.testing.assert_allclose(run.channels["B [°C]"], REAR)
+        if known is not None:
+            assert np.isfinite(run.channels["C [°C]"]).tolist() == known.tolist()
+            np.testing.assert_allclose(run.channels["C [°C]"][known], OIL[known])
+        assert any("the header stands again in line" in n for n in run.notes)
+    with pytest.raises(InputError, match="the header stands again with other units"):
+        tf.read(written(tmp_path, more.replace("B [°C],C [°C]", "B [°F],C [°C]")))
+
+
+def test_the_log_of_a_computer_says_by_paths_what_its_columns_are(tmp_path):
+    above = ",/amdcpu/0/load/0,/amdcpu/0/temperature/0,/amdcpu/0/power/0,/lpc/nct6798d/temperature/2\n"
+    text = above + 'Time,"CPU Total","Core (Tctl/Tdie)","Package","Temperature #2"\n'
+    text += "".join(f"03/14/2024 09:{m:02.0f}:00,26.1,{a:.2f},45.8,{b:.2f}\n" for m, a, b in zip(MINUTES, FRONT, REAR, strict=True))
+    run = tf.read(written(tmp_path, text))
+    assert list(run.channels) == ["Core (Tctl/Tdie)", "Temperature #2"]
+    assert list(run.inputs) == ["CPU Total", "Package"]
+
+
+def test_milliseconds_without_leading_zeros_are_in_order(tmp_path):
+    text = "Zeit;A [°C]\n" + "".join(
+        f"07.11.2021 13:59:{49 + k // 20}.{50 * (k % 20)};{20.0 + 0.05 * k:.3f}\n".replace(".000\n", ".000\n") for k in range(60)
+    )
+    run = tf.read(written(tmp_path, text))
+    np.testing.assert_allclose(run.time_s, 0.05 * np.arange(60), atol=1e-6)
+    assert any("milliseconds written without leading zeros" in n for n in run.notes)
+    plain = text.replace(".50;", ".05;").replace(".0;", ".00;")  # hundredths as they stand are left alone
+    assert not any("leading zeros" in n for n in tf.read(written(tmp_path, plain.split("\n", 1)[0] + "\n" + _hundredths())).notes)
+
+
+def _hundredths():
+    return "".join(f"07.11.2021 13:59:{49 + k // 20}.{5 * (k % 20):02d};{20.0 + 0.05 * k:.3f}\n" for k in range(60))
+
+
+def test_a_word_in_the_column_of_values_is_told_and_no_other_number_is_taken(tmp_path):
+    lines = [
+        f"2021-02-14 12:{m:02.0f}:00,{n},{v:.2f},192\n"
+        for m, a, b in zip(MINUTES, FRONT, REAR, strict=True)
+        for n, v in (("f", a), ("r", b))
+    ]
+    text = "DateTime,TagName,Value,QualityDetail\n" + "".join(lines)
+    run = tf.read(written(tmp_path, text.replace("20.00", "(null)", 1)))
+    assert float(np.nanmax(run.channels["f"])) < 30.0
+    with pytest.raises(InputError, match="column 'Value': not a number"):
+        tf.read(written(tmp_path, text.replace(f",r,{REAR[7]:.2f}", ",r,B.OUT", 1)))
+
+
+def test_a_place_in_front_of_all_names_is_no_room(tmp_path):
+    names = ("lab/T1 [°C]", "lab/T2 [°C]", "lab/Bearing [°C]", "lab/room [°C]")
+    run = tf.read(written(tmp_path, ",".join(["Time [s]", *names]) + "\n" + rows(FRONT, REAR, OIL, 0.0 * OIL + 20.0)))
+    assert list(run.channels) == list(names[:3])
+    assert list(run.ambient) == [names[3]]
+    two = ("Room north [°C]", "Room south [°C]", "T1 [°C]")
+    run = tf.read(written(tmp_path, ",".join(["Time [s]", *two]) + "\n" + rows(OIL, OIL, FRONT)))
+    assert list(run.ambient) == list(two[:2])
+
+
+def test_thousandths_and_tenths_by_option(tmp_path):
+    text = "Time [s],28-0000a1\n" + "".join(f"{60 * m:g},{1000 * v:.0f}\n" for m, v in enumerate(FRONT))
+    with pytest.raises(InputError, match="thousandths of a degree"):
+        tf.read(written(tmp_path, text))
+    np.testing.assert_allclose(tf.read(written(tmp_path, text), units=("m°C",)).channels["28-0000a1"], FRONT, atol=0.001)
+    tenths = "Time [s],Temp A\n" + "".join(f"{60 * m:g},{10 * v:.0f}\n" for m, v in enumerate(FRONT))
+    np.testing.assert_allclose(tf.read(written(tmp_path, tenths), units=("°C x10",)).channels["Temp A"], FRONT, atol=0.051)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("Motor load", "input"),
+        ("Luftfeuchtigkeit", "input"),
+        ("Frequenz", "input"),
+        ("velocity", "input"),
+        ("负载", "input"),
+        ("Zone1_OP", "input"),
+        ("Residual [°C]", "input"),
+        ("T front - T rear [°C]", "input"),
+        ("Rear ΔT [K]", "input"),
+        ("Max allowed [°C]", "input"),
+        ("T-Halle [°C]", "ambient"),
+        ("Laborluft [°C]", "ambient"),
+        ("Lab spindle [°C]", "sensor"),
+        ("Pump bearing", "sensor"),
+    ],
+)
+def test_what_a_name_says(tmp_path, name, role):
+    run = tf.read(written(tmp_path, f"Time [s],T1,T2,{name}\n" + rows(FRONT, REAR, OIL)))
+    assert name in {"input": run.inputs, "ambient": run.ambient, "sensor": run.channels}[role]
+
+
+def _stepped(since, noise=0.02):
+    """An hour's warming whose heat, logged, rises by half `since` minutes before the last reading."""
+    time = np.arange(0.0, 120.1, 0.5)
+    heat = np.where(time < 120.0 - since, 1.0, 1.5)
+    rise = 12.0 * -np.expm1(-time / 50.0) + 6.0 * np.where(
+        heat > 1.0, -np.expm1(-np.maximum(time - 120.0 + since, 0.0) / 50.0), 0.0
+    )
+    reading = 20.0 + rise + noise * np.random.default_rng(3).standard_normal(len(time))
+    return {"time_min": time, "front": reading, "rear": 20.0 + 0.7 * (reading - 20.0), "speed_rpm": 3000.0 * heat}
+
+
+def test_soon_after_the_load_changed_a_row_is_no_ok():
+    for since, drive in ((2.0, None), (5.0, "speed_rpm")):
+        early = tf.identify(_stepped(since), drive=drive)
+        assert all(r.status != "ok" for r in early)
+        assert any(f"the load changed {since:g} min before the last reading" in r.message for r in early)
+    late = tf.identify(_stepped(45.0), drive="speed_rpm")
+    assert [r.status for r in late] == ["ok", "ok"]
+    assert all("the load changed" not in r.message for r in late)
+    limit = 38.0
+    assert late[0].steady_state_lo_c < limit < late[0].steady_state_hi_c
+
+
+def test_a_drive_that_the_heat_does_not_follow_is_not_counted():
+    table = _stepped(45.0)
+    time = table["time_min"]
+    still = 20.0 + 12.0 * -np.expm1(-time / 50.0) + 0.02 * np.random.default_rng(5).standard_normal(len(time))
+    table |= {"front": still, "rear": 20.0 + 0.7 * (still - 20.0)}
+    for row in tf.identify(table, drive="speed_rpm"):
+        assert "not counted" in row.message
+        assert row.steady_state_lo_c < {"front": 32.0, "rear": 28.4}[row.channel] < row.steady_state_hi_c
+
+
+def test_a_logged_room_that_acts_as_it_is_needs_no_other_cause():
+    """Three bodies, the heat of each conducted to the others a little, in a room that warms by 5 K: what is hidden is logged."""
+    rng, step = np.random.default_rng(4), 0.1
+    time = np.arange(0.0, 300.0 + step, step)
+    room = 22.0 + 5.0 * time / 300.0
+    tau, rise, here, out = np.array([50.0, 60.0, 70.0]), np.array([18.0, 12.0, 16.0]), np.full(3, 22.0), []
+    for air in room:
+        out.append(here)
+        linked = 0.05 / 50.0 * (np.roll(here, 1) + np.roll(here, -1) - 2.0 * here)
+        here = here + step * ((rise - here + air) / tau + linked)
+    reading = np.array(out)[::10] + 0.03 * rng.standard_normal((301, 3))
+    table = {
+        "time_min": time[::10],
+        **{f"T{i}": reading[:, i] for i in range(3)},
+        "ambient": room[::10] + 0.03 * rng.standard_normal(301),
+    }
+    found = tf.diagnose(table)
+    assert found[0].verdict == "ambient"
+    assert all("second_mode" not in r.verdict for r in found)
