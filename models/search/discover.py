@@ -19,7 +19,7 @@ from ..effects.base import Effect
 from ..joint import Fit, fit_model
 from ..observations import Observations
 from .candidates import Candidate, in_order, try_add
-from .dominant import Stage, beats_disturbance, explain, foreseen, try_all
+from .dominant import Stage, beats_disturbance, beside_others, explain, foreseen, misfit_power, try_all, weigh
 from .heldout import held_out_errors
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
@@ -122,6 +122,7 @@ def discover(
         if not above:
             return Discovery(base, floor, tuple(singles), None, (), p, blank, None, "none")
         found = _in_stages([base], [[c] for c in singles], effects, false_alarm, spread)[0]
+        found = _of_two(found, pairs, number, false_alarm) or found
         if found.named is not None:
             return found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
@@ -172,6 +173,40 @@ def _in_stages(
         singles = sorted([c for c in (t[k] for t in tried) if c is not None], key=lambda c: -c.gain)
         found.append(_share_of_run(k, base, tuple(singles), stages, held[k]))
     return found
+
+
+def _of_two(found: Discovery, pairs: Sequence[Candidate], number: int, false_alarm: float) -> Discovery | None:
+    """What is found where two effects together explain far more than what was named one after the other; mostly None.
+
+    Of a second mass and a load that changed, a cooling that changed alone explains a part, and takes the place of both. Each of the
+    two must go as far beyond chance beside the other as an effect that is named beside others, and no third pair may do as well.
+    """
+    base = found.base
+    before = 0.0 if found.named is None else total_likelihood_ratio(base, found.named)
+    had = misfit_power(base)
+    sound = [c for c in pairs if c.identifiable.ok and c.fit.physical and misfit_power(c.fit) <= (1.0 - RULES.mostly) * had]
+    sound.sort(key=lambda c: -total_likelihood_ratio(base, c))
+    if not sound or total_likelihood_ratio(base, sound[0]) < max(RULES.both * before, RULES.least_evidence):
+        return None
+    near = [c for c in sound if total_likelihood_ratio(base, c) >= RULES.as_good * total_likelihood_ratio(base, sound[0])]
+    if len({frozenset(c.ids) for c in near}) > 2:
+        return None
+    named = sound[0]
+    needed = beside_others(base, named, false_alarm, number)
+    first = next((c for c in found.singles if c.parts[-1].effect.id == named.parts[-2].effect.id), None)
+    if first is None or not all(w is not None and w.clear(RULES.beyond_once_more) for w in needed):
+        return None
+    held = tuple(held_out_errors(fit) for fit in (base, first.fit, named.fit))
+    so_far = found.ahead if found.ahead is not None else found.ahead_base
+    if np.nansum(held[-1] ** 2 * base.readings) > np.nansum(so_far**2 * base.readings):
+        return None
+    steps = [weigh([fit], [[c]], false_alarm) for fit, c in ((base, first), (first.fit, named))]
+    if not all(steps):
+        return None
+    stages = tuple(Stage((fit,), step[0], None) for fit, step in zip((base, first.fit), steps, strict=True))
+    also = tuple(in_order(c) for c in near[1:] if set(c.ids) != set(named.ids))
+    p = max(w.p for w in needed if w is not None)
+    return Discovery(base, found.base_floor, found.singles, named, also, p, held[0], held[-1], "", stages, held)
 
 
 def _share_of_run(k: int, base: Fit, singles: tuple[Candidate, ...], stages: Sequence[Stage], held: list[Array]) -> Discovery:

@@ -82,6 +82,12 @@ class SearchRules:
         "share of the misfit below which twice the evidence is asked for",
         "benchmarks.discovery.dominant: disturbances outside the catalogue",
     )
+    both: float = rule(
+        1.5,
+        "times the likelihood ratio",
+        "of what is named one after the other, that two effects together must have to take its place",
+        "a stranger's machines with a second mass and a load that changed",
+    )
     known_size: float = rule(
         1.25,
         "times",

@@ -167,6 +167,8 @@ class Watch:
             self.since_min = before if held else minutes
         self.last_min = minutes
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
+        if self.since_min is not None and not stop:
+            waits = f"; it must stay so until {rounded((1.0 + HOLDS) * self.since_min, 4)} min"
         return Look(minutes, records, within, stop, waits, self.tolerance_c, began)
 
 

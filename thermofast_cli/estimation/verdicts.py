@@ -142,6 +142,8 @@ def claimed_verdicts(
     undetermined = ~bounded | too_wide
     swings = _too_many(out, found)
     leave = np.where(claimed.other_rise, 0, claimed.left_last)
+    if out.any():  # what a curve does that the law cannot follow, one by one, is no outlier of a probe
+        out = np.where(swings | (leave > 0), out, np.minimum(out, _outlying(found, sensors).sum(axis=1)))
     stayed = past.stayed_min if past is not None else np.inf
     # A sensor that is said to be quick has slower parts behind it all the same: those that the others read.
     driven = claimed.rate[claimed.other_rise & claimed.held, 1]
