@@ -54,8 +54,7 @@ class Method:
     """What every sensor of a run is treated with.
 
     paces: how the rate will change after the last reading used; imperfection: how far the machine may leave the law; rates: what
-    sensors tell each other of theirs; past: what complete runs of this machine say of it; changed_min: when what is logged, and
-    nothing counts, last jumped [min of the run].
+    sensors tell each other; past: what complete runs of this machine say; changed_min: when what is logged, uncounted, last jumped.
     """
 
     model: Model
@@ -332,8 +331,8 @@ class _Block:
         else:
             back = comes_back(law, claimed.steady[:, 1], sensors)
             found = with_claims(law, claimed, sensors, back)
-            past, changed = self.method.past, self.method.changed_min
-            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, past, changed)
+            known = self.method.past, self.method.changed_min
+            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
         elapsed = max(found.time - self.start_min, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
         faded = found.faded if claimed is None else np.zeros_like(found.faded)
