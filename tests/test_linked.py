@@ -149,14 +149,14 @@ def test_a_staircase_counts_as_its_last_step_however_fast_it_is_climbed():
         reading = 20.0 + np.array(rise) + 0.02 * np.random.default_rng(seed).standard_normal(len(time))
         table = {"time_min": time, "T": reading, "power_w": climbed}
         for until in (65.0, 75.0):
-            for way in ({"drive": "power_w"}, {"auto": True}):
+            for way in ({"drive": "power_w"}, {"auto": True})[: 2 if seed < 4 else 1]:  # a search takes seconds
                 (found,) = tf.identify(table, until=until, **way)
                 held.append(found.steady_state_lo_c <= 40.0 <= found.steady_state_hi_c)
                 assert held[-1] or seed > 1, (until, way)
                 assert abs(found.steady_state_c - 40.0) < 1.5, (seed, until, way)
                 assert found.status == "model_doubtful", (until, way)
                 assert "the heat stayed for 20 min at most" in found.message
-    assert sum(held) >= 19  # of 20 that are to hold in 95 %
+    assert sum(held) >= len(held) - 1 == 15  # of 16 that are to hold in 95 %
     (plain,) = tf.identify(table, until=75.0)
     assert "power_w changed at 20, 40, 60 min, which is not counted" in plain.message
     (held,) = tf.identify({**table, "power_w": np.full(len(time), 250.0)}, until=75.0)

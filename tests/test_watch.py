@@ -320,7 +320,7 @@ def test_bad_input_is_met_with_words(tool, tmp_path):
 
 def test_what_is_waited_for_is_said_where_all_are_within_the_tolerance(tool, tmp_path):
     path = tmp_path / "exact.csv"
-    time = np.arange(0.0, 200.0, 0.25)
+    time = np.arange(0.0, 200.0, 0.5)
     noise = np.random.default_rng(4).normal(0.0, 0.02, (2, len(time)))
     readings = [20.0 + (6.0 + k) * -np.expm1(-time / 60.0) + noise[k] for k in range(2)]
     np.savetxt(

@@ -60,8 +60,9 @@ def command(
 
     The verdict is an effect, up to four joined by '+', 'none', or 'unexplained'. An effect is named only if chance would not give
     its gain (--false-alarm, over everything that is tried), an unknown disturbance of the same size and colour explains the
-    misfit far less well, the error on readings left out falls, and the record determines its parameters. 'partly_explained' says
-    that a pattern remains beside it, as on most machines: what it is worth, and what remains, stand in the row.
+    misfit far less well, the error on readings left out falls, and the record determines its parameters, or is so much likelier
+    with it that only its size is open. 'partly_explained' says that a pattern remains beside it, as on most machines: what it is
+    worth, and what remains, stand in the row.
 
     With --together the evidence for an effect is summed over several runs of one machine; what one run alone shows is its event.
 
