@@ -341,3 +341,21 @@ def test_what_a_usual_disturbance_explains_as_well_is_not_added():
         assert " found, which explains" in r.message
         assert (r.status, r.steady_state_hi_c) == (without.status, without.steady_state_hi_c)
         assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c
+
+
+def test_one_effect_does_not_take_the_place_of_two_that_explain_far_more():
+    """A second mass, and a load that halves, and waves of 0.05 K that nobody models: a cooling alone explains a part of both."""
+    rng, step = np.random.default_rng(0), 0.1
+    time = np.arange(0.0, 300.0 + step, step)
+    tau, rise, here, behind, out = np.array([40.0, 50.0]), np.array([16.0, 11.0]), np.full(2, 20.0), np.full(2, 20.0), []
+    for minute in time:
+        out.append(here)
+        heat = rise * (1.0 if minute < 110.0 else 0.5)
+        flow = 0.9 / tau * (behind - here)
+        here, behind = here + step * ((heat - (here - 20.0)) / tau + flow), behind - step * flow / 2.0
+    reading = np.array(out)[::20] + 0.03 * rng.standard_normal((151, 2))
+    reading += 0.05 * np.sin(time[::20] / 37.0 + np.array([[0.3], [1.1]])).T
+    found = tf.diagnose({"time_min": time[::20], "front": reading[:, 0], "rear": reading[:, 1]})
+    assert set(found[0].verdict.split("+")) == {"load_step", "second_mode"}
+    assert found[0].event_min == pytest.approx(110.0, abs=1.0)
+    assert all(r.rmse_ahead_c < 0.2 * r.rmse_base_ahead_c for r in found)

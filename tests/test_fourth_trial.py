@@ -217,3 +217,27 @@ def test_a_logged_room_that_acts_as_it_is_needs_no_other_cause():
     found = tf.diagnose(table)
     assert found[0].verdict == "ambient"
     assert all("second_mode" not in r.verdict for r in found)
+
+
+def test_a_second_mass_that_a_search_added_leaves_open_what_the_readings_leave_open():
+    """Exact machines with a cold mass three times as large, read for 180 min of 500: 2 of 24 intervals held the limit."""
+    held = []
+    for seed in (30, 31):
+        rng, step = np.random.default_rng(seed), 0.1
+        tau, rise, here, behind, out = (
+            np.array([50.0, 60.0, 70.0]),
+            np.array([18.0, 12.0, 16.0]),
+            np.full(3, 22.0),
+            np.full(3, 22.0),
+            [],
+        )
+        for _ in range(1801):
+            out.append(here)
+            flow = 0.6 / tau * (behind - here)
+            here, behind = here + step * ((rise - (here - 22.0)) / tau + flow), behind - step * flow / 3.0
+        reading = np.array(out)[::10] + 0.03 * rng.standard_normal((181, 3))
+        found = tf.identify({"time_min": np.arange(181.0), **{f"T{i}": reading[:, i] for i in range(3)}}, auto=True)
+        assert all("second_mode" in r.message for r in found)
+        held += [r.steady_state_lo_c <= 22.0 + up <= r.steady_state_hi_c for r, up in zip(found, rise, strict=True)]
+        assert all(r.steady_state_hi_c - r.steady_state_c > 0.5 for r in found)  # 0.2 K on machines whose fit says 2 to 5
+    assert sum(held) >= 5
