@@ -209,6 +209,18 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None
 
 
+def _of_the_machine(base: Fit, part: Part) -> bool:
+    """Whether the logged column of a part moves far and as a sensor does: a thermometer on the machine sees what the others see."""
+    run, name = base.run, part.choice.constants.get("column")
+    column = run.ambient.get(name, run.inputs.get(name))
+    if column is None:
+        return False
+    seen = run.used.any(axis=0)
+    moved = float(np.ptp(column[seen])) / max(float(np.median(np.ptp(run.filled[:, seen], axis=1))), 1e-12)
+    alike = max(abs(float(np.corrcoef(column[seen], line[seen])[0, 1])) for line in run.filled)
+    return moved > RULES.room_share and alike**2 > 1.0 - RULES.room_unlike
+
+
 def foreseen(base: Fit, singles: Sequence[Candidate], false_alarm: float) -> Stage | None:
     """The effect of what was logged, where it comes out as large as physics has it and explains most of the misfit; mostly none.
 
@@ -220,6 +232,8 @@ def foreseen(base: Fit, singles: Sequence[Candidate], false_alarm: float) -> Sta
         effect = single.parts[-1].effect
         typical = next((p.typical for p in effect.parameters if p.name == effect.amplitude), None)
         if not effect.logged or typical is None or typical[1] > RULES.known_size * typical[0] or len(single.parts) > 1:
+            continue
+        if _of_the_machine(base, single.parts[-1]):
             continue
         size = np.atleast_1d(single.fit.values[Key(len(single.parts) - 1, effect.amplitude)])
         as_known = (size >= typical[0] / RULES.known_size) & (size <= typical[1] * RULES.known_size)
