@@ -211,10 +211,11 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
 
 def _of_the_machine(base: Fit, part: Part) -> bool:
     """Whether the logged column of a part moves far and as a sensor does: a thermometer on the machine sees what the others see."""
-    run, name = base.run, part.choice.constants.get("column")
-    column = run.ambient.get(name, run.inputs.get(name))
-    if column is None:
+    run, name = base.run, str(part.choice.constants.get("column", ""))
+    logged = {**run.inputs, **run.ambient}
+    if name not in logged:
         return False
+    column = logged[name]
     seen = run.used.any(axis=0)
     moved = float(np.ptp(column[seen])) / max(float(np.median(np.ptp(run.filled[:, seen], axis=1))), 1e-12)
     alike = max(abs(float(np.corrcoef(column[seen], line[seen])[0, 1])) for line in run.filled)
