@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models import difference_noise
 from thermofast.models.imperfection import lagged
 from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
@@ -37,8 +38,10 @@ def steadied(sensors: Sensors, until_min: float | None, together: int, room: Arr
             continue
         swung[mine], swing[mine] = found.at(sensors.time), np.stack(found.ends(), axis=1)
         for k in mine[found.swings].tolist():
-            by = rounded(0.5 * float(swing[k, 1] - swing[k, 0]))
-            said = f"swings by {by} K with a period of {rounded(found.period, 3)} min: temperatures are means over its cycle"
+            half = 0.5 * float(swing[k, 1] - swing[k, 0])
+            if half < difference_noise(sensors.reading[k, :n]):
+                continue  # too little to be worth a word
+            said = f"swings by {rounded(half)} K with a period of {rounded(found.period, 3)} min: temperatures are means over its cycle"
             notes[k] = (*notes[k], said)
     if not swung.any():
         return sensors
