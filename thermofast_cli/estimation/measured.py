@@ -41,7 +41,8 @@ def steadied(sensors: Sensors, until_min: float | None, together: int, room: Arr
             half = 0.5 * float(swing[k, 1] - swing[k, 0])
             if half < difference_noise(sensors.reading[k, :n]):
                 continue  # too little to be worth a word
-            said = f"swings by {rounded(half)} K with a period of {rounded(found.period, 3)} min: temperatures are means over its cycle"
+            period = rounded(found.period, 3)
+            said = f"swings by {rounded(half)} K with a period of {period} min: temperatures are means over its cycle"
             notes[k] = (*notes[k], said)
     if not swung.any():
         return sensors
