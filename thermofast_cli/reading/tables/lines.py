@@ -178,11 +178,15 @@ def united_headers(data: bytes, head: list[str], dialect: Dialect, name: str) ->
     first = header[0] if header else ""
     if not first.strip() or first.strip()[:1].isdigit():
         return data, []
+    begun = first.encode()
+    above = data.startswith((begun, b'"' + begun))
+    if data.count(b"\n" + begun) + data.count(b'\n"' + begun) + above < 2:
+        return data, []  # to look for a few bytes takes a tenth of the time of trying every line
     begins = re.compile(rb'(?m)^"?' + re.escape(first.encode()) + rb'"?' + re.escape(dialect.delimiter.encode()) + rb"[^\n]*")
     found = {m[0].rstrip(b"\r"): data.count(b"\n", 0, m.start()) for m in begins.finditer(data)}
     if len(found) < 2:
         return data, []
-    lines = data.decode("utf-8", errors="replace").splitlines()
+    lines = [line.rstrip("\r") for line in data.decode("utf-8", errors="replace").split("\n")]
     names: dict[str, None] = {}
     at: list[int] = []
     out: list[tuple[list[str], list[int] | None]] = []
