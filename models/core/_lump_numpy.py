@@ -103,8 +103,11 @@ def _clip(value: float, low: float, high: float) -> float:
 
 
 def _refine(p: _Problem, best: _Sums) -> _Sums:
-    """Gauss-Newton in the rate, amplitudes eliminated; halves a step that does not descend."""
-    for _ in range(60):
+    """Gauss-Newton in the rate, amplitudes eliminated; halves a step that does not descend.
+
+    It creeps where residuals are large; the compiled twin takes the curvature that its last step showed.
+    """
+    for _ in range(1000):
         curvature = best.psi_psi - best.phi_psi**2 / best.phi_phi if best.phi_phi > 0.0 else 0.0
         curvature *= best.slope**2
         if not curvature > 0.0:
