@@ -241,3 +241,25 @@ def test_a_second_mass_that_a_search_added_leaves_open_what_the_readings_leave_o
         held += [r.steady_state_lo_c <= 22.0 + up <= r.steady_state_hi_c for r, up in zip(found, rise, strict=True)]
         assert all(r.steady_state_hi_c - r.steady_state_c > 0.5 for r in found)  # 0.2 K on machines whose fit says 2 to 5
     assert sum(held) >= 5
+
+
+def test_a_sweep_says_where_the_row_was_in_doubt_at_its_time():
+    """Of the records of `identify` the one at which the interval is first narrow enough is in doubt, the last one no more."""
+    from thermofast.estimation.sweep import Swept, _with_machine
+    from thermofast.records import IdentifyRecord, SweepRecord
+
+    def identified(until, doubtful):
+        half = 3.0 - 0.05 * until
+        status = "model_doubtful" if until < doubtful else "ok"
+        return [
+            IdentifyRecord("r", "T", "afukf", until, steady_state_lo_c=30.0 - half, steady_state_hi_c=30.0 + half, status=status)
+        ]
+
+    times = np.arange(10.0, 51.0, 5.0)
+    swept = [Swept((SweepRecord("r", "T", "afukf", 60.0),), times, np.zeros((1, 9)), np.zeros(9))]
+    (told,) = _with_machine(swept, lambda until: identified(until, 46.0), 1.0)
+    assert told.records[0].tolerance_time_min == 45.0
+    assert told.records[0].status == "model_doubtful"
+    assert "at 45 min the model is in doubt, and no more later: identify --until 45" in told.records[0].message
+    (told,) = _with_machine(swept, lambda until: identified(until, 40.0), 1.0)
+    assert (told.records[0].tolerance_time_min, told.records[0].status, told.records[0].message) == (45.0, "ok", "")

@@ -156,6 +156,11 @@ def _with_machine(swept: Sequence[Swept], identified: Callable[[float], list[Ide
                 middle = (low + high) // 2
                 low, high = (low, middle) if _half_width(at(middle, i)) < tolerance_c else (middle + 1, high)
             tolerance_time = float(times[high])
+            if not doubted and at(high, i).status == "model_doubtful":
+                doubted = True
+                told.append(
+                    f"at {tolerance_time:g} min the model is in doubt, and no more later: identify --until {tolerance_time:g}"
+                )
         message = "; ".join(dict.fromkeys(m for m in (*told, head.message) if m))
         status = "model_doubtful" if doubted else "ok"
         found[i] = replace(
