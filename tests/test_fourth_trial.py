@@ -38,24 +38,20 @@ def test_a_probe_that_comes_and_goes_is_left_out_where_it_is_broken(tmp_path, co
     assert found[20] == pytest.approx(FRONT[20], abs=0.006) or 20 in (12, 12 + gap)
 
 
-def test_a_number_that_no_list_has_is_a_code_where_it_comes_back_and_a_beginning_is_none():
+def test_a_number_that_no_list_has_is_a_code_where_it_comes_back_and_a_beginning_is_none(tmp_path):
     column = FRONT.copy()
     column[[9, 21, 33]] = 444.0
-    assert np.flatnonzero(np.isnan(tf.read(_written_run(column)).channels["front [°C]"])).tolist() == [9, 21, 33]
+    assert np.flatnonzero(np.isnan(_of_one(tmp_path, column))).tolist() == [9, 21, 33]
     column = np.where(MINUTES < 4, 20.0, 60.0 + 0.1 * np.round(MINUTES))  # put into hot oil after four readings
-    assert np.isfinite(tf.read(_written_run(column)).channels["front [°C]"][4:]).all()
+    assert np.isfinite(_of_one(tmp_path, column)[4:]).all()
     once = FRONT.copy()
     once[20] = 444.0  # one alone is an outlier, which the estimate leaves out by itself
-    assert np.isfinite(tf.read(_written_run(once)).channels["front [°C]"]).all()
+    assert np.isfinite(_of_one(tmp_path, once)).all()
 
 
-def _written_run(column):
-    import tempfile
-    from pathlib import Path
-
-    path = Path(tempfile.mkdtemp()) / "run.csv"
-    path.write_text("Time [s],front [°C]\n" + "".join(f"{60 * m:g},{v:.2f}\n" for m, v in enumerate(column)), encoding="utf-8")
-    return path
+def _of_one(tmp_path, column):
+    text = "Time [s],front [°C]\n" + "".join(f"{60 * m:g},{v:.2f}\n" for m, v in enumerate(column))
+    return tf.read(written(tmp_path, text)).channels["front [°C]"]
 
 
 @pytest.mark.parametrize("at", [10, 19, 20, 30])
@@ -95,9 +91,7 @@ def test_the_log_of_a_computer_says_by_paths_what_its_columns_are(tmp_path):
 
 
 def test_milliseconds_without_leading_zeros_are_in_order(tmp_path):
-    text = "Zeit;A [°C]\n" + "".join(
-        f"07.11.2021 13:59:{49 + k // 20}.{50 * (k % 20)};{20.0 + 0.05 * k:.3f}\n".replace(".000\n", ".000\n") for k in range(60)
-    )
+    text = "Zeit;A [°C]\n" + "".join(f"07.11.2021 13:59:{49 + k // 20}.{50 * (k % 20)};{20.0 + 0.05 * k:.3f}\n" for k in range(60))
     run = tf.read(written(tmp_path, text))
     np.testing.assert_allclose(run.time_s, 0.05 * np.arange(60), atol=1e-6)
     assert any("milliseconds written without leading zeros" in n for n in run.notes)

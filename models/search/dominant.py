@@ -19,6 +19,7 @@ from ..core.tails import chi2_tail
 from ..effects.base import Effect
 from ..joint import Fit, Key, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
+from ..uncertainty.surroundings import follows_machine
 from .candidates import Candidate, in_order, once_more, partners, trials, try_add
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
@@ -210,16 +211,10 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
 
 
 def _of_the_machine(base: Fit, part: Part) -> bool:
-    """Whether the logged column of a part moves far and as a sensor does: a thermometer on the machine sees what the others see."""
+    """Whether the logged column of a part is a thermometer on the machine, which sees what the others see."""
     run, name = base.run, str(part.choice.constants.get("column", ""))
-    logged = {**run.inputs, **run.ambient}
-    if name not in logged:
-        return False
-    column = logged[name]
-    seen = run.used.any(axis=0)
-    moved = float(np.ptp(column[seen])) / max(float(np.median(np.ptp(run.filled[:, seen], axis=1))), 1e-12)
-    alike = max(abs(float(np.corrcoef(column[seen], line[seen])[0, 1])) for line in run.filled)
-    return moved > RULES.room_share and alike**2 > 1.0 - RULES.room_unlike
+    logged, seen = {**run.inputs, **run.ambient}, run.used.any(axis=0)
+    return name in logged and follows_machine(run.filled[:, seen], logged[name][seen])
 
 
 def foreseen(base: Fit, singles: Sequence[Candidate], false_alarm: float) -> Stage | None:

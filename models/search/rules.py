@@ -95,9 +95,10 @@ class SearchRules:
         "a logged room acts as it is: records of a stranger's hand with a room that rises by 5 K",
     )
     room_share: float = rule(
-        0.4, "rise so far", "a logged room that moves by more, and as a sensor does, is on the machine", BY_HAND
+        0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND
     )
-    room_unlike: float = rule(0.2, "1", "share of its variance that the sensor leaves of such a room at most", BY_HAND)
+    room_unlike: float = rule(0.2, "1", "share of its variance that the machine's shape leaves of such a room at most", BY_HAND)
+    room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     overruled: float = rule(
         2.5, "1", "times that evidence overrules an amplitude that is near nothing by the curvature there", "records without a room"
     )

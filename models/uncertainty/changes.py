@@ -260,7 +260,7 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     unsure = (np.hypot(errors, OWN[1]) * np.abs(rises[old:].mean(axis=0))) ** 2 + BESIDE**2
     chance = norm.logpdf(moved, 0.0, np.sqrt(variance))
     as_probe = norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2)) + norm.logpdf(fell, 0.0, np.sqrt(unsure))
-    as_warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), as_warm_spot(moved, fell, variance, unsure))
+    as_warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), _as_warm_spot(moved, fell, variance, unsure))
     odds = PRIORS["sensor"] / count * np.exp(np.minimum(as_probe - as_warm, 50.0))
     i = int(np.argmax(odds))
     share = float(odds[i] / (1.0 + odds[i]))
@@ -270,7 +270,7 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     return sorted([probe, *others], key=lambda c: -c.probability)
 
 
-def as_warm_spot(moved: Array, fell: Array, variance: float, unsure: Array) -> Array:
+def _as_warm_spot(moved: Array, fell: Array, variance: float, unsure: Array) -> Array:
     """Log likelihood (S,) that a sensor's place was warm from before: it began higher, and rose by so much less."""
     likely: Array = np.log(WARM) + norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2))
     likely += norm.logpdf(fell, -moved, np.sqrt(unsure))

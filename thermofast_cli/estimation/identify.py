@@ -14,6 +14,7 @@ from thermofast.models import PrintedLump, spike_weights
 from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates, room_at_end
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.first_passage import Pace
+from thermofast.models.uncertainty.surroundings import follows_machine
 
 from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
@@ -33,7 +34,6 @@ from .imperfect import (
 )
 from .measured import (
     contradicts,
-    follows_machine,
     in_room,
     measured_equilibria,
     moved_by_room,

@@ -30,12 +30,14 @@ def steadied(sensors: Sensors, until_min: float | None, together: int, room: Arr
     together: columns of a run that are looked at at once; room (N,) [degC] where it is logged: one that swings alike explains it.
     """
     n = sensors.until(until_min)
+    swings = False
     swung, swing, notes = np.zeros_like(sensors.reading), np.zeros((len(sensors), 2)), list(sensors.notes)
     for group in np.unique(sensors.rows // together).tolist():
         mine = np.flatnonzero(sensors.rows // together == group)
         found = swing_of(sensors.time[:n], sensors.reading[mine, :n], sensors.resolution[mine])
         if found is None or (room is not None and found.also_in(sensors.time[:n], room[:n])):
             continue
+        swings = True
         swung[mine], swing[mine] = found.at(sensors.time), np.stack(found.ends(), axis=1)
         for k in mine[found.swings].tolist():
             half = 0.5 * float(swing[k, 1] - swing[k, 0])
@@ -44,7 +46,7 @@ def steadied(sensors: Sensors, until_min: float | None, together: int, room: Arr
             period = rounded(found.period, 3)
             said = f"swings by {rounded(half)} K with a period of {period} min: temperatures are means over its cycle"
             notes[k] = (*notes[k], said)
-    if not swung.any():
+    if not swings:
         return sensors
     return replace(sensors, reading=sensors.reading - swung, swung=swung, swing=swing, notes=tuple(notes))
 
@@ -131,28 +133,6 @@ def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
         return None
     found: Array = np.interp(times, time_min[known], room[known])
     return found
-
-
-def follows_machine(reading: Array, room: Array) -> bool:
-    """Whether a logged room (n,) moves with the machine read (S, n): a thermometer in its warmth tells nothing of the air.
-
-    One that moves much does so in the machine's own shape then, and not as a room that drifts evenly or a door that was opened,
-    which machines follow later.
-    """
-    ends = max(1, len(room) // 20)
-    moved = abs(float(np.median(room[-ends:]) - np.median(room[:ends])))
-    rises = np.median(reading[:, -ends:], axis=1) - np.median(reading[:, :ends], axis=1)
-    if moved <= RULES.room_share * float(np.median(np.abs(rises))) or moved <= RULES.room_least:
-        return False
-    warmth = ((reading - reading[:, :1]) / np.where(rises == 0.0, 1.0, rises)[:, None]).mean(axis=0)
-    left = _left(room, warmth)
-    return left < _left(room, np.arange(len(room), dtype=float)) and left < RULES.room_unlike * float(np.var(room)) * len(room)
-
-
-def _left(column: Array, like: Array) -> float:
-    """Sum of squares (1,) that a column (n,) leaves when another is fitted to it."""
-    design = np.column_stack([np.ones(len(like)), like])
-    return float(np.linalg.lstsq(design, column, rcond=None)[1].sum())
 
 
 def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float, later: Array) -> Array:

@@ -55,9 +55,6 @@ class EstimationRules:
         "residuals of the law, in a pattern, from which one exponential is no word about the record",
         "benchmarks.intervals.imperfect: what rows that are `ok` leave at most, with a dominant effect too",
     )
-    room_share: float = rule(
-        0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND
-    )
     back: float = rule(
         0.03, "1", "share of the way seen: a limit nearer than that to the beginning is a return, with no rise", BY_HAND
     )
@@ -67,8 +64,6 @@ class EstimationRules:
         "that no reading went farther than where a sensor is said not to move",
         "of 10,000 normal ones the largest is 4",
     )
-    room_unlike: float = rule(0.2, "1", "share of its variance that the machine's shape leaves of such a room at most", BY_HAND)
-    room_least: float = rule(1.0, "K", "by which it must have moved at least", BY_HAND)
     kept_share: float = rule(
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
     )

@@ -29,11 +29,11 @@ from thermofast.models.search.dominant import beats_disturbance, misfit_power
 from thermofast.models.search.judge import sensor_p_values, widening
 from thermofast.models.search.mutual import both_ways
 from thermofast.models.search.rules import RULES
+from thermofast.models.uncertainty.surroundings import follows_machine
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, rounded
-from ..estimation.measured import follows_machine
 from ..plugins.effects import chosen_effects
 from .jumps import last_change, longest_stay
 from .learnt import carry, changed_files
