@@ -104,3 +104,11 @@ def test_a_record_that_tells_nothing_of_the_machine_is_no_example_for_a_plan(too
         refused = tool("plan", "--like", path)
         assert refused.code == 2
         assert "no sensor of it shows where it settles" in refused.err
+
+
+def test_a_wish_that_is_reached_but_does_not_stay_is_not_said_to_be_the_machines_limit():
+    time = np.geomspace(10.0, 455.0, 15)
+    curve = planning.Curve("as asked", time, np.full(15, 0.9), np.full((1, 15), 0.9))
+    said = planning._why(curve, curve, 1.0, 0.9)
+    assert said.startswith("within 7 time constants (455 min) it comes to +-0.9 K at best, but not on half of the machines")
+    assert "the readings are the limit" in planning._why(curve, curve, 0.5, 0.9)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.estimation.measured import steadied
+from thermofast.estimation.sensor import Sensors
 from thermofast.models.swing import swing_of
 
 TIME = np.arange(0.0, 120.0, 0.5)
@@ -39,13 +41,18 @@ def test_a_sensor_that_does_not_swing_is_left_as_it_is() -> None:
     assert not found.at(TIME)[1].any()
 
 
-@pytest.mark.parametrize("what", ["nothing", "one step", "two steps", "a walk", "a slow wave"])
+def _settling(begun: float) -> np.ndarray:
+    return np.where(begun < TIME, -np.expm1(-np.maximum(TIME - begun, 0.0) / 8.0), 0.0)
+
+
+@pytest.mark.parametrize("what", ["nothing", "one step", "two steps", "there and back", "a walk", "a slow wave"])
 def test_what_happens_once_is_no_swing(what: str) -> None:
     rng = np.random.default_rng(3)
     part = {
         "nothing": 0.0 * TIME,
         "one step": 3.0 * np.where(TIME > 50.0, -np.expm1(-(TIME - 50.0) / 20.0), 0.0),
         "two steps": 2.0 * ((TIME > 30.0) & (TIME < 70.0)),
+        "there and back": 3.0 * (_settling(44.0) - _settling(64.0)),
         "a walk": 0.2 * np.cumsum(rng.standard_normal(len(TIME))),
         "a slow wave": np.sin(2.0 * np.pi * TIME / 50.0),
     }[what]
@@ -82,3 +89,14 @@ def test_a_logged_room_that_swings_alike_explains_it() -> None:
     assert all("means over its cycle" not in r.message for r in tf.identify(table))
     calm = table | {"ambient": 20.0 + 0.01 * np.random.default_rng(2).standard_normal(len(TIME))}
     assert all("means over its cycle" in r.message for r in tf.identify(calm))
+
+
+def test_pictures_show_the_readings_as_they_were_logged_and_what_hides_in_noise_is_not_told() -> None:
+    reading = np.concatenate([_readings(_swung()), _readings(0.03 * _swung())[:1]])
+    sensors = Sensors(np.arange(3), TIME, reading, np.zeros(3), ((),) * 3)
+    found = steadied(sensors, None, 50, None)
+    for i in range(3):
+        np.testing.assert_allclose(found.measured(i), reading[i], atol=1e-12)
+    assert np.abs(found.reading[0] - LAW).max() < 0.25 < np.abs(reading[0] - LAW).max()
+    assert [len(n) for n in found.notes] == [1, 1, 0]
+    assert steadied(Sensors(np.arange(1), TIME, reading[2:], np.zeros(1), ((),)), None, 50, None).swung is None

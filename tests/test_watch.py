@@ -332,7 +332,9 @@ def test_what_is_waited_for_is_said_where_all_are_within_the_tolerance(tool, tmp
     # A lab whose runs showed no strong effects does not wait for a second mass.
     (tmp_path / "lab.toml").write_text("[imperfection]\nstrong_share = 0.005\nmultiplier = 0.1\n")
     lab = ("--tolerance", 1, "--replay", "max", "--imperfection", tmp_path / "lab.toml", "--to", 80)
-    assert "you can stop now" in tool("watch", path, *lab).err
+    stopped = tool("watch", path, *lab).err
+    assert "you can stop now" in stopped
+    assert "; it must stay so until " in stopped
     (tmp_path / "lab.toml").write_text("[imperfection]\nmultiplier = 0.1\n")
     assert "no stop before 1.5 time constants (" in tool("watch", path, *lab).err
 
