@@ -34,7 +34,7 @@ setup(
             Extension(
                 "thermofast.models.imperfection._mixture",
                 ["models/imperfection/_mixture.pyx"],
-                extra_compile_args=FLAGS,
+                extra_compile_args=[*FLAGS, "-ffp-contract=off"],  # the same numbers on processors of every width
                 optional=True,
             ),
             Extension("thermofast.models.core._forward", ["models/core/_forward.pyx"], extra_compile_args=FLAGS, optional=True),

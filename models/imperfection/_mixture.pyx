@@ -7,13 +7,15 @@ by side, an entry of all of them next to each other in memory, which a processor
 """
 from libc.math cimport NAN, erfc, exp, fabs, log, sqrt
 from libc.stdlib cimport free, malloc
+from libc.string cimport memset
 
 
 cdef extern from *:
     """
-    #define LANES 4
+    #define LANES 8
+    #define EACH_LANE _Pragma("GCC unroll 1") for (l = 0; l < LANES; l++)  /* unrolled it would no longer be done at once */
     #if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
-    #define AT_ONCE __attribute__((target_clones("avx2", "default")))  /* nothing fused: the same numbers with either */
+    #define AT_ONCE __attribute__((target_clones("avx512f", "avx2", "default")))  /* setup.py: nothing fused, so that each gives the same */
     #else
     #define AT_ONCE
     #endif
@@ -23,46 +25,101 @@ cdef extern from *:
         const double *const *restrict of_kind, const double *restrict background,
         const double *restrict scale, const double *restrict mixed)
     {
-        Py_ssize_t r, j, l;
+        Py_ssize_t r, j, l, at = 0;
         for (r = 0; r < m; r++)
-            for (j = r; j < wide; j++)
+            for (j = r; j < wide; j++, at++)
                 for (l = 0; l < LANES; l++)
-                    a[(r * all + j) * LANES + l] =
-                        scale[l] * of_kind[l][r * wide + j] + mixed[l] * background[r * wide + j];
+                    a[(r * all + j) * LANES + l] = scale[l] * of_kind[l][at] + mixed[l] * background[at];
     }
+    /* Of two covariances the upper half of what lies at share w between them, row after row without gaps. */
+    AT_ONCE static void between(
+        double *restrict out, Py_ssize_t m, Py_ssize_t wide, const double *restrict one, const double *restrict next,
+        Py_ssize_t rows, double w)
+    {
+        Py_ssize_t r, j;
+        for (r = 0; r < m; r++) {
+            const double *restrict low = one + r * rows, *restrict high = next + r * rows;
+            for (j = r; j < wide; j++)
+                *out++ = (1.0 - w) * low[j] + w * high[j];
+        }
+    }
+    /* The noise of the readings, and on the right the readings and the law's two columns: of a slow mode that leans what it adds. */
+    AT_ONCE static void columns(
+        double *restrict a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all, const double *restrict noise,
+        const double *restrict reading, const double *restrict ones, const double *restrict law, Py_ssize_t modes,
+        const double *restrict lean, const double *restrict slow, Py_ssize_t rows)
+    {
+        Py_ssize_t r, q, l;
+        for (r = 0; r < m; r++) {
+            double *restrict own = a + (r * all + r) * LANES, *restrict right = a + (r * all + wide) * LANES;
+            EACH_LANE own[l] += noise[r];
+            EACH_LANE right[l] = reading[r];
+            EACH_LANE right[LANES + l] = ones[r];
+            EACH_LANE right[2 * LANES + l] = law[r];
+            for (q = 0; q < modes; q++)
+                EACH_LANE right[2 * LANES + l] += lean[q * LANES + l] * slow[q * rows + r];
+        }
+    }
+    AT_ONCE static void add(double *restrict out, Py_ssize_t count, double size, const double *restrict part)
+    {
+        Py_ssize_t j;
+        for (j = 0; j < count; j++)
+            out[j] += size * part[j];
+    }
+    /* A row of the factor from what is left of its row, and log and product of the pivots so far; a pivot that is none gives NAN. */
+    static inline __attribute__((always_inline)) void pivot(
+        double *restrict row, Py_ssize_t c, Py_ssize_t all, double *restrict product, double *restrict logs)
+    {
+        double u[LANES];
+        Py_ssize_t j, l;
+        long long beyond = 0;
+        EACH_LANE {
+            double left = row[c * LANES + l];
+            logs[l] = left > 0.0 ? logs[l] : NAN;
+            u[l] = left > 0.0 ? left : 1.0;
+        }
+        EACH_LANE product[l] *= u[l];
+        EACH_LANE beyond |= product[l] < 1e-100 || product[l] > 1e100 ? 1 : 0;
+        EACH_LANE u[l] = 1.0 / sqrt(u[l]);
+        if (beyond)
+            for (l = 0; l < LANES; l++)
+                if (product[l] < 1e-100 || product[l] > 1e100) {
+                    logs[l] += log(product[l]);
+                    product[l] = 1.0;
+                }
+        for (j = c; j < all; j++)
+            for (l = 0; l < LANES; l++)
+                row[j * LANES + l] *= u[l];
+    }
+    /* Two rows of the factor at a time, so that what is left below them is read and written half as often. */
     AT_ONCE static void whiten(double *restrict a, Py_ssize_t m, Py_ssize_t all, double *restrict logs)
     {
-        double product[LANES], u[LANES];
+        double product[LANES], u[LANES], v[LANES];
         Py_ssize_t c, r, j, l;
         for (l = 0; l < LANES; l++) {
             product[l] = 1.0;
             logs[l] = 0.0;
         }
-        for (c = 0; c < m; c++) {
-            double *restrict row = a + c * all * LANES;
-            for (l = 0; l < LANES; l++) {
-                double v = row[c * LANES + l];
-                if (!(v > 0.0)) {
-                    logs[l] = NAN;
-                    v = 1.0;
-                }
-                product[l] *= v;
-                if (product[l] < 1e-100 || product[l] > 1e100) {
-                    logs[l] += log(product[l]);
-                    product[l] = 1.0;
-                }
-                u[l] = 1.0 / sqrt(v);
-            }
-            for (j = c; j < all; j++)
+        for (c = 0; c < m; c += 2) {
+            double *restrict one = a + c * all * LANES, *restrict two = one + all * LANES;
+            pivot(one, c, all, product, logs);
+            if (c + 1 == m)
+                break;
+            for (l = 0; l < LANES; l++)
+                u[l] = one[(c + 1) * LANES + l];
+            for (j = c + 1; j < all; j++)
                 for (l = 0; l < LANES; l++)
-                    row[j * LANES + l] *= u[l];
-            for (r = c + 1; r < m; r++) {
+                    two[j * LANES + l] -= u[l] * one[j * LANES + l];
+            pivot(two, c + 1, all, product, logs);
+            for (r = c + 2; r < m; r++) {
                 double *restrict below = a + r * all * LANES;
-                for (l = 0; l < LANES; l++)
-                    u[l] = row[r * LANES + l];
+                for (l = 0; l < LANES; l++) {
+                    u[l] = one[r * LANES + l];
+                    v[l] = two[r * LANES + l];
+                }
                 for (j = r; j < all; j++)
                     for (l = 0; l < LANES; l++)
-                        below[j * LANES + l] -= u[l] * row[j * LANES + l];
+                        below[j * LANES + l] = below[j * LANES + l] - u[l] * one[j * LANES + l] - v[l] * two[j * LANES + l];
             }
         }
         for (l = 0; l < LANES; l++)
@@ -90,6 +147,12 @@ cdef extern from *:
     const int LANES
     void assemble(double *a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all_, const double **of_kind, double *background,
                   double *scale, double *mixed) noexcept nogil
+    void between(double *out, Py_ssize_t m, Py_ssize_t wide, const double *one, const double *next, Py_ssize_t rows,
+                 double w) noexcept nogil
+    void columns(double *a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all_, const double *noise, const double *reading,
+                 const double *ones, const double *law, Py_ssize_t modes, const double *lean, const double *slow,
+                 Py_ssize_t rows) noexcept nogil
+    void add(double *out, Py_ssize_t count, double size, const double *part) noexcept nogil
     void products(double *a, Py_ssize_t m, Py_ssize_t wide, Py_ssize_t all_, double *out) noexcept nogil
     void whiten(double *a, Py_ssize_t m, Py_ssize_t all_, double *logs) noexcept nogil
 
@@ -143,17 +206,19 @@ def mixture(
     cdef Py_ssize_t sensors = reading.shape[0], rates = reading.shape[1], m = reading.shape[2]
     cdef Py_ssize_t components = covariance.shape[1], kinds = relative.shape[0], hypotheses = kind.shape[0]
     cdef Py_ssize_t wide = m + asked, all_ = m + asked + 3, modes = slow.shape[2], q
+    cdef Py_ssize_t rows = covariance.shape[3], half = m * wide - m * (m - 1) // 2  # entries of the upper half, without gaps
     cdef Py_ssize_t i, f, h, k, n, r, j, g, l, lanes, some
     cdef Py_ssize_t[8] lane  # LANES of each at least
     cdef double[8] logs, size, mixed
     cdef double[48] sums
     cdef const double *of_kind[8]
+    cdef const double *of_slow
     cdef double w, v, a0, a1, p00, p01, p11, q0, q1, qq, determinant, b0, b1, u, t0, t1
     cdef double *parts
+    cdef double *lean
     cdef double *types
     cdef double *a
     cdef double *row
-    cdef double *from_
     if covariance.shape[2] < wide or law.shape[2] < wide or slow.shape[3] < wide or ones.shape[0] < wide:
         raise ValueError("fewer rows than quantities asked for")
     if scale.shape[0] != hypotheses or under.shape[0] != hypotheses:
@@ -166,11 +231,12 @@ def mixture(
     cdef bint more = beside.shape[0] > 0
     if more and (beside.shape[0] < sensors or beside.shape[1] < wide or beside.shape[2] < wide):
         raise ValueError("fewer rows beside than quantities asked for")
-    parts = <double *> malloc((components + kinds + LANES) * m * all_ * sizeof(double))
+    parts = <double *> malloc(((components + kinds) * half + LANES * (m * all_ + modes)) * sizeof(double))
     if parts == NULL:
         raise MemoryError()
-    types = parts + components * m * all_
-    a = types + kinds * m * all_
+    types = parts + components * half
+    a = types + kinds * half
+    lean = a + LANES * m * all_
     cdef double *own = <double *> malloc((components + kinds) * (asked + 1) * sizeof(double))
     cdef double *own_kind = own + components * (asked + 1)
     cdef unsigned char *needed = <unsigned char *> malloc(kinds)
@@ -197,37 +263,30 @@ def mixture(
                 g = node[i, f]
                 w = share[i, f]
                 for n in range(components):
-                    for r in range(m):
-                        row = parts + (n * m + r) * wide
-                        for j in range(r, wide):
-                            row[j] = (1.0 - w) * covariance[g, n, r, j] + w * covariance[g + 1, n, r, j]
+                    between(parts + n * half, m, wide, &covariance[g, n, 0, 0], &covariance[g + 1, n, 0, 0], rows, w)
                     for j in range(asked):
                         own[n * asked + j] = (1.0 - w) * covariance[g, n, m + j, m + j] + w * covariance[g + 1, n, m + j, m + j]
                 for k in range(kinds):
                     if not needed[k]:
                         continue
-                    for r in range(m):
-                        for j in range(r, wide):
-                            types[(k * m + r) * wide + j] = 0.0
+                    memset(types + k * half, 0, half * sizeof(double))
                     for j in range(asked):
                         own_kind[k * asked + j] = 0.0
                     for n in range(components):
                         v = rise[i, f] * relative[k, n] + absolute[k, n]
                         if v == 0.0:
                             continue
-                        for r in range(m):
-                            row = types + (k * m + r) * wide
-                            from_ = parts + (n * m + r) * wide
-                            for j in range(r, wide):
-                                row[j] += v * from_[j]
+                        add(types + k * half, half, v, parts + n * half)
                         for j in range(asked):
                             own_kind[k * asked + j] += v * own[n * asked + j]
                     if more and k == 0:
                         for r in range(m):
+                            row = types + r * wide - r * (r + 1) // 2
                             for j in range(r, wide):
-                                types[r * wide + j] += rise[i, f] * beside[i, r, j]
+                                row[j] += rise[i, f] * beside[i, r, j]
                         for j in range(asked):
                             own_kind[j] += rise[i, f] * beside[i, m + j, m + j]
+                of_slow = &slow[i, f, 0, 0] if modes else NULL
                 h = 0
                 while h < hypotheses:
                     lanes = 0
@@ -242,25 +301,20 @@ def mixture(
                         break
                     for l in range(LANES):
                         g = lane[min(l, lanes - 1)]  # lanes left over repeat the last
-                        of_kind[l] = types + kind[g] * m * wide
+                        of_kind[l] = types + kind[g] * half
                         size[l] = scale[g]
                         mixed[l] = under[g]
                     assemble(a, m, wide, all_, of_kind, types, size, mixed)
-                    for r in range(m):
-                        if doubted:
+                    if doubted:
+                        for r in range(m):
                             for j in range(r, wide):
                                 for l in range(LANES):
                                     a[(r * all_ + j) * LANES + l] += rise[i, f] * doubt[i, r, j]
+                    for q in range(modes):
                         for l in range(LANES):
-                            row = a + r * all_ * LANES + l
-                            row[r * LANES] += noise[i, r]
-                            row[wide * LANES] = reading[i, f, r]
-                            row[(wide + 1) * LANES] = ones[r]
-                            g = lane[min(l, lanes - 1)]
-                            v = law[i, f, r]
-                            for q in range(modes):
-                                v += leans[g, q] * slow[i, f, q, r]
-                            row[(wide + 2) * LANES] = v
+                            lean[q * LANES + l] = leans[lane[min(l, lanes - 1)], q]
+                    columns(a, m, wide, all_, &noise[i, 0], &reading[i, f, 0], &ones[0], &law[i, f, 0], modes, lean, of_slow,
+                            slow.shape[3])
                     whiten(a, m, all_, logs)
                     products(a, m, wide, all_, sums)
                     for l in range(lanes):
