@@ -470,3 +470,22 @@ def test_marks_of_sensors_in_other_scripts(tmp_path):
 def test_two_rows_years_apart_are_refused_in_words(tmp_path):
     with pytest.raises(InputError, match=r"line 3: the time jumps by 26\.0 years"):
         tf.read(written(tmp_path, "time,front", ["2000-01-01 00:00:00,20.0", "2026-01-01 00:00:00,21.0"]))
+
+
+def spelt(seconds: float, form: str) -> str:
+    """An elapsed time as Go's and ISO 8601's parts that are not nought, or with primes."""
+    h, m, s = int(seconds // 3600), int(seconds // 60 % 60), f"{seconds % 60:g}"
+    if form == "go":
+        return f"{h}h{m}m{s}s" if h else f"{m}m{s}s" if m else f"{s}s"
+    if form == "iso":
+        return "PT" + (f"{h}H" if h else "") + (f"{m}M" if m else "") + (f"{s}S" if s != "0" or not h and not m else "")
+    return {"primes": f"{60 * h + m}'{s:0>2}''", "seconds": f"PT{seconds:g}S", "days": f"P0DT{h}H{m}M{s}S"}[form]
+
+
+@pytest.mark.parametrize("form", ["go", "iso", "primes", "seconds", "days"])
+@pytest.mark.parametrize("late", [0.0, 3585.5])
+def test_elapsed_times_with_their_units_between(tmp_path, form, late):
+    rows = [f"{spelt(s + late, form)},{x:.3f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    run = tf.read(written(tmp_path, "elapsed,front [°C]", rows))
+    np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-6)
+    assert list(run.channels) == ["front [°C]"]

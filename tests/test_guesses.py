@@ -746,6 +746,34 @@ def test_speeds_beside_temperatures_and_tables_that_lie_on_their_side(tmp_path):
         read_runs(written(tmp_path, lying))
 
 
+def lying(label: str, moments: list[str], *more: str, mark: str = ",") -> str:
+    """A table on its side: moments in its first row, a sensor in each other."""
+    cells = [[label, *more[:1], *moments], ["front", *more[1:], *values(FRONT)], ["rear", *more[1:], *values(REAR)]]
+    return "\n".join(mark.join(row).replace(".", "," if mark == ";" else ".") for row in cells) + "\n"
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+@pytest.mark.parametrize("above", ["", "Testbench 7\nreadings of the spindle\n"])
+def test_tables_that_lie_on_their_side_are_turned(tmp_path, mark, above):
+    stamps = [f"2026-05-03 {8 + int(m // 60):02d}:{int(m % 60):02d}:{round(60 * (m % 1)):02d}" for m in MINUTES]
+    for label, moments, more in (
+        ("time_min", [f"{m:g}" for m in MINUTES], ()),
+        ("sensor", stamps, ()),
+        ("Name", stamps, ("Unit", "°C")),
+    ):
+        run = read_runs(written(tmp_path, above + lying(label, moments, *more, mark=mark)))[0]
+        np.testing.assert_allclose(run.time_s, 60.0 * MINUTES, atol=1e-6)
+        np.testing.assert_allclose(run.channels["front"], np.round(FRONT, 2), atol=1e-9)
+        np.testing.assert_allclose(run.channels["rear"], np.round(REAR, 2), atol=1e-9)
+        assert "layout" in about(run)
+
+
+def test_a_table_with_a_row_of_numbers_for_a_name_is_not_turned(tmp_path):
+    text = lying("time_min", [f"{m:g}" for m in MINUTES]).replace("rear,", "17,")
+    with pytest.raises(InputError, match="no time in this row"):
+        read_runs(written(tmp_path, text))
+
+
 def test_a_clock_that_the_heading_calls_utc_is_not_changed(tmp_path):
     """A pause of an hour where other clocks are put forward was taken out of the record."""
     rows = []

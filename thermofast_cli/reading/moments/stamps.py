@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ..run import Array, Guess
+from .durations import LOOKS_SO, as_clock
 from .four_parts import HUNDREDTHS, days_to_seconds
 
 DAY_S = 86400.0
@@ -72,14 +73,11 @@ _EAST_CLOCK = re.compile(r"(\d+)\s*[时時点點시]\s*(?:(\d+)\s*[分분](?:\s*
 _HALF_FIRST = re.compile(r"(上午|下午|午前|午後|오전|오후|[AaPp][Mm](?= *\d))\s*(\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?)")
 _PLAIN = re.compile(r"[+-]?\d[\d.,]*$")
 _FRENCH_CLOCK = re.compile(r"(?<![:\d])(\d{1,2}) ?h ?(\d{2})(?: ?(?:m|min|mn) ?(?:(\d{2}) ?s?)?)?$")
-_DURATION = re.compile(
-    r"(?i)(?:(\d+) ?d(?:ays?)?,? ?)?(\d+) ?h(?:rs?|ours?)?,? ?(?:(\d+) ?m(?:in(?:s|utes?)?)?,? ?)?"
-    r"(?:(\d+(?:\.\d+)?) ?s(?:ec(?:s|onds?)?)?)?$"
-)
 _YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
 _OTHER_FORM = re.compile(
     r"(?i:uhr|hrs)$|[年년时時点點시午오]|\d ?(?i:h(?:rs?|ours?)?),? ?\d|(?i:[ap]m) *\d"
     r"|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$|(?i:[ap]\.\s?m\.)"
+    rf"|{LOOKS_SO}"
     r"|^\d+\. \d|\.\d\d\.\d\d$|^\d{4}(?:\.\d\d?){2}\. |^\d{1,3}[. ]\d\d?:\d\d:"
 )
 _FORMAT_IN_NAME = re.compile(r"(?i)\b(h{1,2}:m{2}:s{2}|m{1,2}:s{2}|h{1,2}:m{2})\b")
@@ -106,9 +104,8 @@ def plain(cell: str) -> str:
         cell = _EAST.sub(r"\1-\2-\3 ", cell)
         cell = _EAST_CLOCK.sub(lambda m: f"{m[1]}:{int(m[2] or 0):02d}" + (f":{m[3]:0>2}" if m[3] else ""), cell)
     cell = _HALF_FIRST.sub(lambda m: f"{m[2]} {'PM' if m[1] in ('下午', '午後', '오후', 'PM', 'pm', 'Pm') else 'AM'}", cell)
-    if (lasts := _DURATION.match(cell)) and not _FRENCH_CLOCK.match(cell):
-        days, hours, minutes, seconds = (float(part or 0.0) for part in lasts.groups())
-        return f"{24.0 * days + hours:.0f}:{minutes:02.0f}:{int(seconds):02d}{f'{seconds % 1.0:.3f}'[1:] if seconds % 1.0 else ''}"
+    if not _FRENCH_CLOCK.match(cell) and (clock := as_clock(cell)) is not None:
+        return clock
     cell = _FRENCH_CLOCK.sub(lambda m: f"{m[1]}:{m[2]}" + (f":{m[3]}" if m[3] else ""), cell)
     cell = re.sub(r"(?<=\d) ?(?i:uhr|hrs)$", "", cell)
     cell = re.sub(r"(?i)\b([ap])\.\s?m\.", r"\1m", cell)

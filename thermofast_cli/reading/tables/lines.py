@@ -5,11 +5,15 @@ several segments, exports of TwinCAT Scope.
 import csv
 import io
 import re
+from itertools import pairwise
 
 import numpy as np
 
 from ...errors import InputError, listed
-from .dialect import Dialect, split
+from ..moments.stamps import looks_like_stamp
+from ..moments.times import is_time_name
+from ..run import Guess
+from .dialect import Dialect, is_number, split, to_number
 
 #: Lines above the readings of each segment of a LabVIEW measurement file.
 _SEGMENT_HEAD = re.compile(
@@ -25,6 +29,8 @@ FULL = 0.7
 MARKS = (b",", b";", b"\t", b"|")
 #: Bytes and rows that show how rows are written.
 SAMPLE, SOME = 1 << 14, 40
+#: Lines up to which a table may lie on its side, so many times as wide as it is high, and names before its moments.
+MOST_LYING, SIDEWAYS, MOST_NAMES = 400, 3, 3
 _FORTRAN = re.compile(rb"(?<![\w.])([+-]?\d*\.\d+)[dD]([+-]\d{2,3})(?!\d)")
 
 
@@ -135,6 +141,44 @@ def without_separator_line(data: bytes) -> tuple[bytes, str]:
     """Excel's first line ``sep=;`` tells the delimiter; an empty line stays in its place so that line numbers hold."""
     found = re.match(rb'"?sep=(.)"?(?=\r|\n)', data)
     return (data[found.end() :], found.group(1).decode("latin-1")) if found else (data, "")
+
+
+def turned(data: bytes) -> tuple[bytes, list[Guess]]:
+    """(text, guesses) with a row for each moment where the table lies on its side: moments in its first row, a sensor in each other.
+
+    Moments are stamps, or numbers that go on under a name of time; before them stand names, and perhaps units.
+    """
+    if data.count(b"\n") > MOST_LYING or (mark := max(MARKS, key=data.count)) not in data:
+        return data, []
+    try:
+        told = [line for line in csv.reader(io.StringIO(data.decode()), delimiter=mark.decode()) if any(line)]
+    except (csv.Error, UnicodeDecodeError):
+        return data, []
+    width = max(map(len, told))
+    above = next(i for i, row in enumerate(told) if len(row) > width // 2)  # titles
+    rows = [[cell.strip() for cell in row] + [""] * (width - len(row)) for row in told[above:]]
+    if len(rows) < 2 or width < SIDEWAYS * len(rows):
+        return data, []
+    first, others = rows[0], rows[1:]
+    decimal = "," if mark != b"," and sum("," in cell for row in others for cell in row) > len(others) else "."
+    stamped = all(map(looks_like_stamp, first[MOST_NAMES:]))
+    counted = is_time_name(first[0] or "-") and all(is_number(cell, decimal) for cell in first[MOST_NAMES:])
+    if counted:
+        moments = [to_number(cell, decimal) for cell in first[MOST_NAMES:]]
+        counted = all(a < b for a, b in pairwise(moments))
+    begins = next(i for i, cell in enumerate(first) if i == MOST_NAMES or (i and (looks_like_stamp(cell) or is_number(cell, decimal))))
+    names = [row[0] for row in others]
+    words = not any(is_number(cell, decimal) or looks_like_stamp(cell) or not cell for cell in names)
+    if not (stamped or counted) or not words or len(set(names)) < len(names):
+        return data, []
+    if sum(is_number(cell, decimal) for row in others for cell in row[begins:]) < 0.5 * len(others) * (width - begins):
+        return data, []
+    label = first[0] if is_time_name(first[0] or "-") else "time"
+    text = io.StringIO()
+    lying = [[label, *(["" if stamped else cell for cell in first[1:begins]]), *first[begins:]], *others]
+    csv.writer(text, delimiter=mark.decode(), lineterminator="\n").writerows([*told[:above], *zip(*lying, strict=True)])
+    what = f"a table of {len(others)} rows and {width} columns that lies on its side, moments in its first row: turned"
+    return text.getvalue().encode(), [Guess("layout", what, "turn it before it is read if a row is no sensor")]
 
 
 def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:

@@ -31,6 +31,7 @@ from .lines import (
     joined_segments,
     plain_rows,
     plain_scope,
+    turned,
     united_headers,
     without_last,
     without_separator_line,
@@ -72,6 +73,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     data, quotes = closed_quotes(data)
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
+    data, guesses = turned(data)
     notes += written + quotes + segments + scope
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
@@ -94,7 +96,6 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if dialect.delimiter != " " and (re.match(blank, body) or re.search(rb"\n" + blank, body)):
         # Rows of nothing but delimiters, as sheets have them, are empty.
         body = re.sub(rb"(?m)^" + blank + rb"+(?=\r?$)", b"", body)
-    guesses: list[Guess] = []
     body = _first_row_as_wide(body, head, dialect)
     body, cut = _without_cut_end(body, dialect)
     body, footer = _without_footer(body, head, dialect)
