@@ -478,7 +478,7 @@ def spelt(seconds: float, form: str) -> str:
     if form == "go":
         return f"{h}h{m}m{s}s" if h else f"{m}m{s}s" if m else f"{s}s"
     if form == "iso":
-        return "PT" + (f"{h}H" if h else "") + (f"{m}M" if m else "") + (f"{s}S" if s != "0" or not h and not m else "")
+        return "PT" + (f"{h}H" if h else "") + (f"{m}M" if m else "") + (f"{s}S" if s != "0" or (not h and not m) else "")
     return {"primes": f"{60 * h + m}'{s:0>2}''", "seconds": f"PT{seconds:g}S", "days": f"P0DT{h}H{m}M{s}S"}[form]
 
 

@@ -5,6 +5,8 @@ several segments, exports of TwinCAT Scope.
 import csv
 import io
 import re
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -144,7 +146,7 @@ def without_separator_line(data: bytes) -> tuple[bytes, str]:
 
 
 def turned(data: bytes) -> tuple[bytes, list[Guess]]:
-    """(text, guesses) with a row for each moment where the table lies on its side: moments in its first row, a sensor in each other.
+    """(text, guesses) with a row for each moment where the table lies on its side: moments in its first row, sensors in the others.
 
     Moments are stamps, or numbers that go on under a name of time; before them stand names, and perhaps units.
     """
@@ -156,29 +158,36 @@ def turned(data: bytes) -> tuple[bytes, list[Guess]]:
         return data, []
     width = max(map(len, told))
     above = next(i for i, row in enumerate(told) if len(row) > width // 2)  # titles
-    rows = [[cell.strip() for cell in row] + [""] * (width - len(row)) for row in told[above:]]
-    if len(rows) < 2 or width < SIDEWAYS * len(rows):
+    first, *others = ([cell.strip() for cell in row] + [""] * (width - len(row)) for row in told[above:])
+    if not others or width < SIDEWAYS * (1 + len(others)):
         return data, []
-    first, others = rows[0], rows[1:]
     decimal = "," if mark != b"," and sum("," in cell for row in others for cell in row) > len(others) else "."
-    stamped = all(map(looks_like_stamp, first[MOST_NAMES:]))
-    counted = is_time_name(first[0] or "-") and all(is_number(cell, decimal) for cell in first[MOST_NAMES:])
-    if counted:
-        moments = [to_number(cell, decimal) for cell in first[MOST_NAMES:]]
-        counted = all(a < b for a, b in pairwise(moments))
-    begins = next(i for i, cell in enumerate(first) if i == MOST_NAMES or (i and (looks_like_stamp(cell) or is_number(cell, decimal))))
+    begins = _first_moment(first, decimal)
     names = [row[0] for row in others]
     words = not any(is_number(cell, decimal) or looks_like_stamp(cell) or not cell for cell in names)
-    if not (stamped or counted) or not words or len(set(names)) < len(names):
+    if begins is None or not words or len(set(names)) < len(names):
         return data, []
     if sum(is_number(cell, decimal) for row in others for cell in row[begins:]) < 0.5 * len(others) * (width - begins):
         return data, []
-    label = first[0] if is_time_name(first[0] or "-") else "time"
+    first[0] = first[0] if is_time_name(first[0] or "-") else "time"
     text = io.StringIO()
-    lying = [[label, *(["" if stamped else cell for cell in first[1:begins]]), *first[begins:]], *others]
-    csv.writer(text, delimiter=mark.decode(), lineterminator="\n").writerows([*told[:above], *zip(*lying, strict=True)])
+    csv.writer(text, delimiter=mark.decode(), lineterminator="\n").writerows([*told[:above], *zip(first, *others, strict=True)])
     what = f"a table of {len(others)} rows and {width} columns that lies on its side, moments in its first row: turned"
     return text.getvalue().encode(), [Guess("layout", what, "turn it before it is read if a row is no sensor")]
+
+
+def _first_moment(first: list[str], decimal: str) -> int | None:
+    """Where in a row the moments begin, behind at most MOST_NAMES names; None where it holds none."""
+    counted = is_time_name(first[0] or "-") and is_number(first[-1], decimal)
+    moment: Callable[[str], bool] = partial(is_number, decimal=decimal) if counted else looks_like_stamp
+    begins = next((i for i, cell in enumerate(first[: MOST_NAMES + 1]) if i and moment(cell)), None)
+    if begins is None or not all(map(moment, first[begins:])):
+        return None
+    if counted:
+        numbers = [to_number(cell, decimal) for cell in first[begins:]]
+        return begins if all(a < b for a, b in pairwise(numbers)) else None
+    first[1:begins] = [""] * (begins - 1)  # of the units' row
+    return begins
 
 
 def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
