@@ -257,3 +257,31 @@ def test_a_sweep_says_where_the_row_was_in_doubt_at_its_time():
     assert "at 45 min the model is in doubt, and no more later: identify --until 45" in told.records[0].message
     (told,) = _with_machine(swept, lambda until: identified(until, 40.0), 1.0)
     assert (told.records[0].tolerance_time_min, told.records[0].status, told.records[0].message) == (45.0, "ok", "")
+
+
+def test_outliers_are_told_of_probes_only_and_not_of_a_load_that_changed():
+    time = np.arange(181.0)
+    since = np.maximum(time - 100.0, 0.0)
+    for seed in range(3):
+        rise = -10.0 * np.expm1(-time / 50.0) - 2.0 * np.expm1(-since / 50.0)
+        noise = 0.02 * np.random.default_rng(seed).standard_normal((2, len(time)))
+        table = {"time_min": time, "front": 20.0 + rise + noise[0], "rear": 20.0 + 0.6 * rise + noise[1]}
+        assert all("outlier" not in r.message for r in tf.identify(table))
+        table["rear"][[40, 60]] += 3.0
+        front, rear = tf.identify(table)
+        assert "outlier" not in front.message
+        assert "2 outliers left out" in rear.message
+
+
+def test_a_drive_whose_power_may_be_nought_is_not_counted():
+    """A spindle whose speed changed four times, and whose heat changed as often, for another reason."""
+    time = np.arange(0.0, 240.0, 0.5)
+    at = np.searchsorted([0.0, 60.0, 110.0, 160.0, 200.0], time, "right") - 1
+    heat, speed = np.array([1.0, 1.3, 0.8, 1.2, 1.0])[at], np.array([3000.0, 4000.0, 3000.0, 2000.0, 3000.0])[at]
+    reading = np.zeros(len(time))
+    for i in range(1, len(time)):
+        reading[i] = reading[i - 1] * np.exp(-0.5 / 50.0) - 12.0 * heat[i] * np.expm1(-0.5 / 50.0)
+    noise = 0.02 * np.random.default_rng(2).standard_normal((2, len(time)))
+    table = {"time_min": time, "front": 20.0 + reading + noise[0], "rear": 20.0 + 0.7 * reading + noise[1], "speed_rpm": speed}
+    for row in tf.identify(table, drive="speed_rpm"):
+        assert "the heat may not follow speed_rpm" in row.message
