@@ -13,6 +13,8 @@ from .rules import RULES
 Array = NDArray[np.float64]
 
 BLOCKS = 120
+#: How much longer each beginning is in which a start is looked for.
+LONGER = 1.5
 
 
 @dataclass(frozen=True)
@@ -226,13 +228,27 @@ def _slope(time: Array, reading: Array) -> tuple[float, float]:
 def rise_start(time_min: Array, values: Array) -> float | None:
     """When a sensor that was still at first begins to move [min]; 0 if it moves from the start; None if it never does.
 
-    A still stretch ends where three readings in a row leave its mean by four deviations on one side. It counts as
-    still only if it plainly drifts by less than a fifth of the slope that follows: a slow rise under noise is not still. A
-    start that would leave less than a third of the record is not believed.
+    Looked for in ever longer beginnings of the record, the shortest that shows a start decides: what comes later changes nothing,
+    and an idle of minutes is seen in a record of days.
     """
     good = np.isfinite(values)
-    step = logger_step(values[good])
-    time, reading = _blocks(time_min[good], values[good])
+    time, reading = time_min[good], values[good]
+    step, count, found = logger_step(reading), 3 * RULES.flat_readings, None
+    while True:
+        found = _start_within(time[:count], reading[:count], step)
+        if found or count >= len(reading):
+            return found
+        count = math.ceil(LONGER * count)
+
+
+def _start_within(time_min: Array, values: Array, step: float) -> float | None:
+    """As :func:`rise_start`, from these readings (n,) of a logger's step [K] alone.
+
+    A still stretch ends where three readings in a row leave its mean by four deviations on one side. It counts as
+    still only if it plainly drifts by less than a fifth of the slope that follows: a slow rise under noise is not still. A
+    start that would leave less than a third of the readings is not believed.
+    """
+    time, reading = _blocks(time_min, values)
     if len(reading) < 3 * RULES.flat_readings:
         return None
     noise = max(difference_noise(reading), step / math.sqrt(12.0), 1e-9)
@@ -250,9 +266,27 @@ def rise_start(time_min: Array, values: Array) -> float | None:
     if still < RULES.flat_readings or time[still] > time[0] + 0.67 * (time[-1] - time[0]):
         return 0.0
     drift, unsure = _slope(time[:still], reading[:still])
+    unsure = max(unsure, step / float(time[still] - time[0]))  # what rounding hides
     rise, rise_unsure = _slope(time[after], reading[after])
     told = abs(rise) > 4.0 * rise_unsure and abs(drift) + 2.0 * unsure < (0.2 if unsure < 0.05 * abs(rise) else 0.5) * abs(rise)
-    return float(time[still - 1]) if told else 0.0
+    return _bend(time, reading, still) if told else 0.0
+
+
+def _bend(time: Array, reading: Array, still: int) -> float:
+    """Where two straight lines that meet there are nearest to readings (n,), the first `still` of them about level [min].
+
+    The second ends where half of what is seen of the rise is done: the law bends.
+    """
+    away = np.abs(reading - reading[:still].mean())
+    end = max(still + int(np.argmax(away[still:] >= 0.5 * away[still:].max())) + 1, still + RULES.flat_readings)
+    t, y = time[:end], reading[:end]
+    lines = np.stack([np.ones_like(t), t - t[0]], axis=1)
+
+    def left(at: int) -> float:
+        through = np.column_stack([lines, np.maximum(t - t[at], 0.0)])
+        return float(((y - through @ np.linalg.lstsq(through, y)[0]) ** 2).sum())
+
+    return float(t[min(range(RULES.flat_readings - 1, min(len(t) - 2, still + 1)), key=left)])
 
 
 def run_start(time_min: Array, channels: list[Array], most: int = 32) -> float:
