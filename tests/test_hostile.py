@@ -4,6 +4,7 @@ import io
 import struct
 import zipfile
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ import thermofast as tf
 from benchmarks.reading.fuzz import TARGETS, fuzz
 from benchmarks.reading.hostile import KINDS, bombs, columns, outcomes, read
 from thermofast.reading.tables import limits, packed
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize(("kind", "files"), [("parquet", 500), ("xlsx", 100), ("gz", 100)])
@@ -110,3 +113,33 @@ def test_ratios_are_those_of_logged_readings():
 @pytest.mark.parametrize("name", TARGETS)
 def test_any_bytes_are_read_or_refused(name):
     fuzz(name, 100)
+
+
+def test_no_code_is_run_that_only_a_model_or_settings_name(tmp_path, monkeypatch, tool):
+    monkeypatch.chdir(tmp_path)
+    mark = tmp_path / "ran"
+    effect = (ROOT / "sample_runs" / "my_effect.py").read_text()
+    (tmp_path / "mine.py").write_text(effect)
+    run = str(ROOT / "sample_runs" / "hidden_ramp.csv")
+    tf.improve(run, add="mine.py").model.save("machine.toml")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "mine.py").write_text(effect + f"\nimport os\n\nos.mkdir({str(mark)!r}) if not os.path.exists({str(mark)!r}) else None\n")
+    (tmp_path / "mine.py").write_text((tmp_path / "other" / "mine.py").read_text())
+    for call in (["compare", run], ["identify", run, "--until", "60"], ["diagnose", run], ["sweep", run], ["watch", run]):
+        told = tool(*call, "--model", "machine.toml")
+        assert told.code == 2
+        assert "say --effect mine.py" in told.err
+    settings = ('filter = "mine.py"', '[diagnose]\neffect = ["mine.py"]', '[improve]\nadd = "x,mine.py"', '[watch]\nexec = "a b"')
+    for text, says in zip(settings, ("--filter mine.py", "--effect mine.py", "--add x,mine.py", "--exec 'a b'"), strict=True):
+        (tmp_path / "thermofast.toml").write_text(text + "\n")
+        told = tool("compare", run)
+        assert told.code == 2
+        assert f"say {says} on the command line" in told.err
+    (tmp_path / "thermofast.toml").unlink()
+    assert not mark.exists()
+    with pytest.raises(tf.ThermofastError, match="code of somebody's own"):
+        tf.compare(run, model="machine.toml")
+    model = tf.Model.load("machine.toml", extra=str(tmp_path / "other" / "mine.py"))
+    assert all(list(r.effects) == ["load_ramp"] for r in tf.compare(run, model=model))
+    assert mark.exists()
+    assert tool("compare", run, "--model", "machine.toml", "--effect", "other/mine.py").code == 0

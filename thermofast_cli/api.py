@@ -311,7 +311,7 @@ def compare(
         until_min=until,
         extra=names(extra),
         drive=drive,
-        model=model_of(model),
+        model=model_of(model, names(extra)),
     )
 
 
@@ -352,7 +352,7 @@ def diagnose(
         until_min=until,
         extra=names(extra),
         drive=drive,
-        model=model_of(model),
+        model=model_of(model, names(extra)),
         false_alarm=false_alarm,
         next_experiment=next_experiment,
     )

@@ -198,13 +198,13 @@ def setting_texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, .
     return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
 
 
-def model_of(model: "Model | str | Path | None") -> "Model | None":
-    """A learnt model, read where it is a path."""
+def model_of(model: "Model | str | Path | None", extra: Sequence[str] = ()) -> "Model | None":
+    """A learnt model, read where it is a path; extra as in :meth:`Model.load`."""
     if model is None:
         return None
     from .machine.model import Model
 
-    return Model.load(model)
+    return Model.load(model, extra)
 
 
 #: What numbers may be, as the command's options have it.

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from ..shell.options import RunCommand, reading_options, runs_argument, table_options
+from ..shell.options import RunCommand, own_effect_option, reading_options, runs_argument, table_options
 
 
 class OldAndNew(RunCommand):
@@ -30,6 +30,7 @@ class OldAndNew(RunCommand):
 @runs_argument
 @click.option("--new", "new", multiple=True, metavar="RUN...", help="Runs since then: all names up to the next option.")
 @click.option("--model", metavar="M.toml", help="In place of OLD runs: the model that 'thermofast improve' learnt from them.")
+@own_effect_option
 @reading_options
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw rate and rise of every sensor, new over old: .png .pdf .svg.")
@@ -37,6 +38,7 @@ def command(
     runs: tuple[str, ...],
     new: tuple[str, ...],
     model: str | None,
+    extra: tuple[str, ...],
     form: str | None,
     output: str | None,
     quiet: bool,
@@ -57,7 +59,7 @@ def command(
     if not new:
         raise UsageError("no run is given as --new", do="as in: thermofast changed before.csv --new after.csv")
     check_outputs([output], save_plot)
-    learnt = load_model(model)
+    learnt = load_model(model, extra)
     groups = [read_all(some, reading, quiet, [output, save_plot], 1) for some in (runs, new) if some or learnt is None]
     for error in (e for group in groups for e in group.unreadable):
         raise UsageError(f"{error[0]}: cannot be read", found=str(error[1]), do="leave it out")

@@ -18,6 +18,7 @@ from ..shell.options import (
     imperfection_options,
     model_option,
     output_options,
+    own_effect_option,
     reading_options,
     runs_argument,
     scale_options,
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 )
 @imperfection_options
 @model_option
+@own_effect_option
 @drive_option
 @click.option("--auto", is_flag=True, help="Look for what is missing in the readings used, and add it before predicting.")
 @click.option(
@@ -79,6 +81,7 @@ def command(
     imperfection: str,
     rates: "Rates",
     model: str | None,
+    extra: tuple[str, ...],
     drive: str | None,
     auto: bool,
     pace: str | None,
@@ -109,7 +112,7 @@ def command(
     method = replace(choose(filter_name, preset, settings, load_imperfection(imperfection), rates), paces=paces(pace))
     if plot_trace and not batch.save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
-    learnt, rule = load_model(model), stopping_rule(criterion)
+    learnt, rule = load_model(model, extra), stopping_rule(criterion)
     asked: dict[str, Any] = {"at_min": at, "room_c": room, "criterion": rule, "limit_c": limit, "switch_off_min": switch_off_at}
     more = {"model": learnt, "joint": joint, "drive": drive, "auto": auto, **asked}
     work: Callable[..., Identification] = partial(identify_runs, method=method, until_min=until, **more)

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from ..shell.options import Finite, RunCommand, model_option, reading_options_but_interval, table_options
+from ..shell.options import Finite, RunCommand, model_option, own_effect_option, reading_options_but_interval, table_options
 
 
 @click.command(
@@ -22,6 +22,7 @@ from ..shell.options import Finite, RunCommand, model_option, reading_options_bu
 @click.option("--tolerance", default="0.5", show_default=True, metavar="K,K", help="Half-widths of the interval to reach.")
 @click.option("--imperfection", default="typical", show_default=True, metavar="typical|none|FILE", help="As for identify.")
 @model_option
+@own_effect_option
 @reading_options_but_interval
 @table_options
 @click.option("--save-plot", metavar="FILE", help="Draw half-width against the time measured: .png .pdf .svg.")
@@ -35,6 +36,7 @@ def command(
     tolerance: str,
     imperfection: str,
     model: str | None,
+    extra: tuple[str, ...],
     form: str | None,
     output: str | None,
     quiet: bool,
@@ -64,7 +66,7 @@ def command(
         base, replayed = design_like(read_all((like,), reading, quiet, [output, save_plot], 1).runs[0], prior)
         replayed = None if model else replayed
     result = plan_design(
-        {k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, replayed, load_model(model)
+        {k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, replayed, load_model(model, extra)
     )
     drawn = [
         ("test", text("channel")),

@@ -12,6 +12,7 @@ from ..shell.options import (
     filter_options,
     model_option,
     output_options,
+    own_effect_option,
     reading_options,
     runs_argument,
 )
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 @runs_argument
 @click.option("--until", type=Finite(0, min_open=True), metavar="MIN", help="Identify on the first MIN minutes, all by default.")
 @model_option
+@own_effect_option
 @filter_options
 @click.option("--offset", type=Finite(0), default=0.1, show_default=True, metavar="K", help="Uncertainty of the probe's offset.")
 @click.option(
@@ -58,6 +60,7 @@ def command(
     batch: "Batch",
     until: float | None,
     model: str | None,
+    extra: tuple[str, ...],
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -89,7 +92,7 @@ def command(
     even = names(uniform)
     if unknown := [name for name in even if name not in BOUNDS]:
         raise UsageError(f"--uniform: {unknown[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
-    learnt = load_model(model)
+    learnt = load_model(model, extra)
     readings = batch.read(from_rise=learnt is None)
     sizes = Sizes(offset, start_level, room, jitter, until_spread, limit, even)
     with batch.working(readings, len(readings.runs), "runs") as how:

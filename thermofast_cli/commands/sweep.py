@@ -16,6 +16,7 @@ from ..shell.options import (
     imperfection_options,
     model_option,
     output_options,
+    own_effect_option,
     reading_options,
     runs_argument,
     scale_options,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 @criterion_option
 @imperfection_options
 @model_option
+@own_effect_option
 @drive_option
 @filter_options
 @reading_options
@@ -63,6 +65,7 @@ def command(
     imperfection: str,
     rates: "Rates",
     model: str | None,
+    extra: tuple[str, ...],
     drive: str | None,
     filter_name: str,
     preset: str | None,
@@ -85,7 +88,7 @@ def command(
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     spans = numbers(windows, "--windows")
     grid = numbers(times, "--times") if times else default_times(spans)
-    learnt, rule = load_model(model), stopping_rule(criterion)
+    learnt, rule = load_model(model, extra), stopping_rule(criterion)
     asked: dict[str, Any] = {"windows_min": spans, "times_min": grid, "tolerance_c": tolerance, "criterion": rule}
     work: Callable[..., Sweeping] = partial(sweep_runs, method=method, model=learnt, drive=drive, **asked)
     whole = learnt is not None or drive is not None  # sensors of a run are swept as one

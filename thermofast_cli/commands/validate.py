@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..shell.options import Finite, RunCommand, batched, output_options, ranges, reading_options, runs_argument
+from ..shell.options import Finite, RunCommand, batched, output_options, own_effect_option, ranges, reading_options, runs_argument
 
 if TYPE_CHECKING:
     from ..shell.batch import Batch
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 )
 @click.argument("model", metavar="M.toml")
 @runs_argument
+@own_effect_option
 @click.option(
     "--until",
     type=Finite(0, min_open=True),
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 def command(
     batch: "Batch",
     model: str,
+    extra: tuple[str, ...],
     until: float,
     input_ranges: tuple[str, ...],
 ) -> int:
@@ -53,7 +55,7 @@ def command(
     from ..shell.session import draw, load_model
 
     allowed = ranges(input_ranges)
-    learnt = load_model(model)
+    learnt = load_model(model, extra)
     assert learnt is not None
     readings = batch.read()
     with batch.working(readings, len(readings.runs), "runs") as how:

@@ -11,6 +11,7 @@ from ..shell.options import (
     filter_options,
     imperfection_options,
     model_option,
+    own_effect_option,
     reading_options,
     table_options,
 )
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 @click.option("--give-up", type=Finite(0, min_open=True), metavar="MIN", help="End after MIN minutes without a new reading.")
 @imperfection_options
 @model_option
+@own_effect_option
 @filter_options
 @reading_options
 @table_options
@@ -54,6 +56,7 @@ def command(
     imperfection: str,
     rates: "Rates",
     model: str | None,
+    extra: tuple[str, ...],
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -82,7 +85,7 @@ def command(
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     speed = speed_of(replay)
     check_outputs([output], None)
-    learnt = load_model(model)
+    learnt = load_model(model, extra)
     options = options_from({name: value for name, value in reading.items() if name != "start"})
     with shown(tolerance, quiet, jsonl, execute) as tell:
         last, read = watch_run(run, options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up, tell)

@@ -1,9 +1,13 @@
 """A learnt model as a value: loaded, saved, and handed to what takes a model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from ..errors import UsageError
 from .modelfile import ModelFile, read_model, write_model
 
 
@@ -15,14 +19,20 @@ class Model:
     source: str
 
     @classmethod
-    def load(cls, path: "str | Path | Model") -> "Model":
+    def load(cls, path: "str | Path | Model", extra: str | Sequence[str] = ()) -> "Model":
         """A model file, checked; a model that is loaded already is given back.
+
+        extra: files with the effects of your own that it speaks of, FILE.py[:CLASS]. A model is data: no code that it names is run
+        unless you name it.
 
         Raises
         ------
-        UsageError: no such file, not TOML, another version, an unknown or missing key, a number that is none.
+        UsageError: no such file, not TOML, another version, an unknown or missing key, a number that is none; an effect of
+        somebody's own that `extra` does not give.
         """
-        return path if isinstance(path, Model) else cls(read_model(str(path)), str(path))
+        if isinstance(path, Model):
+            return path
+        return cls(_with_own_effects(read_model(str(path)), str(path), [extra] if isinstance(extra, str) else extra), str(path))
 
     def save(self, path: str | Path) -> None:
         """Write the model, whole or not at all: .toml.
@@ -65,3 +75,23 @@ class Model:
             }
             for owner, n in found
         ]
+
+
+def _with_own_effects(model: ModelFile, path: str, extra: Sequence[str]) -> ModelFile:
+    """The model with the files that the user named for effects of somebody's own, wherever the model was learnt."""
+    if not any(entry.file for entry in model.effects):
+        return model
+    from ..plugins.effects import load_effect
+
+    given = {load_effect(spec).id: spec for spec in extra}
+    entries = []
+    for entry in model.effects:
+        spec = given.get(entry.id.partition(".")[0])
+        if entry.file and spec is None:
+            raise UsageError(
+                f"{path}: its effect {entry.id!r} is code of somebody's own, in {entry.file}",
+                allowed="code that you name: no file that a model speaks of is run by itself",
+                do=f"look into it, and say --effect {entry.file}",
+            )
+        entries.append(msgspec.structs.replace(entry, file=spec) if entry.file else entry)
+    return msgspec.structs.replace(model, effects=tuple(entries))

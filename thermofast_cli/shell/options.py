@@ -345,6 +345,13 @@ false_alarm_option = click.option(
 )
 
 model_option = click.option("--model", metavar="M.toml", help="A model learnt by 'thermofast improve': where to start from.")
+own_effect_option = click.option(
+    "--effect",
+    "extra",
+    multiple=True,
+    metavar="FILE.py[:CLASS]",
+    help="An effect of your own that --model speaks of: no code is run that only a model names.",
+)
 
 
 def numbers(text: str, option: str, of: str = "minutes") -> tuple[float, ...]:

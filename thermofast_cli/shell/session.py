@@ -129,8 +129,9 @@ def start_of(text: str) -> float | None:
     return value
 
 
-def load_model(path: str | None) -> "Model | None":
-    """The model file named, checked; None where none is. Imported only then: most calls need no model.
+def load_model(path: str | None, extra: Sequence[str] = ()) -> "Model | None":
+    """The model file named, checked, with the effects of the user's own named beside it; None where none is. Imported only then:
+    most calls need no model.
 
     Raises
     ------
@@ -140,7 +141,7 @@ def load_model(path: str | None) -> "Model | None":
         return None
     from ..machine.model import Model
 
-    return Model.load(path)
+    return Model.load(path, extra)
 
 
 def load_imperfection(named: str) -> "Imperfection":

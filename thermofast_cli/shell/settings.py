@@ -1,5 +1,6 @@
 """``thermofast.toml``: what a lab says once instead of on every command line."""
 
+import shlex
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from ..reading import Run
 
 FILE = "thermofast.toml"
+#: Options by which code is named.
+CODE = {"filter_name": "--filter", "extra": "--effect", "effects": "--effects", "add": "--add", "execute": "--exec"}
 
 
 def free_for_settings(path: str) -> None:
@@ -103,7 +106,25 @@ def load_settings(path: str | None) -> dict[str, Any]:
     defaults = settings.defaults(str(target))
     for name, table in own.items():
         defaults[name] = defaults.get(name, {}) | _of_command(name, table, str(target))
+    for table in defaults.values():
+        _refuse_code(table, str(target))
     return defaults
+
+
+def _refuse_code(table: dict[str, Any], target: str) -> None:
+    """Raises UsageError where settings name code: they are read wherever a command is called, in a folder of anybody's too."""
+    from ..plugins.files import is_file
+
+    for key, option in CODE.items():
+        told = table.get(key, ())
+        for value in [told] if isinstance(told, str) else told:
+            if key == "execute" or any(is_file(part.strip()) for part in value.split(",")):
+                raise UsageError(
+                    f"{target}: {option} names code",
+                    found=repr(value)[:60],
+                    allowed="code that you name: no file that settings speak of is run by itself",
+                    do=f"say {option} {shlex.quote(value)} on the command line",
+                )
 
 
 def _of_command(name: str, table: Any, target: str) -> dict[str, Any]:
