@@ -14,10 +14,11 @@ import pytest
 import thermofast as tf
 from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, first_readings, thinned
 from thermofast.errors import InputError
-from thermofast.pipeline.watching import events_before, speed_of
+from thermofast.pipeline.methods import choose
+from thermofast.pipeline.watching import events_before, speed_of, watch_run
 from thermofast.reading import Options
 from thermofast.reading.follow import Follower, whole_lines
-from thermofast.reading.source import CUT_ROW, read_growing
+from thermofast.reading.source import BAD_ROW, CUT_ROW, read_growing
 from thermofast.records import IdentifyRecord
 
 HEAD = b"time_min,T1\n"
@@ -355,8 +356,29 @@ def test_a_row_that_a_dying_logger_left_behind_is_left_out_and_told(tool, tmp_pa
     assert watched.code == 0
     assert f"line 121 {CUT_ROW}" in watched.err
     assert list(read_growing(data.replace(b"T3", b"T\x1b3"), Options(), "run.csv").channels)[2].startswith("T\\x1b3")
+    stammered = "".join([*lines[:60], lines[60].replace(",", ",x", 1), *lines[61:90], "?" + lines[90], *lines[91:]]).encode()
+    run = read_growing(stammered, Options(), "run.csv")
+    assert len(run.time_s) == len(lines) - 1 - 2
+    assert sorted(n[:8] for n in run.notes if BAD_ROW in n) == ["line 61 ", "line 91 "]
     with pytest.raises(InputError, match="the row has"):
         read_growing(b"".join([data[:3000], *[b"1,2\n3,4,5,6,7,8,9,10,11\n"] * 30, data[3000:]]), Options(), "run.csv")
+
+
+def test_a_log_that_can_no_longer_be_read_is_told_at_once(tmp_path):
+    told: list[str] = []
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{m},{20 - 9 * np.expm1(-m / 40):.3f}\n" for m in range(60))
+    path.write_bytes(HEAD + rows.encode())
+
+    def tell(look, notes):
+        if look is not None:
+            with path.open("ab") as file:
+                file.write(b"".join(b"%d,1,2\n" % m for m in range(60, 100)))
+        told.extend(notes)
+
+    look, run = watch_run(str(path), Options(), "auto", choose("afukf", None, ()), 0.01, poll_s=0.02, give_up_min=0.01, tell=tell)
+    assert run.time_s[-1] == 59 * 60.0
+    assert [n for n in told if n.startswith("cannot be read since 59 min: ") and "the row has 3 cells" in n]
 
 
 def test_watch_and_plan_take_the_machine_from_the_settings_too(tool, tmp_path, monkeypatch):

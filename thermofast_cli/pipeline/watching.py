@@ -14,7 +14,7 @@ from ..errors import InputError, ThermofastError, UsageError, rounded
 from ..estimation.identify import Method
 from ..reading import Run, read_runs
 from ..reading.follow import Follower, Piped
-from ..reading.source import CUT_ROW, read_growing
+from ..reading.source import BAD_ROW, CUT_ROW, read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
 from ..workers.engine import Started, Work, with_start
@@ -130,11 +130,12 @@ def watch_run(
                     run = read_growing(data, options, name)
                     trouble = ""
                 except ThermofastError as error:
-                    trouble = str(error)  # a heading alone is no record yet
-                    run = None
+                    run, before, trouble = None, trouble, str(error)  # a heading alone is no record yet
+                    if last is not None and trouble != before:
+                        tell(None, (f"cannot be read since {rounded(last[1].time_s[-1] / 60.0)} min: {trouble}",))
                 if run is not None and _begun(run, begin) and _worth(watch, run, follower):
                     clock.interval = float(np.median(np.diff(run.time_s)))
-                    follower.notes += [n for n in run.notes if CUT_ROW in n and n not in told]
+                    follower.notes += [n for n in run.notes if (CUT_ROW in n or BAD_ROW in n) and n not in told]
                     told |= set(run.notes)
                     last = watch.look(run), run
                     tell(last[0], tuple(follower.notes))
@@ -146,7 +147,9 @@ def watch_run(
             silent = time.monotonic() - clock.seen
             if not clock.said and silent > SILENT * max(clock.interval, poll_s):
                 clock.said = True
-                tell(None, (trouble or f"no reading since {rounded(silent / 60.0)} min",))
+                gone = isinstance(follower, Follower) and last is not None and not follower.path.exists()
+                there = ": the file is no longer there" if gone else ""
+                tell(None, (trouble or f"no reading since {rounded(silent / 60.0)} min{there}",))
             if give_up_min is not None and silent > 60.0 * give_up_min:
                 break
             time.sleep(poll_s)

@@ -51,8 +51,9 @@ from .vocabulary import words as words_of
 PARQUET_MAGIC = b"PAR1"
 #: Lines above the readings are not counted as rows: not more than these, before they are looked at.
 LONGEST_HEAD = 1000
-#: Rows of another width that are left out of a growing file: more are another layout.
-MOST_CUT, CUT_ROW = 20, "is no whole row"
+#: Rows of another width, or with a cell that is no reading, that are left out of a growing file: more are another layout.
+MOST_CUT, CUT_ROW, BAD_ROW = 20, "is no whole row", "cannot be read"
+_BAD_ROW = re.compile(r", line (\d+)(: the row has \d+ cells)?(?(2)|.*: (?:not a number|no time in this row|unreadable time)$)")
 #: How texts of two bytes a sign begin, whose lines are not parted here.
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
@@ -60,7 +61,8 @@ WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 def read_growing(data: bytes, options: Options, name: str) -> Run:
     """The run that a logger is writing, from all whole lines so far: the last one, where time has begun anew.
 
-    A logger that died in mid-line and began again leaves a row of another width: up to MOST_CUT such rows are left out, and noted.
+    A logger that died in mid-line and began again leaves a row of another width, one that stammers a cell that is no reading: up to
+    MOST_CUT such rows are left out, and noted.
 
     Raises
     ------
@@ -70,16 +72,16 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
     while True:
         try:
             table = read_text(data, name, options)
+            runs = runs_from_table(_shown(replace(table, notes=(*table.notes, *cut))), options)
             break
         except InputError as error:
-            found = re.search(r", line (\d+): the row has \d+ cells", error.what)
+            found = _BAD_ROW.search(error.what)
             if found is None or len(cut) == MOST_CUT or data.startswith(WIDE_MARKS):
                 raise
-            cut.append(f"line {found[1]} {CUT_ROW} ({error.found[:40]}) and was left out")
+            cut.append(f"line {found[1]} {CUT_ROW if found[2] else BAD_ROW} ({error.found[:40]}) and was left out")
             lines = data.splitlines(keepends=True)
             lines[int(found[1]) - 1] = b"\n"  # the others keep their numbers
             data = b"".join(lines)
-    runs = runs_from_table(_shown(replace(table, notes=(*table.notes, *cut))), options)
     if options.strict:
         refuse_guesses(runs[-1])
     return stretch(runs[-1], options.from_min, options.to_min)
