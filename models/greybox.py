@@ -59,6 +59,9 @@ BASE = (
     Parameter("level", "degC", -1e4, 1e5, 25.0, "steady state at nominal load", belongs="run", each="sensor"),
     Parameter("start", "degC", -500.0, 5000.0, 20.0, "temperature at the first reading", belongs="run", each="sensor"),
 )
+#: Surroundings that are not logged lie at most so far outside the readings: kelvin, and times the range that these cover. What acts
+#: in proportion to a difference of hundreds of kelvin is a room that moved.
+FAR_K, FAR = 20.0, 1.0
 SINK = Parameter("sink", "degC", -200.0, 2000.0, 20.0, "temperature of the surroundings", belongs="run")
 
 
@@ -111,7 +114,7 @@ class Model:
         return Model(self.run, self.parts, active)
 
     def _bounds(self, columns: list[Column]) -> tuple[Array, Array]:
-        pairs = [c.parameter.bounds(self.run) for c in columns]
+        pairs = [_near_readings(self.run) if c.parameter is SINK else c.parameter.bounds(self.run) for c in columns]
         low, high = (np.array([p[i] for p in pairs], dtype=float) for i in (0, 1))
         log = np.array([c.parameter.log for c in columns], dtype=bool)
         return (np.where(log, np.log(np.maximum(v, 1e-300)), v) if len(v) else v for v in (low, high))  # type: ignore[return-value]
@@ -216,3 +219,11 @@ class Model:
 def _coolest_start(run: Observations) -> float:
     firsts = [float(np.median(row[used][:3])) for row, used in zip(run.reading, run.used, strict=True) if used.any()]
     return min(firsts) if firsts else 20.0
+
+
+def _near_readings(run: Observations) -> tuple[float, float]:
+    """Least and greatest temperature of surroundings [degC] that nobody logged."""
+    seen = np.where(run.used, run.reading, np.nan)
+    low, high = float(np.nanmin(seen)), float(np.nanmax(seen))
+    far = FAR_K + FAR * (high - low)
+    return max(SINK.low, low - far), min(SINK.high, high + far)

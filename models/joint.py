@@ -52,6 +52,10 @@ TURNED = 0.3
 MAY_SHOW = (3.0, 8.0, 20.0)
 
 
+#: Share of a range that is its edge.
+EDGE = 0.02
+
+
 @dataclass(frozen=True)
 class Fit:
     """A fitted model: parameters in search coordinates, curve (S, N) [degC], weighted residual sums of squares rss (S,) [K^2].
@@ -123,6 +127,16 @@ class Fit:
             if not part.effect.physical(part.choice, part.concerns(n), values[RATE], own):
                 return False
         return True
+
+    @property
+    def far_away(self) -> bool:
+        """Whether it takes surroundings that are as far from the readings as they may be."""
+        for j, column in enumerate(self.model.shared):
+            if column.key == Key(-1, SINK.name):  # not the same object in another process
+                low, high = self.model.low_shared[j], self.model.high_shared[j]
+                edge = EDGE * (high - low)
+                return not low + edge <= self.values[column.key] <= high - edge
+        return False
 
     @cached_property
     def dof(self) -> Array:

@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ CATALOGUE = [
     "second_mode",
     "load_step",
     "cooling_switch",
+    "room_step",
     "sensor_lag",
     "transport_delay",
     "nonlinear_loss",
@@ -44,6 +46,12 @@ def record(sensors=3, n=240, noise=0.02):
     return Observations("run", names, time, reading, blank, *sizes, {"room": room}, coolant, temperatures=("coolant_degC",))
 
 
+def record_for(effect):
+    """A record on which an effect could act: with a logged room, or without one."""
+    run = record()
+    return run if effect.choices(run) else replace(run, ambient={})
+
+
 def test_the_catalogue_is_what_the_manual_lists():
     assert [kind.id for kind in BUILT_IN] == CATALOGUE
 
@@ -63,7 +71,7 @@ class TestEveryEffect:
             assert p.unit
 
     def test_at_its_null_it_changes_nothing_and_beyond_it_something(self, effect):
-        run = record()
+        run = record_for(effect)
         plain = fit_model(run)
         part = Part(effect, effect.choices(run)[0])
         model = Model(run, [part])
@@ -79,7 +87,7 @@ class TestEveryEffect:
     def test_a_sensor_that_it_does_not_concern_keeps_its_curve(self, effect):
         if effect.scope == "run":
             pytest.skip("it concerns all")
-        run = record()
+        run = record_for(effect)
         plain = fit_model(run)
         model = Model(run, [Part(effect, effect.choices(run)[0], (True, False, False))])
         local, shared = model.vector(plain.values)
@@ -87,7 +95,7 @@ class TestEveryEffect:
         assert curve[1:] == pytest.approx(plain.curve[1:], abs=1e-9)
 
     def test_its_derivatives_are_those_of_its_curve(self, effect):
-        run = record()
+        run = record_for(effect)
         model = Model(run, [Part(effect, effect.choices(run)[0])])
         local, shared = model.vector(fit_model(run).values)
         rows = np.arange(3)

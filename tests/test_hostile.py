@@ -123,7 +123,9 @@ def test_no_code_is_run_that_only_a_model_or_settings_name(tmp_path, monkeypatch
     run = str(ROOT / "sample_runs" / "hidden_ramp.csv")
     tf.improve(run, add="mine.py").model.save("machine.toml")
     (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "mine.py").write_text(effect + f"\nimport os\n\nos.mkdir({str(mark)!r}) if not os.path.exists({str(mark)!r}) else None\n")
+    (tmp_path / "other" / "mine.py").write_text(
+        effect + f"\nimport os\n\nos.mkdir({str(mark)!r}) if not os.path.exists({str(mark)!r}) else None\n"
+    )
     (tmp_path / "mine.py").write_text((tmp_path / "other" / "mine.py").read_text())
     for call in (["compare", run], ["identify", run, "--until", "60"], ["diagnose", run], ["sweep", run], ["watch", run]):
         told = tool(*call, "--model", "machine.toml")

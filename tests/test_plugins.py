@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,20 @@ from thermofast.plugins.guard import PluginError
 HIDDEN, SPINDLE = ROOT / "sample_runs" / "hidden.csv", ROOT / "sample_runs" / "spindle.csv"
 EFFECT = (ROOT / "sample_runs" / "my_effect.py").read_text()
 FILTER = (ROOT / "sample_runs" / "my_filter.py").read_text()
+#: A loss that falls by up to five times itself.
+NEGATIVE = """
+from thermofast.models.effects import Effect, Parameter
+
+
+class Negative(Effect):
+    id, summary, equation, tell_tale = "negative", "s", "e", "t"
+    uses_sink = True
+    amplitude = "a"
+    parameters = (Parameter("a", "1", -1.0, 1.0, 0.3, "share", null=0.0),)
+
+    def apply(self, drive, run, p):
+        drive.loss = drive.loss - 5.0 * p.a
+"""
 
 
 @pytest.mark.parametrize("kind", EFFECTS, ids=lambda k: k.id)
@@ -68,6 +83,8 @@ def test_a_copy_of_a_built_in_effect_is_as_good_as_it(tmp_path):
             ["'begin' has no derivative", "run.after(p.begin)"],
         ),
         (("from thermofast.models.effects", "from models.effects"), ["from thermofast.models.effects import"]),
+        (("drive.heat = drive.heat + p", "drive.heat = 1.0 + p"), ["behind another effect, at", "takes back what that one did"]),
+        (("run.middle - p.begin", "run.middle * np.random.default_rng().uniform() - p.begin"), ["another curve each time"]),
     ],
 )  # fmt: skip
 def test_the_check_of_an_effect_says_what_to_write_instead(change, words, tmp_path, tool):
@@ -79,6 +96,46 @@ def test_the_check_of_an_effect_says_what_to_write_instead(change, words, tmp_pa
     assert (done.code, done.out) == (2, "")
     for word in words:
         assert word in done.err
+
+
+def test_an_effect_of_a_column_that_no_trial_record_has_is_checked_too(tmp_path, tool):
+    logged = (
+        'def choices(self, run):\n        return [Choice("", {"column": "rpm"})] if "rpm" in run.inputs else []\n\n    def apply'
+    )
+    text = EFFECT.replace("def apply", logged).replace("import Effect", "import Choice, Effect")
+    for heat, code in (("drive.heat + p", 0), ("2.0 * drive.heat + p", 2)):
+        path = tmp_path / f"mine_{code}.py"
+        path.write_text(text.replace("drive.heat + p", heat))
+        done = tool("effects", "--effect", path)
+        assert done.code == code, done.err
+        assert ("it must change nothing" in done.err) == bool(code)
+    path = tmp_path / "none.py"
+    path.write_text(EFFECT.replace("def apply", "def choices(self, run):\n        return []\n\n    def apply"))
+    assert "choices gives none on a record that has every column" in tool("effects", "--effect", path).err
+
+
+def test_one_parameter_without_its_comma_is_told(tmp_path, tool):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        re.sub(r"parameters = \([\s\S]*?\n    \)\n", 'parameters = Parameter("a", "1", 0.0, 1.0, 0.5, "x", null=0.0)\n', EFFECT)
+    )
+    done = tool("effects", "--effect", path)
+    assert done.code == 2
+    assert "with a comma behind it" in done.err
+
+
+def test_an_effect_never_fits_worse_than_the_model_without_it(tmp_path):
+    """At its null it is that model; a search from where a straight line points may end far away."""
+    time, rng = np.arange(400.0), np.random.default_rng(3)
+    run = {"time_min": time}
+    for name, tau in (("T1", 60.0), ("T2", 90.0), ("T3", 45.0)):  # a heat of twice its last value that falls with 40 min
+        late = (np.exp(-time / 40.0) - np.exp(-time / tau)) * 6.0 / (1.0 - tau / 40.0)
+        run[name] = (20.0 - 6.0 * np.expm1(-time / tau) + late + 0.01 * rng.standard_normal(len(time))).round(3)
+    path = tmp_path / "mine.py"
+    path.write_text(NEGATIVE)
+    found = tf.improve(run, add=str(path)).to_frame()
+    base, added = (found[found.step == k].rmse_fit_c.to_numpy() for k in (0, 1))
+    assert (added <= 1.001 * base).all()
 
 
 def test_a_step_written_with_the_share_of_the_interval_is_accepted(tmp_path, tool):
@@ -132,6 +189,13 @@ def test_what_a_filter_gives_back_is_looked_at():
     assert filters.track_problem(track, 60) is None
     assert "shape (60, 3), needed (61, 3)" in filters.track_problem(track, 61)
     assert "gave int" in filters.track_problem(7, 60)
+    for name, value, words in (
+        ("state", np.full((60, 3), np.nan), "state is not finite"),
+        ("covariance", -track.covariance, "needed 0 or more"),
+        ("weight", [1.0] * 60, "weight is of type list"),
+        ("weight", np.ones(60, dtype=int), "weight is of type int64"),
+    ):
+        assert words in filters.track_problem(replace(track, **{name: value}), 60)
     with pytest.raises(PluginError, match="needed a class derived from"):
         filters.checked(int, "mine")
 

@@ -376,7 +376,7 @@ def test_a_log_that_can_no_longer_be_read_is_told_at_once(tmp_path):
                 file.write(b"".join(b"%d,1,2\n" % m for m in range(60, 100)))
         told.extend(notes)
 
-    look, run = watch_run(str(path), Options(), "auto", choose("afukf", None, ()), 0.01, poll_s=0.02, give_up_min=0.01, tell=tell)
+    run = watch_run(str(path), Options(), "auto", choose("afukf", None, ()), 0.01, poll_s=0.02, give_up_min=0.01, tell=tell)[1]
     assert run.time_s[-1] == 59 * 60.0
     assert [n for n in told if n.startswith("cannot be read since 59 min: ") and "the row has 3 cells" in n]
 

@@ -10,6 +10,7 @@ from .load_step import LoadStep
 from .neighbour_heat import NeighbourHeat
 from .nonlinear_loss import NonlinearLoss
 from .reading_jump import ReadingJump
+from .room_step import RoomStep
 from .second_mode import SecondMode
 from .sensor_drift import SensorDrift
 from .sensor_lag import SensorLag
@@ -20,6 +21,7 @@ BUILT_IN: tuple[type[Effect], ...] = (
     SecondMode,
     LoadStep,
     CoolingSwitch,
+    RoomStep,
     SensorLag,
     TransportDelay,
     NonlinearLoss,

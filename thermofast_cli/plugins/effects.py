@@ -181,7 +181,9 @@ def declaration_problem(kind: Any) -> str | None:
     if kind.apply is Effect.apply:
         return "it has no apply(self, drive, run, p)"
     parameters = kind.parameters
-    if not parameters or not all(isinstance(p, Parameter) for p in parameters):
+    if isinstance(parameters, Parameter):
+        return "its parameters must be a tuple: of one alone, with a comma behind it, (Parameter(...),)"
+    if not isinstance(parameters, tuple | list) or not parameters or not all(isinstance(p, Parameter) for p in parameters):
         return "its parameters must be a tuple of Parameter(...), at least one"
     names = [p.name for p in parameters]
     if len(set(names)) < len(names):
@@ -210,6 +212,19 @@ def declaration_problem(kind: Any) -> str | None:
     return None
 
 
+class _Plenty(dict[str, Any]):
+    """Logged columns of the trial record: one of any name that an effect may ask for."""
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str)
+
+    def __missing__(self, name: str) -> Any:
+        return next(iter(self.values()))
+
+    def get(self, name: str, default: Any = None) -> Any:
+        return self[name]
+
+
 def check(effect: Effect, origin: str) -> tuple[bool, int]:
     """Runs an effect, built in or not, on a small made-up record: (whether it must be called row by row, its hidden masses).
 
@@ -225,8 +240,12 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
     full = np.full(2, 0.01)
     run = Observations("trial", ("T1", "T2"), time, reading, np.ones_like(reading), full, full * 0.0, plenty, columns)
     run = replace(run, inputs={**columns, "oil_degC": plenty["ambient"] - 2.0}, temperatures=("oil_degC",))
+    vars(run).update(inputs=_Plenty(run.inputs), ambient=_Plenty(run.ambient))
     with _guarded(effect):
         choices = list(effect.choices(run))
+        if not choices:  # what needs that nothing is logged
+            run = replace(run, ambient={})
+            choices = list(effect.choices(run))
     if not all(isinstance(choice, Choice) for choice in choices):
         raise PluginError(f"{origin}: choices must give Choice(...)", found=repr(choices[0])[:60], do=f"see {GUIDE}")
     for choice in choices[:1]:
@@ -237,17 +256,29 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
         if not np.isfinite(one).all():
             raise PluginError(f"{origin}: with its start values the curve is not finite", do="check apply for 0/0 and overflow")
         nothing = _curves(effect, run, still, choice.constants, by_row)
-        plain = Drive.plain(run, np.array([0, 1]), np.full((2, 1), 20.0))
-        base = plain.forward(run, np.array([0.02, 0.03]), np.array([5.0, 3.0]), np.array([20.0, 20.0]))
+        base = _forward(_trial(run), run)
         if np.abs(nothing - base).max() > 1e-6:
             raise PluginError(
                 f"{origin}: at {main.name} = {main.null:g} it must change nothing",
                 found=f"a change of {np.abs(nothing - base).max():.3g} K",
                 do="declare the null of the amplitude, or write apply so",
             )
+        behind = _forward(_applied(effect, run, still, choice.constants, by_row, True), run)
+        if np.abs(behind - _forward(_trial(run, True), run)).max() > 1e-6:
+            raise PluginError(
+                f"{origin}: behind another effect, at {main.name} = {main.null:g}, it takes back what that one did",
+                allowed="a change of what is there, as drive.heat = drive.heat + ...",
+                do="add to drive.heat, drive.loss and drive.sink, and never assign what begins anew",
+            )
+        if not np.array_equal(one, _curves(effect, run, values, choice.constants, by_row), equal_nan=True):
+            raise PluginError(f"{origin}: the same values give another curve each time", do="take chance and time of day out of apply")
         _has_derivatives(effect, run, choice, values, by_row, origin)
         return by_row, _masses(effect, run, values, choice.constants, by_row)
-    return False, 0
+    raise PluginError(
+        f"{origin}: choices gives none on a record that has every column",
+        allowed="at least one way in which it could act",
+        do="write choices so that it gives one where what it needs is logged",
+    )
 
 
 def _either_way(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any]) -> tuple[Any, bool]:
@@ -316,12 +347,25 @@ def _masses(effect: Effect, run: Observations, values: dict[str, Any], constants
 
 
 def _curves(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> Any:
-    drive = _applied(effect, run, values, constants, by_row)
+    return _forward(_applied(effect, run, values, constants, by_row), run)
+
+
+def _forward(drive: Drive, run: Observations) -> Any:
     return drive.forward(run, np.array([0.02, 0.03]), np.array([5.0, 3.0]), np.array([20.0, 20.0]))
 
 
-def _applied(effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool) -> Drive:
+def _trial(run: Observations, changed: bool = False) -> Drive:
+    """The drive of two sensors; changed: as another effect left it."""
     drive = Drive.plain(run, np.array([0, 1]), np.full((2, 1), 20.0))
+    if changed:
+        drive.heat, drive.loss, drive.sink = 1.3 * drive.heat, 1.1 * drive.loss, drive.sink + 0.5
+    return drive
+
+
+def _applied(
+    effect: Effect, run: Observations, values: dict[str, Any], constants: dict[str, Any], by_row: bool, changed: bool = False
+) -> Drive:
+    drive = _trial(run, changed)
     p = Values(values, constants)
     with _guarded(effect):
         if by_row:

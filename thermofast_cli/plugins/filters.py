@@ -141,10 +141,20 @@ def track_problem(track: Any, count: int) -> str | None:
     for name in PER_READING:
         shapes[name] = (count,)
     for name, shape in shapes.items():
-        if np.shape(getattr(track, name)) != shape:
-            return f"its track's {name} has the shape {np.shape(getattr(track, name))}, needed {shape}"
+        values = getattr(track, name)
+        if np.shape(values) != shape:
+            return f"its track's {name} has the shape {np.shape(values)}, needed {shape}"
+        if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
+            kind = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
+            return f"its track's {name} is of type {kind}, needed an array of floats"
     if not 0 <= track.first <= count:
         return f"its track begins at reading {track.first} of {count}"
+    good = slice(track.first, track.diverged_at)
+    if not np.isfinite(track.state[good]).all():
+        return "its track's state is not finite, and diverged_at does not say from which reading on"
+    variance = np.diagonal(track.covariance[good], axis1=1, axis2=2)
+    if not (variance >= 0.0).all():
+        return f"its track's covariance has a variance of {np.nanmin(variance):.3g}, needed 0 or more"
     return None
 
 
