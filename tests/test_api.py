@@ -15,6 +15,7 @@ from conftest import ROOT
 import thermofast as tf
 from thermofast.reading.tables.frames import table_of
 
+MINUTES = np.arange(120.0)
 SPINDLE, HIDDEN = ROOT / "sample_runs" / "spindle.csv", ROOT / "sample_runs" / "hidden.csv"
 
 
@@ -154,7 +155,11 @@ def test_bad_settings_are_errors_with_words(frame):
         (lambda: tf.identify([]), "no run given"),
         (lambda: tf.identify([run, run]), "two runs are called"),
         (lambda: tf.identify(run, channels="T5"), "read already"),
-        (lambda: tf.identify(frame, chanels="T5"), "unknown option of reading 'chanels'"),
+        (lambda: tf.identify(frame, chanels="T5"), "tf.identify has no argument 'chanels'"),
+        (lambda: tf.identify(run, untill=60), "did you mean 'until'"),
+        (lambda: tf.identify(run, 60, "afukf"), "tf.identify: too many positional arguments"),
+        (lambda: tf.plan(0.5, sensors="3"), "sensors is not such a number"),
+        (lambda: tf.read(frame, strict="no"), "strict: not understood"),
         (lambda: tf.identify(run, until=999), "longer than the record"),
         (lambda: tf.identify(run, filter="afuk"), "did you mean 'afukf'"),
         (lambda: tf.identify(run, settings={"gaet": 3}), "no setting 'gaet'"),
@@ -181,6 +186,36 @@ def test_options_are_met_as_the_command_line_meets_them(frame):
         tf.identify(SPINDLE, joint=True, preset="paper")
     with pytest.raises(tf.UsageError, match=r"(?s): start=500 is outside the record.*found: 400 min"):
         tf.identify(SPINDLE, start=500)
+
+
+def test_what_was_guessed_stands_in_every_record_however_it_is_reached():
+    fahrenheit = {
+        "time_min": MINUTES,
+        "front": 70.0 - 20.0 * np.expm1(-MINUTES / 40.0),
+        "rear": 70.0 - 9.0 * np.expm1(-MINUTES / 30.0),
+    }
+    told = tf.identify(fahrenheit)
+    assert all("no unit, taken for degC" in m for m in (told[0].message, told["rear"].message, *(r.message for r in told)))
+    assert "rear" in told
+    assert "in memory" not in told
+    both = tf.identify([pd.DataFrame(fahrenheit), pd.DataFrame(fahrenheit)])
+    assert [r.run for r in both] == ["in memory", "in memory", "in memory 2", "in memory 2"]
+    assert both["in memory 2", "rear"].run == "in memory 2"
+    assert ("in memory 2", "front") in both
+    with pytest.raises(KeyError, match="of several runs"):
+        both["rear"]
+
+
+def test_series_are_joined_by_their_labels_or_not_at_all():
+    turned = pd.Series(np.linspace(26.0, 20.0, len(MINUTES)), index=np.arange(len(MINUTES))[::-1])
+    with pytest.raises(tf.ThermofastError, match="another index than 'time_min'"):
+        tf.read({"time_min": pd.Series(MINUTES), "T1": turned})
+    stamps = [f"2026-03-01 {8 + int(m) // 60:02d}:{int(m) % 60:02d}:00" for m in MINUTES]
+    frame = pd.DataFrame({"T1": turned.to_numpy()}, index=stamps)
+    assert tf.read(frame).time_s[-1] == 60.0 * MINUTES[-1]
+    one, other = tf.read(frame), tf.read(frame)
+    assert one != other
+    assert one in [other, one]
 
 
 def test_results_can_be_looked_at_saved_and_drawn(told, tmp_path):

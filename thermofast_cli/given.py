@@ -6,13 +6,13 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 
-from .errors import ThermofastError, UsageError
+from .errors import ThermofastError, UsageError, nearest
 from .reading import Run, read_runs
 from .reading_options import SPOKEN, Options, options_from
 from .workers.engine import Started, Work, with_start
@@ -102,10 +102,22 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     UsageError: an argument is of a kind that it cannot be.
     """
     signature = inspect.signature(function)
+    own = [n for n, p in signature.parameters.items() if p.kind is not inspect.Parameter.VAR_KEYWORD]
+    more = [n for n in signature.parameters if n not in own]
+    known = [*own, *([f.name for f in fields(Options)] if more == ["reading"] else []), "interval"]
 
     @functools.wraps(function)
     def after_a_look(*args: P.args, **kwargs: P.kwargs) -> R:
-        bound = signature.bind(*args, **kwargs)
+        for name in kwargs:
+            if name not in known and more in ([], ["reading"]):
+                hint = nearest(name, known) or "see docs/api.md"
+                raise UsageError(f"tf.{function.__name__} has no argument {name!r}", allowed=", ".join(own), do=hint)
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError as error:
+            raise UsageError(
+                f"tf.{function.__name__}: {error}", allowed=f"{function.__name__}{signature}", do="name each"
+            ) from None
         for name, value in bound.arguments.items():
             default = signature.parameters[name].default
             if value is None:
@@ -166,7 +178,10 @@ def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str
                 raise UsageError(f"{one.name}: read already", found=", ".join(reading), do="give the options of reading to tf.read")
             found.append(one)
         else:
-            found += read_runs(one, options_from(dict(reading)), None)
+            of_one = read_runs(one, options_from(dict(reading)), None)
+            if not isinstance(one, str | Path) and any(r.name == run.name for r in of_one for run in found):
+                of_one = [replace(r, name=f"{r.name} {len(found) + 1}") for r in of_one]  # of several frames none has a name
+            found += of_one
     if not found:
         raise UsageError(
             "no run given", allowed="a run, a path, a DataFrame, an Arrow table, a mapping of arrays, or a list of them"

@@ -4,7 +4,7 @@ import codecs
 import csv
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
 from typing import Any
@@ -71,6 +71,8 @@ def options_from(given: dict[str, Any]) -> Options:
         if key not in known:
             raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
     for key in SEVERAL:
+        if isinstance(given.get(key), Mapping):  # {"T1": "F"} as T1=F
+            given[key] = tuple(f"{name}={value}" for name, value in given[key].items())
         if isinstance(given.get(key), Iterable) and not isinstance(given[key], str):
             given[key] = tuple(given[key])
     for key, value in given.items():
@@ -115,6 +117,8 @@ def _check(key: str, value: Any) -> None:
         kind, words = (Integral, "a whole number") if key == "header_line" else (Real, "a number")
         number = isinstance(value, kind) and not isinstance(value, bool)
         fine, allowed = number and math.isfinite(value) and value >= LEAST[key], f"{words} from {LEAST[key]:g} on"
+    elif key == "strict":
+        fine, allowed = isinstance(value, bool), "True or False"
     else:
         return
     if fine and key == "encoding":
@@ -123,7 +127,8 @@ def _check(key: str, value: Any) -> None:
         except (LookupError, ValueError):
             fine, allowed = False, "a name as utf-8 or cp1252"
     if not fine:
-        raise UsageError(f"--{SPOKEN.get(key, key).replace('_', '-')}: not understood", found=repr(value)[:60], allowed=allowed)
+        option = key if key == "strict" else f"--{SPOKEN.get(key, key).replace('_', '-')}"
+        raise UsageError(f"{option}: not understood", found=repr(value)[:60], allowed=allowed)
 
 
 def names(several: str | Iterable[str] | None) -> tuple[str, ...]:

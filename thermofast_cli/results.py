@@ -61,7 +61,11 @@ class Result:
         return len(self.records)
 
     def __iter__(self) -> Iterator[Any]:
-        return iter(self.records)
+        return iter(self._with_guesses())
+
+    def __contains__(self, key: object) -> bool:
+        """Whether there is a record of a sensor: its name, or (run, name)."""
+        return any(key in (r.channel, (getattr(r, "run", ""), r.channel)) for r in self.records)
 
     def __eq__(self, other: object) -> bool:
         """Whether the records are the same; runs and curves behind them are not compared."""
@@ -75,19 +79,22 @@ class Result:
         told = ", ".join(f"{number} {status}".strip() for status, number in counted.most_common())
         return f"<{type(self).__name__}: {len(self.records)} records ({told}); .to_frame() shows them>"
 
-    def __getitem__(self, key: int | slice | str) -> Any:
-        """The record at a place, those of a slice, or the first one of a sensor.
+    def __getitem__(self, key: int | slice | str | tuple[str, str]) -> Any:
+        """The record at a place, those of a slice, or the first one of a sensor: its name, of several runs (run, name).
 
         Raises
         ------
-        KeyError: no sensor of that name; the message lists those there are.
+        KeyError: no such sensor, or one of several runs; the message lists those there are.
         """
+        held = self._with_guesses()
         if isinstance(key, int | slice):
-            return self.records[key]
-        for record in self.records:
-            if record.channel == key:
-                return record
-        raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(r.channel for r in self.records))}")
+            return held[key]
+        found = [r for r in held if key in (r.channel, (getattr(r, "run", ""), r.channel))]
+        if len({getattr(r, "run", "") for r in found}) > 1:
+            raise KeyError(f"{key!r} is a sensor of several runs; say ({found[0].run!r}, {key!r})")
+        if not found:
+            raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(r.channel for r in self.records))}")
+        return found[0]
 
     def statuses(self) -> list[str]:
         """The status of each record."""

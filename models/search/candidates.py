@@ -160,7 +160,7 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
                 best = value, fit, part
     assert best is not None
     best = best if quick else _elaborate(before, effect, best)
-    if likelihood_ratios(before, best[1]).sum() < 0.0:  # at its null it is the model before: a worse fit is a search that went astray
+    if likelihood_ratios(before, best[1]).sum() < 0.0:  # at its null it is the model before: the search went astray
         main = effect.parameter(effect.amplitude)
         null = (main.null or 0.0) * (run.span if main.share else 1.0)
         parts = [*before.model.parts, best[2]]

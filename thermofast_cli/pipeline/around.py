@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, listed
@@ -180,7 +181,7 @@ def plan_design(
     for name, value in given.items():
         if name not in known:
             raise UsageError(f"unknown word of a design {name!r}", allowed=", ".join(known))
-        if not 0.0 < value < math.inf:
+        if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
             raise UsageError(f"{name} is not such a number", found=repr(value), allowed="above zero")
     past = None
     if model is not None:

@@ -271,7 +271,9 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
                 do="add to drive.heat, drive.loss and drive.sink, and never assign what begins anew",
             )
         if not np.array_equal(one, _curves(effect, run, values, choice.constants, by_row), equal_nan=True):
-            raise PluginError(f"{origin}: the same values give another curve each time", do="take chance and time of day out of apply")
+            raise PluginError(
+                f"{origin}: the same values give another curve each time", do="take chance and time of day out of apply"
+            )
         _has_derivatives(effect, run, choice, values, by_row, origin)
         return by_row, _masses(effect, run, values, choice.constants, by_row)
     raise PluginError(

@@ -82,7 +82,7 @@ class Seen:
 MOST_SHOWN = 20
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """One run: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from ..moments.stamps import looks_like_stamp
 from ..run import Array
 from .dialect import is_missing
 from .table import Table, from_arrow, words_or_numbers
@@ -32,7 +33,8 @@ def table_of(data: Any, name: str = NAME) -> Table:
         if not isinstance(data, pa.Table):
             raise InputError(f"{name}: not a record", found=type(data).__name__, allowed="an Arrow table or record batches")
         return from_arrow(data, name, [f"Arrow table, {data.num_rows} rows"])
-    if type(data).__module__.startswith("pandas"):
+    framed = type(data).__module__.startswith("pandas")
+    if framed:
         data = _columns_of_frame(data, name)
     if not isinstance(data, Mapping):
         shape = getattr(data, "shape", None)
@@ -42,7 +44,23 @@ def table_of(data: Any, name: str = NAME) -> Table:
             allowed="a path, a pandas DataFrame, an Arrow table, or a mapping of names to arrays",
             do="name the columns, as in {'time_min': t, 'T1': readings}",
         )
+    if not framed:
+        _same_index(data, name)
     return _from_arrays(data, name)
+
+
+def _same_index(columns: Mapping[Any, Any], name: str) -> None:
+    """Raises InputError where pandas Series have other labels than each other: pandas joins them by these."""
+    indexes = {key: c.index for key, c in columns.items() if type(c).__module__.startswith("pandas") and hasattr(c, "index")}
+    for key, index in indexes.items():
+        first = next(iter(indexes))
+        if not index.equals(indexes[first]):
+            raise InputError(
+                f"{name}: {key!r} has another index than {first!r}",
+                found=f"{index[:3].tolist()} and {indexes[first][:3].tolist()} at their beginnings",
+                allowed="pandas Series of one index, or arrays",
+                do="pd.DataFrame(columns) puts them together by their labels, .to_numpy() by their places",
+            )
 
 
 def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
@@ -82,6 +100,8 @@ def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
         columns = {index.name: index.to_series(), **columns}
     elif index.name is None and pd.api.types.is_float_dtype(index.dtype) and "index" not in columns:
         columns = {"index": index.to_series(), **columns}
+    elif index.name is None and len(index) and "time" not in columns and looks_like_stamp(str(index[0])):
+        columns = {"time": index.to_series(), **columns}  # stamps as words or objects
     return columns
 
 
