@@ -26,7 +26,8 @@ class Observations:
     ambient name -> (N,) [degC] and inputs name -> (N,) are logged columns without holes. sink_c is the temperature of the
     surroundings where it is logged, else None. heat (N,) is the heat of the base model, mean over the interval that ends at each
     reading, where a logged column drives it; drive names that column, driven (N,) are its values in the unit of the heat. logged
-    (N,) are the times that stand in the file, where the grid is finer than that. temperatures names those inputs that are some.
+    (N,) are the times that stand in the file, where the grid is finer than that. temperatures names those inputs that are some;
+    heats those that are a power, a current or a load, which change no loss, cools a fan or a flow, which brings no heat.
     """
 
     name: str
@@ -44,6 +45,8 @@ class Observations:
     logged: NDArray[np.bool_] | None = None
     driven: Array | None = None
     temperatures: tuple[str, ...] = ()
+    heats: tuple[str, ...] = ()
+    cools: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -253,12 +253,12 @@ def varying(columns: dict[str, Array]) -> dict[str, Array]:
     return {n: c for n, c in columns.items() if float(np.ptp(c)) > 1e-6 * max(1.0, float(np.abs(c).max()))}
 
 
-def tried_columns(run: Observations, warm: bool = False) -> dict[str, Array]:
-    """Logged inputs that an effect is tried along: those that are temperatures, or all others.
+def tried_columns(run: Observations, warm: bool = False, but: Sequence[str] = ()) -> dict[str, Array]:
+    """Logged inputs that an effect is tried along: those that are temperatures, or all others but some.
 
     What is warm neither heats nor cools by what it is, but by how warm it is.
     """
-    mine = {n: c for n, c in run.inputs.items() if (n in run.temperatures) is warm}
+    mine = {n: c for n, c in run.inputs.items() if (n in run.temperatures) is warm and n not in but}
     return dict(list(varying(mine).items())[:MOST_COLUMNS])
 
 

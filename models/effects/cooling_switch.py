@@ -35,7 +35,7 @@ class CoolingSwitch(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         found = [Choice("", {"column": ""})]
-        for name, column in tried_columns(run).items():
+        for name, column in tried_columns(run, but=run.heats).items():
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
             found += [Choice(name, {**constants, "ending": ending}, ("event",), coupled=("ratio",)) for ending in endings(column)]
         return found

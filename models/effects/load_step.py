@@ -66,7 +66,7 @@ class LoadStep(Effect):
             way = f"{run.drive} to the power 1 + change"
             found.append(Choice(way, own, ("event", "power", "delay"), coupled=("change",)))
             found.append(Choice(f"{way}, later", own, ("event", "power"), simple=False, coupled=("change",)))
-        for name, column in tried_columns(run).items():
+        for name, column in tried_columns(run, but=run.cools).items():
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
             ways = [{**constants, "ending": ending} for ending in endings(column)]
             plain = [{**way, "power": 1.0} for way in ways]

@@ -17,6 +17,7 @@ from ..errors import rounded
 from ..estimation.sensor import logger_step, saturated
 from ..reading import Run
 from ..reading.units import parse_unit
+from ..reading.vocabulary import COOLING, HEATING, words
 
 Array = NDArray[np.float64]
 
@@ -96,7 +97,8 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
     seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates, until_min)
     if note:
         notes.append(Note(None, note))
-    seen = replace(seen, temperatures=_warm(run, inputs))
+    heats, cools = _sides(run, inputs)
+    seen = replace(seen, temperatures=_warm(run, inputs), heats=heats, cools=cools)
     notes += _without_rise(seen)
     if drive is not None:
         seen = _driven(seen, drive)
@@ -173,6 +175,15 @@ def _warm(run: Run, inputs: Mapping[str, Array]) -> tuple[str, ...]:
     told = () if run.seen is None else run.seen.columns
     units = {c.name: parse_unit(c.unit) for c in told if c.name in inputs}
     return tuple(n for n, unit in units.items() if unit is not None and unit.temperature)
+
+
+def _sides(run: Run, inputs: Mapping[str, Array]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the inputs that heat (a power, a load) and of those that cool (a fan, a flow); a speed may do either."""
+    told = () if run.seen is None else run.seen.columns
+    units = {c.name: parse_unit(c.unit) for c in told}
+    cools = tuple(n for n in inputs if COOLING & set(words(n)))
+    heats = tuple(n for n in inputs if n not in cools and (HEATING & set(words(n)) or ((u := units.get(n)) and u.kind == "power")))
+    return heats, cools
 
 
 def _driven(seen: Observations, drive: str) -> Observations:

@@ -50,6 +50,15 @@ INPUTS = _set(
 )
 #: Names of inputs that are none beside another word: Press ram is a place.
 INPUT_NAMES = _set("vin vout vcc vdd vbus vbatt ubat ibat ibatt iin iout press pres hum amp amps")
+#: Inputs that bring heat, and those that take it away.
+HEATING = _set(
+    "power leistung load last duty current strom heater heizung torque drehmoment couple moment watt puissance potenza potencia "
+    "moc výkon güç potência мощность нагрузка yük obciążenie carga charge zatížení stellgrad"
+)
+COOLING = _set(
+    "fan lüfter luefter coolant kühlmittel kuehlmittel kühlung kuehlung cooling chiller pump pumpe flow durchfluss door tür "
+    "valve ventil"
+)
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
 #: Those of them that are a quantity where they end a name that speaks of no temperature: Motor load.
