@@ -808,3 +808,89 @@ def test_switches_among_the_sensors_of_a_long_table_are_left_out(tmp_path):
     )
     with pytest.raises(InputError):
         read_runs(path)
+
+
+def test_a_key_for_the_unit_pressed_in_mid_record_is_refused(tmp_path):
+    front, rear = FRONT.copy(), REAR.copy()
+    front[90:], rear[90:] = 1.8 * front[90:] + 32.0, 1.8 * rear[90:] + 32.0
+    with pytest.raises(InputError, match="line 92: the unit changes from degC to degF"):
+        read_runs(written(tmp_path, table("time_min,T1,T2", MINUTES, values(front), values(rear))))
+    back = [np.where(np.arange(N) < 90, 1.8 * c + 32.0, c) for c in (FRONT, REAR)]
+    with pytest.raises(InputError, match="from degF to degC"):
+        read_runs(written(tmp_path, table("time_min,front [°F],rear [°F]", MINUTES, *map(values, back))))
+    front[90:] += 9.0  # a jump, but not that one
+    assert len(read_runs(written(tmp_path, table("time_min,T1,T2", MINUTES, values(front), values(rear))))[0].channels) == 2
+
+
+@pytest.mark.parametrize("name", ["T1 (&deg;F)", "T1 (¡F)", r"T1 ($^\circ$F)", "T1 [&#176;F]"])
+def test_fahrenheit_under_signs_of_other_pages(tmp_path, name):
+    run = read_runs(written(tmp_path, table(f"time_min;{name}", MINUTES, values(1.8 * FRONT + 32.0), delimiter=";")))[0]
+    (front,) = run.channels.values()
+    assert front[0] == pytest.approx(FRONT[0], abs=0.01)
+
+
+def test_a_column_in_volts_that_is_named_as_a_sensor_is_told(tmp_path):
+    text = table("time_min;TC1 [mV];TC2 [°C]", MINUTES, values(FRONT), values(REAR), delimiter=";")
+    run = read_runs(written(tmp_path, text), Options(channels=("TC1",)))[0]
+    assert any("'TC1 [mV]' is a voltage" in g.text for g in run.guesses)
+    assert not read_runs(written(tmp_path, text), Options(channels=("TC1",), units=("TC1 [mV]=C",)))[0].guesses
+
+
+def test_the_greatest_of_a_sensor_beside_it_and_of_a_pair(tmp_path):
+    more = values(FRONT + 0.1)
+    run = read_runs(written(tmp_path, table("time_min;front [°C];front_max [°C]", MINUTES, values(FRONT), more, delimiter=";")))[0]
+    assert list(run.channels) == ["front [°C]"]
+    run = read_runs(
+        written(tmp_path, table("time_min;front_min [°C];front_max [°C]", MINUTES, values(FRONT), more, delimiter=";"))
+    )[0]
+    assert len(run.channels) == 2
+
+
+def test_places_beside_a_room_that_alone_has_a_unit(tmp_path):
+    text = table("time_min;front bearing;motor;hall air [°C]", MINUTES, values(FRONT), values(REAR), ["18.0"] * N, delimiter=";")
+    run = read_runs(written(tmp_path, text))[0]
+    assert (list(run.channels), list(run.ambient)) == (["front bearing", "motor"], ["hall air [°C]"])
+
+
+def test_a_long_table_of_two_quantities_keeps_them_apart(tmp_path):
+    """A third of the moments stand there twice for one sensor: temperature and vibration became one curve."""
+    rows = ["time_min,sensor,quantity,value"]
+    for m, a, b in zip(MINUTES, values(FRONT), values(REAR), strict=True):
+        rows += [f"{m:g},front,temperature,{a}", f"{m:g},front,vibration,1.2{int(m) % 7}", f"{m:g},rear,temperature,{b}"]
+    run = read_runs(written(tmp_path, "\n".join(rows) + "\n"))[0]
+    assert list(run.channels) == ["front temperature", "rear temperature"]
+    assert "front vibration" in run.inputs
+    assert run.channels["front temperature"] == pytest.approx(np.round(FRONT, 2))
+
+
+def test_markers_of_an_archive_are_left_out(tmp_path):
+    rows = ['"VarName";"TimeString";"VarValue";"Validity";"Time_ms"']
+    for m, front, rear in zip(MINUTES, values(FRONT), values(REAR), strict=True):
+        moment = f"20.11.2026 {6 + int(m // 60):02d}:{int(m % 60):02d}:30"
+        clock = f"{46346264236.1111 + 1e6 * m / 1440.0:.4f}"
+        for name, v in (("Temp_vorn", front), ("Temp_hinten", rear)):
+            rows.append(f'"{name}";"{moment}";{v};1;{clock}'.replace(".", ",").replace(",", ".", 2))
+    rows += ['"$RT_COUNT$";241;"";"";""', '"$RT_OFF$";"20.11.2026 10:20:30";0;2;46346431736,1111']
+    run = read_runs(written(tmp_path, "\n".join(rows) + "\n"))[0]
+    assert list(run.channels) == ["Temp_vorn", "Temp_hinten"]
+    assert run.time_s[-1] == pytest.approx(60.0 * MINUTES[-1], abs=1.0)
+    assert any("$RT_OFF$" in n for n in run.notes)
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("name,tags,time,front", "temps,host=plc,{ns},{v}"),
+        ("cycle time [s],time [s],front [°C]", "12.{k},{s},{v}"),
+        ("Time,ms,front", "2026-05-03 {h:02d}:{m:02d}:00,250,{v}"),
+        ("Data;front [°C]", "15/11/2026 {h:02d}.{m:02d};{v}"),
+    ],
+)
+def test_which_column_is_the_time(tmp_path, header, row):
+    told = [
+        {"ns": 1790165160 * 10**9 + 60 * 10**9 * i, "k": 5 + i % 3, "s": 60 * i, "h": 8 + i // 60, "m": i % 60, "v": v}
+        for i, v in enumerate(values(FRONT))
+    ]
+    run = read_runs(written(tmp_path, "\n".join([header, *(row.format(**t) for t in told)]) + "\n"))[0]
+    assert run.time_s == pytest.approx(60.0 * MINUTES)
+    assert len(run.channels) == 1

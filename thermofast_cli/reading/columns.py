@@ -133,7 +133,8 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
-    by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature for s in signs.values())
+    # A room with its unit says nothing of places without one.
+    by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature and s.kind != "ambient" for s in signs.values())
     quantities = {n for n in names if signs[n].unit is None and _QUANTITY.fullmatch(n)}
     quantities = quantities if origin != "long" and any(_bare(n, s) for n, s in signs.items()) else set()
     roles: dict[str, list[str]] = {
@@ -144,7 +145,22 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
             continue
         role = _role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)
         roles["silent" if role == "sensor" and n in quantities and n not in (*options.channels, *told) else role].append(n)
-    return _with_words(roles, signs, values, options, origin)
+    found = _with_words(roles, signs, values, options, origin)
+    return replace(found, guesses=(*found.guesses, *_other_quantities(options, signs, told)))
+
+
+#: Quantities of which no reading is one in degrees.
+NO_DEGREES = frozenset(["voltage", "current", "resistance", "power", "pressure", "speed", "flow", "frequency"])
+
+
+def _other_quantities(options: Options, signs: Mapping[str, Sign], told: Collection[str]) -> tuple[Guess, ...]:
+    """What to say of columns that are named as sensors though their unit is one of something else, where none was told."""
+    units = {n: signs[n].unit for n in options.channels if n in signs and n not in told}
+    odd = [f"{n!r} is a {u.kind}, in {u.symbol}" for n, u in units.items() if u is not None and u.kind in NO_DEGREES]
+    if not odd or options.units or options.resistance:
+        return ()
+    way = "export degC (--resistance R0,T0 reads a winding), or say --units COLUMN=C if the name is wrong"
+    return (Guess("unit", f"taken for degC, as asked: {'; '.join(odd[:3])}", way),)
 
 
 def _beyond_place(names: list[str]) -> dict[str, str]:
@@ -188,7 +204,17 @@ def _extremes(names: list[str]) -> list[str]:
         rest = tuple(w for w in some if w not in words_of)
         return len(rest) < len(some) and rest in others
 
-    return [n for n, some in told.items() if of_one(some, EXTREMES | SPREADS, means) or of_one(some, SPREADS, bare)]
+    # Of a least and a greatest without a mean both are readings; of one of them beside the reading itself, that is.
+    alone = {
+        n
+        for n, some in told.items()
+        if sum(of_one(s, EXTREMES, {tuple(w for w in some if w not in EXTREMES)}) for s in told.values()) < 2
+    }
+    return [
+        n
+        for n, some in told.items()
+        if of_one(some, EXTREMES | SPREADS, means) or of_one(some, SPREADS, bare) or (n in alone and of_one(some, EXTREMES, bare))
+    ]
 
 
 def _without_unit(name: str) -> str:

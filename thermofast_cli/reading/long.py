@@ -96,7 +96,7 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
 def _beside(seconds: Array, words_of: dict[str, list[str] | None], sensor: tuple[str, ...], repeated: list[str]) -> tuple[str, ...]:
     """The column of words that tells the readings of one sensor at one moment apart, as mean, least and greatest; mostly none."""
     moments = [(t, w) for t, w in zip(seconds.tolist(), _joined(words_of, sensor), strict=True)]
-    if len(set(moments)) > 0.6 * len(moments):
+    if len(set(moments)) > 0.95 * len(moments):
         return ()
     for n in repeated:
         apart = {(*m, w) for m, w in zip(moments, words_of[n] or [], strict=False)}

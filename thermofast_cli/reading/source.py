@@ -42,7 +42,7 @@ from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
 from .units import parse_unit, unit_changes
-from .values.degrees import Temperatures, refuse_words, unit_told, winding
+from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, winding
 from .values.faults import without_faults, without_impossible
 from .values.marks import good_readings
 from .vocabulary import UNITS
@@ -308,6 +308,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         columns[n], impossible = without_impossible(degrees.of(n, numbers[n], n in roles.inputs))
         if impossible:
             channel_notes[n] = f"{impossible} overload or impossible readings left out"
+    refuse_another_unit([numbers[n] for n in roles.sensors], table)
     notes += degrees.notes()
     guesses += degrees.guesses()
     notes.append(f"{len(roles.sensors)} sensor{'s' if len(roles.sensors) > 1 else ''} ({listed(roles.sensors, 4)})")

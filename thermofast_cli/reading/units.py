@@ -34,7 +34,7 @@ QUANTITIES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 _EXACT = {symbol: kind for kind, symbols in QUANTITIES.items() for symbol in symbols}
 _LOWER = {symbol.lower(): kind for symbol, kind in _EXACT.items() if len(symbol) > 1}
-_MARK = r"(?:°|º|˚|\*|'|�|Â°|\?|deg(?:rees?|\.)?|grad|grd\.?|degr)"
+_MARK = r"(?:°|º|˚|\*|'|�|Â°|\?|¡|\\circ|\^\\circ|deg(?:rees?|\.)?|grad|grd\.?|degr)"
 _MARKED = re.compile(rf"{_MARK}[ _]?(c|k|f|celsius|kelvin|fahrenheit)$", re.IGNORECASE)
 _BEHIND = re.compile(r"(?:o|O)?([cfk])(?:°|º)|o([cf])", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
@@ -75,7 +75,7 @@ class Unit:
 @lru_cache(maxsize=4096)
 def parse_unit(text: str) -> Unit | None:
     """The unit that a text *is*, as ``°C``, ``(*F)``, ``Deg C`` or ``mV``; None where it is none that is known."""
-    text = text.strip().strip("[](){}<>").strip().rstrip(".").translate(_CYRILLIC)
+    text = text.replace("$", "").strip().strip("[](){}<>").strip().rstrip(".").translate(_CYRILLIC)
     if not text:
         return None
     if text in ("C", "K", "F"):

@@ -188,7 +188,7 @@ READINGS = _set("value val wert messwert reading state temperature temp temperat
 REMARKS = _set(
     "unit einheit status remark comment note event alarm message operator quality validity flag bemerkung kommentar mode phase type"
 )
-UNITS = _set("unit units einheit")
+UNITS = _set("unit units einheit uom eu")
 
 TIME = _set(
     "time times timestamp timestamps datetime date elapsed clock zeit uhrzeit datum zeitstempel stamp zeitpunkt temps heure "

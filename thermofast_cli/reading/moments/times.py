@@ -180,9 +180,10 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     timed = [n for n in numeric if n in named and np.isfinite(np.asarray(table.columns[n])).any()]
     timed = [n for n in timed if not is_date_number(table.columns[n])] or timed
     epochs = [n for n in timed if epoch_of(_values(table, n)) and unit_of(n) is None]
-    ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5]
+    ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5 and np.ptp(_values(table, n)) > 0.0]
+    ascending.sort(key=lambda n: bool((np.diff(_values(table, n)) < 0).any()))  # a cycle's length goes up and down
     for group in (
-        [n for n in timed if unit_of(n, table.units.get(n, "")) and n in ascending and not _after_time(n, ascending)],
+        [n for n in ascending if unit_of(n, table.units.get(n, "")) and not _after_time(n, timed)],
         epochs,
         clocks,
         ascending,

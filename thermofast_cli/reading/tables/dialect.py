@@ -147,7 +147,7 @@ def _data_like(cells: list[str], decimal: str) -> bool:
         cells[0].strip().lower() in TIME
         or re.match(r"\s*[tT] ?[\[(][a-z]+[\])]\s*$", cells[0])
         or (not re.search(r"\d", cells[0]) and set(words(cells[0])) & TIME)
-    ):
+    ) and not any(_VALUE.search(c) for c in cells[1:]):
         return False  # names, be they the numbers of channels: Date,Time,ms,0001,0002 or Time [h],101,102
     told = [c for c in cells if not is_missing(c) and parse_unit(c) is None]
     numbers = sum(is_number(c, decimal) for c in told)
@@ -162,6 +162,8 @@ def _data_like(cells: list[str], decimal: str) -> bool:
     return numbers + stamps > 0 and numbers + stamps + carried >= share * len(told)
 
 
+#: What no name of a channel is: a number with decimals, or with many digits.
+_VALUE = re.compile(r"^\s*[+-]?\d+[.,]\d+\s*$|^\s*\d{9,}\s*$")
 _WITHIN = {
     d: re.compile(rf"([A-Za-z_]{{1,12}}[=:]\s*)?([+-]?(?:\d+(?:[{re.escape(d)}]\d*)?|[{re.escape(d)}]\d+))\s*([^\d\s].{{0,7}})?$")
     for d in ".,"

@@ -33,15 +33,23 @@ MARKS = (b",", b";", b"\t", b"|")
 SAMPLE, SOME = 1 << 14, 40
 #: Lines up to which a table may lie on its side, so many times as wide as it is high, and names before its moments.
 MOST_LYING, SIDEWAYS, MOST_NAMES = 400, 3, 3
+#: Rows in which WinCC says when it was off and how many rows there are.
+_MARKERS = re.compile(rb'(?m)^"?\$RT_[A-Z]+\$"?[;,\t].*(?:\n|\Z)')
 _FORTRAN = re.compile(rb"(?<![\w.])([+-]?\d*\.\d+)[dD]([+-]\d{2,3})(?!\d)")
 
 
 def plain_rows(data: bytes) -> tuple[bytes, list[str]]:
     """(text, notes) without quotes around whole rows, with tabs for blanks between quoted cells, and E for Fortran's D."""
     notes = []
+    for entity in (b"&deg;", b"&#176;"):
+        if entity in data[:SAMPLE]:  # out of a page
+            data = data.replace(entity, "°".encode())
+    if b"$RT_" in data and (rest := _MARKERS.sub(b"", data)) != data:
+        notes.append("markers of the archive ($RT_OFF$, $RT_COUNT$, ...) left out")
+        data = rest
     first = [line.strip(b"\r") for line in data[:SAMPLE].split(b"\n")[:-1] if line.strip()][1:SOME]
     if not first:
-        return data, []
+        return data, notes
     whole = [re.fullmatch(rb'"[^"]*[,;\t][^"]*"', line) for line in first]
     if all(whole):
         data = re.sub(rb'(?m)^"([^"\n]*)"(?=\r?$)', rb"\1", data)

@@ -29,6 +29,8 @@ ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
 #: Names and values of platinum resistors that were logged in ohms.
 RESISTORS = frozenset(["pt", "rtd"])
 OHMS = ((100.0, 130.0), (1000.0, 1300.0))
+#: Readings on either side of a change of unit, and the least jump [K] that is looked at.
+BEFORE_KEY, LEAST_KEY = 3, 8.0
 #: A number with a decimal sign.
 DECIMALS = re.compile(r"[+-]?\d+[.,]\d+")
 #: A column without unit that begins above this [degC], or at a room in degF, is told.
@@ -163,6 +165,34 @@ class Temperatures:
             way = "--units C confirms it" + (", --units '°C x10' says that they are tenths" if self._tenths else "")
             found.append(Guess("unit", f"no unit, taken for degC: {listed(self._hot, 3)}", way))
         return found
+
+
+def refuse_another_unit(columns: Sequence[Array], table: Table) -> None:
+    """Raises InputError where all columns (N,) of a record jump at one row as from degC to degF, or back: a key was pressed.
+
+    By 1.8 x + 32 to within what the steps about it are, which no machine does with several sensors at once.
+    """
+    some = [c for c in columns if np.isfinite(c).all() and len(c) > 2 * BEFORE_KEY and np.ptp(c) > LEAST_KEY]
+    if not some or len(some) < len(columns):
+        return
+    steps = np.diff(np.array(some), axis=1)
+    at = int(np.abs(steps).min(axis=0).argmax())
+    if not BEFORE_KEY <= at < steps.shape[1] - BEFORE_KEY or np.abs(steps[:, at]).min() < LEAST_KEY:
+        return
+    before, after = np.array([c[at] for c in some]), np.array([c[at + 1] for c in some])
+    about = np.abs(np.delete(steps[:, at - BEFORE_KEY : at + BEFORE_KEY + 1], BEFORE_KEY, axis=1)).max(axis=1)
+    if (about > 0.2 * np.abs(steps[:, at])).any():
+        return  # what jumps to and fro is a code of a broken probe
+    near = 3.0 * np.maximum(about, 0.1)
+    for first, one, other in (("C", before, after), ("F", after, before)):
+        if (np.abs(1.8 * one + 32.0 - other) <= 1.8 * near).all():
+            second = "F" if first == "C" else "C"
+            raise InputError(
+                f"{table.name}, line {table.lines[at + 1] + 1}: the unit changes from deg{first} to deg{second}",
+                found=f"{before[0]:g}, then {after[0]:g}",
+                allowed="one unit in a record",
+                do="split the file there, and say --units for each part",
+            )
 
 
 def winding_temperature(resistance: Array, told: Sequence[float]) -> Array:
