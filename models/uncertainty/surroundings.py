@@ -22,6 +22,8 @@ USUAL, FACTOR, LEVEL = 1.0, 0.8, 10.0
 LEAST_NOISE = 0.02
 #: Means over which the past is taken, and points of the time ahead.
 MEANS, POINTS = 16, 24
+#: The same of paths that are drawn.
+STEPS = 72
 #: Fewer readings say nothing of how a room moves.
 FEWEST = 8
 
@@ -41,6 +43,31 @@ def room_ahead(when: Array, room: Array, rate: Array, until: float) -> tuple[Arr
     hats = np.concatenate([np.zeros((POINTS, 1)), np.eye(POINTS)], axis=1)
     answer = np.array([lagged(np.minimum(rate, 1e6), float(ahead[0]), hat)[:, -1] for hat in hats]).T
     return answer @ mean, np.sqrt(np.maximum(np.einsum("sp,pq,sq->s", answer, covariance, answer), 0.0))
+
+
+def room_paths(when: Array, room: Array, rate: Array, times: Array, draws: int) -> Array:
+    """What rooms that go on as this one did move sensors of rates (S,) [1/min] by at times (k,) [min], to either side of one that
+    stays: (S, draws, k) [K].
+
+    room (n,) [degC] was logged at `when` (n,) [min]; until its last reading, and where too little of it is known, nothing moves.
+    """
+    found = np.zeros((len(rate), draws, len(times)))
+    until = float(times.max(initial=when[-1]))
+    if until <= when[-1] or len(room) < FEWEST or when[-1] <= when[0]:
+        return found
+    ahead = (until - when[-1]) * np.arange(1, STEPS + 1) / STEPS
+    covariance = _path(when - when[-1], room, ahead)[1]
+    size, along = np.linalg.eigh(covariance)
+    paths = np.random.default_rng(0).standard_normal((draws, STEPS)) @ (along * np.sqrt(np.maximum(size, 0.0))).T
+    hats = np.concatenate([np.zeros((STEPS, 1)), np.eye(STEPS)], axis=1)
+    answer = np.array([lagged(np.minimum(rate, 1e6), float(ahead[0]), hat) for hat in hats])
+    later = times > when[-1]
+    place = np.clip((times[later] - when[-1]) / ahead[0], 0.0, STEPS - 1e-9)
+    below = place.astype(np.intp)
+    for i in range(len(rate)):
+        moved = paths @ answer[:, i]
+        found[i][:, later] = moved[:, below] + (place - below) * (moved[:, below + 1] - moved[:, below])
+    return found
 
 
 def _path(when: Array, room: Array, ahead: Array) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ from thermofast.models.search.judge import widening
 from thermofast.models.search.rules import RULES
 
 from ..errors import rounded
-from .loop import pooled
+from .loop import pooled, unseen_delay
 from .remains import remaining_words, shares
 from .several import TWO_MACHINES
 from .stretches import steps_near
@@ -191,7 +191,7 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
                 continue
             i = int(mine[0])
             value, error = float(value[i]), float(error[i])
-        error = 1.96 * times * error * (abs(value) if name.log else 1.0)
+        error = 1.96 * math.hypot(times * error * (abs(value) if name.log else 1.0), unseen_delay(fit, k, name.name))
         numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
     return numbers
 

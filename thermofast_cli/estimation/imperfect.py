@@ -15,6 +15,7 @@ from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Sett
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.companions import faster, moved_since
+from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
 from ..standards.stopping import DRAWS, asked_ahead, foretold_trips
@@ -328,6 +329,12 @@ def _trips(
     at = asked_ahead(criterion, time, level, found.steady, found.rate)
     drawn = settle(parts, tau, prior, at, rates, DRAWS).drawn
     assert drawn is not None
+    first = 0
+    for part in parts:  # a logged room goes on as it did: the limit is that of the room at the last reading, the way there is not
+        some = slice(first, first + len(part.reading))
+        if part.room is not None:
+            drawn.curve[some] += room_paths(part.time, part.room, found.rate[some, 1], at, DRAWS)
+        first = some.stop
     trips, missing = foretold_trips(criterion, drawn, at, float(time[-1]))
     return trips, missing
 

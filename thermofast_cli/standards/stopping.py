@@ -224,5 +224,6 @@ def in_words(records: Sequence[IdentifyRecord]) -> list[str]:
         left = [r.channel for r in records if r.run == run and not r.criterion]
         every = f"on all sensors but {', '.join(left)}, which could not be read" if left else "on all sensors"
         where = "" if len(mine) < 2 and not left else f" {every}, on {last.channel} last"
-        found.append(f"{run}: {last.criterion} {holds} after {last.trip_min:.0f} min{band}{where}{there}")
+        begun = f" of the rise, which began at {rounded(last.start_min)} min" if last.start_min else ""
+        found.append(f"{run}: {last.criterion} {holds} after {last.trip_min:.0f} min{band}{begun}{where}{there}")
     return found
