@@ -16,6 +16,7 @@ from thermofast.models.search.rules import RULES
 from ..errors import rounded
 from ..estimation.sensor import logger_step, saturated
 from ..reading import Run
+from ..reading.signs import sign_of
 from ..reading.units import parse_unit
 from ..reading.vocabulary import COOLING, HEATING, words
 
@@ -174,7 +175,7 @@ def _warm(run: Run, inputs: Mapping[str, Array]) -> tuple[str, ...]:
     """Names of the inputs that are temperatures, as of a coolant."""
     told = () if run.seen is None else run.seen.columns
     units = {c.name: parse_unit(c.unit) for c in told if c.name in inputs}
-    return tuple(n for n, unit in units.items() if unit is not None and unit.temperature)
+    return tuple(n for n, unit in units.items() if (unit.temperature if unit is not None else sign_of(n, "").temperature))
 
 
 def _sides(run: Run, inputs: Mapping[str, Array]) -> tuple[tuple[str, ...], tuple[str, ...]]:
