@@ -28,7 +28,7 @@ class OldAndNew(RunCommand):
     epilog="Example: thermofast changed sample_runs/hidden.csv --new sample_runs/hidden_second_run.csv",
 )
 @runs_argument
-@click.option("--new", "new", multiple=True, metavar="RUN...", help="Runs since then: all names up to the next option.")
+@click.option("--new", "new", multiple=True, metavar="RUN...", help="The later runs: every file name up to the next option.")
 @click.option("--model", metavar="M.toml", help="In place of OLD runs: the model that 'thermofast improve' learnt from them.")
 @own_effect_option
 @reading_options
@@ -45,11 +45,12 @@ def command(
     save_plot: str | None,
     **reading: Any,
 ) -> int:
-    """Say what is different since other RUNs of a machine: heat, heat capacity, loss, a sensor, the contacts, the room, or nothing.
+    """Say what differs in a machine between earlier RUNs and later ones (--new): heat, heat capacity, loss, a sensor, the contacts,
+    the room, or nothing.
 
     Every sensor of every run gives a rate and a rise, over the length of the shortest run; each kind of change moves them in its
-    own way. One row for each kind, the likeliest first, with its size and 95 % interval; run-to-run scatter is counted, and more
-    old runs tell it better. The tests must be alike: the same heat asked for, the same places of the sensors.
+    own way. One row for each kind, the likeliest first, with its size and 95 % interval; run-to-run scatter is counted, and is
+    better known from more earlier runs. The tests must be alike: the same heat asked for, the same places of the sensors.
     """
     from ..errors import UsageError
     from ..output.screen import interval, number, percent, text

@@ -66,7 +66,7 @@ def command(
 
     With --together the evidence for an effect is summed over several runs of one machine; what one run alone shows is its event.
 
-    --next takes each cause that remains possible for the truth, simulates the runs that it would give (once more, longer, read
+    --next assumes each remaining cause in turn to be the true one, simulates the runs that it would give (once more, longer, read
     faster, with the surroundings logged, with the heat switched off and on or halved, with one part heated alone) and searches
     them: the run proposed is one that most often settles it. With --together it is asked of all runs at once.
 

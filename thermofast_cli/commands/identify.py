@@ -59,9 +59,11 @@ if TYPE_CHECKING:
 @click.option(
     "--pace",
     metavar="MIN:FACTOR,..",
-    help="After the last reading used the rate is FACTOR times its own for MIN minutes, and so on; the last one lasts.",
+    help="After the last reading used the rate is multiplied by FACTOR for MIN minutes, and so on; the last factor then stays.",
 )
-@click.option("--joint", is_flag=True, help="One AFUKF over all sensors of a run: what they say together wakes its fading.")
+@click.option(
+    "--joint", is_flag=True, help="One AFUKF over all sensors of a run: the innovations of all of them together trigger its fading."
+)
 @filter_options
 @reading_options
 @output_options

@@ -68,10 +68,11 @@ def command(
     """Follow a record while it is written, and say when the test can be stopped.
 
     RUN is a file that a logger is writing, or - for standard input. It is looked at again whenever it has grown by one per cent.
-    "You can stop now" is said when every sensor is ok and within --tolerance (1.15 times its half-width, for all at once) and has
-    stayed so, some sensor has moved by two tolerances, and not before 1.5 time constants, in which a second mass shows, unless
-    past runs tell (--model of this machine, or --imperfection lab.toml where calibrate found strong effects rare). --channels
-    chooses sensors. The last look is printed at the end: of the input, by --exit, or by Ctrl-C.
+    "You can stop now" is said when all of this holds: every sensor is ok; 1.15 times its half-width is within --tolerance, and has
+    been for some time; some sensor has moved by two tolerances; and 1.5 time constants have passed, because a second mass shows
+    only then. The last condition is dropped where past runs are known: --model of this machine, or --imperfection lab.toml where
+    calibrate found strong effects to be rare. --channels chooses sensors. The last look is printed when the input ends, at the stop
+    (--exit), or at Ctrl-C.
     With --exit the exit code is 3 where the record ended before it could be stopped.
     """
     from ..output.screen import interval, number, say, text

@@ -122,7 +122,7 @@ imperfection_options = _together(
         default="typical",
         show_default=True,
         metavar="typical|none|FILE",
-        help="How far the machine may leave the law: FILE.toml holds a lab's own sizes.",
+        help="How far real machines deviate from one exponential: typical, none, or FILE.toml with a lab's own sizes.",
     ),
     click.option(
         "--rates",
@@ -231,7 +231,7 @@ scale_options = _together(
         metavar="SECONDS",
         expose_value=False,
         callback=_keep,
-        help="What takes longer hangs: it is tried again alone, and named. 600 where -o names a folder, else none.",
+        help="Time limit of a task; one beyond it is tried again alone, then named. 600 where -o names a folder, else none.",
     ),
 )
 
