@@ -99,19 +99,15 @@ def test_the_check_of_an_effect_says_what_to_write_instead(change, words, tmp_pa
 
 
 def test_an_effect_of_a_column_that_no_trial_record_has_is_checked_too(tmp_path, tool):
-    logged = (
-        'def choices(self, run):\n        return [Choice("", {"column": "rpm"})] if "rpm" in run.inputs else []\n\n    def apply'
-    )
-    text = EFFECT.replace("def apply", logged).replace("import Effect", "import Choice, Effect")
-    for heat, code in (("drive.heat + p", 0), ("2.0 * drive.heat + p", 2)):
-        path = tmp_path / f"mine_{code}.py"
-        path.write_text(text.replace("drive.heat + p", heat))
-        done = tool("effects", "--effect", path)
-        assert done.code == code, done.err
-        assert ("it must change nothing" in done.err) == bool(code)
-    path = tmp_path / "none.py"
-    path.write_text(EFFECT.replace("def apply", "def choices(self, run):\n        return []\n\n    def apply"))
-    assert "choices gives none on a record that has every column" in tool("effects", "--effect", path).err
+    for k, there in enumerate(('"rpm" in run.inputs', '"rpm" in {**run.ambient, **run.inputs}')):
+        logged = f'def choices(self, run):\n        return [Choice("", {{"column": "rpm"}})] if {there} else []\n\n    def apply'
+        text = EFFECT.replace("def apply", logged).replace("import Effect", "import Choice, Effect")
+        for heat, code in (("drive.heat + p", 0), ("2.0 * drive.heat + p", 2)):
+            path = tmp_path / f"mine_{k}_{code}.py"
+            path.write_text(text.replace("drive.heat + p", heat))
+            done = tool("effects", "--effect", path)
+            assert done.code == code, done.err
+            assert ("it must change nothing" in done.err) == bool(code)
 
 
 def test_one_parameter_without_its_comma_is_told(tmp_path, tool):

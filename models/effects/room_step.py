@@ -26,7 +26,6 @@ class RoomStep(Effect):
     separate = "log the room"
     reference = "ISO 230-3, environmental temperature variation error; step response of a lump, Incropera ch. 5"
     event = "event"
-    again = True
     places = (30.0, 0.0)
     amplitude = "step"
     parameters = (

@@ -14,6 +14,7 @@ from thermofast.models.search.discover import Discovery, Spread, discover, disco
 from thermofast.models.search.dominant import misfit
 from thermofast.models.search.judge import widening
 from thermofast.models.search.rules import RULES
+from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 from ..errors import ThermofastError
 from ..experiments.next_experiment import Experiment, causes, experiment_words, next_experiments
@@ -194,6 +195,7 @@ def _records(
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
     evidence, advice, status, also = _verdict(task, found, seen)
     times = widening(found.named.fit) if found.named is not None else 1.0
+    beside = disturbed_deviations(found.named.fit) if found.named is not None else None
     left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
     advice = f"{experiment_words(after)}; {advice}" if after else advice
     records = []
@@ -217,7 +219,7 @@ def _records(
                 remaining_c=float(left[i]),
                 explained=steps,
                 noise_c=float(found.named.fit.noise[i] if found.named and not found.partly else seen.noise[i]),
-                parameters=parameters_of(found.named.fit, i, times) if found.named is not None else {},
+                parameters=parameters_of(found.named.fit, i, times, beside) if found.named is not None else {},
                 ranking=ranking,
                 next_experiment=[e.as_dict() for e in after],
                 advice=advice,

@@ -1,6 +1,7 @@
 """One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
-from thermofast.models.joint import RATE, Fit, Part, fit_model
+from thermofast.models.joint import RATE, Fit, Key, Part, fit_model
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError, UsageError, nearest
@@ -160,10 +161,12 @@ def in_order(records: list[Any], run: Run) -> list[Any]:
     return sorted(records, key=lambda r: place.get(r.channel, len(place)))
 
 
-def parameters_of(fit: Fit, sensor: int | None = None, wider: float = 1.0) -> dict[str, dict[str, Any]]:
+def parameters_of(
+    fit: Fit, sensor: int | None = None, wider: float = 1.0, beside: Mapping[Key, Any] | None = None
+) -> dict[str, dict[str, Any]]:
     """{effect.parameter: {value, se, unit}} of a fit's effects; for one sensor, its own and the shared ones.
 
-    wider multiplies the standard errors, which are those under white noise.
+    wider multiplies the standard errors, which are those under white noise; beside are a disturbance's, in search coordinates.
     """
     found: dict[str, dict[str, Any]] = {}
     values, errors = fit.values, fit.deviations
@@ -175,18 +178,17 @@ def parameters_of(fit: Fit, sensor: int | None = None, wider: float = 1.0) -> di
         if c.parameter.each == "sensor":
             if sensor is None or not fit.model.active[sensor, j]:
                 continue
-            value, error = float(values[key][sensor]), float(errors[key][sensor])
+            value, error = float(values[key][sensor]), wider * float(errors[key][sensor])
+            error = math.hypot(error, float(beside[key][sensor]) if beside else 0.0)
         else:
-            value, error = float(values[key]), float(errors[key])
+            value, error = float(values[key]), math.hypot(wider * float(errors[key]), float(beside[key]) if beside else 0.0)
         if c.parameter.log:
             error *= value
         known = bool(np.isfinite(error) and error < 1e6 * max(abs(value), 1e-9))
         name = f"{part.id}.{c.parameter.name}"
         found[name] = {
             "value": float(f"{value:.6g}"),
-            "standard_error": float(f"{math.hypot(wider * error, unseen_delay(fit, c.part, c.parameter.name)):.2g}")
-            if known
-            else None,
+            "standard_error": float(f"{math.hypot(error, unseen_delay(fit, c.part, c.parameter.name)):.2g}") if known else None,
             "unit": c.parameter.unit,
         }
     return found

@@ -14,6 +14,7 @@ from thermofast.models.search.candidates import Candidate, first_order
 from thermofast.models.search.discover import Discovery
 from thermofast.models.search.judge import widening
 from thermofast.models.search.rules import RULES
+from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 from ..errors import rounded
 from .loop import pooled, unseen_delay
@@ -164,7 +165,7 @@ def _driven_by(parts: Sequence[Part]) -> list[str]:
 
 
 def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:
-    """What part k of a model is, where, and how large; times multiplies the errors of its numbers."""
+    """What part k of a model is, where, and how large; times multiplies the errors that its numbers have under white noise."""
     part = fit.model.parts[k]
     who = part.concerns(seen.sensors)
     sensors = "all sensors" if who.all() else _listed([c for c, w in zip(seen.channels, who, strict=True) if w])
@@ -181,7 +182,7 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
         key = Key(k, name.name)
         if key not in fit.values or name.periodic:
             continue
-        value, error = fit.values[key], fit.deviations[key]
+        value, error = fit.values[key], np.hypot(times * fit.deviations[key], disturbed_deviations(fit)[key])
         unit = "" if name.unit == "1" else f" {name.unit}"
         if name.each == "sensor":
             mine = np.flatnonzero(who & fit.model.active[:, fit.model.column(key)])
@@ -191,7 +192,7 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
                 continue
             i = int(mine[0])
             value, error = float(value[i]), float(error[i])
-        error = 1.96 * math.hypot(times * error * (abs(value) if name.log else 1.0), unseen_delay(fit, k, name.name))
+        error = 1.96 * math.hypot(float(error) * (abs(float(value)) if name.log else 1.0), unseen_delay(fit, k, name.name))
         numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
     return numbers
 

@@ -43,7 +43,7 @@ class EstimationRules:
         3.0,
         "1",
         "log likelihood that all readings of a run must gain by effects that a search chose, over a machine's usual disturbance",
-        "the choice of one of 13 effects costs its logarithm, 2.6",
+        "the choice of one of 14 effects costs its logarithm, 2.6",
     )
     searched_each: float = rule(
         1.0, "1", "the same of a sensor that may have an effect while others have none, once the run has gained so much", BY_HAND

@@ -153,7 +153,7 @@ def track_problem(track: Any, count: int) -> str | None:
     if not np.isfinite(track.state[good]).all():
         return "its track's state is not finite, and diverged_at does not say from which reading on"
     variance = np.diagonal(track.covariance[good], axis1=1, axis2=2)
-    if not (variance >= 0.0).all():
+    if track.diverged_at is None and not (variance >= 0.0).all():
         return f"its track's covariance has a variance of {np.nanmin(variance):.3g}, needed 0 or more"
     return None
 

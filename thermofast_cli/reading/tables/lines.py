@@ -164,7 +164,9 @@ def turned(data: bytes) -> tuple[bytes, list[Guess]]:
         told = [line for line in csv.reader(io.StringIO(data.decode()), delimiter=mark.decode()) if any(line)]
     except (csv.Error, UnicodeDecodeError):
         return data, []
-    width = max(map(len, told))
+    width = max(map(len, told), default=0)
+    if not width:
+        return data, []
     above = next(i for i, row in enumerate(told) if len(row) > width // 2)  # titles
     first, *others = ([cell.strip() for cell in row] + [""] * (width - len(row)) for row in told[above:])
     if not others or width < SIDEWAYS * (1 + len(others)):
