@@ -1,0 +1,80 @@
+"""What a disturbance moves the parameters of a joint fit by."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+from thermofast.discovery.loop import unseen_delay
+from thermofast.models import Observations
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.joint import RATE, Key, Part, fit_model, refit
+from thermofast.models.noise.discrepancy import Noise, RandomWalk
+from thermofast.models.uncertainty.disturbed import _taken_up, disturbed_deviations
+
+LOAD = next(kind for kind in BUILT_IN if kind.id == "load_step")()
+TIME = np.arange(0.0, 240.0, 2.0)
+
+
+def stepped(seed=0, room=None, noise=0.02):
+    """Three lumps whose heat steps by a fifth at 110 min; room (N,) [K] moves all of them."""
+    rng = np.random.default_rng(seed)
+    tau, rise = np.array([[35.0], [50.0], [65.0]]), np.array([[8.0], [14.0], [20.0]])
+    curve = 20.0 - rise * np.expm1(-TIME / tau) - 0.2 * rise * np.expm1(-np.maximum(TIME - 110.0, 0.0) / tau)
+    if room is not None:
+        curve = curve + Noise((RandomWalk(1.0),)).columns(TIME, 1.0 / tau[:, 0], rise[:, 0]).shared[room]
+    reading = curve + noise * rng.standard_normal(curve.shape)
+    sizes = np.full(3, noise), np.zeros(3)
+    return Observations("run", ("T1", "T2", "T3"), TIME, reading, np.ones_like(reading), *sizes)
+
+
+def fitted(run):
+    part = Part(LOAD, LOAD.choices(run)[0])
+    return fit_model(run, [part], {Key(0, "change"): 0.2, Key(0, "event"): 110.0})
+
+
+def test_parameters_follow_a_disturbance_as_a_fit_of_it_does():
+    run = stepped()
+    fit = fitted(run)
+    shapes = Noise((RandomWalk(0.1),)).columns(TIME, fit.values[RATE], np.ptp(fit.curve, axis=1)).shared[:3]
+    own, shared = _taken_up(fit, shapes)
+    for k, shape in enumerate(shapes):
+        sides = [refit(fit, replace(run, reading=run.reading + sign * 0.05 * shape), 60) for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(
+            (sides[0].shared - sides[1].shared) / 0.1, shared[k], rtol=0.05, atol=0.03 * np.abs(shared[k]).max()
+        )
+        np.testing.assert_allclose((sides[0].local - sides[1].local) / 0.1, own[k], rtol=0.05, atol=0.03 * np.abs(own[k]).max())
+
+
+def test_the_errors_grow_with_what_the_fit_leaves():
+    exact, moved = (fitted(stepped(room=k)) for k in (None, 1))
+    change = Key(0, "change")
+    quiet, loud = (float(disturbed_deviations(f)[change]) for f in (exact, moved))
+    assert quiet < 0.003
+    assert loud > 5.0 * quiet
+    # Under white noise alone the truth lies outside its interval.
+    assert abs(float(moved.values[change]) - 0.2) > 1.96 * float(moved.deviations[change])
+    assert abs(float(moved.values[change]) - 0.2) < 1.96 * loud
+
+
+def test_an_event_is_told_no_sharper_than_readings_and_probes_are():
+    fit = fitted(stepped())
+    late = 0.02 * float(np.median(1.0 / fit.values[RATE]))
+    assert unseen_delay(fit, 0, "event") == pytest.approx(np.hypot(late, 2.0 / np.sqrt(12.0)))
+    assert unseen_delay(fit, 0, "change") == 0.0
+
+
+def test_a_room_that_steps_is_named_and_no_load_or_cooling():
+    """Lumps of unlike rises go to what they had and as many kelvin more; a load that steps moves each by its own rise."""
+    rng, tau, rise = np.random.default_rng(1), (30.0, 45.0, 60.0), (9.0, 15.0, 24.0)
+    since = np.maximum(TIME - 120.0, 0.0)
+    for step, change, name in ((1.5, 0.0, "room_step"), (0.0, 0.15, "load_step")):
+        table = {"time_min": TIME}
+        for k, (b, r) in enumerate(zip(tau, rise, strict=True)):
+            curve = 20.0 - r * np.expm1(-TIME / b) - (step + change * r) * np.expm1(-since / b)
+            table[f"T{k}"] = curve + 0.03 * np.sin(TIME / 23.0 + k) + 0.02 * rng.standard_normal(len(TIME))
+        found = tf.diagnose(table)[0]
+        assert found.verdict == name
+        told = found.parameters[f"{name}.{'step' if step else 'change'}"]
+        assert abs(told["value"] - (step or change)) <= 1.96 * told["standard_error"] + 1e-9
