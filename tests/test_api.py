@@ -297,16 +297,16 @@ def test_the_loop_from_python(tmp_path):
 
 def test_the_other_analyses(frame):
     run = tf.read(frame)
-    swept = tf.sweep(run, windows=[40, 45], times=range(10, 40))
+    swept = tf.sweep(run, windows=[40, 45], times=range(10, 40, 10))
     assert len(swept) == 20
     assert swept.plot() is not None
     assert tf.compare(run, until=60).plot() is not None
-    assert [r.filter for r in tf.bench(tf.read(frame, channels=["T1", "T5"]), until=60) if r.chosen]
+    assert [r.filter for r in tf.bench(tf.read(frame, channels=["T1", "T5"]), until=60) if r.chosen] == ["afukf"]
     made = tf.simulate(effects="second_mode", sensors=2, seed=3)
     assert made.truth["effects"][0]["id"] == "second_mode"
     assert made.run().channels["T1"].tolist() == made.columns["T1"].tolist()
     assert made.to_frame()["T1"].tolist() == made.to_arrow()["T1"].to_pylist() == made.columns["T1"].tolist()
-    assert tf.displacement(ROOT / "sample_runs" / "displacement.csv")[0].trusted in (True, False)
+    assert tf.displacement(ROOT / "sample_runs" / "displacement.csv")[0].trusted
     spread = tf.sensitivity(tf.read(frame, channels=["T5"]), until=60)
     assert spread[0].channel == "T5"
 
