@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from .machine.model import Model
 
 
+#: Rows that a notebook shows of a result: the first and the last of more.
+SHOWN_ROWS = 60
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """Records in the order of the runs and their sensors; `interrupted` where the user stopped the work and the rest is missing."""
@@ -178,8 +182,8 @@ class Result:
 
     def _repr_html_(self) -> str:
         """For a notebook: the table without columns that are empty throughout; names stay text."""
-        frame = self.to_frame().dropna(axis=1, how="all")
-        return str(frame.to_html(index=False, float_format=lambda v: f"{v:.4g}", escape=True))
+        frame = self.to_frame().replace("", None).dropna(axis=1, how="all")
+        return str(frame.to_html(index=False, float_format=lambda v: f"{v:.4g}", escape=True, na_rep="", max_rows=SHOWN_ROWS))
 
 
 def _joined(message: str, guesses: str) -> str:

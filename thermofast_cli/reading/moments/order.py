@@ -144,7 +144,7 @@ def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[i
     lines = np.asarray(at_lines)
     if (step < 0).any():
         if not mixed:
-            backwards = "newest first" if (step <= 0).all() else f"{int((step < 0).sum())} rows out of order"
+            backwards = "newest first" if (step <= 0).all() else _rows_back(int((step < 0).sum()))
             notes.append(f"{backwards}: sorted by time")
         order = np.argsort(time[::-1], kind="stable")[::1] if (step <= 0).all() else np.argsort(time, kind="stable")
         order = len(time) - 1 - order if (step <= 0).all() else order
@@ -414,3 +414,7 @@ def runs_otherwise(table: Table, time: Time, used: str, name: str, alike: bool =
     # The same clock in another unit of time, or some seconds late, is no other.
     step = float(np.median(np.diff(main)))
     return all(float(np.abs((own[known] - own[known][0]) * unit - main).max()) > max(step, 0.01 * main[-1]) for unit in SECONDS_IN)
+
+
+def _rows_back(count: int) -> str:
+    return f"{count} row{'s' if count > 1 else ''} out of order"

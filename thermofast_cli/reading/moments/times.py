@@ -96,7 +96,11 @@ def find_time(table: Table, options: Options) -> Time:
     """
     rows = len(next(iter(table.columns.values())))
     if rows < FEWEST_ROWS:
-        raise InputError(f"{table.name}: {rows} row of readings", allowed=f"at least {FEWEST_ROWS}", do="export more of the record")
+        raise InputError(
+            f"{table.name}: {rows} row{'' if rows == 1 else 's'} of readings",
+            allowed=f"at least {FEWEST_ROWS}",
+            do="export more of the record",
+        )
     if options.interval_s is not None:
         even: Array = np.arange(rows, dtype=np.float64) * options.interval_s
         named = frozenset(n for n in table.names if is_time_name(n))

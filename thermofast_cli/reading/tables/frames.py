@@ -128,7 +128,14 @@ def _from_arrays(data: Mapping[Any, Any], name: str) -> Table:
             allowed="one length for all columns",
         )
     rows = next(iter(sizes.values()))
-    return Table(name, list(columns), columns, units, range(rows), (f"{len(columns)} columns of {rows} rows",))
+    return Table(
+        name,
+        list(columns),
+        columns,
+        units,
+        range(rows),
+        (f"{len(columns)} column{'s' if len(columns) > 1 else ''} of {rows} rows",),
+    )
 
 
 def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
