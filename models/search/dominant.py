@@ -208,7 +208,7 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     if not sound or real[0].worth * RULES.as_good > sound[0].worth:
         return None
     # What the unknown disturbance does not part, the plain likelihood may: a rival explains as much of the misfit too.
-    near = [w for w in real if w.worth >= RULES.rival * sound[0].worth]
+    near = [w for w in real if w.worth >= RULES.rival * sound[0].worth or 1.0 - w.share <= RULES.leaves * (1.0 - sound[0].share)]
     # A changed heat or loss acts as a moved room does where the room is far away: no rival of what needs no such room.
     inside = [w for w in near if not w.far_away]
     near = inside if any(w in sound for w in inside) else near

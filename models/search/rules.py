@@ -106,6 +106,9 @@ class SearchRules:
     rival: float = rule(
         0.75, "1", "share of the best one's evidence from which another one may be as good", "benchmarks.discovery.dominant"
     )
+    leaves: float = rule(
+        1.25, "1", "of the misfit that the best one leaves, which another one that may be as good leaves at most", BY_HAND
+    )
     as_good: float = rule(
         0.85,
         "1",
