@@ -14,6 +14,13 @@ from .base import Choice, Effect, Parameter
 ALIKE = 0.2
 
 
+def rise_alike(run: Observations) -> bool:
+    """Whether the sensors of a run rise so much alike that a room moves them as their load does; one alone does."""
+    seen = np.where(run.used, run.reading, np.nan)
+    rise = np.sort(np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1))
+    return not rise[-1] > (1.0 + ALIKE) * rise[0]
+
+
 class RoomStep(Effect):
     """The temperature of the surroundings steps at an unknown time, where nobody logs it."""
 
@@ -34,11 +41,7 @@ class RoomStep(Effect):
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
-        seen = np.where(run.used, run.reading, np.nan)
-        rise = np.sort(np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1))
-        if run.ambient or run.sensors < 2 or not rise[-1] > (1.0 + ALIKE) * rise[0]:
-            return ()
-        return (Choice(),)
+        return () if run.ambient or rise_alike(run) else (Choice(),)
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         drive.sink = drive.sink + p.step * run.after(p.event)

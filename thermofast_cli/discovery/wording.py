@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models.effects import BUILT_IN
+from thermofast.models.effects.room_step import rise_alike
 from thermofast.models.joint import RATE, Fit, Key, Part
 from thermofast.models.observations import Observations
 from thermofast.models.search.candidates import Candidate, first_order
@@ -154,7 +155,7 @@ def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     if also:
         hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
         advice = f"{advice}; to tell it from {', '.join('+'.join(c.ids) for c in also)}: {hints}"
-    advice = "; ".join([advice, *_driven_by(parts), *(p.effect.advice for p in parts if p.effect.advice)])
+    advice = "; ".join([advice, *_driven_by(parts), *_or_a_room(parts, seen), *(p.effect.advice for p in parts if p.effect.advice)])
     return evidence, "; ".join(a for a in (advice, ways) if a), "partly_explained"
 
 
@@ -162,6 +163,13 @@ def _driven_by(parts: Sequence[Part]) -> list[str]:
     """What to say of a logged column that the heat follows: it may be taken for the heat itself."""
     columns = dict.fromkeys(str(p.choice.constants.get("column", "")) for p in parts if p.effect.changes_heat)
     return [f"or take the column for the heat itself: --drive {shlex.quote(c)}" for c in columns if c]
+
+
+def _or_a_room(parts: Sequence[Part], seen: Observations) -> list[str]:
+    """What to say of a heat or a loss that stepped by itself where sensors that rise alike do not tell it from a room that did."""
+    own = [p for p in parts if p.effect.event and p.effect.uses_sink and not p.choice.constants.get("column")]
+    alike = bool(own) and not seen.ambient and rise_alike(seen)
+    return ["log the room: one that became warmer or colder moves sensors that rise alike in the same way"] if alike else []
 
 
 def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:
@@ -222,7 +230,14 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if p.effect.file)
         new = [p.id for p in named.parts if p not in found.base.model.parts]
         advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
-    advice = "; ".join([advice, *_driven_by(named.parts), *(p.effect.advice for p in named.parts if p.effect.advice)])
+    advice = "; ".join(
+        [
+            advice,
+            *_driven_by(named.parts),
+            *_or_a_room(named.parts, seen),
+            *(p.effect.advice for p in named.parts if p.effect.advice),
+        ]
+    )
     # What fits as well may be the cause as well: a name is sure only where it stands alone.
     return evidence, "; ".join(a for a in (advice, ways) if a), "not_determined" if also else "ok"
 
