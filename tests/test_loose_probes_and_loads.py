@@ -1,4 +1,4 @@
-"""What readers from outside met in the fourth trial: loose probes, headers that change, clocks, computers' logs, loads that change."""
+"""Loose probes, headers that change, clocks, computers' logs, loads that change."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Files of a third stranger: read wrong without a word before, or refused though a careful reader would know."""
+"""Files that were read wrong without a word, or refused though a careful reader would know."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What a trial with files of others found: zones, units of windings, long tables with units, names above units."""
+"""Zones, units of windings, long tables with units, names above units: files of others, read right."""
 
 from datetime import datetime, timedelta
 

@@ -1,4 +1,4 @@
-"""What a sceptical user and a reviewer found, held."""
+"""What analyses claim of records and machines whose truth is known: noise, cycles, displacement, settling, reliability."""
 
 import json
 
