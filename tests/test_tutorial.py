@@ -1,10 +1,11 @@
 """The tutorial, command by command: what it shows is what the program prints."""
 
 import re
+import shlex
 
 import pytest
 
-from benchmarks.documents.tutorial import BLOCK, PAGE, REAL, REAL_PAGE, run, workplace
+from benchmarks.documents.tutorial import BLOCK, PAGE, REAL, REAL_PAGE, workplace
 
 NUMBER = re.compile(r"^[-+]?\d+(\.\d+)?$")
 
@@ -22,14 +23,17 @@ def same(shown, printed):
 
 
 @pytest.mark.parametrize(("path", "commands"), [(PAGE, 9), (REAL_PAGE, 5)])
-def test_every_command_prints_what_the_page_shows(path, commands):
+def test_every_command_prints_what_the_page_shows(path, commands, tool, monkeypatch):
     if path == REAL_PAGE and not REAL.exists():
         pytest.skip(f"{REAL} is not there")
-    folder = workplace()
+    monkeypatch.chdir(workplace())
+    monkeypatch.setenv("COLUMNS", "118")
     blocks = BLOCK.findall(path.read_text())
     assert len(blocks) >= commands
     for command, shown in blocks:
-        printed = run(command, folder).split()
+        done = tool(*shlex.split(command.replace("\\\n", " "))[1:])
+        assert done.code == 0, done.err
+        printed = done.out.split()
         page = shown.split()
         assert len(page) == len(printed), command
         wrong = [(a, b) for a, b in zip(page, printed, strict=True) if not same(a, b)]
