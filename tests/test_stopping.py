@@ -208,6 +208,23 @@ def test_starts_late_and_gaps_do_not_move_the_trip():
     assert told.start_min + told.trip_min == pytest.approx(50.0 + by_hand(criterion_from("iec60034-1"), TAU, RISE)[0], abs=1.0)
 
 
+def test_what_is_missing_where_a_rule_was_seen_to_hold_is_known_by_the_noise_of_both():
+    """Two in three of these intervals held: the limit's error alone was counted."""
+    held = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        tau, rise = rng.uniform(25.0, 60.0), rng.uniform(8.0, 40.0)
+        time = np.arange(0.0, 9.0 * tau)
+        reading = 20.0 - rise * np.expm1(-time / tau) + 0.02 * rng.standard_normal(len(time))
+        (told,) = tf.identify({"time_min": time, "T1": reading}, criterion="2K/h", start=0.0)
+        criterion = criterion_from("2K/h")
+        fine = criterion.times(0.0, float(time[-1]), 200)
+        trip = float(criterion.trips(fine, -rise * np.expm1(-fine / tau)[None], 200)[0])
+        assert told.trip_from == "readings"
+        held.append(told.missing_lo_k <= rise * np.exp(-trip / tau) <= told.missing_hi_k)
+    assert sum(held) >= 27
+
+
 def test_a_logged_room_goes_on_as_it_did():
     """Exact lumps in a room that wanders by 0.25 K: taken to stay, it left 61 to 67 % of these intervals true."""
     criterion, time, held, wide = criterion_from("2K/h"), np.arange(0.0, 400.0), [], []

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import bridged, spike_weights
+from thermofast.models import bridged, spike_weights, third_difference_noise
 from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
@@ -54,28 +54,42 @@ def trips_of(
 
     steady (S, 3) [degC] is where the sensors settle, start [min] when the rise begins.
     """
-    seen, there = seen_trips(criterion, time, reading)
+    seen, there, doubt = seen_trips(criterion, time, reading)
     none = np.full((len(reading), 3), np.nan)
     trips, missing = (none, none.copy()) if foretold is None else (foretold[0] - start, foretold[1].copy())
     shown = np.isfinite(seen)
     trips[shown] = np.nan
     trips[shown, 1] = seen[shown] - start
-    missing[shown] = (steady - there[:, None])[shown]
+    missing[shown] = _missing(criterion, steady - there[:, None], doubt)[shown]
     gaps = time[:-1][np.diff(time) > LONGEST_GAP * criterion.window_min]
     late = np.array([bool((gaps < trip).any()) for trip in seen]) & shown
     return Trips(trips, missing, shown, reckoned_from_three(time, reading), late)
 
 
-def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array, Array]:
-    """When (S,) [min] readings (S, n) [degC] at time (n,) [min] have kept to the rule, inf where not yet; the temperature then."""
+def _missing(criterion: Criterion, away: Array, doubt: Array) -> Array:
+    """Kelvin missing (S, 3) at a trip that the readings show, of what the limit is `away` from them (S, 3) then.
+
+    The temperature then is known to its `doubt` (S,) [K, 1 sd]. So are both ends of the window that the rule looks at, which moves
+    the trip along a curve that goes on by `change_k` a window.
+    """
+    low, middle, high = away.T
+    own = 1.96 * doubt * np.hypot(1.0, np.sqrt(2.0) * np.abs(middle) / criterion.change_k)
+    return np.stack([middle - np.hypot(middle - low, own), middle, middle + np.hypot(high - middle, own)], axis=1)
+
+
+def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array, Array, Array]:
+    """When (S,) [min] readings (S, n) [degC] at time (n,) [min] have kept to the rule, inf where not yet; the temperature then, and
+    to how many kelvin it is known by their noise.
+    """
     reading = _without_spikes(time, reading)
     trips = np.array([criterion.observed(time, line, float(time[0])) for line in reading])
     wide = 0.05 * criterion.window_min
-    there = np.full(len(reading), np.nan)
+    there, doubt = np.full(len(reading), np.nan), np.zeros(len(reading))
     for i in np.flatnonzero(np.isfinite(trips)):
         near = np.abs(time - trips[i]) <= wide
         there[i] = reading[i, near].mean() if near.sum() >= 2 else np.interp(trips[i], time, reading[i])
-    return trips, there
+        doubt[i] = third_difference_noise(reading[i]) / math.sqrt(max(int(near.sum()), 1))
+    return trips, there, doubt
 
 
 def _without_spikes(time: Array, reading: Array) -> Array:
@@ -185,7 +199,7 @@ def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Se
         if good.sum() < FEWEST:
             continue
         time, reading = minutes[good], values[good]
-        trips, there = seen_trips(criterion, time, reading[None])
+        trips, there, _ = seen_trips(criterion, time, reading[None])
         steady = measured_equilibrium(time, reading)
         trip = float(trips[0]) if math.isfinite(trips[0]) else None
         missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
