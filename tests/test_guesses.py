@@ -894,3 +894,37 @@ def test_which_column_is_the_time(tmp_path, header, row):
     run = read_runs(written(tmp_path, "\n".join([header, *(row.format(**t) for t in told)]) + "\n"))[0]
     assert run.time_s == pytest.approx(60.0 * MINUTES)
     assert len(run.channels) == 1
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_a_labview_file_without_its_column_of_times(tmp_path, mark):
+    head = f"LabVIEW Measurement\nSeparator\tTab\nDecimal_Separator\t{mark}\nX_Columns\tNo\n***End_of_Header***\n\t\n"
+    head += "Channels\t2\t\t\nSamples\t241\t241\t\nY_Unit_Label\tDeg C\tDeg C\t\nX_Dimension\tTime\tTime\t\n"
+    head += "X0\t1.5E+0\t1.5E+0\t\nDelta_X\t0.500000\t0.500000\t\n***End_of_Header***\t\t\t\nX_Value\tfront\trear\tComment\n"
+    rows = [f"\t{a}\t{b}\t".replace(".", mark) for a, b in zip(values(FRONT), values(REAR), strict=True)]
+    path = tmp_path / "run.lvm"
+    path.write_text(head.replace("0.5", f"0{mark}5").replace("1.5E", f"1{mark}5E") + "\n".join(rows) + "\n")
+    (run,) = read_runs(path)
+    assert run.time_s == pytest.approx(0.5 * np.arange(N))
+    assert list(run.channels) == ["front", "rear"]
+    assert any("one row every 0.5 s" in n for n in run.notes)
+
+
+def test_a_twincat_export_without_the_empty_line_above_its_readings(tmp_path):
+    lines = [
+        "Name\tScope Project",
+        "File\tC:\\x.svdx",
+        "Starttime of export\t133900000000000000\tWednesday",
+        "Endtime of export\t1",
+        "",
+    ]
+    lines += [
+        "Name\tfront\tName\trear",
+        "Data-Type\tREAL64\tData-Type\tREAL64",
+        "Unit\t(None)\tUnit\t(None)",
+        "ScaleFactor\t1\tScaleFactor\t1",
+    ]
+    lines += [f"{60000 * k}\t{a}\t{60000 * k}\t{b}" for k, (a, b) in enumerate(zip(values(FRONT), values(REAR), strict=True))]
+    (run,) = read_runs(written(tmp_path, "\n".join(lines) + "\n"))
+    assert run.time_s == pytest.approx(60.0 * np.arange(N))
+    assert list(run.channels) == ["front", "rear"]

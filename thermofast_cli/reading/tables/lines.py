@@ -210,8 +210,11 @@ def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
     ------
     InputError: the segments have different channels.
     """
-    if not data.startswith(b"LabVIEW Measurement") or data.count(_SEGMENT_END) <= 2:
+    if not data.startswith(b"LabVIEW Measurement"):
         return data, []
+    data, notes = _with_times(data)
+    if data.count(_SEGMENT_END) <= 2:
+        return data, notes
     ending = b"\r\n" if b"\r\n" in data else b"\n"
     lines = data.split(ending)
     ends = [i for i, line in enumerate(lines) if line.startswith(_SEGMENT_END)]
@@ -228,7 +231,27 @@ def joined_segments(data: bytes, name: str) -> tuple[bytes, list[str]]:
         until = ends[number + 2] if number + 2 < len(ends) else len(lines)
         rows += [b""] * (end + 2 - len(rows))  # lines that are left out stay as empty ones: line numbers hold
         rows += [b"" if _SEGMENT_HEAD.match(r) else r for r in lines[end + 2 : until]]
-    return ending.join(rows) + ending, [f"{len(ends) - 1} segments joined"]
+    return ending.join(rows) + ending, [*notes, f"{len(ends) - 1} segments joined"]
+
+
+def _with_times(data: bytes) -> tuple[bytes, list[str]]:
+    """(text, notes) of a LabVIEW measurement file that has no column of times: those that X0 and Delta_X above the rows tell."""
+    if b"\nX_Columns\tNo" not in data[:SAMPLE]:
+        return data, []
+    comma = b"\nDecimal_Separator\t," in data[:SAMPLE]
+    rows, at, step, told = [], 0.0, 0.0, False
+    for line in data.split(b"\n"):
+        name, *cells = line.strip(b"\r").split(b"\t")
+        numbers = {float(c.replace(b",", b".")) for c in cells if c.strip()} if name in (b"X0", b"Delta_X") else set()
+        if name == b"Delta_X" and len(numbers) == 1:
+            step = numbers.pop()
+        elif name == b"X0" and len(numbers) == 1:
+            at = numbers.pop()
+        elif name == b"" and step > 0.0 and any(c.strip() for c in cells):
+            line, told = f"{at:.9g}".replace(".", "," if comma else ".").encode() + line, True
+            at += step
+        rows.append(line)
+    return b"\n".join(rows), [f"no column of times: one row every {step:g} s, as Delta_X has it"] if told else []
 
 
 def united_headers(data: bytes, head: list[str], dialect: Dialect, name: str) -> tuple[bytes, list[str]]:
@@ -301,7 +324,8 @@ def plain_scope(data: bytes) -> tuple[bytes, list[str]]:
     if not _EXPORT.match(data[:4096]):
         return data, []
     start = next((m.start() for m in _NAMES.finditer(data) if m.start() > 0), -1)
-    end = re.compile(rb"\r?\n[\t;, ]*\r?\n").search(data, start) if start > 0 else None
+    # Below the lines about the channels an empty one, mostly, or the first that begins with a number.
+    end = re.compile(rb"\r?\n(?:[\t;, ]*\r?\n|(?=[+-]?\d))").search(data, start) if start > 0 else None
     if end is None:
         return data, []
     mark = data[start + 4 : start + 5].decode()
