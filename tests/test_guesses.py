@@ -928,3 +928,10 @@ def test_a_twincat_export_without_the_empty_line_above_its_readings(tmp_path):
     (run,) = read_runs(written(tmp_path, "\n".join(lines) + "\n"))
     assert run.time_s == pytest.approx(60.0 * np.arange(N))
     assert list(run.channels) == ["front", "rear"]
+
+
+@pytest.mark.parametrize("word", ["UR", "???", "******", "#N/V", "#ERROR", "Drahtbruch", "TC open", "+1.#QNAN0e+000", "-nan(ind)"])
+def test_words_for_no_reading(tmp_path, word):
+    cells = [word if i % 9 == 4 else v for i, v in enumerate(values(FRONT))]
+    (run,) = read_runs(written(tmp_path, table("time_min;front;rear", MINUTES, cells, values(REAR), delimiter=";")))
+    assert np.flatnonzero(np.isnan(run.channels["front"])).tolist() == list(range(4, N, 9))

@@ -26,6 +26,9 @@ MISSING = frozenset(
         "n. def.", "not connected", "disconnected", "timeout", "lo", "hi", "-----", "------", "---.-",
         "--.-", "+++++++", "-------", "######", "#######", "########", "no probe", "sensor break", "#name?",
         "#ref!", "#div/0", "*.*", "-ol-",
+        "ur", "or", "???", "??", "******", "*******", "********", "#n/v", "#error", "drahtbruch",
+        "fühlerbruch", "fuehlerbruch", "tc open", "unplugged", "probe open", "wire break", "broken", "1.#qnan0e+000",
+        "+1.#qnan0e+000", "-1.#ind0e+000", "-1.#qnan", "+1.#qnan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#ind",
     ]
 )  # fmt: skip
 #: A line that begins so is a comment, or the names.
