@@ -152,7 +152,9 @@ def _as_called(error: ThermofastError, mine: Mapping[str, Any]) -> ThermofastErr
         # A value that stands behind it is given as one: drive='power'.
         return f"{name}=" if found[2] else name
 
-    said = {part: _OPTION.sub(name_of, getattr(error, part)) for part in ("what", "found", "allowed", "do")}
+    # A command line that a message gives stays one.
+    texts = {part: getattr(error, part) for part in ("what", "found", "allowed", "do")}
+    said = {part: text if "thermofast " in text else _OPTION.sub(name_of, text) for part, text in texts.items()}
     return type(error)(said.pop("what"), **said)
 
 

@@ -53,7 +53,10 @@ SHOWN_ROWS = 60
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """Records in the order of the runs and their sensors; `interrupted` where the user stopped the work and the rest is missing."""
+    """Records in the order of the runs and their sensors.
+
+    interrupted: the user stopped a command, and the rest is missing; a call from Python raises KeyboardInterrupt.
+    """
 
     command: ClassVar[str] = ""
     kind: ClassVar[type[Row]] = Record

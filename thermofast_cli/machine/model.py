@@ -91,7 +91,7 @@ def _with_own_effects(model: ModelFile, path: str, extra: Sequence[str]) -> Mode
             raise UsageError(
                 f"{path}: its effect {entry.id!r} is code of somebody's own, in {entry.file}",
                 allowed="code that you name: no file that a model speaks of is run by itself",
-                do=f"look into it, and say --effect {entry.file}",
+                do=f"look into it, and say --effect {entry.file}, in Python tf.Model.load({path!r}, extra={entry.file!r})",
             )
         entries.append(msgspec.structs.replace(entry, file=spec) if entry.file else entry)
     return msgspec.structs.replace(model, effects=tuple(entries))
