@@ -114,7 +114,7 @@ class Model:
         return Model(self.run, self.parts, active)
 
     def _bounds(self, columns: list[Column]) -> tuple[Array, Array]:
-        pairs = [_near_readings(self.run) if c.parameter is SINK else c.parameter.bounds(self.run) for c in columns]
+        pairs = [_surroundings_bounds(self.run) if c.parameter is SINK else c.parameter.bounds(self.run) for c in columns]
         low, high = (np.array([p[i] for p in pairs], dtype=float) for i in (0, 1))
         log = np.array([c.parameter.log for c in columns], dtype=bool)
         return (np.where(log, np.log(np.maximum(v, 1e-300)), v) if len(v) else v for v in (low, high))  # type: ignore[return-value]
@@ -221,7 +221,7 @@ def _coolest_start(run: Observations) -> float:
     return min(firsts) if firsts else 20.0
 
 
-def _near_readings(run: Observations) -> tuple[float, float]:
+def _surroundings_bounds(run: Observations) -> tuple[float, float]:
     """Least and greatest temperature of surroundings [degC] that nobody logged."""
     seen = np.where(run.used, run.reading, np.nan)
     low, high = float(np.nanmin(seen)), float(np.nanmax(seen))

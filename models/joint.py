@@ -129,7 +129,7 @@ class Fit:
         return True
 
     @property
-    def far_away(self) -> bool:
+    def distant_surroundings(self) -> bool:
         """Whether it takes surroundings that are as far from the readings as they may be."""
         for j, column in enumerate(self.model.shared):
             if column.key == Key(-1, SINK.name):  # not the same object in another process

@@ -1,9 +1,9 @@
 """A room that steps and that nobody logs: is it named, and are a load and a cooling that step still told from it?
 
 python -m benchmarks.analysis.room_steps [--each 20] [--seed 91000] prints, by what steps half way through a run (the room, the
-heat, the loss, nothing): how often `diagnose` names it alone, in an "A or B", something else or nothing; of room steps named, how
-often the 95 % intervals hold the step and its time. Chains of three to five bodies with radiation, conduction to the neighbours, a
-room that wanders beside, a load that flutters and probes that lag, by scipy's LSODA: no code of the search.
+heat, the loss, nothing): how often `diagnose` names it alone, in an "A or B", something else or nothing; of those named, how
+often the 95 % intervals hold the size and the time of the step. Chains of three to five bodies with radiation, conduction to the
+neighbours, a room that wanders beside, a load that flutters and probes that lag, by scipy's LSODA: no code of the search.
 """
 
 import argparse
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 MINUTES = 300
 ABSOLUTE = 273.15
 RIGHT = {"room": "room_step", "heat": "load_step", "loss": "cooling_switch", "nothing": ""}
+#: What its size is called, and its value without a step.
+SIZE = {"room": ("step", 0.0), "heat": ("change", 0.0), "loss": ("ratio", 1.0)}
 
 
 def record(what: str, seed: int) -> tuple[dict[str, Array], float, float]:
@@ -66,10 +68,11 @@ def trial(seed: int, what: str) -> tuple[str, bool, bool]:
         return "nothing named", False, False
     if right not in named:
         return "in an A or B" if right and right in either else f"{'+'.join(named)} instead", False, False
-    told = [found.parameters.get(f"{right}.{name}") for name in ("step", "event")]
+    name, still = SIZE[what]
+    told = [found.parameters.get(f"{right}.{parameter}") for parameter in (name, "event")]
     held = [
         t is not None and abs(t["value"] - truth) <= 1.96 * (t["standard_error"] or np.inf)
-        for t, truth in zip(told, (size, event), strict=True)
+        for t, truth in zip(told, (still + size, event), strict=True)
     ]
     return ("in an A or B" if either else "alone" if named == [right] else "with another"), *held
 
@@ -79,13 +82,13 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=20)
     parser.add_argument("--seed", type=int, default=91000)
     told = parser.parse_args()
-    print("| what steps | runs | how it was named | step held | time held |\n| --- | ---: | --- | ---: | ---: |")
+    print("| what steps | runs | how it was named | size held | time held |\n| --- | ---: | --- | ---: | ---: |")
     with ProcessPoolExecutor(2) as pool:
         for what in RIGHT:
             found = list(pool.map(partial(trial, what=what), range(told.seed, told.seed + told.each)))
             ways = ", ".join(f"{way} {count}" for way, count in Counter(way for way, *_ in found).most_common())
             shown = [one for one in found if one[0] in ("alone", "in an A or B", "with another")]
-            held = [f"{sum(one[k] for one in shown)} of {len(shown)}" if what == "room" else "-" for k in (1, 2)]
+            held = [f"{sum(one[k] for one in shown)} of {len(shown)}" if what in SIZE else "-" for k in (1, 2)]
             print(f"| {what} | {told.each} | {ways} | {held[0]} | {held[1]} |", flush=True)
 
 

@@ -85,8 +85,8 @@ class Weighed:
         return all(s.candidate.fit.physical for s in self.shown)
 
     @property
-    def far_away(self) -> bool:
-        return any(s.candidate.fit.far_away for s in self.shown)
+    def distant_surroundings(self) -> bool:
+        return any(s.candidate.fit.distant_surroundings for s in self.shown)
 
     def clear(self, beyond: float) -> bool:
         """Whether it goes `beyond` what chance gives, twice that where it explains a part of the misfit only, and is determined.
@@ -210,7 +210,7 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     # What the unknown disturbance does not part, the plain likelihood may: a rival explains as much of the misfit too.
     near = [w for w in real if w.worth >= RULES.rival * sound[0].worth or 1.0 - w.share <= RULES.leaves * (1.0 - sound[0].share)]
     # A changed heat or loss acts as a moved room does where the room is far away: no rival of what needs no such room.
-    inside = [w for w in near if not w.far_away]
+    inside = [w for w in near if not w.distant_surroundings]
     near = inside if any(w in sound for w in inside) else near
     most = max(w.gain for w in near if w in sound)
     best, *rivals = sorted((w for w in near if w.gain >= RULES.as_good * most), key=lambda w: (w not in sound, -w.worth))

@@ -39,9 +39,7 @@ def room_ahead(when: Array, room: Array, rate: Array, until: float) -> tuple[Arr
         return none, none
     ahead = (until - when[-1]) * np.arange(1, POINTS + 1) / POINTS
     mean, covariance = _path(when - when[-1], room, ahead)
-    # The response to a path drawn straight between its points, starting where the room is now.
-    hats = np.concatenate([np.zeros((POINTS, 1)), np.eye(POINTS)], axis=1)
-    answer = np.array([lagged(np.minimum(rate, 1e6), float(ahead[0]), hat)[:, -1] for hat in hats]).T
+    answer = _answers(rate, float(ahead[0]), POINTS)[:, :, -1].T
     return answer @ mean, np.sqrt(np.maximum(np.einsum("sp,pq,sq->s", answer, covariance, answer), 0.0))
 
 
@@ -59,8 +57,7 @@ def room_paths(when: Array, room: Array, rate: Array, times: Array, draws: int) 
     covariance = _path(when - when[-1], room, ahead)[1]
     size, along = np.linalg.eigh(covariance)
     paths = np.random.default_rng(0).standard_normal((draws, STEPS)) @ (along * np.sqrt(np.maximum(size, 0.0))).T
-    hats = np.concatenate([np.zeros((STEPS, 1)), np.eye(STEPS)], axis=1)
-    answer = np.array([lagged(np.minimum(rate, 1e6), float(ahead[0]), hat) for hat in hats])
+    answer = _answers(rate, float(ahead[0]), STEPS)
     later = times > when[-1]
     place = np.clip((times[later] - when[-1]) / ahead[0], 0.0, STEPS - 1e-9)
     below = place.astype(np.intp)
@@ -68,6 +65,14 @@ def room_paths(when: Array, room: Array, rate: Array, times: Array, draws: int) 
         moved = paths @ answer[:, i]
         found[i][:, later] = moved[:, below] + (place - below) * (moved[:, below + 1] - moved[:, below])
     return found
+
+
+def _answers(rate: Array, step: float, points: int) -> Array:
+    """How sensors of rates (S,) [1/min] follow a path that starts at nothing and is straight between its points, `step` [min]
+    apart: (p, S, p + 1) for each point alone at 1.
+    """
+    hats = np.concatenate([np.zeros((points, 1)), np.eye(points)], axis=1)
+    return np.array([lagged(np.minimum(rate, 1e6), step, hat) for hat in hats])
 
 
 def _path(when: Array, room: Array, ahead: Array) -> tuple[Array, Array]:

@@ -185,12 +185,12 @@ def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:
 
 def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str]:
     """The values of part k's parameters in words with their 95 % half-widths, where who (S,) have it."""
-    numbers = []
+    numbers, beside = [], disturbed_deviations(fit)
     for name in fit.model.parts[k].effect.parameters:
         key = Key(k, name.name)
         if key not in fit.values or name.periodic:
             continue
-        value, error = fit.values[key], np.hypot(times * fit.deviations[key], disturbed_deviations(fit)[key])
+        value, error = fit.values[key], np.hypot(times * fit.deviations[key], beside[key])
         unit = "" if name.unit == "1" else f" {name.unit}"
         if name.each == "sensor":
             mine = np.flatnonzero(who & fit.model.active[:, fit.model.column(key)])

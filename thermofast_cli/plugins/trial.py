@@ -101,11 +101,8 @@ def _names_in(effect: Effect) -> set[str]:
     """Texts that an effect's code and its file hold: the columns that it looks for are among them."""
     kind = type(effect)
     codes = [member.__code__.co_consts for member in vars(kind).values() if isfunction(member)]
-    held = (
-        [vars(module).values()]
-        if (module := sys.modules.get(kind.__module__)) is not None and not vars(kind).get("__guard__")
-        else []
-    )
+    module = sys.modules.get(kind.__module__)
+    held = [vars(module).values()] if module is not None else []
     found: set[str] = set()
     for value in chain.from_iterable([*codes, *held]):
         found |= {text for text in (value if isinstance(value, tuple | list) else (value,)) if isinstance(text, str)}

@@ -153,7 +153,7 @@ def without_separator_line(data: bytes) -> tuple[bytes, str]:
     return (data[found.end() :], found.group(1).decode("latin-1")) if found else (data, "")
 
 
-def turned(data: bytes) -> tuple[bytes, list[Guess]]:
+def transposed(data: bytes) -> tuple[bytes, list[Guess]]:
     """(text, guesses) with a row for each moment where the table lies on its side: moments in its first row, sensors in the others.
 
     Moments are stamps, or numbers that go on under a name of time; before them stand names, and perhaps units.
@@ -185,8 +185,8 @@ def turned(data: bytes) -> tuple[bytes, list[Guess]]:
     first[0] = first[0] if is_time_name(first[0] or "-") else "time"
     text = io.StringIO()
     csv.writer(text, delimiter=mark.decode(), lineterminator="\n").writerows([*told[:above], *zip(first, *others, strict=True)])
-    what = f"a table of {len(others)} rows and {width} columns that lies on its side, moments in its first row: turned"
-    return text.getvalue().encode(), [Guess("layout", what, "turn it before it is read if a row is no sensor")]
+    what = f"a table of {len(others)} rows and {width} columns that lies on its side, moments in its first row: transposed"
+    return text.getvalue().encode(), [Guess("layout", what, "transpose it before it is read if a row is no sensor")]
 
 
 def _first_moment(first: list[str], decimal: str) -> int | None:

@@ -31,7 +31,7 @@ from .lines import (
     joined_segments,
     plain_rows,
     plain_scope,
-    turned,
+    transposed,
     united_headers,
     without_last,
     without_separator_line,
@@ -73,7 +73,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     data, quotes = closed_quotes(data)
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
-    data, guesses = turned(data)
+    data, guesses = transposed(data)
     notes += written + quotes + segments + scope
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
