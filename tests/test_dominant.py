@@ -1,6 +1,7 @@
 """Machines that are a little imperfect, as every real one is: the effect that matters is named although the rest remains."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.noise.spectral import CORNERS, POWERS, STEEPNESS, block_means, spectral_likelihood
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import discover, discover_together
+from thermofast.models.search.dominant import decide
 from thermofast.pipeline.averaged import averaged
 from thermofast.records import IdentifyRecord
 
@@ -359,3 +361,26 @@ def test_one_effect_does_not_take_the_place_of_two_that_explain_far_more():
     assert set(found[0].verdict.split("+")) == {"load_step", "second_mode"}
     assert found[0].event_min == pytest.approx(110.0, abs=1.0)
     assert all(r.rmse_ahead_c < 0.2 * r.rmse_base_ahead_c for r in found)
+
+
+def _candidate(worth, share, far=False, gain=None):
+    """What `decide` asks of an effect that was weighed, sound by itself."""
+    told = {"worth": worth, "share": share, "gain": 100.0 * worth if gain is None else gain, "physical": True}
+    return SimpleNamespace(**told, distant_surroundings=far, clear=lambda beyond: True)
+
+
+def test_what_needs_surroundings_far_away_is_no_rival_of_what_needs_none():
+    before = (SimpleNamespace(model=SimpleNamespace(parts=())),)
+    room, load, cooling = _candidate(307.0, 0.990), _candidate(290.0, 0.985, far=True), _candidate(288.0, 0.984, far=True)
+    stage = decide(before, [room, load, cooling])
+    assert (stage.named, stage.rival) == (room, None)
+    assert decide(before, [load, cooling]).rival is cooling  # where all do, they are told beside each other
+    near = [_candidate(w, 0.98) for w in (307.0, 290.0, 288.0)]
+    assert decide(before, near) is None
+
+
+def test_what_leaves_as_little_of_the_misfit_is_told_beside_however_less_its_evidence():
+    before = (SimpleNamespace(model=SimpleNamespace(parts=())),)
+    cooling, load = _candidate(106.0, 0.9852, gain=11118.0), _candidate(67.0, 0.9841, gain=10948.0)
+    assert decide(before, [cooling, load]).rival is load
+    assert decide(before, [cooling, _candidate(67.0, 0.97, gain=10948.0)]).rival is None

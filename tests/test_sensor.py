@@ -71,3 +71,20 @@ def test_whole_degrees_that_settle_after_a_load_step_are_not_stuck():
     assert not saturated(np.round(20.0 + rise), 1.0).any()
     clipped = np.minimum(20.0 + 60.0 * -np.expm1(-time / 200.0), 60.0)
     assert saturated(np.round(clipped), 1.0).sum() > 100
+
+
+def test_a_start_is_where_it_is_whatever_comes_later():
+    """Ten minutes of idling were not seen in a record of twelve hours, of which two hours showed them."""
+    found = []
+    for length in (60.0, 240.0, 1440.0):
+        time = np.arange(0.0, length)
+        noise = 0.02 * np.random.default_rng(5).standard_normal(1440)[: len(time)]
+        found.append(rise_start(time, 21.0 - 30.0 * np.expm1(-np.maximum(time - 10.0, 0.0) / 60.0) + noise))
+    assert found == [10.0, 10.0, 10.0]
+    off = []
+    for seed in range(12):  # a rise that noise hides for minutes
+        time = np.arange(0.0, 240.0, 0.25)
+        slow = 21.0 - 2.0 * np.expm1(-np.maximum(time - 10.0, 0.0) / 60.0)
+        off.append(rise_start(time, slow + 0.03 * np.random.default_rng(seed).standard_normal(len(time))) - 10.0)
+    assert np.abs(off).max() < 2.0
+    assert np.sqrt(np.mean(np.square(off))) < 0.8
