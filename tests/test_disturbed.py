@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.discovery.loop import unseen_delay
+from thermofast.discovery.loop import parameters_of, unseen_delay
+from thermofast.discovery.observe import observe
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import RATE, Key, Part, fit_model, refit
@@ -78,3 +79,33 @@ def test_a_room_that_steps_is_named_and_no_load_or_cooling():
         assert found.verdict == name
         told = found.parameters[f"{name}.{'step' if step else 'change'}"]
         assert abs(told["value"] - (step or change)) <= 1.96 * told["standard_error"] + 1e-9
+
+
+def test_errors_of_a_sensors_own_parameters_count_a_disturbance_too():
+    law = next(kind for kind in BUILT_IN if kind.id == "second_mode")()
+    run = stepped()
+    fit = fit_model(run, [Part(law, law.choices(run)[0])])
+    told = parameters_of(fit, 1)
+    name = next(n for n, p in told.items() if p["standard_error"])
+    parameter = law.parameter(name.partition(".")[2])
+    own = told[name]["standard_error"] / (told[name]["value"] if parameter.log else 1.0)
+    beside = {c.key: np.full(3, 5.0 * own) for c in fit.model.local} | {c.key: 0.0 for c in fit.model.shared}
+    wider = parameters_of(fit, 1, beside=beside)[name]["standard_error"]
+    assert wider == pytest.approx(np.sqrt(26.0) * told[name]["standard_error"], rel=0.05)
+
+
+def test_a_power_changes_no_loss_a_fan_brings_no_heat_and_a_coolant_is_warm():
+    logged = {
+        "Leistung [kW]": 1.0 + (TIME > 100.0),
+        "fan": 0.0 + (TIME > 150.0),
+        "speed_rpm": 2.0 + (TIME > 50.0),
+        "coolant_temp": 18.0 + TIME / 99.0,
+    }
+    readings = stepped().reading
+    table = {"time_min": TIME, **{f"T{i} [°C]": row for i, row in enumerate(readings)}, **logged}
+    seen = observe(tf.read(table, inputs=list(logged))).seen
+    assert (seen.heats, seen.cools, seen.temperatures) == (("Leistung [kW]",), ("fan",), ("coolant_temp",))
+    columns = {kind.id: {c.constants.get("column") for c in kind().choices(seen)} - {None, ""} for kind in BUILT_IN}
+    assert columns["cooling_switch"] == {"fan", "speed_rpm"}
+    assert columns["load_step"] == {"Leistung [kW]", "speed_rpm"}
+    assert columns["coolant_heat"] == {"coolant_temp"}

@@ -1,7 +1,7 @@
 """A run made ready for a joint fit: all sensors on one grid, thinned where that loses nothing, noise and rounding told apart."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,8 +98,9 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
     seen, note = _gridded(run.name, tuple(channels), time, reading, weight, np.array(steps), used, inputs, rates, until_min)
     if note:
         notes.append(Note(None, note))
-    heats, cools = _sides(run, inputs)
-    seen = replace(seen, temperatures=_warm(run, inputs), heats=heats, cools=cools)
+    warm = _warm(run, inputs)
+    heats, cools = _sides(run, [n for n in inputs if n not in warm])
+    seen = replace(seen, temperatures=warm, heats=heats, cools=cools)
     notes += _without_rise(seen)
     if drive is not None:
         seen = _driven(seen, drive)
@@ -178,7 +179,7 @@ def _warm(run: Run, inputs: Mapping[str, Array]) -> tuple[str, ...]:
     return tuple(n for n, unit in units.items() if (unit.temperature if unit is not None else sign_of(n, "").temperature))
 
 
-def _sides(run: Run, inputs: Mapping[str, Array]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _sides(run: Run, inputs: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the inputs that heat (a power, a load) and of those that cool (a fan, a flow); a speed may do either."""
     told = () if run.seen is None else run.seen.columns
     units = {c.name: parse_unit(c.unit) for c in told}
