@@ -16,6 +16,7 @@ from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
 from thermofast.reading.moments.stamps import parse_stamps
 from thermofast.reading.moments.times import unit_of
+from thermofast.reading.tables import table as tables
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.tables.workbook import _cell
@@ -249,6 +250,49 @@ def test_a_very_wide_record(tmp_path):
     run = read_run(written(tmp_path, text))
     assert len(run.channels) == columns
     assert run.channels["c29999"].tolist() == [20.25, 21.25, 22.25]
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_wide_tables_of_numbers_are_read_as_narrow_ones(delimiter, ending, monkeypatch):
+    rng = np.random.default_rng(5)
+    rows = [[k, *(np.float64(v).item() for v in 20 + rng.normal(size=249) * 10.0 ** rng.integers(-9, 9, 249))] for k in range(70)]
+    lines = [delimiter.join(["time_s", *(f"c{i}" for i in range(249))]), *(delimiter.join(map(repr, row)) for row in rows)]
+    lines[1:1] = [""] * 40
+    text = (ending.join(lines) + ending).encode()
+    wide = read_text(text, "wide.csv", Options(missing=(repr(rows[3][7]),)))
+    assert wide.columns["time_s"].base.shape[1] == 250  # in one block
+    monkeypatch.setattr(tables, "WIDE", 10_000)
+    narrow = read_text(text, "wide.csv", Options(missing=(repr(rows[3][7]),)))
+    assert list(wide.columns) == list(narrow.columns)
+    assert np.isnan(wide.columns["c6"][3])
+    assert list(wide.lines) == list(narrow.lines) == list(range(41, 111))
+    for n, column in narrow.columns.items():
+        assert np.array_equal(wide.columns[n], column, equal_nan=True)
+
+
+@pytest.mark.parametrize("cell", ["", "-", "1e", "1.5.2", "1+2", "x"])
+def test_wide_tables_with_another_cell_name_it_by_its_row(cell):
+    text = "time_s," + ",".join(f"c{i}" for i in range(250)) + "\n"
+    text += "".join(f"{k}," + ",".join([cell if (k, i) == (50, 249) else "20.25" for i in range(250)]) + "\n" for k in range(60))
+    table = read_text(text.encode(), "wide.csv", Options())
+    assert np.isnan(table.columns["c249"][50])
+    assert np.nansum(table.columns["c249"]) == 59 * 20.25
+    assert ("c249" in table.faults) == (cell not in ("", "-"))
+    assert all("line 52, " in fault.what for fault in table.faults.values())
+
+
+def test_a_wide_table_with_rows_of_one_cell_is_refused():
+    text = (
+        ",".join(f"c{i}" for i in range(250))
+        + "\n"
+        + (",".join(["1"] * 250) + "\n") * 40
+        + "7\n" * 3
+        + ",".join(["1"] * 250)
+        + "\n"
+    )
+    with pytest.raises(InputError, match=r"line 42: the row has 1 cells, the others 250"):
+        read_text(text.encode(), "wide.csv", Options())
 
 
 @pytest.mark.parametrize(

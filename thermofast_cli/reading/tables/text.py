@@ -16,15 +16,7 @@ from ..moments.times import is_time_name
 from ..names import names_and_units
 from ..run import Array, Guess
 from ..units import parse_unit, unit_above, unit_changes
-from .dialect import (
-    Dialect,
-    detect_dialect,
-    is_missing,
-    is_number,
-    number_within,
-    split,
-    to_number,
-)
+from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
 from .encoding import refuse_markup, to_utf8
 from .lines import (
     closed_quotes,
@@ -36,7 +28,7 @@ from .lines import (
     without_last,
     without_separator_line,
 )
-from .table import Table, to_floats
+from .table import Table, to_floats, wide_numbers
 
 SAMPLE_BYTES = 1 << 18
 LINE_END = re.compile(r"\r\n|\n|\r")
@@ -85,7 +77,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         notes += of_headers
     start = _offset(data, dialect.data_line)
     body = data[start:]
-    del data  # a large file is held once
+    del data, united  # a large file is held once
     if body.find(b"\n", 0, -1) < 0:
         body = body.replace(b"\r", b"\n")  # line ends of old Macintoshes
     if dialect.delimiter == " ":
@@ -293,6 +285,9 @@ def _parse_body(
         raise InputError(f"{name}: a header and no rows", allowed="rows of readings", do="export the record again")
     sample = [row for row in (split(line, dialect.delimiter) for line in lines[:200] if line.strip()) if len(row) == len(names)]
     texts = {n for i, n in enumerate(names) if n in excluded or _is_text([r[i] for r in sample], dialect.decimal, more)}
+    if not texts and dialect.decimal == "." and (wide := wide_numbers(body, len(names), delimiter)) is not None:
+        at = _lines_of_rows(body, len(wide), delimiter, dialect)
+        return {n: _without(wide[:, i], more, n) for i, n in enumerate(names)}, {}, {}, at, []
     try:
         table, slow = parse({n: pa.string() if n in texts else pa.float64() for n in names}), False
     except pa.ArrowInvalid:
