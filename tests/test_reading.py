@@ -17,6 +17,7 @@ from thermofast.reading import Options, read_runs
 from thermofast.reading.moments.stamps import parse_stamps
 from thermofast.reading.moments.times import unit_of
 from thermofast.reading.tables import table as tables
+from thermofast.reading.tables import text
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.tables.workbook import _cell
@@ -280,6 +281,30 @@ def test_wide_tables_with_another_cell_name_it_by_its_row(cell):
     assert np.nansum(table.columns["c249"]) == 59 * 20.25
     assert ("c249" in table.faults) == (cell not in ("", "-"))
     assert all("line 52, " in fault.what for fault in table.faults.values())
+
+
+def test_a_large_file_in_pieces_is_read_as_a_small_one(monkeypatch):
+    rng = np.random.default_rng(7)
+    rows = [
+        f"2026-03-01 08:{k // 60:02d}:{k % 60:02d};" + ";".join(f"{v:.3f}" for v in 20 + rng.normal(size=6)) for k in range(2000)
+    ]
+    for k, column in ((5, 2), (900, 2), (1500, 4)):
+        rows[k] = ";".join("OL" if i == column else c for i, c in enumerate(rows[k].split(";")))
+    lines = ["time;" + ";".join(f"T{i}" for i in range(1, 7)), *rows]
+    data = "\n".join(lines).replace(".", ",").encode()
+    small = read_text(data, "run.csv", Options())
+    monkeypatch.setattr(text, "LARGE", 1000)
+    monkeypatch.setattr(text, "PIECE", 4000)
+    large = read_text(data, "run.csv", Options())
+    assert np.flatnonzero(np.isnan(small.columns["T2"])).tolist() == [5, 900]
+    assert np.isnan(small.columns["T4"][1500])
+    assert not small.faults
+    assert not large.faults
+    for n, column in small.columns.items():
+        assert np.array_equal(column, large.columns[n], equal_nan=n != "time")
+    lines[1800] = "7;8"
+    with pytest.raises(InputError, match="line 1801: the row has 2 cells, the others 7"):
+        read_text("\n".join(lines).replace(".", ",").encode(), "run.csv", Options())
 
 
 def test_a_wide_table_with_rows_of_one_cell_is_refused():

@@ -141,7 +141,7 @@ def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[i
     notes: list[str] = []
     guesses = list(told)
     step = np.diff(time)
-    lines = np.asarray(at_lines)
+    lines = np.arange(at_lines.start, at_lines.stop) if isinstance(at_lines, range) else np.asarray(at_lines)
     if (step < 0).any():
         if not mixed:
             backwards = "newest first" if (step <= 0).all() else _rows_back(int((step < 0).sum()))
@@ -298,6 +298,8 @@ def set_back(time: Array, columns: dict[str, Array]) -> tuple[Array, Guess | Non
 
 def _after_headers(time: Array, lines: Sequence[int], headers: Sequence[int]) -> list[int]:
     """Rows below names that stand again, at which time falls back or leaves a gap: another run, appended to the file."""
+    if not headers:
+        return []
     step = np.diff(time)
     usual = float(np.median(step)) if len(step) else 0.0
     rows = np.searchsorted(np.asarray(lines), np.asarray(headers, dtype=int))

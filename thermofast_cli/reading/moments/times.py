@@ -4,7 +4,8 @@ import re
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import lru_cache
-from itertools import chain, pairwise
+from itertools import chain, islice, pairwise
+from operator import ne
 
 import numpy as np
 
@@ -214,7 +215,7 @@ def _after_time(name: str, timed: list[str]) -> bool:
 
 def _mostly_new(column: "Array | list[str]") -> bool:
     """Whether most cells of a column differ from the one before: a moment of each row, not of a batch or a query."""
-    return bool(sum(a != b for a, b in pairwise(column)) >= 0.5 * (len(column) - 1))
+    return bool(sum(map(ne, column, islice(column, 1, None))) >= 0.5 * (len(column) - 1))
 
 
 def _elapses(days: "Array | list[str]", clock: "Array | list[str]") -> bool:

@@ -28,6 +28,7 @@ _NAMES = re.compile(rb"(?m)^Name([\t;,])")
 
 #: Share of the usual number of separators from which on a line is a row of readings by itself.
 FULL = 0.7
+LINE_END = re.compile(r"\r\n|\n|\r")
 MARKS = (b",", b";", b"\t", b"|")
 #: Bytes and rows that show how rows are written.
 SAMPLE, SOME = 1 << 14, 40
@@ -158,7 +159,9 @@ def transposed(data: bytes) -> tuple[bytes, list[Guess]]:
 
     Moments are stamps, or numbers that go on under a name of time; before them stand names, and perhaps units.
     """
-    if data.count(b"\n") > MOST_LYING or (mark := max(MARKS, key=data.count)) not in data:
+    if data.count(b"\n", 0, 10 * SAMPLE) > MOST_LYING or data.count(b"\n") > MOST_LYING:
+        return data, []
+    if (mark := max(MARKS, key=data.count)) not in data:
         return data, []
     last = data.rstrip().rpartition(b"\n")[2].partition(mark)[0].strip(b' "').decode("utf-8", errors="replace")
     if not last or last.lstrip("+-")[:1].isdigit():
@@ -268,8 +271,7 @@ def united_headers(data: bytes, head: list[str], dialect: Dialect, name: str) ->
     if not first.strip() or first.strip()[:1].isdigit():
         return data, []
     begun = first.encode()
-    above = data.startswith((begun, b'"' + begun))
-    if data.count(b"\n" + begun) + data.count(b'\n"' + begun) + above < 2:
+    if data.count(begun) < 2:
         return data, []  # to look for a few bytes takes a tenth of the time of trying every line
     begins = re.compile(rb'(?m)^"?' + re.escape(first.encode()) + rb'"?' + re.escape(dialect.delimiter.encode()) + rb"[^\n]*")
     found = {m[0].rstrip(b"\r"): data.count(b"\n", 0, m.start()) for m in begins.finditer(data)}
@@ -346,3 +348,22 @@ def _titled(name: str, unit: str) -> str:
         return "Time [ms]"
     first = unit.strip().split(" ")[0]
     return name.strip() if first in ("", "(None)", "Unit") else f"{name.strip()} [{first}]"
+
+
+def without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
+    """Without a last line that stops in mid-number, as when a logger is switched off: fewer decimals than in every row before."""
+    if body.endswith((b"\n", b"\r")):
+        return body, []
+    tail = LINE_END.split(body[-20000:].decode("utf-8", errors="replace"))[-12:]
+    rows = [split(line, dialect.delimiter) for line in tail if line.strip()]
+    if len(rows) < 6 or len(rows[-1]) != dialect.width:
+        return body, []
+
+    def decimals(cell: str) -> int:
+        return len(cell.strip().partition(dialect.decimal)[2])
+
+    usual = {decimals(row[-1]) for row in rows[1:-1] if row}
+    if len(usual) == 1 and decimals(rows[-1][-1]) < usual.pop() and is_number(rows[-1][-1], dialect.decimal):
+        at = max(body.rfind(b"\n"), body.rfind(b"\r"))
+        return body[: at + 1], [f"the last line stops in mid-number ({rows[-1][-1]!r}) and was left out"]
+    return body, []

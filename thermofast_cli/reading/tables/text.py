@@ -19,19 +19,24 @@ from ..units import parse_unit, unit_above, unit_changes
 from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
 from .encoding import refuse_markup, to_utf8
 from .lines import (
+    LINE_END,
     closed_quotes,
     joined_segments,
     plain_rows,
     plain_scope,
     transposed,
     united_headers,
+    without_cut_end,
     without_last,
     without_separator_line,
 )
 from .table import Table, to_floats, wide_numbers
 
 SAMPLE_BYTES = 1 << 18
-LINE_END = re.compile(r"\r\n|\n|\r")
+#: Bytes from which a body is parsed in pieces by several threads, and of such a piece.
+LARGE, PIECE = 1 << 24, 1 << 20
+#: Columns with words among their numbers that are found one by one: each is another pass.
+SINGLY = 4
 #: A number in several groups of thousands, and in one, which alone may be a decimal sign.
 _THOUSANDS = {d: re.compile(rf"\s*[+-]?\d{{1,3}}(?:[{o}]\d{{3}}){{2,}}\s*$") for d, o in (".,", ",.")}
 _THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
@@ -89,7 +94,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         # Rows of nothing but delimiters, as sheets have them, are empty.
         body = re.sub(rb"(?m)^" + blank + rb"+(?=\r?$)", b"", body)
     body = _first_row_as_wide(body, head, dialect)
-    body, cut = _without_cut_end(body, dialect)
+    body, cut = without_cut_end(body, dialect)
     body, footer = _without_footer(body, head, dialect)
     notes += [*cut, *footer]
     lines = head[dialect.data_line :]
@@ -140,25 +145,6 @@ def _first_row_as_wide(body: bytes, head: list[str], dialect: Dialect) -> bytes:
     end = body.find(b"\n")
     kept = dialect.delimiter.join(first[: dialect.width]).encode()
     return kept + body[end:]
-
-
-def _without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
-    """Without a last line that stops in mid-number, as when a logger is switched off: fewer decimals than in every row before."""
-    if body.endswith((b"\n", b"\r")):
-        return body, []
-    tail = LINE_END.split(body[-20000:].decode("utf-8", errors="replace"))[-12:]
-    rows = [split(line, dialect.delimiter) for line in tail if line.strip()]
-    if len(rows) < 6 or len(rows[-1]) != dialect.width:
-        return body, []
-
-    def decimals(cell: str) -> int:
-        return len(cell.strip().partition(dialect.decimal)[2])
-
-    usual = {decimals(row[-1]) for row in rows[1:-1] if row}
-    if len(usual) == 1 and decimals(rows[-1][-1]) < usual.pop() and is_number(rows[-1][-1], dialect.decimal):
-        at = max(body.rfind(b"\n"), body.rfind(b"\r"))
-        return body[: at + 1], [f"the last line stops in mid-number ({rows[-1][-1]!r}) and was left out"]
-    return body, []
 
 
 def _kind(cell: str, decimal: str) -> str:
@@ -269,12 +255,15 @@ def _parse_body(
 
     delimiter = "\t" if dialect.delimiter == " " else dialect.delimiter
 
+    # A small one in this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
+    large = len(body) > LARGE and b'"' not in body
+    options = pacsv.ReadOptions(column_names=names, block_size=PIECE if large else max(len(body) + 1, PIECE), use_threads=large)
+
     def parse(types: dict[str, pa.DataType]) -> pa.Table:
         ragged.clear()
         return pacsv.read_csv(
             pa.BufferReader(body),
-            # In this thread alone: a pool of pyarrow's that is still starting when a refusal ends the process aborts it.
-            read_options=pacsv.ReadOptions(column_names=names, block_size=max(len(body) + 1, 1 << 20), use_threads=False),
+            read_options=options,
             parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=ragged_row),
             convert_options=pacsv.ConvertOptions(
                 column_types=types, null_values=[""], decimal_point=dialect.decimal, strings_can_be_null=False
@@ -288,12 +277,18 @@ def _parse_body(
     if not texts and dialect.decimal == "." and (wide := wide_numbers(body, len(names), delimiter)) is not None:
         at = _lines_of_rows(body, len(wide), delimiter, dialect)
         return {n: _without(wide[:, i], more, n) for i, n in enumerate(names)}, {}, {}, at, []
-    try:
-        table, slow = parse({n: pa.string() if n in texts else pa.float64() for n in names}), False
-    except pa.ArrowInvalid:
-        # Some cell is no number: look at each, for the words that mean 'no reading' and to name the others. The words are not
-        # given to pyarrow, which would look for each of them in every column of every record.
-        table, slow = parse(dict.fromkeys(names, pa.string())), True
+    # Where some cell is no number, its column is looked at cell by cell, for the words that mean 'no reading' and to name the
+    # others. The words are not given to pyarrow, which would look for each of them in every column of every record.
+    looked_at = set(texts)
+    while True:
+        try:
+            table = parse({n: pa.string() if n in looked_at else pa.float64() for n in names})
+            break
+        except pa.ArrowInvalid as error:
+            if len(looked_at) == len(names):
+                raise
+            found = re.search(r"column #(\d+)", str(error))
+            looked_at |= {names[int(found[1])]} if found and len(looked_at) < len(texts) + SINGLY else set(names)
     notes = _check_ragged(body, len(names), delimiter, dialect, name) if ragged else []
     at = _lines_of_rows(body, table.num_rows, delimiter, dialect)
     columns: dict[str, Cells] = {}
@@ -303,7 +298,7 @@ def _parse_body(
     del table
     for n in names:
         column = parsed.pop(n)
-        if n in texts or slow:
+        if n in looked_at:
             columns[n], fault, unit = _cells(column.to_pylist(), n, dialect, name, at, more, n in texts)
             if fault is not None:
                 faults[n] = fault
@@ -394,20 +389,18 @@ def _cells(
         cells, unit = _with_unit(cells, dialect.decimal, more)
         if not unit:
             return cells, _wordy(cells, column, dialect, name, lines), ""
-    values = np.full(len(cells), np.nan)
-    bad: list[int] = []
-    if any(_THOUSANDS[dialect.decimal].match(c) for c in cells):
+    distinct = dict.fromkeys(cells)  # of a million readings some thousand
+    if any(_THOUSANDS[dialect.decimal].match(c) for c in distinct):
         # One of several groups says what a single group is: 60,000 beside 1,020,000.
         cells = [re.sub(r"(?<=\d)[.,](?=\d{3}$)", "", c) if _THOUSAND[dialect.decimal].match(c) else c for c in cells]
-    for i, cell in enumerate(cells):
-        if is_missing(cell, more):
-            continue
-        if is_number(cell, dialect.decimal):
-            values[i] = to_number(cell, dialect.decimal)
-        else:
-            bad.append(i)
-    if not bad:
+        distinct = dict.fromkeys(cells)
+    told = [c for c in distinct if not is_missing(c, more)]
+    number = {c: to_number(c, dialect.decimal) for c in told if is_number(c, dialect.decimal)}
+    values = np.array([number.get(c, np.nan) for c in cells])
+    if len(number) == len(told):
         return _without(values, more, column), None, unit
+    odd = {c for c in told if c not in number}
+    bad = [i for i, c in enumerate(cells) if c in odd]
     if len(bad) > np.count_nonzero(np.isfinite(values)):
         return cells, None, ""
     found = listed(dict.fromkeys(repr(cells[i]) for i in bad), 3)

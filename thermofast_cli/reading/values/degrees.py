@@ -172,17 +172,22 @@ def refuse_another_unit(columns: Sequence[Array], table: Table) -> None:
 
     By 1.8 x + 32 to within what the steps about it are, which no machine does with several sensors at once.
     """
-    some = [c for c in columns if np.isfinite(c).all() and len(c) > 2 * BEFORE_KEY and np.ptp(c) > LEAST_KEY]
-    if not some or len(some) < len(columns):
+    if not columns or len(columns[0]) <= 2 * BEFORE_KEY:
         return
-    steps = np.diff(np.array(some), axis=1)
-    at = int(np.abs(steps).min(axis=0).argmax())
-    if not BEFORE_KEY <= at < steps.shape[1] - BEFORE_KEY or np.abs(steps[:, at]).min() < LEAST_KEY:
+    least = np.full(len(columns[0]) - 1, np.inf)
+    for c in columns:  # most records end at their first sensor
+        least = np.minimum(least, np.abs(np.diff(c)))
+        if not float(least.max()) >= LEAST_KEY or not np.isfinite(c).all():
+            return
+    at = int(least.argmax())
+    if not BEFORE_KEY <= at < len(least) - BEFORE_KEY:
         return
-    before, after = np.array([c[at] for c in some]), np.array([c[at + 1] for c in some])
-    about = np.abs(np.delete(steps[:, at - BEFORE_KEY : at + BEFORE_KEY + 1], BEFORE_KEY, axis=1)).max(axis=1)
-    if (about > 0.2 * np.abs(steps[:, at])).any():
+    around = np.array([c[at - BEFORE_KEY : at + BEFORE_KEY + 2] for c in columns])
+    steps = np.abs(np.diff(around, axis=1))
+    about = np.delete(steps, BEFORE_KEY, axis=1).max(axis=1)
+    if (about > 0.2 * steps[:, BEFORE_KEY]).any():
         return  # what jumps to and fro is a code of a broken probe
+    before, after = around[:, BEFORE_KEY], around[:, BEFORE_KEY + 1]
     near = 3.0 * np.maximum(about, 0.1)
     for first, one, other in (("C", before, after), ("F", after, before)):
         if (np.abs(1.8 * one + 32.0 - other) <= 1.8 * near).all():
