@@ -74,7 +74,7 @@ class Model:
         self.local = [Column(-1, p) for p in BASE] + [c for c in columns if c.parameter.each == "sensor"]
         self.shared = [c for c in columns if c.parameter.each == "run"]
         # Without a logged ambient the surroundings are what several sensors under one cause agree on.
-        heating = any(part.effect.uses_sink for part in self.parts) and run.sensors > 1
+        heating = any(part.effect.uses_sink and int(part.concerns(run.sensors).sum()) > 1 for part in self.parts)
         if run.sink_c is None and (heating or run.heat is not None):
             self.shared.append(Column(-1, SINK))
         self.low_local, self.high_local = self._bounds(self.local)
@@ -143,12 +143,20 @@ class Model:
             if c.part < 0:
                 sink_c = common[:, j : j + 1]
             else:
-                values[c.part][c.parameter.name] = common[:, j : j + 1]
+                values[c.part][c.parameter.name] = self._where_it_acts(c, common[:, j : j + 1], sensor)
         drive = Drive.plain(self.run, sensor, sink_c)
         for part, named in zip(self.parts, values, strict=True):
             part.effect.apply(drive, self.run, Values(named, part.choice.constants))
         rate, level, start = (here[:, self.column(key)] for key in (RATE, LEVEL, START))
         return drive.forward(self.run, rate, level - sink_c[:, 0], start)
+
+    def _where_it_acts(self, column: Column, values: Array, sensor: Any) -> Array:
+        """Values (R, 1) of a parameter that sensors share: of an amplitude what makes it vanish, in sensors without the effect."""
+        part, parameter = self.parts[column.part], column.parameter
+        if part.concerned is None or parameter.name != part.effect.amplitude or parameter.null is None:
+            return values
+        null = parameter.null * (self.run.span if parameter.share else 1.0)
+        return np.where(part.concerns(self.run.sensors)[sensor][:, None], values, null)
 
     def with_jacobian(self, local: Array, shared: Array, sensor: Any, curve: Array | None = None) -> tuple[Array, Array, Array]:
         """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters); `curve` where it is known."""

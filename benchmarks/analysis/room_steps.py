@@ -26,8 +26,10 @@ RIGHT = {"room": "room_step", "heat": "load_step", "loss": "cooling_switch", "no
 SIZE = {"room": ("step", 0.0), "heat": ("change", 0.0), "loss": ("ratio", 1.0)}
 
 
-def record(what: str, seed: int) -> tuple[dict[str, Array], float, float]:
-    """A run as a table, by how much its room steps [K] or its heat or loss changes (a share), and when [min]."""
+def record(what: str, seed: int, parts: bool = False) -> tuple[dict[str, Array], float, float, NDArray[np.bool_]]:
+    """A run as a table, by how much its room steps [K] or its heat or loss changes (a share), when [min], and in which bodies (n,):
+    with `parts` in some only.
+    """
     rng = np.random.default_rng([seed, sorted(RIGHT).index(what)])
     n = int(rng.integers(3, 6))
     time = np.arange(0.0, MINUTES + 0.5)
@@ -39,12 +41,16 @@ def record(what: str, seed: int) -> tuple[dict[str, Array], float, float]:
     heat, rate = rng.uniform(0.15, 0.6, n), 1.0 / (rng.uniform(30.0, 70.0) * np.exp(0.15 * rng.standard_normal(n)))
     link, glow = rng.uniform(0.0, 0.3) * rate.mean(), rng.uniform(0.05, 0.2)
     room_c = 20.0
+    who = np.ones(n, dtype=bool)
+    if parts:
+        size *= 1.5
+        who = rng.permutation(np.arange(n) < rng.integers(1, n))
 
     def slope(t: float, here: Array) -> Array:
         later = t >= event
         room = room_c + np.interp(t, time, wander) + (size if what == "room" and later else 0.0)
-        loss = 1.0 + (size if what == "loss" and later else 0.0)
-        load = np.interp(t, time, flutter) * (1.0 + (size if what == "heat" and later else 0.0))
+        loss = 1.0 + who * (size if what == "loss" and later else 0.0)
+        load = np.interp(t, time, flutter) * (1.0 + who * (size if what == "heat" and later else 0.0))
         hot, cold = here + ABSOLUTE, room + ABSOLUTE
         out = rate * ((1.0 - glow) * (here - room) + glow * (hot**4 - cold**4) / (4.0 * cold**3))
         between = np.diff(here) * link
@@ -54,12 +60,12 @@ def record(what: str, seed: int) -> tuple[dict[str, Array], float, float]:
     late = np.exp(-1.0 / rng.uniform(0.2, 0.6, n))
     read = np.array([lfilter([1.0 - k], [1.0, -k], row - row[0]) + row[0] for k, row in zip(late, curve, strict=True)])
     noisy = read + rng.uniform(0.01, 0.03) * rng.standard_normal(read.shape)
-    return {"time_min": time, **{f"T{i + 1}": row.round(3) for i, row in enumerate(noisy)}}, size, event
+    return {"time_min": time, **{f"T{i + 1}": row.round(3) for i, row in enumerate(noisy)}}, size, event, who
 
 
 def trial(seed: int, what: str) -> tuple[str, bool, bool]:
     """(how it was named, whether the step and its time are held)."""
-    table, size, event = record(what, seed)
+    table, size, event, _ = record(what, seed)
     found = tf.diagnose(table, jobs=1)[0]
     named = [] if found.verdict in ("none", "unexplained") else found.verdict.split("+")
     either = {name for other in found.also_possible for name in other.split("+")} if named else set()

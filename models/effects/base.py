@@ -139,7 +139,8 @@ class Effect:
     reads_sensors: it uses other sensors' readings. again: a run may have two of it, with constants of their own. masses: how many
     hidden masses it appends. advice: what a user to whom it is named should know beside.
     places (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
-    choice_costs: what choosing a way of acting costs each sensor, in parameters.
+    choice_costs: what choosing a way of acting costs each sensor, in parameters. in_parts: with scope 'run', it may
+    be a cause that only some of the sensors share, as the motor or the coolant of one part of the machine.
     amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
     sensors have it, each with its own values; 'one', it concerns a single sensor.
     """
@@ -160,6 +161,7 @@ class Effect:
     follows_ambient: ClassVar[bool] = False
     reads_sensors: ClassVar[bool] = False
     again: ClassVar[bool] = False
+    in_parts: ClassVar[bool] = False
     #: Which of its kind it is in a model.
     number: ClassVar[int] = 1
     masses: ClassVar[int] = 0

@@ -23,6 +23,7 @@ class CoolingSwitch(Effect):
     reference = "lumped capacitance with a changed film coefficient, Incropera ch. 5"
     event = "event"
     again = True
+    in_parts = True
     uses_sink = True
     places = (30.0, 0.0)
     amplitude = "ratio"

@@ -30,6 +30,7 @@ class LoadStep(Effect):
     uses_sink = True
     changes_heat = True
     again = True
+    in_parts = True
     places = (30.0, 0.0)
     amplitude = "change"
     parameters = (
@@ -124,6 +125,8 @@ def held(run: Observations, name: str, scale: float, power: Any, ending: float =
 
 class DriveLaw(LoadStep):
     """The drive followed to a power, or late: what is asked of a run whose drive is given before anything else is."""
+
+    in_parts = False
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         return [c for c in super().choices(run) if "own" in c.constants]

@@ -1,5 +1,6 @@
 """One effect added to a fit: every way it could act, from every promising start, on the sensors that it concerns."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -54,6 +55,12 @@ def trials(effect: Effect, run: Observations) -> float:
     """Effective number of places at which an effect is looked for on a run."""
     constant, by_reading = effect.places
     return constant + by_reading * float(run.used.any(axis=0).sum())
+
+
+def places(part: Part, run: Observations) -> float:
+    """The same of a part: one that only some sensors share is looked for in every choice of so many."""
+    n, who = run.sensors, int(part.concerns(run.sensors).sum())
+    return trials(part.effect, run) * (math.comb(n, who) if part.effect.in_parts else 1)
 
 
 def partners(effects: Sequence[Effect], parts: Sequence[Part]) -> list[Effect]:
@@ -131,11 +138,9 @@ def try_add(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]] | None
 
 
 def _candidate(before: Fit, after: Fit, effect: Effect, part: Part) -> Candidate:
-    own = likelihood_ratios(before, after)
-    if effect.scope != "run":
-        own = np.where(part.concerns(before.run.sensors), own, 0.0)
+    own = np.where(part.concerns(before.run.sensors), likelihood_ratios(before, after), 0.0)
     free = len(effect.active(part.choice))
-    return Candidate(after, own, chance(effect, own, free, trials(effect, before.run)))
+    return Candidate(after, own, chance(effect, own, free, places(part, before.run)))
 
 
 def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
@@ -159,7 +164,9 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
             if best is None or value > best[0]:
                 best = value, fit, part
     assert best is not None
-    best = best if quick else _elaborate(before, effect, best)
+    if not quick:
+        best = _elaborate(before, effect, best)
+        best = _in_part(before, effect, scans, best) if effect.in_parts else best
     if likelihood_ratios(before, best[1]).sum() < 0.0:  # at its null it is the model before: the search went astray
         main = effect.parameter(effect.amplitude)
         null = (main.null or 0.0) * (run.span if main.share else 1.0)
@@ -167,6 +174,38 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
         still = fit_model(run, parts, {**with_parts(before, parts), Key(at, main.name): null}, None, MOST_ITERATIONS)
         best = max(best, (_value(before, still, best[2]), still, best[2]), key=lambda one: one[0])
     return _candidate(before, best[1], effect, best[2])
+
+
+def _in_part(
+    before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], best: tuple[float, Fit, Part]
+) -> tuple[float, Fit, Part]:
+    """The effect in some of the sensors only, where in all of them it leaves a pattern and in these it explains clearly more.
+
+    It begins with the sensor that would gain most by it, and takes in others, in the order of what they would gain at that place.
+    """
+    n, at = before.run.sensors, len(before.model.parts)
+    if n < 2 or least_p(sensor_p_values(best[1])) >= RULES.pattern:
+        return best
+    choice, found = max(scans, key=lambda one: float(one[1].gain.max()))
+    place, first = np.unravel_index(int(np.argmax(found.gain)), found.gain.shape)
+    alike = np.sign(found.amplitude[place] - (effect.parameter(effect.amplitude).null or 0.0))
+    order = [int(i) for i in np.argsort(-found.gain[place]) if alike[i] == alike[first]]
+    start = {Key(at, name): value for name, value in found.points[place].items()}
+    start[Key(at, effect.amplitude)] = float(found.amplitude[place, first])
+    part_of: tuple[float, Fit, Part] | None = None
+    who: list[int] = []
+    for i in order[: n - 1]:
+        part = Part(effect, choice, tuple(j in (*who, i) for j in range(n)))
+        parts = [*before.model.parts, part]
+        base = with_parts(before, parts) if part_of is None else with_parts(part_of[1], parts)
+        fit = fit_model(before.run, parts, {**base, **start} if part_of is None else base)
+        value = _value(before, fit, part)
+        # A neighbour that is warmed by it answers, too, but late.
+        less = fit.rss[i] <= (1.0 - RULES.in_part) * before.rss[i]
+        if part_of is not None and not (less and value > part_of[0] + RULES.worth):
+            continue
+        part_of, who = (value, fit, part), [*who, i]
+    return part_of if part_of is not None and part_of[0] > best[0] + RULES.worth else best
 
 
 def _value(before: Fit, fit: Fit, part: Part) -> float:

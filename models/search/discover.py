@@ -258,7 +258,7 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
         return False
     n = base.run.sensors
     who = [p.concerns(n) for p in named.parts]
-    shared = any(p.effect.scope == "run" for p in named.parts)
+    shared = any(p.effect.scope == "run" and p.concerned is None for p in named.parts)
     if shared and n > 1:
         return False
     if not shared and (int(np.logical_or.reduce(who).sum()) > 1):

@@ -20,7 +20,7 @@ from ..effects.base import Effect
 from ..joint import Fit, Key, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
 from ..uncertainty.surroundings import follows_machine
-from .candidates import Candidate, in_order, once_more, partners, trials, try_add
+from .candidates import Candidate, in_order, once_more, partners, places, try_add
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .rules import RULES
 
@@ -151,7 +151,7 @@ class _Scale:
         evidence = 2.0 * (spectral_likelihood(means, self.scale) - self.without)
         who = part.concerns(run.sensors)
         had, left = (misfit_power(f, who) for f in (self.before, fit))
-        return RunEvidence(candidate, evidence, max(1, fit.searched - self.before.searched), trials(part.effect, run), had, left)
+        return RunEvidence(candidate, evidence, max(1, fit.searched - self.before.searched), places(part, run), had, left)
 
 
 def _weighed(by_run: Sequence[RunEvidence | None], false_alarm: float, number: int) -> Weighed | None:

@@ -47,6 +47,12 @@ class SearchRules:
         "four deviations of one parameter: heat is conducted both ways",
     )
     concerned: float = rule(0.01, "1", "chance at which a sensor's gain makes it one that has the effect", "once in a hundred runs")
+    in_part: float = rule(
+        0.75,
+        "1",
+        "share of a sensor's squared residuals that a cause of one part of the machine must explain in each of its sensors",
+        BY_HAND,
+    )
     needed: float = rule(4.0, "standard errors", "a sensor with less of the effect is tried without it", BY_HAND)
     sure: float = rule(1.5, "standard errors", "an amplitude nearer to nothing is not determined", BY_HAND)
     alike: float = rule(0.99995, "1", "correlation from which the record does not tell two parameters apart", BY_HAND)

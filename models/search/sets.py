@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.base import Choice, Effect
 from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
-from .candidates import Candidate, first_order, partners, trials, try_add, unmirrored
+from .candidates import Candidate, first_order, partners, places, try_add, unmirrored
 from .dominant import beside_others, misfit_power
 from .judge import chance, least_p, likelihood_ratios
 from .rules import RULES
@@ -184,10 +184,9 @@ def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
         if alone is None:
             continue
         own = np.maximum(likelihood_ratios(alone.fit, pair.fit), 0.0)
-        if part.effect.scope != "run":
-            own = np.where(part.concerns(len(own)), own, 0.0)
+        own = np.where(part.concerns(len(own)), own, 0.0)
         free = len(part.effect.active(part.choice))
-        p = max(p, chance(part.effect, own, free, trials(part.effect, pair.fit.run)))
+        p = max(p, chance(part.effect, own, free, places(part, pair.fit.run)))
         if float(own.sum()) < 2.0 * RULES.equal:
             p = 1.0
     return Candidate(pair.fit, pair.own, p)

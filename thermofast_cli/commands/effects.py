@@ -29,7 +29,7 @@ def command(name: str | None, extra: tuple[str, ...]) -> int:
     effect = known[name]
     scope = {"run": "all sensors share it", "sensor": "each sensor has its own, or none", "one": "it concerns one sensor"}
     lines = [f"{effect.id}: {effect.summary}", f"  equation      {effect.equation}", f"  tell-tale     {effect.tell_tale}"]
-    lines.append(f"  concerns      {scope[effect.scope]}")
+    lines.append(f"  concerns      {scope[effect.scope]}{', or those of one part of the machine do' if effect.in_parts else ''}")
     lines += [f"  needs         {effect.needs}"] if effect.needs else []
     lines += [f"  mistaken for  {', '.join(effect.mistaken_for)}"] if effect.mistaken_for else []
     lines += [f"  to tell       {effect.separate}"] if effect.separate else []

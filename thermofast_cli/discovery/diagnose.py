@@ -261,7 +261,7 @@ def own_verdict(found: Discovery, sensor: int) -> str:
     if found.named is None:
         return found.verdict
     n = found.base.run.sensors
-    mine = [p.id for p in found.named.parts if p.effect.scope == "run" or p.concerns(n)[sensor]]
+    mine = [p.id for p in found.named.parts if p.concerns(n)[sensor]]
     if mine:
         return "+".join(mine)
     return "unexplained" if found.base_floor[sensor] < RULES.pattern else "none"

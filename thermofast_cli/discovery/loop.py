@@ -180,6 +180,8 @@ def parameters_of(
                 continue
             value, error = float(values[key][sensor]), wider * float(errors[key][sensor])
             error = math.hypot(error, float(beside[key][sensor]) if beside else 0.0)
+        elif sensor is not None and not part.concerns(fit.run.sensors)[sensor]:
+            continue
         else:
             value, error = float(values[key]), math.hypot(wider * float(errors[key]), float(beside[key]) if beside else 0.0)
         if c.parameter.log:
