@@ -7,13 +7,26 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from thermofast.models import Observations
-from thermofast.models.imperfection import NONE, TYPICAL, Part, PastRun, learn_past, settle, widths_left_out
+from thermofast.models.imperfection import (
+    FAST_MODES,
+    NONE,
+    SLOW_MODES,
+    TYPICAL,
+    Part,
+    PastRun,
+    learn_past,
+    settle,
+    to_the_limit,
+    widths_left_out,
+)
 from thermofast.models.imperfection.known import Known
-from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID
+from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID, modes
+from thermofast.models.imperfection.shapes import loss_bend
 from thermofast.models.joint import LEVEL, RATE, fit_model
 from thermofast.models.uncertainty.pooled import fit_together, pool
 
@@ -250,3 +263,50 @@ def test_past_runs_are_believed_of_a_large_slow_mass():
         below += sum(limit - r.steady_state_c > 0.5 for r, limit in zip(said, limits, strict=True))
     assert held >= 32  # of 36; 29 where the prior of a shape had no such mass
     assert below <= 8
+
+
+def test_modes_change_neither_the_beginning_nor_the_limit():
+    assert modes(np.array([0.0, 1e3])) == pytest.approx(np.zeros((2, 11)), abs=1e-12)
+
+
+def test_amplitudes_of_files_of_before_are_the_same_shape_over_its_limit():
+    x, bend = np.linspace(0.0, 30.0, 40), np.linspace(-0.08, 0.05, 11)
+    slow, fast = [-np.expm1(-k * x) for k in SLOW_MODES], [np.exp(-k * x) - 1.0 for k in FAST_MODES]
+    before = -np.expm1(-x) + np.stack([*slow, *fast, loss_bend(x)], axis=-1) @ bend
+    limit = 1.0 + bend[:4].sum() - bend[4:-1].sum()
+    amplitudes, covariance = to_the_limit(bend, np.eye(11))
+    assert limit * (-np.expm1(-x) + modes(x) @ amplitudes) == pytest.approx(before, abs=1e-9)
+    assert covariance == pytest.approx(np.eye(11) / limit**2)
+    assert to_the_limit(np.array([-0.3] * 4 + [0.0] * 7), np.eye(11)) is None
+
+
+def chain(seed, level, minutes=900.0):
+    """A row of bodies heated at one end (scipy's solver): the far ones rise late, as no one exponential does."""
+    rng = np.random.default_rng(seed)
+    loss, link = np.array([0.004, 0.004, 0.004, 0.004, 0.004]), 0.02
+    heat = np.array([0.4 * level, 0.0, 0.0, 0.0, 0.0])
+
+    def slope(_, y):
+        between = link * np.diff(y)
+        return heat - loss * (y - 20.0) + np.append(between, 0.0) - np.insert(between, 0, 0.0)
+
+    time = np.arange(0.0, minutes + 1.0, 2.0)
+    body = solve_ivp(slope, (0.0, minutes), np.full(5, 20.0), "LSODA", time, rtol=1e-9, atol=1e-9).y
+    far = {f"T{i + 1}": body[i] + 0.03 * rng.standard_normal(len(time)) for i in (0, 2, 4)}
+    between = np.diag(np.full(4, -link), 1) + np.diag(np.full(4, -link), -1)
+    matrix = np.diag(loss + link * np.array([1.0, 2.0, 2.0, 2.0, 1.0])) + between
+    return {"time_min": time, **far}, 20.0 + np.linalg.solve(matrix, heat)[[0, 2, 4]]
+
+
+def test_the_shape_of_a_body_that_rises_late_is_a_rise_and_helps_late_too():
+    runs = [tf.read(chain(seed, 1.0 + 0.05 * seed)[0], name=f"run{seed}") for seed in range(3)]
+    model = tf.improve(runs, together=True).model
+    table, limit = chain(9, 1.1)
+    for until in (250.0, 500.0, 900.0):
+        told = tf.identify(tf.read(table), until=until, model=model).to_frame()
+        assert (told["steady_state_lo_c"].to_numpy() < limit).all()
+        assert (limit < told["steady_state_hi_c"].to_numpy()).all()
+        rise = limit - 20.0
+        assert np.abs(told["steady_state_c"] - limit).to_numpy() == pytest.approx(0.0 * rise, abs=0.1 * rise.max())
+        half = (told["steady_state_hi_c"] - told["steady_state_lo_c"]).to_numpy() / 2.0
+        assert (half < 0.4 * rise).all()

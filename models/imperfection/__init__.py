@@ -16,6 +16,7 @@ from .past import (
     Searched,
     SensorShape,
     learn_past,
+    to_the_limit,
     widths_left_out,
 )
 from .posterior import Rates, Settled, settle
@@ -48,5 +49,6 @@ __all__ = [
     "pilot",
     "room_at_end",
     "settle",
+    "to_the_limit",
     "widths_left_out",
 ]

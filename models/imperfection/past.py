@@ -41,7 +41,14 @@ SCATTER, SPREAD, RUNS_ASSUMED = 0.06, 0.02, 4.0
 BLOCKS = 24
 #: Sizes of the disturbances that are compared, against the typical.
 SCALES = np.geomspace(0.08, 4.0, 12)
-ROUNDS = 3
+ROUNDS, ROUNDS_NEAR = 4, 2
+#: Times what the law has alone of a rise that it may have beside modes, or its reciprocal.
+MOST_RISE = 3.0
+#: What modes add to the rise after the longest run, relative to it (1 sd): no more than on machines in general; and at which points x,
+#: over that run's end.
+REST, BEYOND_END = 0.1, (1.0, 1.5, 2.0, 3.0)
+#: Limit over the law's own below which a shape is no rise.
+LEAST_LIMIT = 0.2
 #: How many of the sizes are looked at where much the same runs have told which.
 NEAR = 4
 #: Deviation of the logarithm of the size from run to run, as one run lets it be known.
@@ -61,10 +68,17 @@ LAST = 20
 
 
 def modes(x: Array) -> Array:
-    """What each amplitude adds (..., k) to the rise, relative to it, at x = rate t."""
-    slow = [-np.expm1(-k * x) for k in SLOW_MODES]
-    fast = [np.exp(-k * x) - 1.0 for k in FAST_MODES]
+    """What each amplitude adds (..., k) to the rise, relative to all of it, at x = rate t: nothing at first, and nothing in the end."""
+    slow = [np.exp(-x) - np.exp(-k * x) for k in SLOW_MODES]
+    fast = [np.exp(-k * x) - np.exp(-x) for k in FAST_MODES]
     return np.stack([*slow, *fast, loss_bend(x)], axis=-1)
+
+
+def to_the_limit(amplitudes: Array, covariance: Array) -> tuple[Array, Array] | None:
+    """Amplitudes (k,) and covariance (k, k) of modes that changed the limit, too, as they are relative to it; None without one."""
+    slow, fast = amplitudes[: len(SLOW_MODES)], amplitudes[len(SLOW_MODES) : -1]
+    limit = 1.0 + float(slow.sum() - fast.sum())
+    return (amplitudes / limit, covariance / limit**2) if limit > LEAST_LIMIT else None
 
 
 def _deviations(sizes: tuple[float, float, float]) -> Array:
@@ -237,7 +251,9 @@ class PastRun:
 
 @dataclass(frozen=True)
 class _Seen:
-    """One run of one sensor at a rate: rows of its blocks, relative to the rise but for the readings and what is absolute."""
+    """One run of one sensor at a rate: rows of its blocks, relative to the rise but for the readings and what is absolute; end: x of
+    its last reading.
+    """
 
     y: Array
     law: Array
@@ -247,6 +263,7 @@ class _Seen:
     relative: Array
     absolute: Array
     rise: float
+    end: float
 
 
 def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None = None) -> Past:
@@ -260,13 +277,16 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
     if near is not None:
         scatter, spread, log_rate = near.scatter, near.spread, {c: near.shapes[c].log_rate for c in names}
     scales = SCALES if near is None else SCALES[np.argsort(np.abs(np.log(SCALES / near.scale)))[:NEAR]]
-    for _ in range(ROUNDS if near is None else 1):
-        found = {c: _learn(c, runs, log_rate[c], scatter, spread, prior, scales) for c in names}
+    rises: dict[str, Array] = {}
+    for _ in range(ROUNDS if near is None else ROUNDS_NEAR):
+        found = {c: _learn(c, runs, log_rate[c], scatter, spread, prior, scales, rises.get(c)) for c in names}
         # What the sensors say of the size is one thing: they share the disturbances.
         total = np.mean([one.evidence for one in found.values()], axis=0)
         likely = SHAPE_WEIGHTS[:, None] * np.exp(-0.5 * (np.log(scales) / prior.scale_spread) ** 2)
         weight = np.exp(total - total.max()) * likely.ravel()
         weight /= weight.sum()
+        # Amplitudes are relative to what the law has of the rise, which the modes change.
+        rises = {c: weight @ one.rise for c, one in found.items()}
         at = np.array([weight @ one.stretch for one in found.values()])  # (sensors, runs)
         for c, mine in zip(names, at, strict=True):
             log_rate[c] += float(np.nanmean(mine))
@@ -294,12 +314,15 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
 
 @dataclass(frozen=True)
 class _Learnt:
-    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs)."""
+    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs), and the rise
+    that the law has (s, runs) [K]; nan in a run without the sensor.
+    """
 
     evidence: Array
     amplitudes: Array
     covariance: Array
     stretch: Array
+    rise: Array
 
 
 def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _Seen:
@@ -331,14 +354,27 @@ def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _
         np.einsum("n,nij->ij", relative[0], there),
         np.einsum("n,nij->ij", absolute[0], there),
         float(np.polyfit(shape, y, 1)[0]),
+        float(rate[0] * blocks.last),
     )
 
 
 def _learn(
-    channel: str, runs: Sequence[PastRun], log_rate: float, scatter: float, spread: float, prior: Imperfection, scales: Array
+    channel: str,
+    runs: Sequence[PastRun],
+    log_rate: float,
+    scatter: float,
+    spread: float,
+    prior: Imperfection,
+    scales: Array,
+    rises: Array | None,
 ) -> _Learnt:
-    """One sensor over all runs that have it, as one Gaussian: start, rise, stretch, disturbances of each run; one shape of all."""
+    """One sensor over all runs that have it, as one Gaussian: start, rise, stretch, disturbances of each run; one shape of all.
+
+    rises (runs,) [K] are those that the law has, as far as they are known.
+    """
     seen = [(r, _seen(run, channel, log_rate, prior)) for r, run in enumerate(runs) if channel in run.channels]
+    if rises is not None:
+        seen = [(r, replace(s, rise=_likely(float(rises[r]), s.rise))) for r, s in seen]
     sizes = [len(s.y) for _, s in seen]
     ends = np.cumsum([0, *sizes])
     total = int(ends[-1])
@@ -357,11 +393,13 @@ def _learn(
     fixed = noise + bend_prior @ bend_prior.T
     pairs = [(each, scale) for each in SHAPE_SIZES for scale in scales]
     count = len(_deviations(SHAPE_SIZES[0]))
+    rest = modes(np.array(BEYOND_END) * max(s.end for _, s in seen)) / REST
     evidence, amplitudes = np.empty(len(pairs)), np.empty((len(pairs), count))
     covariance, stretch = np.empty((len(pairs), count, count)), np.full((len(pairs), len(runs)), np.nan)
+    rise = stretch.copy()
     for k, (shape_sizes, scale) in enumerate(pairs):
-        variance = _deviations(shape_sizes) ** 2
-        factor = np.linalg.cholesky(fixed + (shape * variance) @ shape.T + scale**2 * (relative + absolute))
+        variance = np.linalg.inv(np.diag(_deviations(shape_sizes) ** -2) + rest.T @ rest)
+        factor = np.linalg.cholesky(fixed + shape @ variance @ shape.T + scale**2 * (relative + absolute))
         white = np.linalg.solve(factor, np.column_stack([y, flat, shape, bend]))
         x = white[:, 1 : 1 + flat.shape[1]]
         q, r = np.linalg.qr(x)
@@ -369,10 +407,16 @@ def _learn(
         mine = left[:, 1 + flat.shape[1] : 1 + flat.shape[1] + count]
         bends = left[:, 1 + flat.shape[1] + count :]
         evidence[k] = -np.log(np.diag(factor)).sum() - np.log(np.abs(np.diag(r))).sum() - 0.5 * float(left[:, 0] @ left[:, 0])
-        amplitudes[k] = variance * (mine.T @ left[:, 0])
-        covariance[k] = np.diag(variance) - variance[:, None] * (mine.T @ mine) * variance
+        amplitudes[k] = variance @ (mine.T @ left[:, 0])
+        covariance[k] = variance - variance @ (mine.T @ mine) @ variance
         stretch[k, [r for r, _ in seen]] = (scatter**2 + spread**2) * (bends.T @ left[:, 0])
-    return _Learnt(evidence, amplitudes, covariance, stretch)
+        rise[k, [r for r, _ in seen]] = np.linalg.solve(r, q.T @ white[:, 0])[1::2]
+    return _Learnt(evidence, amplitudes, covariance, stretch, rise)
+
+
+def _likely(rise: float, alone: float) -> float:
+    """A rise that the law has beside modes [K], no more than some times what it has alone."""
+    return float(np.sign(alone) * np.clip(rise * np.sign(alone), abs(alone) / MOST_RISE, abs(alone) * MOST_RISE))
 
 
 def widths_left_out(past: Past, runs: Sequence[PastRun], prior: Imperfection) -> Past:

@@ -13,7 +13,7 @@ from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Parameter
 from thermofast.models.greybox import Column
 from thermofast.models.greybox import Model as FitModel
-from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape
+from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape, to_the_limit
 from thermofast.models.joint import Fit
 from thermofast.models.uncertainty.pooled import Pooled
 
@@ -86,7 +86,10 @@ class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froze
 
 
 class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
-    """What the runs learnt from say of the next one; see ``models/imperfection/past.py``."""
+    """What the runs learnt from say of the next one; see ``models/imperfection/past.py``.
+
+    relative_to: "limit" where amplitudes are relative to the whole rise; files of before have them relative to what the law has of it.
+    """
 
     runs: int
     log_rate_scatter: float
@@ -99,6 +102,7 @@ class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     factors: tuple[tuple[float, float], ...] = ()
     unexplained: tuple[str, ...] = ()
     shapes: tuple[ShapeEntry, ...] = ()
+    relative_to: Literal["", "limit"] = ""
 
 
 class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -230,6 +234,7 @@ def past_entry(past: Past) -> PastEntry:
         factors=tuple((turn, short(factor)) for turn, factor in past.factors),
         unexplained=past.unexplained,
         shapes=tuple(shapes),
+        relative_to="limit",
     )
 
 
@@ -260,7 +265,10 @@ def past_of(entry: PastEntry) -> Past:
             raise UsageError(
                 "model file: [past] holds a covariance that is none", do="learn the model anew with thermofast improve"
             )
-        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, np.array(s.amplitudes), covariance)
+        limited = (np.array(s.amplitudes), covariance) if entry.relative_to else to_the_limit(np.array(s.amplitudes), covariance)
+        if limited is None:
+            raise UsageError(f"model file: the shape of {s.channel} is no rise", do="learn the model anew with thermofast improve")
+        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, *limited)
     scale = entry.disturbance, entry.disturbance_log_deviation
     scatter = entry.log_rate_scatter, entry.log_rate_spread
     return Past(shapes, entry.runs, *scatter, *scale, entry.stretches, entry.factors, unexplained=entry.unexplained)
