@@ -44,8 +44,8 @@ SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS, ROUNDS_NEAR = 4, 2
 #: Times what the law has alone of a rise that it may have beside modes, or its reciprocal.
 MOST_RISE = 3.0
-#: What modes add to the rise after the longest run, relative to it (1 sd): no more than on machines in general; and at which points x,
-#: over that run's end.
+#: What modes add to the rise after the longest run, relative to it (1 sd): no more than on machines in general; and at which points
+#: x, over that run's end.
 REST, BEYOND_END = 0.1, (1.0, 1.5, 2.0, 3.0)
 #: Limit over the law's own below which a shape is no rise.
 LEAST_LIMIT = 0.2
@@ -68,7 +68,7 @@ LAST = 20
 
 
 def modes(x: Array) -> Array:
-    """What each amplitude adds (..., k) to the rise, relative to all of it, at x = rate t: nothing at first, and nothing in the end."""
+    """What each amplitude adds (..., k) to the rise, relative to all of it, at x = rate t: nothing at first, nothing in the end."""
     slow = [np.exp(-x) - np.exp(-k * x) for k in SLOW_MODES]
     fast = [np.exp(-k * x) - np.exp(-x) for k in FAST_MODES]
     return np.stack([*slow, *fast, loss_bend(x)], axis=-1)
@@ -251,8 +251,8 @@ class PastRun:
 
 @dataclass(frozen=True)
 class _Seen:
-    """One run of one sensor at a rate: rows of its blocks, relative to the rise but for the readings and what is absolute; end: x of
-    its last reading.
+    """One run of one sensor at a rate: rows of its blocks, relative to the rise but for the readings and what is absolute; end: x
+    of its last reading.
     """
 
     y: Array
@@ -314,8 +314,8 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
 
 @dataclass(frozen=True)
 class _Learnt:
-    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs), and the rise
-    that the law has (s, runs) [K]; nan in a run without the sensor.
+    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs), and the
+    rise that the law has (s, runs) [K]; nan in a run without the sensor.
     """
 
     evidence: Array

@@ -26,6 +26,8 @@ FEWEST = 8
 RATES, CLOSER = 40, 8
 #: Points that share the weight, of one mode and of two, with which a grid is fine enough; its reach in standard deviations.
 ENOUGH, WIDTHS = (6.0, 40.0), 6.0
+#: Noise over the range of the readings, at least.
+LEAST_NOISE = 1e-6
 #: Slowest rate over the record's length; ratio of the rates at least.
 SLOWEST, APART = 0.05, 1.5
 #: Shortest time constant, over the delay and over the time between readings: one noisy reading is no mode.
@@ -103,7 +105,8 @@ def _least_noise(t: Array, y: Array, slow: float, fast: float) -> float:
             return float(np.sum((y - coefficients @ columns) ** 2))
 
         least = _moved(rest, np.array([logs[i[best]], logs[j[best]]]))[1]
-    return max(float(np.sqrt(max(least, 0.0) / (len(t) - 5))), 1e-9)
+    # Readings without noise, as a simulation's, leave nothing that could be weighed.
+    return max(float(np.sqrt(max(least, 0.0) / (len(t) - 5))), LEAST_NOISE * float(np.ptp(y)), 1e-9)
 
 
 def _moved(height: Callable[[Array], float], point: Array) -> tuple[Array, float]:

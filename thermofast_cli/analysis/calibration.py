@@ -87,7 +87,9 @@ def past_run(started: Started, method: Method) -> Past | str:
     if length < COMPLETE * tau:
         return f"it ends after {rounded(length / tau)} time constants; a complete run has {COMPLETE:g}"
     count = min(LAST, max(3, len(minutes) // 20))
-    end, at = values[:, -count:].mean(axis=1), float(minutes[-count:].mean()) - start
+    last = values[:, -count:]
+    end = np.array([row[np.isfinite(row)].mean() if np.isfinite(row).any() else np.nan for row in last])
+    at = float(minutes[-count:].mean()) - start
     foretold = np.full((len(CANDIDATES), len(TURNS), len(channels), 3), np.nan)
     for c, prior in enumerate(CANDIDATES):
         of_prior = replace(method, imperfection=prior)

@@ -229,7 +229,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     if prepared is None:
         return refused_records(SensitivityRecord, loop.run.name, observed)
     file, source, whole, sizes = loop.model.file, loop.model.source, prepared.whole, task.sizes
-    until = loop.until_min if loop.until_min is not None else whole.span
+    until = loop.fitted_min if loop.fitted_min is not None else whole.span
     constants = [(owner, n) for owner, n in _shared_constants(file) if n.standard_error]
     factors = [
         Factor("probe noise", float(np.median(whole.noise)), "K", 2),
@@ -268,7 +268,7 @@ def _with_model(task: SensitivityTask) -> list[SensitivityRecord]:
     outputs = np.array([outcome(point) for point in _bounded(factors, points)])
     records: list[SensitivityRecord] = []
     for i, channel in enumerate(whole.channels):
-        blank = SensitivityRecord(loop.run.name, channel, until_min=until, runs=len(points))
+        blank = SensitivityRecord(loop.run.name, channel, until_min=loop.start_min + until, runs=len(points))
         records += _records(blank, factors, points, outputs[:, i], sizes.limit)
     return in_order([*records, *refused_records(SensitivityRecord, loop.run.name, observed)], loop.run)
 

@@ -132,12 +132,13 @@ class Watch:
         within = tuple(h is not None and wide * h <= self.tolerance_c for h in halves)
         risen = any(np.ptp(_ends(column)) > RISEN * self.tolerance_c for column in run.channels.values())
         pace = _pace(records)
-        long_enough = self.known or minutes * pace >= TURNS
+        start = min((r.start_min for r in records), default=0.0) if began == 0.0 else 0.0
+        long_enough = self.known or (minutes - start) * pace >= TURNS
         waits = ""
         if within and all(within) and not risen:
             waits = f"; no sensor has moved by {RISEN:g} tolerances yet"
         elif within and all(within) and not long_enough and pace > 0.0:
-            least = rounded(TURNS / pace, 3)
+            least = rounded(start + TURNS / pace, 3)
             waits = (
                 f"; no stop before {TURNS:g} time constants ({least} min), in which a second mass shows; --model, "
                 "or a lab.toml by calibrate, knows it before"

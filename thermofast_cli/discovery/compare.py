@@ -160,7 +160,7 @@ def _compare(task: LoopTask) -> Comparison:
                     np.where(whole.used[i], whole.reading[i], np.nan),
                     fit.curve[i],
                     stretches,
-                    task.until_min,
+                    task.fitted_min,
                     name,
                     float(seen.noise[i]),
                     {**whole.ambient, **whole.inputs, **drive_of(task, whole)},

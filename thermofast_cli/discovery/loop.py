@@ -49,6 +49,11 @@ class LoopTask:
     denoise: bool = False
 
     @property
+    def fitted_min(self) -> float | None:
+        """--until, which counts from the first reading, on the clock of a joint fit, which begins with --start."""
+        return None if self.until_min is None else self.until_min - self.start_min
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """What a progress bar counts."""
         return tuple(self.run.channels)
@@ -96,10 +101,10 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
     UsageError: --drive names no logged input.
     """
     check_drive(task.run, task.drive)
-    observed = observe(task.run, task.start_min, task.drive, task.until_min)
+    observed = observe(task.run, task.start_min, task.drive, task.fitted_min)
     if observed.seen is None:
         return observed, None
-    seen = observed.seen.until(task.until_min)
+    seen = observed.seen.until(task.fitted_min)
     read = int(seen.used.sum(axis=1).max())
     if task.model is None and read < FEWEST_READINGS:
         why = f"{read} readings before --until {task.until_min:g}: at least {FEWEST_READINGS} are needed to judge a model"

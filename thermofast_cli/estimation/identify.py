@@ -333,7 +333,8 @@ class _Block:
             found = with_claims(law, claimed, sensors, back)
             known = self.method.past, self.method.changed_min
             status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
-        elapsed = max(found.time - self.start_min, 0.0)
+        late = max(float(sensors.time[0]) - self.start_min, 0.0)  # of sensors whose readings begin after the others'
+        elapsed = max(found.time - self.start_min - late, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
         faded = found.faded if claimed is None else np.zeros_like(found.faded)
         for k in np.flatnonzero(faded if not self.method.paces else np.isfinite(found.t95)).tolist():
@@ -352,10 +353,10 @@ class _Block:
             "steady_state_hi_c": found.steady_high,
             "steady_state_limit_c": found.limit,
             "steady_state_measured_c": steady,
-            "t95_min": found.t95,
-            "t95_lo_min": found.t95_low,
-            "t95_hi_min": found.t95_high,
-            "t95_measured_min": settled,
+            **{
+                f"t95_{n}min": late + t for n, t in zip(("", "lo_", "hi_"), (found.t95, found.t95_low, found.t95_high), strict=True)
+            },
+            "t95_measured_min": late + settled,
             "time_to_go_min": to_go[0],
             "time_to_go_lo_min": to_go[1],
             "time_to_go_hi_min": to_go[2],

@@ -88,7 +88,8 @@ class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froze
 class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """What the runs learnt from say of the next one; see ``models/imperfection/past.py``.
 
-    relative_to: "limit" where amplitudes are relative to the whole rise; files of before have them relative to what the law has of it.
+    relative_to: "limit" where amplitudes are relative to the whole rise; files of before have them relative to what the law has of
+    it.
     """
 
     runs: int

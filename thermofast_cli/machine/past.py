@@ -129,18 +129,13 @@ def knowledge_lost(task: LoopTask, why: str) -> list[Knowledge]:
     return [Knowledge(task.run.name, failed=why)]
 
 
-def _until(task: LoopTask) -> LoopTask:
-    """The same on the clock of a joint fit, which begins with --start."""
-    return task if task.until_min is None else replace(task, until_min=task.until_min - task.start_min)
-
-
 def _too_few(prepared: Ready | None) -> bool:
     return prepared is None or int(prepared.seen.used.sum(axis=1).max()) < FEWEST_READINGS
 
 
 def _guessed(task: LoopTask) -> Knowledge:
     """Of a run of whose machine nothing is known: heat that follows a logged column, effects that its own readings show."""
-    name, task = task.run.name, _until(task)
+    name = task.run.name
     _, prepared = ready(task)
     if prepared is None or _too_few(prepared):
         return Knowledge(name, notes=(f"too few readings for {_wishes(task)}: identified without",))
@@ -179,7 +174,7 @@ def _guessed(task: LoopTask) -> Knowledge:
     none, little = np.zeros(count), 1e-12 * np.eye(count)
     shapes = {c: SensorShape(float(b), GUESS, none, little) for c, b in zip(fit.run.channels, log_rates, strict=True)}
     stayed = _stayed(fit)
-    rises = rises_of(fit, whole, GUESSED_NODES, task.until_min, _other_modes(fit, stayed))
+    rises = rises_of(fit, whole, GUESSED_NODES, task.fitted_min, _other_modes(fit, stayed))
     past = Past(
         shapes,
         scatter=0.0,
@@ -262,7 +257,7 @@ def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]
 
     A column that a sensor follows leaves less of it than a heat that is constant does, and is what moves it.
     """
-    bare = observe(replace(task.run, inputs={}), task.start_min, until_min=task.until_min).seen
+    bare = observe(replace(task.run, inputs={}), task.start_min, until_min=task.fitted_min).seen
     assert bare is not None
     mine: list[str] = []
     strange: list[str] = []
@@ -271,7 +266,7 @@ def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]
         if one.used.sum() < FEWEST:
             strange.append(channel)
             continue
-        fit, constant = fit_model(one), fit_model(bare.only([channel]).until(task.until_min))
+        fit, constant = fit_model(one), fit_model(bare.only([channel]).until(task.fitted_min))
         moved = float(np.ptp(one.filled[0, one.used[0]]))
         sink = float(fit.values.get(SINK_KEY, seen.sink_c or 0.0))
         follows = (
@@ -297,7 +292,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
     if not file.effects and task.drive is None:
         return Knowledge(name, past, tuple(notes))
-    _, prepared = ready(_until(task))
+    _, prepared = ready(task)
     if prepared is None or _too_few(prepared):
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
@@ -306,7 +301,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
         notes.append(
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
         )
-    rises = rises_of(carried.fit, prepared.whole, until_min=_until(task).until_min)
+    rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
     return Knowledge(name, replace(past, shapes=known, rises=rises), tuple(notes), uses_room)

@@ -89,7 +89,7 @@ def half_widths(task: LoopTask, method: Method, until: float) -> dict[str, float
     told = knowledge(replace(task, until_min=until))[0]
     run, channels = task.run, tuple(task.run.channels)
     values = np.stack([run.channels[c] for c in channels])
-    room = np.mean(list(run.ambient.values()), axis=0) if run.ambient and not told.uses_room else None
+    room = None if told.uses_room else run.room
     of_run = replace(method, past=told.past)
     found = identify_sensors(run.name, channels, run.time_s / 60.0, values, of_run, until, task.start_min, room=room)
     sides = {r.channel: (r.steady_state_lo_c, r.steady_state_hi_c) for r in found.records}
@@ -112,8 +112,9 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
     rmse = np.full((n, len(windows), len(times)), np.nan)
     width = np.full((n, len(times)), np.nan)
     doubted: list[list[str]] = [[] for _ in range(n)]
+    begin = task.start_min  # of the clock of a joint fit; times and windows count from the first reading
     for k, until in enumerate(times):
-        seen = whole.until(until)
+        seen = whole.until(until - begin)
         if seen.used.sum(axis=1).min() < 6:
             continue
         if task.model is None:
@@ -122,16 +123,16 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
             fit = carry(task.model.file, seen, task.run.name, task.model.source).fit
         error = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, 0.0)
         for j, window in enumerate(windows):
-            inside = (whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used
+            inside = (begin + whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used
             if until < window - 1e-9:
                 rmse[:, j, k] = np.sqrt((np.where(inside, error, 0.0) ** 2).sum(axis=1) / np.maximum(inside.sum(axis=1) - 1, 1))
-        wide = half_widths(task, method, until)
+        wide = half_widths(task, method, until - begin)
         width[:, k] = [2.0 * wide.get(c, np.inf) for c in whole.channels]
         if k == len(times) - 1:
             doubted = [["the readings leave the model in a pattern"] if p < RULES.pattern else [] for p in sensor_p_values(fit)]
     swept = []
     for i, channel in enumerate(whole.channels):
-        ends = [int(((whole.time <= w) & whole.used[i]).sum()) for w in windows]
+        ends = [int(((begin + whole.time <= w) & whole.used[i]).sum()) for w in windows]
         named = task.run.name, (channel,), NAME
         one = named, [bool(doubted[i])], [doubted[i]], windows, np.array(times), rmse[i : i + 1], width[i : i + 1]
         swept.append(Swept(tuple(sweep_records(*one, ends, tolerance_c)), np.array(times), rmse[i], width[i]))

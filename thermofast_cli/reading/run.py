@@ -106,6 +106,16 @@ class Run:
         for group in ("channels", "ambient", "inputs", "displacements"):
             self.__dict__[group] = {name: read_only(column) for name, column in getattr(self, group).items()}
 
+    @property
+    def room(self) -> Array | None:
+        """The logged surroundings (N,) [degC], None where there are none; of several their mean, the gaps of each bridged."""
+        logged = list(self.ambient.values())
+        if len(logged) < 2:
+            return logged[0] if logged else None
+        there = [np.isfinite(column) for column in logged]
+        whole = [np.interp(self.time_s, self.time_s[t], c[t]) for c, t in zip(logged, there, strict=True) if t.any()]
+        return np.where(np.any(there, axis=0), np.mean(whole, axis=0), np.nan) if whole else logged[0]
+
     def __repr__(self) -> str:
         minutes = float(self.time_s[-1]) / 60.0 if len(self.time_s) else 0.0
         beside = [*self.ambient, *self.inputs, *self.displacements]

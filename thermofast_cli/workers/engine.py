@@ -122,7 +122,7 @@ def share_out(
     tasks = []
     for run, start in started:
         channels = list(run.channels)
-        room = np.mean(list(run.ambient.values()), axis=0) if run.ambient else None
+        room = run.room
         size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
         size = len(channels) if whole else -(-size // together) * together
         tasks += [partial(task, run, start, tuple(channels[i : i + size]), room) for i in range(0, len(channels), size)]

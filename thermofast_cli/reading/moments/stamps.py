@@ -297,7 +297,8 @@ def _orders(matches: Sequence[re.Match[str]], name: str) -> dict[str, Array | No
         return {"ymd": _days(*parts)}
     for month, day, year in (("mon", "da", "yr"), ("mon2", "da2", "yr2")):
         if first[month]:
-            months = np.array([float(_MONTHS.get((m[month] or "")[:3].lower(), 0)) for m in matches])
+            told = [(m[month] or "").lower() for m in matches]
+            months = np.array([float(_MONTHS.get(n[:4]) or _MONTHS.get(n[:3], 0)) for n in told])  # juin, juillet
             return {"dmy": _days(_numbers(matches, year), months, _numbers(matches, day))}
     if not first["a"]:
         return {}
