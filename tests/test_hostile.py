@@ -145,3 +145,34 @@ def test_no_code_is_run_that_only_a_model_or_settings_name(tmp_path, monkeypatch
     assert all(list(r.effects) == ["load_ramp"] for r in tf.compare(run, model=model))
     assert mark.exists()
     assert tool("compare", run, "--model", "machine.toml", "--effect", "other/mine.py").code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[watch]\njsonl = "victimrc"', "--jsonl writes outside"),
+        ('[identify]\ncluster = "tcp://127.0.0.1:45671"', "--cluster works elsewhere"),
+        ("[identify]\nmpi = true", "--mpi works elsewhere"),
+        ('[identify]\noutput = ["../x.csv"]', "--output writes outside"),
+        ('[identify]\nsave_plot = "/tmp/x.png"', "--save-plot writes outside"),
+        ("[identify]\nauto = 5", "allowed: true or false"),
+        ("[identify]\nuntil = true", "allowed: a number"),
+        ("[identify]\nuntil = [60]", "allowed: a number"),
+        ("[identify]\njobs = 1.5", "allowed: a whole number"),
+        ("[identify]\nlimit = true", "allowed: a number"),
+    ],
+)
+def test_settings_of_anybody_write_and_connect_nowhere_and_hold_what_an_option_takes(text, says, tmp_path, monkeypatch, tool):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thermofast.toml").write_text(text + "\n")
+    told = tool("identify", str(ROOT / "sample_runs" / "spindle.csv"), "--until", "60")
+    assert told.code == 2
+    assert says in told.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["thermofast.toml"]
+
+
+def test_settings_may_name_results_below_this_folder(tmp_path, monkeypatch, tool):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thermofast.toml").write_text('[identify]\noutput = ["x.csv"]\nuntil = 60\nlimit = 105\n')
+    assert tool("identify", str(ROOT / "sample_runs" / "spindle.csv")).code == 0
+    assert (tmp_path / "x.csv").exists()

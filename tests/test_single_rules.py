@@ -8,8 +8,8 @@ import pytest
 
 import thermofast as tf
 from thermofast.estimation import closing, measured
-from thermofast.models.standards import criterion_from
 from thermofast.models.noise.whiteness import pattern_p_value
+from thermofast.models.standards import criterion_from
 from thermofast.reading.moments.order import spread_evenly
 from thermofast.reading.moments.stamps import parse_stamps
 from thermofast.reading.units import parse_unit

@@ -31,6 +31,10 @@ class UsageError(ThermofastError):
     """An option or a setting that cannot be used."""
 
 
+class TooShortError(UsageError):
+    """A record that ends before the time up to which it is to be read."""
+
+
 def visible(text: str) -> str:
     """A text from outside as it may be shown: control characters and bytes that are no text by their number."""
     return _UNSHOWN.sub(_escaped, text)

@@ -11,7 +11,7 @@ import click
 
 from . import __version__
 from .errors import ThermofastError, nearest, visible
-from .output.pipe import Kept
+from .output.pipe import Kept, with_streams
 from .output.whole import written_together
 from .shell.made import ARGUMENTS
 
@@ -104,6 +104,7 @@ def run(arguments: list[str] | None = None) -> None:
         ended.append(number)
         raise KeyboardInterrupt
 
+    with_streams()
     with suppress(ValueError):  # not in a thread of somebody else's program
         signal.signal(signal.SIGTERM, end)
         # A terminal that is closed ends the work as a word would, unless nohup said to go on.

@@ -132,7 +132,7 @@ class Watch:
         within = tuple(h is not None and wide * h <= self.tolerance_c for h in halves)
         risen = any(np.ptp(_ends(column)) > RISEN * self.tolerance_c for column in run.channels.values())
         pace = _pace(records)
-        start = min((r.start_min for r in records), default=0.0) if began == 0.0 else 0.0
+        start = min((r.start_min or 0.0 for r in records), default=0.0) if began == 0.0 else 0.0
         long_enough = self.known or (minutes - start) * pace >= TURNS
         waits = ""
         if within and all(within) and not risen:

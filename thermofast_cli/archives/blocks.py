@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..errors import ThermofastError, shown_name
+from ..errors import ThermofastError, TooShortError, shown_name
 from ..output.arrow import to_arrow, types_of
 from ..reading import Options, Run, read_runs
 from ..reading.source import content_of
@@ -166,7 +166,8 @@ def _work(analysis: Analysis, piece: Piece, how: Work) -> Done:
     try:
         table = analysis.table(analysis.call([(piece.run, piece.start_min)], how=how))
     except ThermofastError as error:
-        table = _told(analysis, analysis.failed(piece.run.name, "", "unreadable", str(error)))
+        status = "too_short" if isinstance(error, TooShortError) else "unreadable"
+        table = _told(analysis, analysis.failed(piece.run.name, "", status, str(error)))
     return Done(piece.source, piece.place, table, time.perf_counter() - began, piece.units)
 
 

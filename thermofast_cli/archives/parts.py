@@ -15,11 +15,11 @@ from ..errors import UsageError
 from ..output.files import write_json
 from ..output.whole import TEMPORARY, write_whole
 from ..records import FAILURES
-from .sources import SourceFile
+from .sources import MANIFEST, SourceFile
 
 #: Version of the layout: of names, of the columns beside a record's own, of the manifest.
 LAYOUT = 1
-MANIFEST, LOCK = "_thermofast.json", ".thermofast.lock"
+LOCK = ".thermofast.lock"
 #: Characters of names in the folder, of a hash in them.
 LONGEST, SHORT = 80, 16
 #: Where a part says how many of its records have the status failed.

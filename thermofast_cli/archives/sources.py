@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..errors import InputError, shown_name
@@ -11,6 +12,8 @@ from ..errors import InputError, shown_name
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".parquet", ".pq", ".xlsx", ".xlsm", ".xls", ".ods", ".tdms", ".mat")
 PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip")
 WILD = frozenset("*?[")
+#: What says that a folder holds results.
+MANIFEST = "_thermofast.json"
 
 
 @dataclass(frozen=True, order=True)
@@ -48,35 +51,81 @@ def sources_of(given: Sequence[str], aside: str | None = None) -> list[SourceFil
     ------
     InputError: a pattern or a folder without a file, or a file that is not there.
     """
-    found: dict[Path, SourceFile] = {}
-    results = Path(aside).resolve() if aside is not None else None
+    found: dict[str, SourceFile] = {}
+    results = os.path.realpath(aside) if aside is not None else None
     plain = [Path(g) for g in given if not is_pattern(g) and not Path(g).is_dir()]
     base = Path(os.path.commonpath([p.absolute().parent for p in plain])) if plain else Path()
     for one in given:
         if Path(one).is_dir():
-            root, paths = Path(one), sorted(p for p in _below(Path(one)) if _is_record(p))
+            root = Path(one)
+            paths = sorted(p for p, readable in _below(root) if not readable or _is_record(p))
             allowed = f"files of {' '.join(SUFFIXES)}, packed or not"
         elif is_pattern(one):
             root = _fixed(Path(one))
-            paths = sorted(p for p in root.glob(str(Path(one).relative_to(root))) if p.is_file())
+            wanted = Path(one).relative_to(root).parts
+            deep = None if "**" in wanted else len(wanted)
+            paths = sorted(p for p, readable in _below(root, deep) if not readable or _fits(p.relative_to(root).parts, wanted))
             allowed = "a pattern that some file matches; ** goes through all folders"
         else:
             root, paths, allowed = base, [Path(one)], ""
             if not paths[0].is_file():
                 raise InputError(f"{one}: no such file", do="check the path")
-        kept = [p for p in paths if results is None or results not in p.resolve().parents]
+        kept = [p for p in paths if results is None or not os.path.realpath(p).startswith(results + os.sep)]
         if not kept:
             raise InputError(
                 f"{one}: no file to read", found="results alone" if paths else "", allowed=allowed, do="check the path"
             )
         for path in kept:
+            real, at = os.path.realpath(path), str(path.absolute())
+            if real in found and at != real:
+                continue  # a link to what is read anyway
             name = path.absolute().relative_to(root.absolute()).as_posix()
-            found.setdefault(path.resolve(), SourceFile(name, shown_name(str(path)), str(path.absolute())))
+            found[real] = SourceFile(name, shown_name(str(path)), at)
     return sorted(found.values())
 
 
-def _below(folder: Path) -> Iterator[Path]:
-    return (Path(where) / name for where, _, names in os.walk(folder) for name in names if not name.startswith("."))
+def _below(folder: Path, deep: int | None = None) -> Iterator[tuple[Path, bool]]:
+    """The files below a folder, `deep` folders at most, and folders that cannot be read, with whether they can be.
+
+    Links to folders are followed, each folder once, by its own path where it has one here; hidden files and results of earlier
+    calls are left out.
+    """
+    seen, waiting, linked = set[tuple[int, int]](), [(folder, 1)], list[tuple[Path, int]]()
+    while waiting or linked:
+        here, level = waiting.pop() if waiting else linked.pop()
+        try:
+            own = here.stat()
+            entries = sorted(os.scandir(here), key=lambda e: e.name)
+        except OSError:
+            yield here, False
+            continue
+        if (own.st_dev, own.st_ino) in seen or any(e.name == MANIFEST for e in entries):
+            continue
+        seen.add((own.st_dev, own.st_ino))
+        for entry in entries:
+            if entry.name.startswith("."):
+                continue
+            if _is_folder(entry):
+                if deep is None or level < deep:
+                    (linked if entry.is_symlink() else waiting).append((here / entry.name, level + 1))
+            else:
+                yield here / entry.name, True
+
+
+def _is_folder(entry: "os.DirEntry[str]") -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a link to itself
+        return False
+
+
+def _fits(parts: Sequence[str], wanted: Sequence[str]) -> bool:
+    """Whether a path is of a pattern, in which ** stands for any folders."""
+    if not wanted or not parts:
+        return not parts and all(w == "**" for w in wanted)
+    if wanted[0] == "**":
+        return _fits(parts, wanted[1:]) or _fits(parts[1:], wanted)
+    return fnmatchcase(parts[0], wanted[0]) and _fits(parts[1:], wanted[1:])
 
 
 def _is_record(path: Path) -> bool:

@@ -75,16 +75,18 @@ def command(
     (--exit), or at Ctrl-C.
     With --exit the exit code is 3 where the record ended before it could be stopped.
     """
+    from ..output.files import check_targets
     from ..output.screen import interval, number, say, text
     from ..pipeline.methods import choose
     from ..pipeline.watching import speed_of, watch_run
     from ..reading_options import options_from
     from ..results import Watching
     from ..shell.live import shown
-    from ..shell.session import check_outputs, deliver, load_imperfection, load_model
+    from ..shell.session import check_outputs, deliver, load_imperfection, load_model, more_outputs
 
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
     speed = speed_of(replay)
+    check_targets([output, jsonl, *more_outputs()], [run])
     check_outputs([output], None)
     learnt = load_model(model, extra)
     options = options_from({name: value for name, value in reading.items() if name != "start"})

@@ -19,6 +19,7 @@ from ..machine.model import Model
 from ..plugins.effects import chosen_effects
 from ..reading import Run
 from ..reading.columns import column_named
+from ..reading.run import ends_before, said_short
 from ..records import Record
 from .observe import FEWEST_READINGS, Note, Observed, observe
 
@@ -101,6 +102,9 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
     UsageError: --drive names no logged input.
     """
     check_drive(task.run, task.drive)
+    if ends_before(task.run, task.until_min):
+        refused = tuple((c, "too_short", said_short(task.run, task.until_min)) for c in task.run.channels)
+        return Observed(None, refused, ()), None
     observed = observe(task.run, task.start_min, task.drive, task.fitted_min)
     if observed.seen is None:
         return observed, None

@@ -1,6 +1,7 @@
 """Output whose reader may go, as ``| head`` does: the work goes on, files are written, and the exit code is that of the work."""
 
 import os
+import sys
 from typing import Any, TextIO, cast
 
 
@@ -38,3 +39,13 @@ class Kept:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(cast(Any, self._stream), name)
+
+
+def with_streams() -> None:
+    """Gives a process without standard output or error, as a daemon's, one that leads nowhere: else what is said there would go
+    into the next file that is opened.
+    """
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDONLY if name == "stdin" else os.O_WRONLY)
+            setattr(sys, name, os.fdopen(nowhere, "r" if name == "stdin" else "w", encoding="utf-8"))

@@ -16,7 +16,7 @@ from ..plugins.effects import chosen_effects
 from ..results import Comparison, Diagnosis, Improvement
 from ..workers.engine import Started, Work, over_runs, sharing
 from ..workers.pool import cores
-from .sensors import check_until
+from .sensors import long_enough
 
 
 def loop_tasks(
@@ -45,8 +45,8 @@ def loop_tasks(
                 found=f"{model.source}: {model.drive or 'no drive'}",
                 do="leave --drive out: the model file tells it",
             )
+    long_enough(started, until_min)
     for run, _ in started:
-        check_until(run, until_min)
         if drive is not None:
             check_drive(run, drive)
     heat = model.drive if model is not None else drive

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
-from ..errors import UsageError
+from ..errors import TooShortError, UsageError
 from ..estimation.identify import Found, Identified, Method
 from ..estimation.imperfect import GROUP, NOT_FOLLOWED
 from ..estimation.sweep import SweptBlock
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..machine.jumps import uncounted
 from ..output.columns import Records
-from ..reading import Run
-from ..reading.run import stretch
+from ..reading.run import ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping
 from ..standards.stopping import with_last, with_limit, with_trips
@@ -28,15 +27,22 @@ if TYPE_CHECKING:
     from ..machine.past import Knowledge
 
 
-def check_until(run: Run, until_min: float | None) -> None:
-    """Raises UsageError where the identification time lies behind the record's end."""
-    length = float(run.time_s[-1]) / 60.0
-    if until_min is not None and until_min > length * 1.001:
-        raise UsageError(
+def long_enough(started: Sequence[Started], until_min: float | None) -> tuple[list[Started], list[Started]]:
+    """(runs that go on to the identification time, those that end before it).
+
+    Raises
+    ------
+    TooShortError: all end before it.
+    """
+    short = [one for one in started if ends_before(one[0], until_min)]
+    if short and len(short) == len(started):
+        run = short[0][0]
+        raise TooShortError(
             f"{run.name}: --until {until_min:g} is longer than the record",
-            found=f"{length:.4g} min",
+            found=f"{float(run.time_s[-1]) / 60.0:.4g} min",
             allowed="a time inside the record, or no --until",
         )
+    return [one for one in started if one not in short], short
 
 
 def from_rise(model: "Model | None", drive: str | None = None) -> bool:
@@ -106,8 +112,7 @@ def identify_runs(
         )
     if criterion is not None and method.paces:
         raise UsageError("--criterion is foretold at the rate of the readings, which --pace changes", do="leave one of them out")
-    for run, _ in started:
-        check_until(run, until_min)
+    started, short = long_enough(started, until_min)
     if switch_off_min is not None:
         started = [(run, after_switch_off(run, start, switch_off_min)) for run, start in started]
     told: dict[str, Knowledge] = {}
@@ -168,6 +173,11 @@ def identify_runs(
         number = {run.name: told[run.name].found for run, _ in added}
         by_task = [[_with_doubt(one, without, number, averaged) for one in found] for found in by_task]
     unread = [IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed) for one in failed]
+    unread += [
+        IdentifyRecord(run.name, c, method.filter.name, until_min, status="too_short", message=said_short(run, until_min))
+        for run, _ in short
+        for c in run.channels
+    ]
     whole = Found.joined([*by_task, [Identified(record) for record in unread]])
     records: Sequence[IdentifyRecord] = whole.records
     if limit_c is not None:

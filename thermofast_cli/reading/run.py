@@ -201,3 +201,13 @@ def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:
     }
     note = f"{first / 60.0:.4g} to {float(minutes[kept][-1]):.4g} min of {length:.4g} kept (--from, --to)"
     return replace(run, time_s=run.time_s[kept] - first, notes=(*run.notes, note), **columns)
+
+
+def ends_before(run: Run, until_min: float | None) -> bool:
+    """Whether a run ends before the time up to which it is to be read."""
+    return until_min is not None and until_min > float(run.time_s[-1]) / 60.0 * 1.001
+
+
+def said_short(run: Run, until_min: float | None) -> str:
+    """That it does, in words."""
+    return f"the record ends at {float(run.time_s[-1]) / 60.0:.4g} min, before --until {until_min:g}"

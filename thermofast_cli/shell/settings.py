@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 FILE = "thermofast.toml"
 #: Options by which code is named.
 CODE = {"filter_name": "--filter", "extra": "--effect", "effects": "--effects", "add": "--add", "execute": "--exec"}
+#: Options that say where to work, which is where code is run, and what is written; this is done in this folder alone.
+AFAR = ("--cluster", "--mpi")
+WRITTEN = ("--output", "--save-plot", "--jsonl", "--trace", "--write-effect", "--lab", "--key", "--write", "--denoise")
 
 
 def free_for_settings(path: str) -> None:
@@ -146,6 +149,8 @@ def _of_command(name: str, table: Any, target: str) -> dict[str, Any]:
         if option is None or key == "help":
             hint = nearest(key, known) or "use an option of the command, with underlines"
             raise UsageError(f"{target}: [{name}] has no key {key!r}", allowed=" ".join(known), do=hint)
+        _check_kind(option, value, f"{target}: [{name}] {key}")
+        _refuse_afar(option, value, str(target))
         if isinstance(value, list) and not option.multiple:
             value = joined(f"{v:g}" if isinstance(v, float | int) else str(v) for v in value)
         if isinstance(value, str) and option.multiple:
@@ -157,3 +162,36 @@ def _of_command(name: str, table: Any, target: str) -> dict[str, Any]:
             raise UsageError(f"{target}: [{name}] {key}: {why}", found=repr(value)[:60], do="mend the value") from None
         told[str(option.name)] = value
     return told
+
+
+def _check_kind(option: click.Option, value: Any, where: str) -> None:
+    """Raises UsageError for a value of another kind than the option takes, which Click would make one of."""
+    number = isinstance(option.type, click.types.IntParamType | click.types.FloatParamType)
+    kind = "true or false" if option.is_flag else "a whole number" if isinstance(option.type, click.types.IntParamType) else ""
+    kind = kind or ("a number" if number else "a list of texts" if option.multiple else "a text")
+    if option.is_flag or isinstance(value, bool):
+        good = option.is_flag and isinstance(value, bool)
+    elif number:
+        good = isinstance(value, int) or (isinstance(value, float) and kind == "a number")
+    else:
+        good = isinstance(value, str | int | float) if not option.multiple else isinstance(value, str | list)
+        good = good or isinstance(value, list)
+    if not good:
+        raise UsageError(f"{where}: not {kind}", found=repr(value)[:60], allowed=kind, do="mend the value")
+
+
+def _refuse_afar(option: click.Option, value: Any, target: str) -> None:
+    """Raises UsageError where settings, which may be anybody's, let work be done elsewhere, or files be written outside this
+    folder.
+    """
+    said = next((o for o in option.opts if o in (*AFAR, *WRITTEN)), "")
+    if not said:
+        return
+    paths = [Path(str(v)) for v in (value if isinstance(value, list) else [value])] if said in WRITTEN else []
+    outside = [p for p in paths if p.is_absolute() or ".." in p.parts or (said == "--jsonl" and p.suffix != ".jsonl")]
+    if said in WRITTEN and not outside:
+        return
+    what = "works elsewhere" if said in AFAR else "writes outside this folder, or to what is no table"
+    allowed = "what you name: settings may come from somebody else" if said in AFAR else "a file of results below this folder"
+    do = f"say {said} on the command line"
+    raise UsageError(f"{target}: {said} {what}", found=repr(str(outside[0]) if outside else value)[:60], allowed=allowed, do=do)

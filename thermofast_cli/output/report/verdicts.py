@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from ...errors import listed
 from ...standards.stopping import in_words
 
 
@@ -19,11 +20,17 @@ def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _settles(rows: list[dict[str, Any]]) -> list[str]:
-    known = [r for r in rows if r["steady_state_c"] is not None]
+    # What a row doubts is no fact on top of the page.
+    known = [r for r in rows if r["steady_state_c"] is not None and r["status"] == "ok"]
+    doubted = [r for r in rows if r["status"] in ("model_doubtful", "not_determined")]
     told = []
     if known:
         hot = max(known, key=lambda r: r["steady_state_c"])
-        told.append(f"{_who(hot, rows)} settles highest, at {_with(hot, 'steady_state', 'c', 'degC', 2)}.")
+        of = " of those that are sure" if doubted else ""
+        told.append(f"{_who(hot, rows)} settles highest{of}, at {_with(hot, 'steady_state', 'c', 'degC', 2)}.")
+    if doubted:
+        names = listed([_who(r, rows) for r in doubted], 6)
+        told.append(f"In doubt or not determined: {names}; the table says why{'' if known else ', and no sensor is sure'}.")
     timed = [r for r in known if r["t95_min"] is not None]
     if timed:
         last = max(timed, key=lambda r: r["t95_min"])
@@ -33,12 +40,17 @@ def _settles(rows: list[dict[str, Any]]) -> list[str]:
         least = min(limited, key=lambda r: r["margin_k"])
         side = "below" if least["margin_k"] >= 0.0 else "above"
         chance = least["over_limit_p"]
-        percent = (
-            "" if chance is None else ", chance of exceeding it " + ("below 0.1 %" if chance < 1e-3 else f"{100.0 * chance:.2g} %")
-        )
-        near = f"{_who(least, rows)} comes nearest to the limit of {least['limit_c']:g} degC"
-        told.append(f"{near}: {abs(least['margin_k']):.2f} K {side} it{percent}.")
+        percent = "" if chance is None else f", chance of exceeding it {_percent(chance)}"
+        does = "comes nearest to" if least["margin_k"] >= 0.0 else "goes farthest beyond"
+        doubt = "" if least["status"] == "ok" else ", which is in doubt"
+        near = f"{_who(least, rows)} {does} the limit of {least['limit_c']:g} degC"
+        told.append(f"{near}: {abs(least['margin_k']):.2f} K {side} it{percent}{doubt}.")
     return told
+
+
+def _percent(chance: float) -> str:
+    """A chance in words: never quite nothing, nor quite sure."""
+    return "below 0.1 %" if chance < 1e-3 else "above 99.9 %" if chance > 0.999 else f"{100.0 * chance:.3g} %"
 
 
 def _holds(rows: list[dict[str, Any]]) -> list[str]:
@@ -79,11 +91,18 @@ def _improved(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _shortest(rows: list[dict[str, Any]]) -> list[str]:
-    times = [r["shortest_time_min"] for r in rows if r["shortest_time_min"] is not None]
-    if not times:
-        return ["No identification time that was tried serves."]
-    first, last = min(times), max(times)
-    return [f"The shortest identification time that serves is {first:g} min for the first sensor and {last:g} min for the last."]
+    sensors = list(dict.fromkeys((r["run"], r["channel"]) for r in rows))
+    # Windows that do not agree on a time say that none of it serves for another stretch.
+    sure = [r for r in rows if r["shortest_time_min"] is not None and r["agreed"] and r["status"] == "ok"]
+    served = list(dict.fromkeys((r["run"], r["channel"]) for r in sure))
+    told = [f"An identification time serves in {len(served)} of {len(sensors)} sensors, whatever the window."]
+    if sure:
+        first, last = min(r["shortest_time_min"] for r in sure), max(r["shortest_time_min"] for r in sure)
+        told = [f"{told[0][:-1]}: from {first:g} min for the first of them, from {last:g} min for the last."]
+    within = [r["tolerance_time_min"] for r in rows if r["tolerance_time_min"] is not None]
+    reached = len({(r["run"], r["channel"]) for r in rows if r["tolerance_time_min"] is not None})
+    after = f", the last of them after {max(within):g} min" if within else ""
+    return [*told, f"The steady state is known to within the tolerance in {reached} of {len(sensors)}{after}."]
 
 
 def _who(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
