@@ -43,7 +43,7 @@ def test_an_archive_holds_what_identify_says_of_each_file(archive, tool, tmp_pat
     into = tmp_path / "results"
     done = tool("identify", archive / "in", "--until", 60, "-o", f"{into}/", "--jobs", 1)
     assert done.code == 1  # one file is no record
-    assert done.err == f"{into}/: 9 files done (1 model_doubtful, 31 ok, 1 unreadable)\n"
+    assert done.err == f"{into}/: 9 files done (sensors: 1 model_doubtful, 31 ok, 1 unreadable)\n"
     table = pd.read_parquet(into)
     assert set(table["folder"]) == {"machine 0", "machine 1", "machine 2"}
     assert (table["status"] == "ok").sum() == 31

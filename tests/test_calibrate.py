@@ -119,7 +119,7 @@ def test_runs_that_cannot_be_used_are_told_and_one_is_too_few(tmp_path, tool):
     assert tool("identify", names[2], "--imperfection", tmp_path / "lab.toml", "-q").code == 0
     refused = tool("calibrate", names[0], names[2], "-q")
     assert refused.code == 2
-    assert "calibrate learns from complete runs, and 1 of 2 is one" in refused.err
+    assert "calibrate learns from two complete runs at least, and of 2 given 1 can be used" in refused.err
     assert "stay with --imperfection typical" in refused.err
     assert "--lab writes TOML" in tool("calibrate", *names, "--lab", tmp_path / "lab.csv").err
 

@@ -35,7 +35,7 @@ def test_a_stretch_is_the_file_of_that_stretch(tool, tmp_path):
 
 def test_what_is_no_stretch_is_told(tool):
     for words, said in (
-        (("--from", 500), "no two readings from 500 to 400 min"),
+        (("--from", 500), "fewer than two readings lie from --from 500 to the last min"),
         (("--from", 60, "--to", 30), "--to is not after --from"),
         (("--to", "nan"), "not a finite number"),
     ):

@@ -78,6 +78,15 @@ def options_from(given: dict[str, Any]) -> Options:
     for key, value in given.items():
         _check(key, value)
     for key in SEVERAL:
+        if isinstance(given.get(key), str) and not given[key].strip():
+            option = f"--{SPOKEN.get(key, key).replace('_', '-')}"
+            raise UsageError(
+                f"{option} is empty",
+                found=repr(given[key]),
+                allowed="names with commas between",
+                do=f"name some, or leave {option} out",
+            )
+    for key in SEVERAL:
         given[key] = names(given.get(key))
     given["long"] = _long(given.get("long"))
     given["resistance"] = _resistance(given.get("resistance"))

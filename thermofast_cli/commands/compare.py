@@ -88,7 +88,7 @@ def command(
     from ..records import CompareRecord
     from ..shell.session import draw, load_model
 
-    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model, extra)}
+    options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "model": load_model(model, extra, True)}
     options["effects"], options["denoise"] = names(effects), denoise is not None
     compare_runs([], **options)  # what is wrong with the options is said before any file is read
     work: Callable[..., Comparison] = partial(compare_runs, input_ranges=ranges(input_ranges), unknown_heat=unknown_heat, **options)

@@ -82,7 +82,7 @@ def command(
 
         check_effect_target(write_effect)
     options: dict[str, Any] = {"until_min": until, "extra": extra, "drive": drive, "false_alarm": false_alarm}
-    options["model"] = load_model(model, extra)
+    options["model"] = load_model(model, extra, True)
     options["together"], options["next_experiment"] = together, next_experiment
     work: Callable[..., Diagnosis] = partial(diagnose_runs, effects=names(effects), **options)
     work([])  # what is wrong with the options is said before any file is read

@@ -353,9 +353,9 @@ class _Block:
             "steady_state_hi_c": found.steady_high,
             "steady_state_limit_c": found.limit,
             "steady_state_measured_c": steady,
-            **{
-                f"t95_{n}min": late + t for n, t in zip(("", "lo_", "hi_"), (found.t95, found.t95_low, found.t95_high), strict=True)
-            },
+            "t95_min": late + found.t95,
+            "t95_lo_min": late + found.t95_low,
+            "t95_hi_min": late + found.t95_high,
             "t95_measured_min": late + settled,
             "time_to_go_min": to_go[0],
             "time_to_go_lo_min": to_go[1],
@@ -395,13 +395,12 @@ class _Block:
         row = self.sensors.rows[i]
         let_go = claimed is not None and bool(claimed.let_go[i])
         about = self.notes[row].split("; ") if self.notes[row] else []
-        about = without_past(about) if let_go else about
-        said = [*about_numbers, *self.sensors.notes[i], *about]
+        said = [*about_numbers, *self.sensors.notes[i], *(without_past(about) if let_go else about)]
         if tripped is not None and tripped.late[i]:
             said.insert(0, "a long gap lies before the trip: the rule may have held earlier")
+        if let_go:
+            said.insert(0, why_let_go(self.method.past))
         if claimed is not None:
-            if let_go:
-                said.insert(0, why_let_go(self.method.past))
             if self.room_c is not None and self.room is None and (self.method.past is None or self.method.past.guessed):
                 said.append("--room needs a column of the surroundings, and there is none")
             if self.room is not None and self.surroundings is None:

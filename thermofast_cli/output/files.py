@@ -42,7 +42,10 @@ def check_target(path: str, suffixes: Sequence[str]) -> None:
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         raise UsageError(
-            f"{path}: cannot tell the format from the name", found=target.suffix or "no suffix", allowed=" ".join(suffixes)
+            f"{path}: cannot tell the format from the name",
+            found=target.suffix or "no suffix",
+            allowed=" ".join(suffixes),
+            do="end the name so; identify, sweep, compare and diagnose take a folder of results, as in -o results/",
         )
     if not target.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {str(target.parent)!r}", do="make it first")

@@ -67,7 +67,7 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
             left_out.append((one[0].name, found))
     if len(past) < 2:
         raise UsageError(
-            f"calibrate learns from complete runs, and {len(past)} of {len(started)} is one",
+            f"calibrate learns from two complete runs at least, and of {len(started)} given {len(past)} can be used",
             found="; ".join(f"{name}: {why}" for name, why in left_out) or "one run",
             allowed="two runs or more that went on until nothing changed",
             do="measure to the end a few times, or stay with --imperfection typical",

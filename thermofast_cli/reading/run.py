@@ -190,7 +190,8 @@ def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:
     length = float(minutes[-1])
     if kept.sum() < 2:
         raise UsageError(
-            f"{run.name}: no two readings from {from_min or 0.0:g} to {length if to_min is None else to_min:g} min",
+            f"{run.name}: fewer than two readings lie from {f'--from {from_min:g}' if from_min else 'the first'} to "
+            f"{'the last' if to_min is None else f'--to {to_min:g}'} min",
             found=f"a record of {length:.4g} min",
             allowed="a stretch inside it",
             do="mend --from or --to",

@@ -54,9 +54,13 @@ class Sign:
     temperature: bool
 
 
+#: How the second column of a name is called.
+_WHICH = re.compile(r" \(\d\)$")
+
+
 def sign_of(name: str, unit_cell: str) -> Sign:
-    """What name and unit line say of a column; digits at the end of a name say nothing."""
-    return _sign(name.rstrip("0123456789"), unit_cell)
+    """What name and unit line say of a column; digits at the end of a name say nothing, nor which of its name it is."""
+    return _sign(_WHICH.sub("", name).rstrip("0123456789"), unit_cell)
 
 
 @lru_cache(maxsize=4096)

@@ -226,7 +226,8 @@ def _bytes(source: str, limits: Limits = Limits(), name: str = "", waits: bool =
             do="check the path",
         ) from None
     except IsADirectoryError:
-        raise InputError(f"{name}: a folder", allowed="a CSV or Parquet file", do=f"name the files, as in {name}/*.csv") from None
+        way = f"name the files, as in {name}/*.csv, or say -o results/"
+        raise InputError(f"{name}: a folder", allowed="a CSV or Parquet file", do=way) from None
     except OSError as error:
         raise InputError(f"{name}: cannot be read", found=str(error.strerror), do="check the permissions") from None
 

@@ -12,7 +12,7 @@ from ..errors import UsageError
 from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES
 from ..output.screen import counting, say
 from ..records import FAILURES
-from .options import MORE_OUTPUTS, scale_of
+from .options import EXCEL_CSV, MORE_OUTPUTS, scale_of
 
 if TYPE_CHECKING:
     from ..archives.blocks import Analysis
@@ -33,14 +33,20 @@ NOT_HERE = {
 
 def names_folder(output: str | None) -> TypeGuard[str]:
     """Whether an output is a folder: one that is there, or a name with a slash at its end."""
+    scale = scale_of()
+    if scale.shared_files and not (output and (scale.cluster or scale.mpi)):
+        raise UsageError(
+            "--shared-files is for a folder of results made by a cluster",
+            do="name both, -o results/ and --cluster, or leave it out",
+        )
     if output is None:
-        if scale_of().resume:
+        if scale.resume:
             raise UsageError("--resume goes on with a folder of results", do="name it: -o results/")
         return False
     # A folder that is called as a file is more likely a slip.
     there = Path(output).is_dir() and Path(output).suffix.lower() not in (*TABLE_SUFFIXES, *REPORT_SUFFIXES)
     folder = output.endswith(("/", os.sep)) or there
-    if scale_of().resume and not folder:
+    if scale.resume and not folder:
         raise UsageError("--resume goes on with a folder of results", found=output, do="name it: -o results/")
     return folder
 
@@ -65,8 +71,14 @@ def run_archive(
         raise UsageError(
             f"{' '.join(shown) or 'a second -o'} is not for an archive", do=f"read the results: {into}, or name single files"
         )
+    if context.meta.get(EXCEL_CSV):
+        raise UsageError("--excel-csv is for CSV", found=f"-o {into}, a folder of Parquet parts", do="leave it out")
     named = choose_sources(named)
-    if not named or "-" in named:
+    if "-" in named:
+        raise UsageError(
+            "standard input is no archive", allowed="files, folders and patterns", do="name a file for -o, or the files to read"
+        )
+    if not named:
         raise UsageError("no files given", allowed="files, folders and patterns", do="as in: 'archive/**/*.parquet' -o results/")
     scale = scale_of()
     analysis = replace(analysis, settings=_settings(context))
@@ -90,7 +102,8 @@ def run_archive(
         sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
         lost = ", ".join(f"{count} {status}" for status, count in sorted(found.lost.items()))
         there = f"; {found.skipped} were there already{f' ({lost})' if lost else ''}" if found.skipped else ""
-        say(f"{into}: {found.done} files done{f' ({sensors})' if sensors else ''}{there}")
+        files = f"{found.done} file{'' if found.done == 1 else 's'}"
+        say(f"{into}: {files} done{f' (sensors: {sensors})' if sensors else ''}{there}")
         if found.others:
             say(f"{into}: {found.others} parts are of files that were not named now; they were left")
     return 1 if FAILURES & {*found.statuses, *found.lost} else 0

@@ -129,15 +129,21 @@ def start_of(text: str) -> float | None:
     return value
 
 
-def load_model(path: str | None, extra: Sequence[str] = ()) -> "Model | None":
+def load_model(path: str | None, extra: Sequence[str] = (), searched: bool = False) -> "Model | None":
     """The model file named, checked, with the effects of the user's own named beside it; None where none is. Imported only then:
     most calls need no model.
 
+    searched: the effects are of use without a model, too.
+
     Raises
     ------
-    UsageError: as :meth:`Model.load`.
+    UsageError: as :meth:`Model.load`, and effects beside no model.
     """
     if path is None:
+        if extra and not searched:
+            raise UsageError(
+                "--effect is for a --model that speaks of it", found=", ".join(extra), do="name the model, or leave it out"
+            )
         return None
     from ..machine.model import Model
 

@@ -1,5 +1,6 @@
 """``thermofast.toml``: what a lab says once instead of on every command line."""
 
+import re
 import shlex
 import tomllib
 from importlib import import_module
@@ -105,7 +106,7 @@ def load_settings(path: str | None) -> dict[str, Any]:
     try:
         settings = msgspec.convert(raw, Settings)
     except msgspec.ValidationError as error:
-        raise UsageError(f"{target}: {error}", allowed=known_keys(), do="mend the key or its value") from None
+        raise UsageError(f"{target}: {_in_words(str(error), raw)}", allowed=known_keys(), do=_way(str(error), raw)) from None
     defaults = settings.defaults(str(target))
     for name, table in own.items():
         defaults[name] = defaults.get(name, {}) | _of_command(name, table, str(target))
@@ -195,3 +196,44 @@ def _refuse_afar(option: click.Option, value: Any, target: str) -> None:
     allowed = "what you name: settings may come from somebody else" if said in AFAR else "a file of results below this folder"
     do = f"say {said} on the command line"
     raise UsageError(f"{target}: {said} {what}", found=repr(str(outside[0]) if outside else value)[:60], allowed=allowed, do=do)
+
+
+#: The types of a settings file in words.
+KINDS = {
+    "array": "a list",
+    "str": "a text",
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "object": "a table",
+}
+
+
+def _in_words(error: str, raw: dict[str, Any]) -> str:
+    """What is wrong with a key: the checker's own words, with its types and its path as a file has them."""
+    found = re.match(r"Expected `([\w |]+)`, got `(\w+)` - at `\$\.([\w.]+)", error)
+    if found is None:
+        unknown = _unknown(error)
+        return (
+            f"{f'[{unknown}]' if isinstance(raw.get(unknown), dict) else repr(unknown)} is not known; {error}" if unknown else error
+        )
+    allowed = " or ".join(KINDS.get(kind.strip(), kind.strip()) for kind in found[1].split("|") if kind.strip() != "null")
+    table, _, key = found[3].rpartition(".")
+    return f"{f'[{table}] ' if table else ''}{key}: {allowed}, not {KINDS.get(found[2], found[2])} ({error})"
+
+
+def _way(error: str, raw: dict[str, Any]) -> str:
+    """What to do about it."""
+    from ..main import COMMANDS
+
+    unknown = _unknown(error)
+    if unknown and isinstance(raw.get(unknown), dict):
+        return nearest(unknown, list(COMMANDS)) or "name a command, or input"
+    if unknown and "$" not in error:
+        return f"write it below the command that takes it, as [identify] {unknown} = ..."
+    return 'write a list as ["T1", "T2"]' if "Expected `array`" in error else "mend the key or its value"
+
+
+def _unknown(error: str) -> str:
+    found = re.search(r"unknown field `([^`]+)`", error)
+    return found[1] if found else ""

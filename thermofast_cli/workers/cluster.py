@@ -237,7 +237,8 @@ def crew_of(
         raise UsageError(f"{' and '.join(asked)}: each says who works", do="leave all but one out")
     if cluster is not None:
         return Dask(cluster)
-    by_futures = "mpi4py.futures" in sys.modules
+    # Loaded by somebody's program it hands nothing out: one process of MPI has no other.
+    by_futures = "mpi4py.futures" in sys.modules and any(name in os.environ for name in STARTED_BY_MPI)
     if mpi or (by_futures and jobs is None and executor is None):
         return Mpi(by_futures)
     if executor is not None:
