@@ -24,8 +24,8 @@ from thermofast.models.imperfection import (
     to_the_limit,
     widths_left_out,
 )
-from thermofast.models.imperfection.known import Known
-from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID, modes
+from thermofast.models.imperfection.known import Known, modes
+from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID
 from thermofast.models.imperfection.shapes import loss_bend
 from thermofast.models.joint import LEVEL, RATE, fit_model
 from thermofast.models.uncertainty.pooled import fit_together, pool
@@ -310,3 +310,16 @@ def test_the_shape_of_a_body_that_rises_late_is_a_rise_and_helps_late_too():
         assert np.abs(told["steady_state_c"] - limit).to_numpy() == pytest.approx(0.0 * rise, abs=0.1 * rise.max())
         half = (told["steady_state_hi_c"] - told["steady_state_lo_c"]).to_numpy() / 2.0
         assert (half < 0.4 * rise).all()
+
+
+def test_what_a_model_says_of_where_its_runs_began_is_what_they_read():
+    """Of a body that rises late the law of its fit begins far below the first reading."""
+    runs = [tf.read(chain(seed, 1.0 + 0.05 * seed)[0], name=f"run{seed}") for seed in range(3)]
+    model = tf.improve(runs, together=True).model
+    # The heated body has risen by 0.8 K at the second reading.
+    assert [s.first_c for s in model.file.past.shapes] == pytest.approx([20.8, 20.0, 20.0], abs=0.1)
+    starts = [n.value for n in model.file.base if n.name == "start"]
+    assert min(starts) < 19.0
+    told = tf.changed(new=tf.read(chain(7, 1.0)[0], name="new"), model=model)
+    assert "against the others" not in told[0].message
+    assert "they began at" not in told[0].message

@@ -214,12 +214,7 @@ def test_a_sensor_apart_is_told_in_another_room_too():
     """tests/test_changed.py: the room itself sets no sensor apart."""
     from thermofast.analysis.changed import _apart
 
-    def seen(*first):
-        return SimpleNamespace(
-            reading=np.array(first)[:, None] * np.ones(5), used=np.ones((3, 5), dtype=bool), channels=("a", "b", "c")
-        )
-
-    found = _apart(1, [seen(20.0, 20.0, 20.0), seen(26.0, 26.0, 29.0)])
+    found = _apart(np.array([[20.0, 20.0, 20.0], [26.0, 26.0, 29.0]]), 1, ("a", "b", "c"))
     assert len(found) == 1
     assert found[0].startswith("c began 3 K higher")
 

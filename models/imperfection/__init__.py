@@ -2,21 +2,18 @@
 
 from .blocks import Part, pilot
 from .draw import Drawn
-from .known import Known
+from .known import FAST_MODES, SLOW_MODES, Known, to_the_limit
 from .past import (
-    FAST_MODES,
     GRID,
     GUESSED_NODES,
     NODES,
     SCATTER,
-    SLOW_MODES,
     Past,
     PastRun,
     Rise,
     Searched,
     SensorShape,
     learn_past,
-    to_the_limit,
     widths_left_out,
 )
 from .posterior import Rates, Settled, settle

@@ -6,11 +6,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .shapes import Asked
+from .shapes import Asked, loss_bend
 
 Array = NDArray[np.float64]
 
 
+#: Modes of the machine's own shape beside the law, as many times as fast as it; with the loss exponent they are the amplitudes.
+SLOW_MODES, FAST_MODES = (0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
+#: Limit over the law's own below which a shape is no rise.
+LEAST_LIMIT = 0.2
 #: Points of a block at which a curve with corners is averaged.
 POINTS = 8
 
@@ -18,6 +22,20 @@ POINTS = 8
 NOTHING = np.zeros((0, 0, 0))
 #: A past leaves a temperature open by so many rises at most, which is open to all that matters.
 MOST_DOUBTED = 100.0
+
+
+def modes(x: Array) -> Array:
+    """What each amplitude adds (..., k) to the rise, relative to all of it, at x = rate t: nothing at first, nothing in the end."""
+    slow = [np.exp(-x) - np.exp(-k * x) for k in SLOW_MODES]
+    fast = [np.exp(-k * x) - np.exp(-x) for k in FAST_MODES]
+    return np.stack([*slow, *fast, loss_bend(x)], axis=-1)
+
+
+def to_the_limit(amplitudes: Array, covariance: Array) -> tuple[Array, Array] | None:
+    """Amplitudes (k,) and covariance (k, k) of modes that changed the limit, too, as they are relative to it; None without one."""
+    slow, fast = amplitudes[: len(SLOW_MODES)], amplitudes[len(SLOW_MODES) : -1]
+    limit = 1.0 + float(slow.sum() - fast.sum())
+    return (amplitudes / limit, covariance / limit**2) if limit > LEAST_LIMIT else None
 
 
 def within(time: Array, spread: Array) -> Array:

@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 from ..arrow import covariance_root
 from ..core.tails import t_quantile
 from .blocks import Part, block_means
-from .known import Known, within
+from .known import FAST_MODES, SLOW_MODES, Known, modes, within
 from .posterior import settle
 from .prior import Imperfection, Sizes
-from .shapes import Asked, covariances, law, loss_bend, of_room
+from .shapes import Asked, covariances, law, of_room
 
 Array = NDArray[np.float64]
 
-#: Modes of the machine's own shape beside the law, as many times as fast as it; with the loss exponent they are the amplitudes.
-SLOW_MODES, FAST_MODES = (0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
 #: Prior deviations of all slow modes, all fast modes and the exponent: of machines that are all but the law, of machines as they
 #: mostly are, and of those with a strong effect of their own; and how likely each is. Runs of one length tell slow modes from a
 #: level only so far: were all machines taken for the last kind, no model of an exact one would ever be sure of its limit.
@@ -47,8 +45,6 @@ MOST_RISE = 3.0
 #: What modes add to the rise after the longest run, relative to it (1 sd): no more than on machines in general; and at which points
 #: x, over that run's end.
 REST, BEYOND_END = 0.1, (1.0, 1.5, 2.0, 3.0)
-#: Limit over the law's own below which a shape is no rise.
-LEAST_LIMIT = 0.2
 #: How many of the sizes are looked at where much the same runs have told which.
 NEAR = 4
 #: Deviation of the logarithm of the size from run to run, as one run lets it be known.
@@ -65,20 +61,6 @@ FEWEST, PRIOR_RUNS = 3, 6.0
 LEAST, MOST = 0.5, 4.0
 #: Readings whose mean is the end of a run, at most a twentieth of them.
 LAST = 20
-
-
-def modes(x: Array) -> Array:
-    """What each amplitude adds (..., k) to the rise, relative to all of it, at x = rate t: nothing at first, nothing in the end."""
-    slow = [np.exp(-x) - np.exp(-k * x) for k in SLOW_MODES]
-    fast = [np.exp(-k * x) - np.exp(-x) for k in FAST_MODES]
-    return np.stack([*slow, *fast, loss_bend(x)], axis=-1)
-
-
-def to_the_limit(amplitudes: Array, covariance: Array) -> tuple[Array, Array] | None:
-    """Amplitudes (k,) and covariance (k, k) of modes that changed the limit, too, as they are relative to it; None without one."""
-    slow, fast = amplitudes[: len(SLOW_MODES)], amplitudes[len(SLOW_MODES) : -1]
-    limit = 1.0 + float(slow.sum() - fast.sum())
-    return (amplitudes / limit, covariance / limit**2) if limit > LEAST_LIMIT else None
 
 
 def _deviations(sizes: tuple[float, float, float]) -> Array:
@@ -100,12 +82,16 @@ BESIDE_KNOWN = (0.15, 0.6, 2.0)
 
 @dataclass(frozen=True)
 class SensorShape:
-    """The rise of one sensor: log rate [log 1/min] and its deviation, amplitudes (k,) and their covariance (k, k)."""
+    """The rise of one sensor: log rate [log 1/min] and its deviation, amplitudes (k,) and their covariance (k, k).
+
+    first_c: what the runs learnt from read at first, on average [degC].
+    """
 
     log_rate: float
     deviation: float
     amplitudes: Array
     covariance: Array
+    first_c: float = np.nan
 
     @property
     def in_another_run(self) -> Array:
@@ -305,7 +291,9 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         apart = one.amplitudes - mean
         covariance = np.einsum("s,sij->ij", weight, one.covariance) + np.einsum("s,si,sj->ij", weight, apart, apart)
         seen = int(np.isfinite(one.stretch[0]).sum())
-        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance)
+        of = [r.parts[r.channels.index(c)].reading[0, :3] for r in runs if c in r.channels]
+        first = float(np.mean([np.median(v) for v in of]))
+        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance, first)
     spread_of_scale = float(np.hypot(deviation, SCALE_AGAIN / np.sqrt(len(runs))))
     unexplained = tuple(c for c in names if any(c in r.unexplained for r in runs))
     told = float(np.exp(middle)), spread_of_scale, tuple(stretches.tolist())
@@ -314,8 +302,8 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
 
 @dataclass(frozen=True)
 class _Learnt:
-    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs), and the
-    rise that the law has (s, runs) [K]; nan in a run without the sensor.
+    """At each size of shape and disturbances: evidence (s,), amplitudes (s, k), covariance (s, k, k), stretch (s, runs), and how
+    far each run rises (s, runs) [K]; nan in a run without the sensor.
     """
 
     evidence: Array
@@ -410,7 +398,7 @@ def _learn(
         amplitudes[k] = variance @ (mine.T @ left[:, 0])
         covariance[k] = variance - variance @ (mine.T @ mine) @ variance
         stretch[k, [r for r, _ in seen]] = (scatter**2 + spread**2) * (bends.T @ left[:, 0])
-        rise[k, [r for r, _ in seen]] = np.linalg.solve(r, q.T @ white[:, 0])[1::2]
+        rise[k, [place for place, _ in seen]] = np.linalg.solve(r, q.T @ white[:, 0])[1::2]
     return _Learnt(evidence, amplitudes, covariance, stretch, rise)
 
 

@@ -14,7 +14,7 @@ from thermofast.models.uncertainty.changes import WARM, Begun, Change, RunNumber
 
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError, rounded
-from ..machine.learnt import as_learnt
+from ..machine.learnt import as_learnt, first_readings
 from ..machine.model import Model
 from ..records import ChangedRecord
 from ..workers.engine import Started
@@ -118,10 +118,9 @@ def compare_runs(
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
     names = ", ".join(run.name for run, _ in new)
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
-    apart = [
-        note for note in _apart(many, [s.only(channels) for s in seen]) if not any(note.startswith(f"{c} began") for c in told)
-    ]
-    notes = [*_rooms(many, seen), *apart] if model is None or not logged else []
+    first = _first(seen, channels, model)
+    apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
+    notes = [*_rooms(first, many), *apart] if first is not None and (model is None or not logged) else []
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -250,17 +249,30 @@ def _visible(found: Sequence[Change]) -> str:
     return f"would most likely have shown: {', '.join(sizes)}"
 
 
-def _rooms(old: int, seen: Sequence[Observations]) -> list[str]:
-    """What to say where the new runs, which follow `old` others, began in another room."""
-    first = [float(np.nanmedian([row[u][0] for row, u in zip(s.reading, s.used, strict=True)])) for s in seen]
-    before, after = float(np.mean(first[:old])), float(np.mean(first[old:]))
+def _first(seen: Sequence[Observations], channels: Sequence[str], model: Model | None) -> Array | None:
+    """First readings (K, S) [degC] of the runs, in the first place those that a model was learnt from: what its fit makes of them
+    is no reading. None where it does not say.
+    """
+    of = [s.only(list(channels)) for s in seen]
+    first = np.array([[row[u][0] for row, u in zip(s.reading, s.used, strict=True)] for s in of])
+    if model is not None:
+        told = first_readings(model.file, channels)
+        if told is None:
+            return None
+        first[0] = told
+    return first
+
+
+def _rooms(first: Array, old: int) -> list[str]:
+    """What to say where the new runs, which follow `old` others, began in another room; first (K, S) [degC]."""
+    began = np.nanmedian(first, axis=1)
+    before, after = float(np.mean(began[:old])), float(np.mean(began[old:]))
     return [f"they began at {after:.3g} degC, the old ones at {before:.3g}"] if abs(after - before) > ROOM else []
 
 
-def _apart(old: int, seen: Sequence[Observations]) -> list[str]:
+def _apart(first: Array, old: int, channels: Sequence[str]) -> list[str]:
     """What to say of sensors that began the new runs elsewhere against the others than the `old` ones before them."""
-    first = np.array([[row[u][0] for row, u in zip(s.reading, s.used, strict=True)] for s in seen])
-    first -= np.median(first, axis=1, keepdims=True)
+    first = first - np.median(first, axis=1, keepdims=True)
     before, after = first[:old], first[old:].mean(axis=0)
     moved = after - before.mean(axis=0)
     far = np.abs(moved) > np.maximum(APART, 4.0 * before.std(axis=0))
@@ -269,7 +281,5 @@ def _apart(old: int, seen: Sequence[Observations]) -> list[str]:
     for i in np.flatnonzero(far).tolist():
         side, was, reads = words[bool(moved[i] > 0.0)]
         size = rounded(abs(float(moved[i])))
-        found.append(
-            f"{seen[0].channels[i]} began {size} K {side} against the others than before: {was}, or its probe reads {reads}"
-        )
+        found.append(f"{channels[i]} began {size} K {side} against the others than before: {was}, or its probe reads {reads}")
     return found

@@ -1,5 +1,6 @@
 """A learnt model on a run: the machine's constants as known, the run's own from its first minutes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,13 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
     if any(part.effect.reads_sensors for part in layout.parts):
         curve = _beside_each_other(layout, local, *everyone, curve)
     return replace(seen, name=model_path, reading=curve)
+
+
+def first_readings(model: ModelFile, channels: Sequence[str]) -> Array | None:
+    """What sensors (S,) read at first in the runs that a model was learnt from [degC]; None where a file of before does not say."""
+    firsts = {s.channel: s.first_c for s in model.past.shapes} if model.past is not None else {}
+    told = [firsts.get(c) for c in channels]
+    return None if None in told else np.array(told, dtype=float)
 
 
 def _beside_each_other(layout: Model, local: Array, shared: Array, sensors: NDArray[np.intp], curve: Array) -> Array:

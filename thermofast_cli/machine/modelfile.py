@@ -76,13 +76,17 @@ class Correlations(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, fro
 
 
 class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
-    """The rise of one sensor over its model's: amplitudes of slow and fast modes and of the loss exponent, and their covariance."""
+    """The rise of one sensor over its model's: amplitudes of slow and fast modes and of the loss exponent, and their covariance.
+
+    first_c: what the runs learnt from read at first, on average.
+    """
 
     channel: str
     rate_per_min: float
     log_rate_deviation: float
     amplitudes: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
+    first_c: float | None = None
 
 
 class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -220,6 +224,7 @@ def past_entry(past: Past) -> PastEntry:
             log_rate_deviation=short(shape.deviation),
             amplitudes=tuple(short(a) for a in shape.amplitudes),
             covariance=tuple(tuple(short(v) for v in row[: i + 1]) for i, row in enumerate(shape.covariance)),
+            first_c=short(shape.first_c) if math.isfinite(shape.first_c) else None,
         )
         for channel, shape in past.shapes.items()
     ]
@@ -269,7 +274,9 @@ def past_of(entry: PastEntry) -> Past:
         limited = (np.array(s.amplitudes), covariance) if entry.relative_to else to_the_limit(np.array(s.amplitudes), covariance)
         if limited is None:
             raise UsageError(f"model file: the shape of {s.channel} is no rise", do="learn the model anew with thermofast improve")
-        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, *limited)
+        first = math.nan if s.first_c is None else s.first_c
+        amplitudes, spread = limited
+        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, amplitudes, spread, first)
     scale = entry.disturbance, entry.disturbance_log_deviation
     scatter = entry.log_rate_scatter, entry.log_rate_spread
     return Past(shapes, entry.runs, *scatter, *scale, entry.stretches, entry.factors, unexplained=entry.unexplained)
