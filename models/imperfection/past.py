@@ -42,9 +42,9 @@ SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS, ROUNDS_NEAR = 4, 2
 #: Times what the law has alone of a rise that it may have beside modes, or its reciprocal.
 MOST_RISE = 3.0
-#: What modes add to the rise after the longest run, relative to it (1 sd): no more than on machines in general; and at which points
-#: x, over that run's end.
-REST, BEYOND_END = 0.1, (1.0, 1.5, 2.0, 3.0)
+#: What modes leave of the rise after the longest run, relative to it, beside what the law leaves: mean and deviation, which that
+#: share of the law's own adds to (what is heated rises on and does not turn round); and at which points x, over that run's end.
+REST, REST_SPREAD, OF_LAW, BEYOND_END = 0.01, 0.04, 0.7, (1.0, 1.5, 2.0, 3.0)
 #: How many of the sizes are looked at where much the same runs have told which.
 NEAR = 4
 #: Deviation of the logarithm of the size from run to run, as one run lets it be known.
@@ -381,21 +381,24 @@ def _learn(
     fixed = noise + bend_prior @ bend_prior.T
     pairs = [(each, scale) for each in SHAPE_SIZES for scale in scales]
     count = len(_deviations(SHAPE_SIZES[0]))
-    rest = modes(np.array(BEYOND_END) * max(s.end for _, s in seen)) / REST
+    after = np.array(BEYOND_END) * max(s.end for _, s in seen)
+    wide = REST_SPREAD + OF_LAW * np.exp(-after)
+    rest, left_over = modes(after) / wide[:, None], -REST / wide
     evidence, amplitudes = np.empty(len(pairs)), np.empty((len(pairs), count))
     covariance, stretch = np.empty((len(pairs), count, count)), np.full((len(pairs), len(runs)), np.nan)
     rise = stretch.copy()
     for k, (shape_sizes, scale) in enumerate(pairs):
         variance = np.linalg.inv(np.diag(_deviations(shape_sizes) ** -2) + rest.T @ rest)
+        middle = variance @ rest.T @ left_over
         factor = np.linalg.cholesky(fixed + shape @ variance @ shape.T + scale**2 * (relative + absolute))
-        white = np.linalg.solve(factor, np.column_stack([y, flat, shape, bend]))
+        white = np.linalg.solve(factor, np.column_stack([y - shape @ middle, flat, shape, bend]))
         x = white[:, 1 : 1 + flat.shape[1]]
         q, r = np.linalg.qr(x)
         left = white - q @ (q.T @ white)
         mine = left[:, 1 + flat.shape[1] : 1 + flat.shape[1] + count]
         bends = left[:, 1 + flat.shape[1] + count :]
         evidence[k] = -np.log(np.diag(factor)).sum() - np.log(np.abs(np.diag(r))).sum() - 0.5 * float(left[:, 0] @ left[:, 0])
-        amplitudes[k] = variance @ (mine.T @ left[:, 0])
+        amplitudes[k] = middle + variance @ (mine.T @ left[:, 0])
         covariance[k] = variance - variance @ (mine.T @ mine) @ variance
         stretch[k, [r for r, _ in seen]] = (scatter**2 + spread**2) * (bends.T @ left[:, 0])
         rise[k, [place for place, _ in seen]] = np.linalg.solve(r, q.T @ white[:, 0])[1::2]
