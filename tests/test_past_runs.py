@@ -323,3 +323,18 @@ def test_what_a_model_says_of_where_its_runs_began_is_what_they_read():
     told = tf.changed(new=tf.read(chain(7, 1.0)[0], name="new"), model=model)
     assert "against the others" not in told[0].message
     assert "they began at" not in told[0].message
+
+
+def test_identify_takes_the_shape_of_past_runs_where_effects_foretell_them_no_better():
+    runs = [tf.read(chain(seed, 1.0 + 0.05 * seed)[0], name=f"run{seed}") for seed in range(3)]
+    table, limit = chain(9, 1.1)
+    plain = tf.improve(runs, together=True).model
+    models = {name: tf.improve(runs, together=True, add=[name]).model for name in ("second_mode", "neighbour_heat")}
+    # A mode more is no row of bodies; linked neighbours are, nearly, and what they erred by in these runs is in the intervals.
+    assert [m.file.past.without_effects for m in models.values()] == [True, False]
+    assert models["second_mode"].file.past.shapes == plain.file.past.shapes
+    assert models["neighbour_heat"].file.past.factors[1][1] > 2.0 * plain.file.past.factors[1][1]
+    for model in models.values():
+        told = tf.identify(tf.read(table), until=150.0, model=model)
+        assert all(r.steady_state_lo_c < limit[k] < r.steady_state_hi_c for k, r in enumerate(told))
+        assert ("its effects are left out here" in told[0].message) == model.file.past.without_effects

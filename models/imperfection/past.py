@@ -341,9 +341,16 @@ def _seen(run: PastRun, channel: str, log_rate: float, prior: Imperfection) -> _
         blocks.noise[0],
         np.einsum("n,nij->ij", relative[0], there),
         np.einsum("n,nij->ij", absolute[0], there),
-        float(np.polyfit(shape, y, 1)[0]),
+        _slope(shape, y),
         float(rate[0] * blocks.last),
     )
+
+
+def _slope(x: Array, y: Array) -> float:
+    """Of y over x (n,); the range of y where x does not change, as of a sensor that is done before its first block."""
+    off = x - x.mean()
+    size = float(off @ off)
+    return float(off @ y) / size if size > 1e-9 * len(x) else float(np.ptp(y))
 
 
 def _learn(

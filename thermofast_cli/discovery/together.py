@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.imperfection import SCATTER, Past
 from thermofast.models.joint import Fit, Part, fit_model, with_parts
@@ -19,8 +20,10 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together, pool
 
 from ..errors import rounded
-from ..machine.modelfile import learnt_from, model_file
+from ..machine.foretold import from_first_part
+from ..machine.modelfile import learnt_from, model_file, past_entry
 from ..machine.past import learnt_past, run_learnt_from
+from ..machine.rise import together
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
@@ -76,11 +79,21 @@ def _stage(runs: Sequence[OneOf], fits: Sequence[Fit]) -> Stage:
         model = type(fits[k].model)(run.first, fits[k].model.parts)
         start = fit_model(run.first, fits[k].model.parts, fits[k].values)
         fit = fit_known(model, start.local, start.shared, others)
-        unseen = run.prepared.whole.used & ~run.first.used
-        error = np.where(unseen, run.prepared.whole.known - fit.curve, 0.0)
+        whole = run.prepared.whole
+        unseen = whole.used & ~run.first.used
+        error = np.where(unseen, whole.known - _foretold(fit, whole, run.first), 0.0)
         count = unseen.sum(axis=1)
         left_out.append(np.sqrt(np.where(count > 0, (error**2).sum(axis=1) / np.maximum(count, 1), np.nan)))
     return Stage(tuple(found), known, tuple(left_out))
+
+
+def _foretold(fit: Fit, whole: Observations, first: Observations) -> Array:
+    """What a fit to the first readings foretells of the others (S, N) [degC]: neighbours as it foretells them, not as read."""
+    parts = fit.model.parts
+    if not any(part.effect.reads_sensors for part in parts):
+        return fit.curve
+    last = int(np.flatnonzero(first.used.any(axis=0))[-1])
+    return np.asarray(together(fit, whole, last, range(len(parts))).reading)
 
 
 def _with(runs: Sequence[OneOf], stage: Stage, effect: Effect) -> Stage | None:
@@ -164,6 +177,13 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
     origins = [learnt_from(r.prepared.seen, r.task.run.name, r.prepared.readings, r.task.until_min) for r in runs]
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
+    plain = [run_learnt_from(f, r.prepared.whole) for f, r in zip(stages[0].fits, runs, strict=True)]
+    if len(stages) > 1:
+        by = from_first_part(learnt, [r.task for r in runs], plain)
+        kept = learnt_past(plain) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
+        learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape))
+        told = "the shape of the other runs foretells a run better from its first part than the effects: identify uses it"
+        notes = [*notes, told] if by.shape else notes
     notes = [
         *notes,
         _scattering(past),

@@ -93,7 +93,7 @@ class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     """What the runs learnt from say of the next one; see ``models/imperfection/past.py``.
 
     relative_to: "limit" where amplitudes are relative to the whole rise; files of before have them relative to what the law has of
-    it.
+    it. without_effects: it is the shape of the runs as a whole, which foretold them better from their first part than the effects.
     """
 
     runs: int
@@ -108,6 +108,7 @@ class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     unexplained: tuple[str, ...] = ()
     shapes: tuple[ShapeEntry, ...] = ()
     relative_to: Literal["", "limit"] = ""
+    without_effects: bool = False
 
 
 class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -211,7 +212,7 @@ def _belongs(model: FitModel, column: Column) -> Literal["machine", "run"]:
     return "machine" if model.of_machine(column) else "run"
 
 
-def past_entry(past: Past) -> PastEntry:
+def past_entry(past: Past, without_effects: bool = False) -> PastEntry:
     """As the file tells it."""
 
     def short(value: float) -> float:
@@ -241,6 +242,7 @@ def past_entry(past: Past) -> PastEntry:
         unexplained=past.unexplained,
         shapes=tuple(shapes),
         relative_to="limit",
+        without_effects=without_effects,
     )
 
 

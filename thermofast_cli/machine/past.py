@@ -290,7 +290,9 @@ def _knowledge(task: LoopTask) -> Knowledge:
         )
     past = past_of_model(task.model)
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
-    if not file.effects and task.drive is None:
+    if task.drive is None and (not file.effects or (file.past is not None and file.past.without_effects)):
+        if file.effects:
+            notes.append("its effects are left out here: from their first part its runs were foretold better by their shape")
         return Knowledge(name, past, tuple(notes))
     _, prepared = ready(task)
     if prepared is None or _too_few(prepared):

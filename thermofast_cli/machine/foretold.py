@@ -1,0 +1,92 @@
+"""Whether the effects of a model, or the shape of the runs it was learnt from, foretell a run better from its first part."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermofast.filters import Afukf
+from thermofast.models import Lump
+from thermofast.models.imperfection import TYPICAL, Past, PastRun, learn_past
+
+from ..discovery.loop import LoopTask
+from ..estimation.identify import Method, identify_sensors
+from .model import Model
+from .modelfile import ModelFile
+from .past import knowledge
+
+#: When a run is read, in time constants, and the share of it up to which that may be.
+TURNS, MOST_READ = (0.3, 0.5, 1.0), 0.6
+#: Runs that are foretold at most, and readings whose mean is the end of one.
+MOST_RUNS, LAST = 4, 10
+#: The interval score counts what lies outside a 95 % interval so many times.
+OUTSIDE = 40.0
+#: Factor on half-widths at most.
+WIDEST = 4.0
+#: Score of effects that foretell the runs they were learnt from over that of a shape that has not seen them, above which the shape
+#: is taken.
+NO_BETTER = 0.8
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """shape: whether intervals from the shape of the other runs foretell the ends of runs better than a model's effects do; wider:
+    the factor on the half-widths of those by the effects that the errors ask for.
+    """
+
+    shape: bool = False
+    wider: float = 1.0
+
+
+def from_first_part(file: ModelFile, tasks: Sequence[LoopTask], plain: Sequence[PastRun]) -> Foretold:
+    """How well runs are foretold from their first part, by a model's effects and by the shape of the others.
+
+    The effects were learnt from the very runs that they foretell, the shape was not: they must do clearly better. plain: the runs
+    as the base model has them. Interval scores (Winkler) over each sensor's range of readings.
+    """
+    if not file.effects or file.learnt_from.drive or len(plain) < 2:
+        return Foretold()
+    everything = learn_past(plain, TYPICAL)
+    rates = [shape.log_rate for shape in everything.shapes.values()]
+    tau, model = float(np.exp(-np.median(rates))), Model(file, "the model")
+    pairs: list[tuple[_Told, _Told]] = []
+    for k, task in enumerate(tasks[:MOST_RUNS]):
+        others = learn_past([run for i, run in enumerate(plain) if i != k], TYPICAL, everything)
+        length = float(task.run.time_s[-1]) / 60.0 - task.start_min
+        for until in (task.start_min + turn * tau for turn in TURNS if turn * tau < MOST_READ * length):
+            told = knowledge(replace(task, until_min=until, model=model, drive=None, names=(), auto=False))[0]
+            if told.past is not None and not told.failed:
+                of = [_told(task, until, past, not told.uses_room or past is others) for past in (told.past, others)]
+                pairs += [(of[0][c], of[1][c]) for c in of[0] if c in of[1]]
+    if not pairs:
+        return Foretold()
+    effects, shape = (float(np.mean([pair[k].score for pair in pairs])) for k in (0, 1))
+    off = float(np.sqrt(np.mean([pair[0].off ** 2 for pair in pairs])))
+    return Foretold(effects > NO_BETTER * shape, float(np.clip(off, 1.0, WIDEST)))
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Interval score of the end of a sensor, over its range, and how far off it was, in deviations of the interval."""
+
+    score: float
+    off: float
+
+
+def _told(task: LoopTask, until: float, past: Past, with_room: bool) -> dict[str, _Told]:
+    """Of the sensors of a run that the past knows and of which both sides are told."""
+    run = task.run
+    channels = tuple(c for c in run.channels if c in past.shapes)
+    values, minutes = np.stack([run.channels[c] for c in channels]), run.time_s / 60.0
+    method, at = Method(Lump(), Afukf(), past=past), float(minutes[-LAST:].mean()) - task.start_min
+    room = run.room if with_room else None
+    records = identify_sensors(run.name, channels, minutes, values, method, until, task.start_min, at_min=at, room=room).records
+    found = {}
+    for record, row in zip(records, values, strict=True):
+        end, span = float(np.nanmean(row[-LAST:])), float(np.nanmax(row) - np.nanmin(row))
+        low, middle, high = record.at_lo_c, record.at_c, record.at_hi_c
+        if low is not None and middle is not None and high is not None and span > 0.0:
+            outside = max(low - end, 0.0) + max(end - high, 0.0)
+            half = max(middle - low if end < middle else high - middle, 1e-9)
+            found[record.channel] = _Told((high - low + OUTSIDE * outside) / span, 1.96 * (end - middle) / half)
+    return found
