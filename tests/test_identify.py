@@ -11,8 +11,8 @@ from simulator import lump, spindle
 import thermofast as tf
 from thermofast.estimation.closing import estimates_at, settling
 from thermofast.estimation.identify import Method, identify_sensors
+from thermofast.estimation.measured import _not_done_before, _to_the_beginning
 from thermofast.estimation.sweep import sweep_sensors
-from thermofast.estimation.verdicts import _not_done_before, _to_the_beginning
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE

@@ -22,17 +22,9 @@ from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, trace_columns
 from .estimate import Estimates, FilterError, Model, remaining
-from .imperfect import (
-    Claims,
-    Closed,
-    claims,
-    said_of_slow,
-    times_asked,
-    together_of,
-    why_let_go,
-    without_past,
-)
+from .imperfect import Claims, Closed, claims, said_of_slow, times_asked, together_of, why_let_go, without_past
 from .measured import (
+    comes_back,
     contradicts,
     in_room,
     measured_equilibria,
@@ -41,10 +33,11 @@ from .measured import (
     room_at,
     steadied,
     until_then,
+    with_claims,
 )
 from .rules import RULES
 from .sensor import Sensors, prepare_all, refusal
-from .verdicts import claimed_verdicts, comes_back, law_verdicts, with_claims
+from .verdicts import claimed_verdicts, law_verdicts
 
 Array = NDArray[np.float64]
 

@@ -5,11 +5,12 @@ as it was logged.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import difference_noise
+from thermofast.models import difference_noise, spike_weights
 from thermofast.models.imperfection import lagged
 from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
@@ -17,6 +18,10 @@ from thermofast.models.uncertainty.surroundings import room_ahead
 from ..errors import rounded
 from .rules import RULES
 from .sensor import Sensors
+
+if TYPE_CHECKING:
+    from .estimate import Estimates
+    from .imperfect import Claims
 
 Array = NDArray[np.float64]
 
@@ -176,3 +181,79 @@ def in_room(steady: Sequence[Array], logged_c: float | None, room_c: float | Non
         below, above = (np.hypot(side, 1.96 * gain_doubt * abs(moved)) for side in (middle - low, high - middle))
         found = (np.full_like(middle, room_c), middle + moved, middle + moved - below, middle + moved + above)
     return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True))
+
+
+def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDArray[np.bool_]) -> "Estimates":
+    """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan.
+
+    back: as :func:`comes_back` says of each sensor.
+    """
+    steady, t95 = claimed.steady.copy(), claimed.t95.copy()
+    # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior; where the
+    # heat has hardly come, one out of what came first.
+    rises = law.state[:, 0] >= law.initial
+    open_ = claimed.unknown_rate | np.isfinite(claimed.behind)
+    steady[open_ & rises, 2] = np.nan
+    steady[open_ & ~rises, 0] = np.nan
+    t95[open_, 2] = np.nan
+    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
+    t95[back] = np.nan
+    _to_the_beginning(steady, law, sensors)
+    return replace(
+        law,
+        steady_state=steady[:, 1],
+        steady_low=steady[:, 0],
+        steady_high=steady[:, 2],
+        rate=claimed.rate[:, 1],
+        t95=t95[:, 1],
+        t95_low=t95[:, 0],
+        t95_high=t95[:, 2],
+    )
+
+
+def _to_the_beginning(steady: Array, law: "Estimates", sensors: Sensors) -> None:
+    """Opens intervals (S, 3) that end just short of where a sensor began, to which it is on its way back: the heat may be off.
+
+    Bodies that are warmed by others fall more slowly than their own rate says, as if some heat were left.
+    """
+    began, now, near = law.initial, law.state[:, 0], RULES.back * went(law, sensors)
+    for side, sign in ((0, 1.0), (2, -1.0)):
+        short = sign * (steady[:, side] - began)
+        falls = (sign * (now - steady[:, 1]) > 0.0) & (sign * (steady[:, 1] - began) > 0.0)
+        steady[:, side] = np.where(falls & (short > -near) & (short < near), began - sign * near, steady[:, side])
+
+
+def went(law: "Estimates", sensors: Sensors) -> Array:
+    """How far the readings used went from where they began, at most (S,) [K]; outliers went nowhere."""
+    away = np.where(outlying(law, sensors), 0.0, np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None]))
+    most: Array = np.nanmax(np.where(np.isfinite(away), away, 0.0), axis=1)
+    return most
+
+
+def outlying(law: "Estimates", sensors: Sensors) -> NDArray[np.bool_]:
+    """Which of the readings used (S, n) are outliers: alone, where several that follow each other may be a change."""
+    out: NDArray[np.bool_] = law.weights == 0.0
+    rows = out.any(axis=1)
+    if rows.any():  # of few sensors: the readings used alone say so, whatever comes later
+        reading = np.ascontiguousarray(sensors.reading[rows, : out.shape[1]])
+        out[rows] &= spike_weights(reading, sensors.resolution[rows]) == 0.0
+    return out
+
+
+def comes_back(law: "Estimates", steady: Array, sensors: Sensors) -> NDArray[np.bool_]:
+    """Whether a sensor (S,) settles where it began, as after a heat that was switched off: there is no rise to have 95 % of."""
+    most = went(law, sensors)
+    near: NDArray[np.bool_] = (np.abs(steady - law.initial) < RULES.back * most) & (most > 20.0 * law.noise)
+    return near
+
+
+def _not_done_before(law: "Estimates", least: Array, sensors: Sensors) -> Array:
+    """Minutes (S,) after the first reading before which 95 % of the least rise claimed had not been read."""
+    used = sensors.time <= law.time
+    time, reading = sensors.time[used], sensors.reading[:, used]
+    with np.errstate(all="ignore"):  # what does not rise is done where it begins
+        done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
+    done &= ~outlying(law, sensors)
+    first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
+    found: Array = time[first] - time[0]
+    return found

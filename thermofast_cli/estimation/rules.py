@@ -68,6 +68,9 @@ class EstimationRules:
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
     )
     widest: float = rule(5.0, "rise so far", "a wider interval of the steady state determines nothing", BY_HAND)
+    backwards: float = rule(
+        1.0, "rise so far", "an interval that reaches farther back behind where the sensor began determines nothing", BY_HAND
+    )
     band_factor: float = rule(
         3.29 / 1.96, "1", "times the 95 % band that readings ahead may leave it by", "the normal quantile of one in a thousand"
     )

@@ -1,13 +1,15 @@
 """How far the numbers of a sensor can be trusted, in a status and in words."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
-from thermofast.models import difference_noise, spike_weights
+from thermofast.models import difference_noise
 from thermofast.models.imperfection import Past
 from thermofast.models.uncertainty.companions import DONE
 
@@ -15,7 +17,7 @@ from ..errors import rounded
 from ..records import IdentifyRecord
 from .estimate import Estimate, Estimates
 from .imperfect import Claims, left_at_end
-from .measured import words
+from .measured import outlying, went, words
 from .rules import RULES
 from .sensor import Sensor, Sensors
 
@@ -23,82 +25,6 @@ Array = NDArray[np.float64]
 
 #: Readings have gone some way and come back that went farther than so many times where they are, and than so much noise.
 TURNED, BEYOND_NOISE = 2.0, 10.0
-
-
-def with_claims(law: Estimates, claimed: Claims, sensors: Sensors, back: NDArray[np.bool_]) -> Estimates:
-    """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan.
-
-    back: as :func:`comes_back` says of each sensor.
-    """
-    steady, t95 = claimed.steady.copy(), claimed.t95.copy()
-    # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior; where the
-    # heat has hardly come, one out of what came first.
-    rises = law.state[:, 0] >= law.initial
-    open_ = claimed.unknown_rate | np.isfinite(claimed.behind)
-    steady[open_ & rises, 2] = np.nan
-    steady[open_ & ~rises, 0] = np.nan
-    t95[open_, 2] = np.nan
-    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
-    t95[back] = np.nan
-    _to_the_beginning(steady, law, sensors)
-    return replace(
-        law,
-        steady_state=steady[:, 1],
-        steady_low=steady[:, 0],
-        steady_high=steady[:, 2],
-        rate=claimed.rate[:, 1],
-        t95=t95[:, 1],
-        t95_low=t95[:, 0],
-        t95_high=t95[:, 2],
-    )
-
-
-def _to_the_beginning(steady: Array, law: Estimates, sensors: Sensors) -> None:
-    """Opens intervals (S, 3) that end just short of where a sensor began, to which it is on its way back: the heat may be off.
-
-    Bodies that are warmed by others fall more slowly than their own rate says, as if some heat were left.
-    """
-    began, now, near = law.initial, law.state[:, 0], RULES.back * _went(law, sensors)
-    for side, sign in ((0, 1.0), (2, -1.0)):
-        short = sign * (steady[:, side] - began)
-        falls = (sign * (now - steady[:, 1]) > 0.0) & (sign * (steady[:, 1] - began) > 0.0)
-        steady[:, side] = np.where(falls & (short > -near) & (short < near), began - sign * near, steady[:, side])
-
-
-def _went(law: Estimates, sensors: Sensors) -> Array:
-    """How far the readings used went from where they began, at most (S,) [K]; outliers went nowhere."""
-    away = np.where(_outlying(law, sensors), 0.0, np.abs(sensors.reading[:, sensors.time <= law.time] - law.initial[:, None]))
-    most: Array = np.nanmax(np.where(np.isfinite(away), away, 0.0), axis=1)
-    return most
-
-
-def _outlying(law: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
-    """Which of the readings used (S, n) are outliers: alone, where several that follow each other may be a change."""
-    out: NDArray[np.bool_] = law.weights == 0.0
-    rows = out.any(axis=1)
-    if rows.any():  # of few sensors: the readings used alone say so, whatever comes later
-        reading = np.ascontiguousarray(sensors.reading[rows, : out.shape[1]])
-        out[rows] &= spike_weights(reading, sensors.resolution[rows]) == 0.0
-    return out
-
-
-def comes_back(law: Estimates, steady: Array, sensors: Sensors) -> NDArray[np.bool_]:
-    """Whether a sensor (S,) settles where it began, as after a heat that was switched off: there is no rise to have 95 % of."""
-    most = _went(law, sensors)
-    near: NDArray[np.bool_] = (np.abs(steady - law.initial) < RULES.back * most) & (most > 20.0 * law.noise)
-    return near
-
-
-def _not_done_before(law: Estimates, least: Array, sensors: Sensors) -> Array:
-    """Minutes (S,) after the first reading before which 95 % of the least rise claimed had not been read."""
-    used = sensors.time <= law.time
-    time, reading = sensors.time[used], sensors.reading[:, used]
-    with np.errstate(all="ignore"):  # what does not rise is done where it begins
-        done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
-    done &= ~_outlying(law, sensors)
-    first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
-    found: Array = time[first] - time[0]
-    return found
 
 
 def _wide_words(width: float, rise: float, went: float, noise: float) -> str:
@@ -109,6 +35,77 @@ def _wide_words(width: float, rise: float, went: float, noise: float) -> str:
         f"the steady state is known only to within {width:.3g} K: the readings went {went:.3g} K and came back, which is no "
         "approach to one; see thermofast diagnose"
     )
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a row is no ``ok``, or what it says beside: the sensors (S,) that it concerns, the words for one of them, and which of
+    them (S,) it puts in doubt.
+    """
+
+    where: NDArray[np.bool_]
+    say: Callable[[int], str]
+    doubts: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What is asked of a run's sensors: their estimates and what may be claimed; quantities (S,) that several reasons use.
+
+    seen, went [K]: how far the last reading used, and any, is from the first; width [K]: of the interval of the steady state; left:
+    readings that count as outliers; leave: readings at the end that leave the law; swings: too many are left out.
+    """
+
+    found: Estimates
+    claimed: Claims
+    sensors: Sensors
+    past: Past | None
+    until: float
+
+    @cached_property
+    def seen(self) -> Array:
+        return np.abs(self.found.state[:, 0] - self.found.initial)
+
+    @cached_property
+    def went(self) -> Array:
+        return went(self.found, self.sensors)
+
+    @cached_property
+    def width(self) -> Array:
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.found.steady_high - self.found.steady_low)
+
+    @cached_property
+    def left(self) -> NDArray[np.intp]:
+        return np.where(self.claimed.other_rise, 0, (self.found.weights == 0.0).sum(axis=1))
+
+    @cached_property
+    def leave(self) -> NDArray[np.intp]:
+        return np.where(self.claimed.other_rise, 0, self.claimed.left_last)
+
+    @cached_property
+    def swings(self) -> NDArray[np.bool_]:
+        return _too_many(self.left, self.found)
+
+    @cached_property
+    def lawless(self) -> NDArray[np.bool_]:
+        return _lawless(self.found, self.sensors) & ~self.claimed.other_rise
+
+    @cached_property
+    def unfit(self) -> NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.claimed.check_p < RULES.unfit)
+
+    @cached_property
+    def goes_on(self) -> NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):
+            return np.abs(self.claimed.moved) > np.maximum(0.5 * self.width, RULES.at_rest * self.found.noise)
+
+    @cached_property
+    def slow(self) -> Array:
+        """Rate (S,) [1/min] that counts: a sensor that is said to be quick has the slower parts behind it that the others read."""
+        driven = self.claimed.rate[self.claimed.other_rise & self.claimed.held, 1]
+        return np.minimum(self.claimed.rate[:, 1], np.median(driven) if len(driven) else np.inf)
 
 
 def claimed_verdicts(
@@ -123,121 +120,191 @@ def claimed_verdicts(
     changed_min: float | None,
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
-    seen = np.abs(found.state[:, 0] - found.initial)
-    bounded = found.bounded | (back & np.isfinite(found.steady_low) & np.isfinite(found.steady_high))
-    with np.errstate(invalid="ignore"):
-        width = found.steady_high - found.steady_low
-        too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
-        unfit = claimed.check_p < RULES.unfit
-        # Of a rise that is nearly done no effect beside the law can say otherwise than its readings.
-        low, _, high = np.abs(claimed.steady - found.state[:, :1]).T
-        rise = np.abs(claimed.steady[:, 1] - found.initial)
-        strong = (claimed.strong > RULES.strong) & ~(np.maximum(low, high) <= RULES.done * rise)
-        hides = claimed.hides > RULES.hides
-    lawless = _lawless(found, sensors) & ~claimed.other_rise
-    out = np.where(claimed.other_rise, 0, (found.weights == 0.0).sum(axis=1))
-    # Innovations of averaged readings are alike: that they are says nothing of the law.
-    averaged = claimed.averaged > 1
-    faded = found.faded & ~claimed.other_rise & ~averaged
-    undetermined = ~bounded | too_wide
-    swings = _too_many(out, found)
-    leave = np.where(claimed.other_rise, 0, claimed.left_last)
-    if out.any():  # what a curve does that the law cannot follow, one by one, is no outlier of a probe
-        out = np.where(swings | (leave > 0), out, np.minimum(out, _outlying(found, sensors).sum(axis=1)))
-    stayed = past.stayed_min if past is not None else np.inf
-    # A sensor that is said to be quick has slower parts behind it all the same: those that the others read.
-    driven = claimed.rate[claimed.other_rise & claimed.held, 1]
-    slow = np.minimum(claimed.rate[:, 1], np.median(driven) if len(driven) else np.inf)
-    restless = claimed.other_rise & (stayed * slow < 1.0)
-    since = _since_change(claimed, past, changed_min, found)
-    with np.errstate(invalid="ignore"):
-        fresh = since * np.minimum(claimed.rate[:, 1], _median(claimed.rate[claimed.held, 1])) < RULES.fresh
-    behind = np.isfinite(claimed.behind)
-    haste = np.isfinite(claimed.faster)
-    with np.errstate(invalid="ignore"):
-        goes_on = np.abs(claimed.moved) > np.maximum(0.5 * width, RULES.at_rest * found.noise)
-    # What was changed in a machine bends its curve later: its past is believed until then, and the row says for how long.
-    believed = claimed.known & (past is not None and not past.guessed)
-    with np.errstate(invalid="ignore"):
-        believed &= until * claimed.rate[:, 1] < 1.0
-    went = _went(found, sensors)
-    # Where the point that moved most shows a heat that is not constant, one that is said to have settled has it ahead.
-    uneven = (unfit | swings | lawless | goes_on | (leave > 0)) & ~claimed.known
-    first = int(np.argmax(went))
-    with np.errstate(invalid="ignore"):
-        done = claimed.rate[:, 1] * (found.time - sensors.time[0]) > DONE
-    jumped = _jumped(found, sensors)
-    reaches = done & bool(uneven[first]) & ~uneven & ~claimed.known
-    doubted = unfit | strong | hides | swings | lawless | restless | fresh | behind | haste | goes_on | reaches
-    doubted |= (jumped > 0) | (leave > 0)
-    status = np.where(undetermined, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
+    case, status = _Case(found, claimed, sensors, past, until), list[str]()
+    undetermined = _undetermined(case, back)
+    reasons = [
+        Reason(back, lambda _: "it settles where it began: there is no rise of which 95 % could be told"),
+        Reason(_still(case), lambda _: "it did not move by more than its noise: not heated yet, or settled before"),
+        *undetermined,
+        *_of_the_law(case),
+        _faded(case, tracks, status),
+        *_of_the_heat(case, changed_min),
+        *_of_what_came_later(case),
+        *_of_what_is_out(case),
+        *_noted(case),
+    ]
+    doubted = np.any([r.doubts for r in reasons if r.doubts is not None], axis=0)
+    open_ = np.any([r.where for r in undetermined], axis=0)
+    status += np.where(open_, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    still = went < RULES.at_rest * found.noise
-    for i in np.flatnonzero(still).tolist():  # what a law leaves that cannot follow the readings is no noise
-        still[i] = went[i] < RULES.at_rest * max(float(difference_noise(sensors.reading[i])), float(sensors.resolution[i]))
-    for i in np.flatnonzero(back | undetermined | doubted | faded | averaged | still | believed | (out > 0)).tolist():
-        said = ["it settles where it began: there is no rise of which 95 % could be told"] if back[i] else []
-        if still[i]:
-            said.append("it did not move by more than its noise: not heated yet, or settled before")
-        if not bounded[i]:
-            said.append(_open_side(found.one(i)))
-        elif too_wide[i]:
-            said.append(_wide_words(float(width[i]), float(seen[i]), float(went[i]), float(found.noise[i])))
-        if unfit[i]:
-            p = f"p = {claimed.check_p[i]:.1g}"
-            said.append(f"the readings leave the law by more than machines do ({p}): see thermofast diagnose")
-        elif lawless[i]:
-            left = rounded(float(found.misfit[i]))
-            said.append(f"one exponential does not describe these readings ({left} K rms): see thermofast diagnose")
-        elif strong[i]:
-            said.append("an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it")
-        if faded[i]:
-            counts = "" if status[i] != "ok" else ", which the interval counts"
-            said.append(f"the plain law fails from about {sensors.time[tracks.woke[i]]:.4g} min on{counts}")
-        if restless[i]:
-            said.append(
-                f"the heat stayed for {rounded(stayed)} min at most, less than a time constant "
-                f"({rounded(1.0 / slow[i])} min): slower parts of the machine cannot be told; let it stay and measure on"
-            )
-        if fresh[i]:
-            said.append(
-                f"the load changed {rounded(float(since[i]))} min before the last reading: what it leads to shows after "
-                f"{rounded(RULES.fresh / claimed.rate[i, 1])} min; measure on"
-            )
-        if behind[i]:
-            share = rounded(100.0 * claimed.behind[i])
-            said.append(f"it has moved by {share} % of what others have: heat may still be on its way to it; measure on")
-        if haste[i]:
-            said.append(
-                f"it would be {rounded(claimed.faster[i])} times as fast as others of the run, which have not settled: what these "
-                "still do may reach it, or what was read is no rise (a swing, a probe that came loose); measure on"
-            )
-        if goes_on[i]:
-            said.append(
-                f"by the law it had settled after {rounded(DONE / claimed.rate[i, 1])} min, and it moved by "
-                f"{rounded(abs(claimed.moved[i]))} K since: more than the interval holds"
-            )
-        if jumped[i]:
-            said.append(
-                f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved or came loose?"
-            )
-        if reaches[i]:
-            said.append("the point that moved most shows a heat that is not constant, which may still reach this one")
-        if hides[i]:
-            said.append("a slow second mass may hide that moves the limit out of the interval; measure longer")
-        if out[i]:
-            gone = int(leave[i])
-            said.append(_left_out(int(out[i]), found.weights.shape[1], bool(swings[i]), gone, _since(sensors, found, gone)))
-        if believed[i]:
-            then = rounded(1.0 / claimed.rate[i, 1])
-            said.append(f"the machine is taken to be as it was: a change of its cooling may not show before {then} min")
-        if averaged[i]:
-            said.append(f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts")
-        messages[i] = said
+    for reason in reasons:
+        for i in np.flatnonzero(reason.where).tolist():
+            messages.setdefault(i, []).append(reason.say(i))
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
         messages[i] = [words(size, until), *messages.get(i, [])]
     return status, messages
+
+
+def _undetermined(case: _Case, back: NDArray[np.bool_]) -> list[Reason]:
+    """Intervals that determine nothing: open, many times as wide as the rise, or reaching far back behind where it began."""
+    found, noise = case.found, case.found.noise
+    bounded = found.bounded | (back & np.isfinite(found.steady_low) & np.isfinite(found.steady_high))
+    rises = found.state[:, 0] >= found.initial
+    with np.errstate(invalid="ignore"):
+        wide = case.width > RULES.widest * np.maximum(case.seen, 4.0 * noise)
+        short = np.where(rises, found.initial - found.steady_low, found.steady_high - found.initial)
+        behind = ~back & (short > RULES.backwards * np.maximum(case.seen, 4.0 * noise))
+    return [
+        Reason(~bounded, lambda i: _open_side(found.one(i))),
+        Reason(
+            bounded & (wide | behind),
+            lambda i: _wide_words(float(case.width[i]), float(case.seen[i]), float(case.went[i]), float(noise[i])),
+        ),
+    ]
+
+
+def _of_the_law(case: _Case) -> list[Reason]:
+    """Readings that leave the law, all together or in an effect that is likely."""
+    found, claimed, unfit, lawless = case.found, case.claimed, case.unfit, case.lawless
+    # Of a rise that is nearly done no effect beside the law can say otherwise than its readings.
+    low, _, high = np.abs(claimed.steady - found.state[:, :1]).T
+    rise = np.abs(claimed.steady[:, 1] - found.initial)
+    with np.errstate(invalid="ignore"):
+        strong = (claimed.strong > RULES.strong) & ~(np.maximum(low, high) <= RULES.done * rise)
+
+    def leaves(i: int) -> str:
+        return f"the readings leave the law by more than machines do (p = {claimed.check_p[i]:.1g}): see thermofast diagnose"
+
+    def no_law(i: int) -> str:
+        left = rounded(float(found.misfit[i]))
+        return f"one exponential does not describe these readings ({left} K rms): see thermofast diagnose"
+
+    likely = "an effect beside the law is likely; the interval counts it, thermofast diagnose looks for it"
+    return [
+        Reason(unfit, leaves, unfit),
+        Reason(lawless & ~unfit, no_law, lawless),
+        Reason(strong & ~unfit & ~lawless, lambda _: likely, strong),
+    ]
+
+
+def _faded(case: _Case, tracks: Tracks, status: list[str]) -> Reason:
+    """That the filter began to forget; innovations of averaged readings are alike, which says nothing of the law."""
+
+    def say(i: int) -> str:
+        counts = "" if status[i] != "ok" else ", which the interval counts"
+        return f"the plain law fails from about {case.sensors.time[tracks.woke[i]]:.4g} min on{counts}"
+
+    return Reason(case.found.faded & ~case.claimed.other_rise & ~(case.claimed.averaged > 1), say)
+
+
+def _of_the_heat(case: _Case, changed_min: float | None) -> list[Reason]:
+    """A heat that did not stay, that has just changed, or that has hardly come."""
+    claimed = case.claimed
+    stayed = case.past.stayed_min if case.past is not None else np.inf
+    restless = claimed.other_rise & (stayed * case.slow < 1.0)
+    since = _since_change(claimed, case.past, changed_min, case.found)
+    with np.errstate(invalid="ignore"):
+        fresh = since * np.minimum(claimed.rate[:, 1], _median(claimed.rate[claimed.held, 1])) < RULES.fresh
+    behind = np.isfinite(claimed.behind)
+
+    def moved_on(i: int) -> str:
+        return (
+            f"the heat stayed for {rounded(stayed)} min at most, less than a time constant ({rounded(1.0 / case.slow[i])} min): "
+            "slower parts of the machine cannot be told; let it stay and measure on"
+        )
+
+    def changed(i: int) -> str:
+        return (
+            f"the load changed {rounded(float(since[i]))} min before the last reading: what it leads to shows after "
+            f"{rounded(RULES.fresh / claimed.rate[i, 1])} min; measure on"
+        )
+
+    def little(i: int) -> str:
+        share = rounded(100.0 * claimed.behind[i])
+        return f"it has moved by {share} % of what others have: heat may still be on its way to it; measure on"
+
+    return [Reason(restless, moved_on, restless), Reason(fresh, changed, fresh), Reason(behind, little, behind)]
+
+
+def _of_what_came_later(case: _Case) -> list[Reason]:
+    """What the run's other sensors, and a sensor's own last readings, say against one said to be quick or to have settled."""
+    found, claimed, sensors = case.found, case.claimed, case.sensors
+    haste, goes_on, jumped = np.isfinite(claimed.faster), case.goes_on, _jumped(found, sensors)
+    # Where the point that moved most shows a heat that is not constant, one that is said to have settled has it ahead.
+    uneven = (case.unfit | case.swings | case.lawless | goes_on | (case.leave > 0)) & ~claimed.known
+    with np.errstate(invalid="ignore"):
+        done = claimed.rate[:, 1] * (found.time - sensors.time[0]) > DONE
+    reaches = done & bool(uneven[int(np.argmax(case.went))]) & ~uneven & ~claimed.known
+    with np.errstate(invalid="ignore"):
+        hides = claimed.hides > RULES.hides
+
+    def quick(i: int) -> str:
+        return (
+            f"it would be {rounded(claimed.faster[i])} times as fast as others of the run, which have not settled: what these "
+            "still do may reach it, or what was read is no rise (a swing, a probe that came loose); measure on"
+        )
+
+    def moves(i: int) -> str:
+        return (
+            f"by the law it had settled after {rounded(DONE / claimed.rate[i, 1])} min, and it moved by "
+            f"{rounded(abs(claimed.moved[i]))} K since: more than the interval holds"
+        )
+
+    def jump(i: int) -> str:
+        return f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved or came loose?"
+
+    ahead = "the point that moved most shows a heat that is not constant, which may still reach this one"
+    slow = "a slow second mass may hide that moves the limit out of the interval; measure longer"
+    return [
+        Reason(haste, quick, haste),
+        Reason(goes_on, moves, goes_on),
+        Reason(jumped > 0, jump, jumped > 0),
+        Reason(reaches, lambda _: ahead, reaches),
+        Reason(hides, lambda _: slow, hides),
+    ]
+
+
+def _of_what_is_out(case: _Case) -> list[Reason]:
+    """Outliers, which say nothing against a sensor unless they are many, or the last readings."""
+    out, found, sensors = case.left, case.found, case.sensors
+    many = case.swings | (case.leave > 0)
+    if out.any():  # what a curve does that the law cannot follow, one by one, is no outlier of a probe
+        out = np.where(many, out, np.minimum(out, outlying(found, sensors).sum(axis=1)))
+
+    def left_out(i: int) -> str:
+        gone = int(case.leave[i])
+        return _left_out(int(out[i]), found.weights.shape[1], bool(case.swings[i]), gone, _since(sensors, found, gone))
+
+    return [Reason(out > 0, left_out, many)]
+
+
+def _noted(case: _Case) -> list[Reason]:
+    """What an interval counts, or takes for granted, and says."""
+    claimed, past = case.claimed, case.past
+    # What was changed in a machine bends its curve later: its past is believed until then, and the row says for how long.
+    believed = claimed.known & (past is not None and not past.guessed)
+    with np.errstate(invalid="ignore"):
+        believed &= case.until * claimed.rate[:, 1] < 1.0
+
+    def as_it_was(i: int) -> str:
+        then = rounded(1.0 / claimed.rate[i, 1])
+        return f"the machine is taken to be as it was: a change of its cooling may not show before {then} min"
+
+    averaged = np.asarray(claimed.averaged > 1)
+    return [
+        Reason(believed, as_it_was),
+        Reason(averaged, lambda i: f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts"),
+    ]
+
+
+def _still(case: _Case) -> NDArray[np.bool_]:
+    """Whether a sensor (S,) did not move by more than its noise."""
+    still = np.asarray(case.went < RULES.at_rest * case.found.noise)
+    for i in np.flatnonzero(still).tolist():  # what a law leaves that cannot follow the readings is no noise
+        noise = max(float(difference_noise(case.sensors.reading[i])), float(case.sensors.resolution[i]))
+        still[i] = case.went[i] < RULES.at_rest * noise
+    return still
 
 
 def law_verdicts(
@@ -250,7 +317,7 @@ def law_verdicts(
         too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
-    out, went = (found.weights == 0.0).sum(axis=1), _went(found, sensors)
+    out, far = (found.weights == 0.0).sum(axis=1), went(found, sensors)
     row = left_at_end(found.weights, sensors)
     swings, leave = _too_many(out, found), np.where(row >= RULES.last_alone, row, 0)
     doubted = doubted | swings | (leave > 0)
@@ -264,7 +331,7 @@ def law_verdicts(
         if not bounded[i]:
             said.insert(0, _open_side(found.one(i)))
         elif too_wide[i]:
-            said.insert(0, _wide_words(float(width[i]), float(seen[i]), float(went[i]), float(found.noise[i])))
+            said.insert(0, _wide_words(float(width[i]), float(seen[i]), float(far[i]), float(found.noise[i])))
         messages[i] = said
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
