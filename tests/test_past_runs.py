@@ -338,3 +338,20 @@ def test_identify_takes_the_shape_of_past_runs_where_effects_foretell_them_no_be
         told = tf.identify(tf.read(table), until=150.0, model=model)
         assert all(r.steady_state_lo_c < limit[k] < r.steady_state_hi_c for k, r in enumerate(told))
         assert ("its effects are left out here" in told[0].message) == model.file.past.without_effects
+
+
+def test_a_run_exported_in_another_unit_is_of_the_same_sensors():
+    def named(seed, unit):
+        table, _ = chain(seed, 1.0 + 0.05 * seed)
+        return {
+            "time_min" if n == "time_min" else f"{n} [{unit}]": v if n == "time_min" or unit == "°C" else 1.8 * v + 32.0
+            for n, v in table.items()
+        }
+
+    runs = [tf.read(named(seed, "°C"), name=f"run{seed}") for seed in range(2)]
+    model = tf.improve(runs, together=True).model
+    in_f = tf.read(named(5, "°F"), name="new")
+    told, same = (tf.identify(run, until=250.0, model=model) for run in (in_f, tf.read(named(5, "°C"), name="new")))
+    assert [r.channel for r in told] == ["T1 [°C]", "T3 [°C]", "T5 [°C]"]
+    assert [r.steady_state_c for r in told] == pytest.approx([r.steady_state_c for r in same], abs=0.01)
+    assert tf.changed(runs, in_f)[0].verdict == tf.changed(runs, tf.read(named(5, "°C"), name="new"))[0].verdict

@@ -85,7 +85,10 @@ def changed_runs(old: Sequence[Started], new: Sequence[Started], model: "Model |
     UsageError: runs that cannot be compared.
     """
     from ..analysis.changed import compare_runs
+    from ..reading.names import named_as
 
+    names = model.channels if model is not None else tuple(old[0][0].channels) if old else ()
+    old, new = ([(named_as(run, names), start) for run, start in runs] for runs in (old, new))
     records, difference = compare_runs(old, new, model)
     return Changes(tuple(records), tuple(run for run, _ in (*old, *new)), difference=difference)
 

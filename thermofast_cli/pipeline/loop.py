@@ -13,6 +13,7 @@ from ..errors import UsageError
 from ..machine.learnt import check_effects
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
+from ..reading.names import named_as
 from ..results import Comparison, Diagnosis, Improvement
 from ..workers.engine import Started, Work, over_runs, sharing
 from ..workers.pool import cores
@@ -46,6 +47,8 @@ def loop_tasks(
                 do="leave --drive out: the model file tells it",
             )
     long_enough(started, until_min)
+    if model is not None:
+        started = [(named_as(run, model.channels), start) for run, start in started]
     for run, _ in started:
         if drive is not None:
             check_drive(run, drive)

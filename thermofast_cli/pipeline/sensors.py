@@ -15,6 +15,7 @@ from ..estimation.sweep import SweptBlock
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..machine.jumps import uncounted
 from ..output.columns import Records
+from ..reading.names import named_as
 from ..reading.run import ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping
@@ -113,6 +114,8 @@ def identify_runs(
     if criterion is not None and method.paces:
         raise UsageError("--criterion is foretold at the rate of the readings, which --pace changes", do="leave one of them out")
     started, short = long_enough(started, until_min)
+    if model is not None:
+        started = [(named_as(run, model.channels), start) for run, start in started]
     if switch_off_min is not None:
         started = [(run, after_switch_off(run, start, switch_off_min)) for run, start in started]
     told: dict[str, Knowledge] = {}

@@ -2,13 +2,17 @@
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 
 from ..errors import InputError
+from .run import Run, renamed
 from .signs import names_a_set_point, names_the_room_alone, sign_of
 from .tables.dialect import NAME_WORDS, ROWS_ABOVE, UNIT_WORDS, Dialect, header_cells, is_process_line, is_unit_line, says, split
 from .units import parse_unit, unit_in_name
 from .vocabulary import DISPLACEMENTS, TIME, words
 
+#: A unit in brackets at the end of a name.
+_UNIT_BEHIND = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]$")
 #: The path of a sensor of a computer, and the unit of each kind.
 _PATH = re.compile(r"/[\w./%-]+/([a-z]+)/\d+")
 _KINDS = {
@@ -197,3 +201,22 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
         names.append(unique)
         taken.add(unique)
     return names, units
+
+
+def _bare(name: str) -> str:
+    """A sensor's name without the unit of its temperatures behind it."""
+    found = _UNIT_BEHIND.search(name)
+    unit = parse_unit(found[1]) if found else None
+    return name[: found.start()] if found and unit is not None and unit.temperature else name
+
+
+def named_as(run: Run, names: Iterable[str]) -> Run:
+    """The run with its sensors called as names has them where only the unit behind differs: the same probes, exported otherwise."""
+    wanted = [n for n in names if n not in run.channels]
+    spare = [c for c in run.channels if c not in names]
+    pairs = []
+    for name in wanted:
+        alike = [c for c in spare if _bare(c) == _bare(name)]
+        if len(alike) == 1 and sum(_bare(n) == _bare(name) for n in wanted) == 1:
+            pairs.append(f"{alike[0]}={name}")
+    return renamed(run, pairs) if pairs else run
