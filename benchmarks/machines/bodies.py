@@ -5,7 +5,8 @@ was read (in median times to 63 % of the sensors' rises): the share of rows that
 limit with room and load as they are, the median half-width over the rise, and the mean interval score (Winkler, 95 %) over the
 rise. Networks of heat capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones
 lean were chosen on such machines by another hand. --calibrated 12: after `calibrate` on twelve complete runs of other machines of
-each kind.
+each kind. --past 3: with a model of three complete runs of the same machine, each with a load (5 %, 1 sd), a room (1.5 K) and
+readings of its own; --auto: with the effects that `improve --together --auto` finds in them.
 
 rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
 two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
@@ -79,6 +80,19 @@ class Bodies:
         still = Bodies(**{**vars(self), "room": lambda _: self.steady_room})
         late = solve_ivp(still.slope, (0.0, 3e4), near, "LSODA", rtol=1e-8, atol=1e-7).y[:, -1]
         return np.asarray(root(lambda state: still.slope(0.0, state), late).x)
+
+    def again(self, rng: np.random.Generator) -> "Bodies":
+        """The same machine on another day: another load and another room, but where heat and room are of one piece (oven)."""
+        load, warmer = (1.0 + 0.05 * rng.standard_normal(), 1.5 * rng.standard_normal()) if len(self.capacity) != 9 else (1.0, 0.0)
+        heat, room = self.heat, self.room
+        return Bodies(
+            **{
+                **vars(self),
+                "heat": lambda state: load * heat(state),
+                "room": lambda time: room(time) + warmer,
+                "steady_room": self.steady_room + warmer,
+            }
+        )
 
 
 def linked(size: int, *links: tuple[int, int, float]) -> Array:
@@ -224,14 +238,24 @@ def measured(bodies: Bodies, rng: np.random.Generator, turns: float) -> Record:
     return Record(minutes, reading + noise * rng.standard_normal(reading.shape), limit, rise, turn)
 
 
-def rows_of(job: tuple[str, int, str | Imperfection, tuple[float, ...]]) -> list[tuple[str, float, bool, float, float]]:
+def of_its_past(kind: str, seed: int, runs: int, auto: bool) -> tf.Model:
+    """A model of so many complete runs of the machine that :func:`record` reads."""
+    past = []
+    for i in range(runs):
+        bodies = KINDS[kind](np.random.default_rng([seed, *map(ord, kind)]), kind)
+        rng = np.random.default_rng([seed, i + 1, *map(ord, kind)])
+        past.append(tf.read(measured(bodies.again(rng), rng, COMPLETE).table(LONGEST), name=f"run {i}"))
+    return tf.improve(past, together=True, auto=auto).model
+
+
+def rows_of(job: tuple[str, int, str | Imperfection, tuple[float, ...], int, bool]) -> list[tuple[str, float, bool, float, float]]:
     """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
-    kind, seed, prior, read = job
+    kind, seed, prior, read, runs, auto = job
     seen, found = record(kind, seed, max(read)), []
+    model = of_its_past(kind, seed, runs, auto) if runs else None
     for share in read:
-        for r, limit, rise in zip(
-            tf.identify(seen.table(share * seen.turn), imperfection=prior, jobs=1), seen.limit, seen.rise, strict=True
-        ):
+        told = tf.identify(seen.table(share * seen.turn), imperfection=prior, model=model, jobs=1)
+        for r, limit, rise in zip(told, seen.limit, seen.rise, strict=True):
             sides = [np.nan if side is None else (side - limit) / rise for side in (r.steady_state_lo_c, r.steady_state_hi_c)]
             bounded = bool(np.isfinite(sides).all())
             found.append((kind, share, r.status == "ok", *((min(sides), max(sides)) if bounded else (np.nan, np.nan))))
@@ -252,6 +276,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=70_000)
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--calibrated", type=int, default=0, help="complete runs of other machines of the kind to learn from")
+    parser.add_argument("--past", type=int, default=0, help="complete runs of the same machine to learn from")
+    parser.add_argument("--auto", action="store_true", help="and the effects that are found in them")
     parser.add_argument("--read", default=",".join(map(str, READ)), help="median times to 63 %% that are read")
     given = parser.parse_args()
     read = tuple(map(float, given.read.split(",")))
@@ -261,7 +287,7 @@ def main() -> None:
         priors: dict[str, str | Imperfection] = dict.fromkeys(kinds, "typical")
         if given.calibrated:
             priors |= zip(kinds, pool.map(learnt, [(kind, given.seed, given.calibrated) for kind in kinds]), strict=True)
-        jobs = [(kind, given.seed + i, priors[kind], read) for kind in kinds for i in range(given.each)]
+        jobs = [(kind, given.seed + i, priors[kind], read, given.past, given.auto) for kind in kinds for i in range(given.each)]
         for rows in pool.map(rows_of, jobs):
             for kind, share, ok, low, high in rows:
                 for name in (kind, "all"):

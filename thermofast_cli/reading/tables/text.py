@@ -340,6 +340,8 @@ def _all_floats(cells: list[str]) -> bool:
 
 def _without(values: Array, missing: frozenset[str], column: str) -> Array:
     """Numbers that the user said mean 'no reading' (85, -999) as nan; the time may be 0 all the same."""
+    if not missing:
+        return values
     numbers = [] if is_time_name(column) else [float(m) for m in missing if is_number(m, ".")]
     return np.where(np.isin(values, numbers), np.nan, values) if numbers else values
 
