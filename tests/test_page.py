@@ -181,10 +181,14 @@ def test_a_name_does_not_turn_the_words_that_follow_it():
 
 
 @pytest.mark.parametrize(
-    ("limit", "words"), [(40.0, "K below it, chance of exceeding it below 0.1 %."), (25.0, "K above it, chance of exceeding it ")]
+    ("limit", "does", "words"),
+    [
+        (40.0, "comes nearest to", "K below it, chance of exceeding it below 0.1 %."),
+        (25.0, "goes farthest beyond", "K above it, chance of exceeding it "),
+    ],
 )
-def test_the_verdict_tells_the_limit(limit, words):
+def test_the_verdict_tells_the_limit(limit, does, words):
     page = page_of(tf.identify("sample_runs/spindle.csv", until=120, channels="T1,T3", limit=limit))
     top = page[page.index('class="verdict"') :][:2000]
-    assert f"comes nearest to the limit of {limit:g} degC: " in top
+    assert f"{does} the limit of {limit:g} degC: " in top
     assert words in top

@@ -12,7 +12,7 @@ from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import SINK, Key, Model, Part
 
-TIME = np.arange(361.0)
+TIME = np.arange(0.0, 361.0, 3.0)
 EVENT = 150.0
 LOAD, COOLING = (next(e() for e in BUILT_IN if e.id == name) for name in ("load_step", "cooling_switch"))
 
