@@ -87,4 +87,5 @@ def test_on_a_machine_that_is_not_its_model_a_change_of_one_part_is_told_where_i
     table, _, event, who = record("heat", 1003, parts=True)
     told = tf.diagnose(tf.read(table)).to_frame()
     assert ["load_step" in verdict for verdict in told["verdict"]] == who.tolist()
+    assert told["status"][2] == "model_doubtful"  # what remains there is not explained
     assert told["parameters"][int(np.argmax(who))]["load_step.event"]["value"] == pytest.approx(event, abs=6.0)

@@ -67,7 +67,11 @@ class Parts:
 
         path = self.path(source, content)
         try:
-            marks = (papq.read_schema(path).metadata or {}) if path.exists() else {}
+            if not path.exists():
+                return None
+            # Read as a whole: a byte that went wrong in its middle shows by the checksum of its page.
+            whole = papq.ParquetFile(path, page_checksum_verification=True, pre_buffer=False).read(use_threads=False)
+            marks = whole.schema.metadata or {}
             return dict(json.loads(marks.get(LOST, b"{}"))) if marks.get(FAILED) == b"0" else None
         except (OSError, ValueError, pa.ArrowException):
             return None
@@ -92,7 +96,7 @@ class Parts:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"{path.parent}: cannot be made", found=str(error.strerror), do="choose another place") from None
-        write_whole(str(path), lambda p: papq.write_table(table, p, compression="zstd"), at_once=True)
+        write_whole(str(path), lambda p: papq.write_table(table, p, compression="zstd", write_page_checksum=True), at_once=True)
         for old in path.parent.glob(f"{_escaped(self._stem(source))}-*.parquet"):
             if old != path:
                 old.unlink(missing_ok=True)
