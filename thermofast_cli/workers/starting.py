@@ -1,5 +1,8 @@
-"""Loaded by the server of worker processes alone: a worker that is started after its parent has gone has nothing to say."""
+"""Loaded by the server of worker processes alone: a worker that is started after its parent has gone has nothing to say, and an
+interrupt is the parent's to answer, also while workers are still being made.
+"""
 
+import signal
 import sys
 from types import TracebackType
 
@@ -17,3 +20,4 @@ def _unless_orphaned(kind: type[BaseException], error: BaseException, trace: "Tr
 
 
 sys.excepthook = _unless_orphaned
+signal.signal(signal.SIGINT, signal.SIG_IGN)
