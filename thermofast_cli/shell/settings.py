@@ -21,6 +21,15 @@ CODE = {"filter_name": "--filter", "extra": "--effect", "effects": "--effects", 
 #: Options that say where to work, which is where code is run, and what is written; this is done in this folder alone.
 AFAR = ("--cluster", "--mpi")
 WRITTEN = ("--output", "--save-plot", "--jsonl", "--trace", "--write-effect", "--lab", "--key", "--write", "--denoise")
+#: The types of a settings file in words.
+KINDS = {
+    "array": "a list",
+    "str": "a text",
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "object": "a table",
+}
 
 
 def free_for_settings(path: str) -> None:
@@ -196,17 +205,6 @@ def _refuse_afar(option: click.Option, value: Any, target: str) -> None:
     allowed = "what you name: settings may come from somebody else" if said in AFAR else "a file of results below this folder"
     do = f"say {said} on the command line"
     raise UsageError(f"{target}: {said} {what}", found=repr(str(outside[0]) if outside else value)[:60], allowed=allowed, do=do)
-
-
-#: The types of a settings file in words.
-KINDS = {
-    "array": "a list",
-    "str": "a text",
-    "int": "a whole number",
-    "float": "a number",
-    "bool": "true or false",
-    "object": "a table",
-}
 
 
 def _in_words(error: str, raw: dict[str, Any]) -> str:
