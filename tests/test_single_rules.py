@@ -1,5 +1,7 @@
 """One rule, one number: what no longer test would notice."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -589,3 +591,56 @@ def test_a_cooling_without_noise_is_told_too():
     time = np.arange(1.0, 61.0)
     told = tf.identify(tf.read({"time_min": time, "T1 [degC]": 20.0 + 60.0 * np.exp(-time / 30.0)}), switch_off_at=-1.0)[0]
     assert told.switch_off_c == pytest.approx(80.0, abs=0.01)
+
+
+def test_an_interval_that_reaches_far_behind_the_beginning_determines_nothing():
+    from thermofast.estimation.verdicts import _undetermined
+
+    # Risen by 10 K from 20; fallen by 10 K from 60.
+    low, high = np.array([9.0, 11.0, 30.0, 30.0]), np.array([50.0, 50.0, 71.0, 69.0])
+    found = SimpleNamespace(
+        bounded=np.ones(4, dtype=bool),
+        steady_low=low,
+        steady_high=high,
+        initial=np.array([20.0, 20.0, 60.0, 60.0]),
+        state=np.array([[30.0], [30.0], [50.0], [50.0]]),
+        noise=np.full(4, 0.02),
+    )
+    case = SimpleNamespace(found=found, width=high - low, seen=np.full(4, 10.0), went=np.full(4, 10.0))
+    reasons = _undetermined(case, np.zeros(4, dtype=bool))
+    assert [reason.where.tolist() for reason in reasons] == [[False] * 4, [False] * 4, [True, False, True, False]]
+    assert "from 11 K behind where it began on" in reasons[2].say(0)
+    assert not _undetermined(case, np.ones(4, dtype=bool))[2].where.any()  # it comes back there
+
+
+def test_a_sweep_with_a_model_counts_its_times_from_the_first_reading():
+    idle, at_once = law(260.0, 60.0), law(200.0)
+    model = tf.improve(tf.read({"time_min": at_once[0], "a": at_once[1]})).model
+    told = tf.sweep({"time_min": idle[0], "a": idle[1]}, windows=(220.0,), times=(50.0, 100.0, 130.0), start=60.0, model=model)[0]
+    same = tf.sweep({"time_min": at_once[0], "a": at_once[1]}, windows=(160.0,), times=(40.0, 70.0), start=0.0, model=model)[0]
+    assert told.best_time_min == same.best_time_min + 60.0 == 130.0
+    assert told.rmse_c == pytest.approx(same.rmse_c, rel=0.05)
+
+
+def test_the_maker_of_workers_leaves_an_interrupt_to_their_parent():
+    code = "import signal, thermofast.workers.starting as s; print(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True\n"
+
+
+def test_mpi_that_somebody_else_has_loaded_hands_nothing_out(monkeypatch):
+    from thermofast.workers.cluster import Local, crew_of
+
+    monkeypatch.setitem(sys.modules, "mpi4py.futures", SimpleNamespace())
+    crew = crew_of(None)
+    assert isinstance(crew, Local)
+    crew.close()
+
+
+def test_effects_of_which_no_sensor_is_known_are_not_judged():
+    from thermofast.discovery.loop import LoopTask
+    from thermofast.machine.foretold import _told
+    from thermofast.models.imperfection import Past
+
+    time, reading = law(100.0)
+    assert _told(LoopTask(tf.read({"time_min": time, "a": reading})), 50.0, Past({}), True) == {}

@@ -177,8 +177,8 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
     origins = [learnt_from(r.prepared.seen, r.task.run.name, r.prepared.readings, r.task.until_min) for r in runs]
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
-    plain = [run_learnt_from(f, r.prepared.whole) for f, r in zip(stages[0].fits, runs, strict=True)]
     if len(stages) > 1:
+        plain = [run_learnt_from(f, r.prepared.whole) for f, r in zip(stages[0].fits, runs, strict=True)]
         by = from_first_part(learnt, [r.task for r in runs], plain)
         kept = learnt_past(plain) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
         learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape))

@@ -155,12 +155,20 @@ def _undetermined(case: _Case, back: NDArray[np.bool_]) -> list[Reason]:
         wide = case.width > RULES.widest * np.maximum(case.seen, 4.0 * noise)
         short = np.where(rises, found.initial - found.steady_low, found.steady_high - found.initial)
         behind = ~back & (short > RULES.backwards * np.maximum(case.seen, 4.0 * noise))
+
+    def backwards(i: int) -> str:
+        return (
+            f"the steady state is known only to within {case.width[i]:.3g} K, from {short[i]:.3g} K behind where it began on: "
+            "these readings hardly say that it moves on; measure longer"
+        )
+
     return [
         Reason(~bounded, lambda i: _open_side(found.one(i))),
         Reason(
-            bounded & (wide | behind),
+            bounded & wide,
             lambda i: _wide_words(float(case.width[i]), float(case.seen[i]), float(case.went[i]), float(noise[i])),
         ),
+        Reason(bounded & ~wide & behind, backwards),
     ]
 
 

@@ -77,16 +77,19 @@ def _told(task: LoopTask, until: float, past: Past, with_room: bool) -> dict[str
     """Of the sensors of a run that the past knows and of which both sides are told."""
     run = task.run
     channels = tuple(c for c in run.channels if c in past.shapes)
+    if not channels:
+        return {}
     values, minutes = np.stack([run.channels[c] for c in channels]), run.time_s / 60.0
     method, at = Method(Lump(), Afukf(), past=past), float(minutes[-LAST:].mean()) - task.start_min
     room = run.room if with_room else None
     records = identify_sensors(run.name, channels, minutes, values, method, until, task.start_min, at_min=at, room=room).records
     found = {}
     for record, row in zip(records, values, strict=True):
-        end, span = float(np.nanmean(row[-LAST:])), float(np.nanmax(row) - np.nanmin(row))
+        last = row[-LAST:][np.isfinite(row[-LAST:])]
         low, middle, high = record.at_lo_c, record.at_c, record.at_hi_c
-        if low is not None and middle is not None and high is not None and span > 0.0:
+        if low is not None and middle is not None and high is not None and len(last):
+            end, span = float(last.mean()), float(np.nanmax(row) - np.nanmin(row))
             outside = max(low - end, 0.0) + max(end - high, 0.0)
             half = max(middle - low if end < middle else high - middle, 1e-9)
-            found[record.channel] = _Told((high - low + OUTSIDE * outside) / span, 1.96 * (end - middle) / half)
+            found[record.channel] = _Told((high - low + OUTSIDE * outside) / max(span, 1e-9), 1.96 * (end - middle) / half)
     return found

@@ -292,7 +292,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
     if task.drive is None and (not file.effects or (file.past is not None and file.past.without_effects)):
         if file.effects:
-            notes.append("its effects are left out here: from their first part its runs were foretold better by their shape")
+            left_out = "its effects are left out here: from their first part its runs were foretold better by their shape"
+            notes = [_said((), task.model.source, past.runs), left_out, *notes[1:]]
         return Knowledge(name, past, tuple(notes))
     _, prepared = ready(task)
     if prepared is None or _too_few(prepared):
