@@ -1,6 +1,7 @@
 """A cause that only some sensors share: the motor or the coolant of one part of the machine."""
 
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from benchmarks.analysis.room_steps import record
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import SINK, Key, Model, Part
+from thermofast.models.joint import fit_model
+from thermofast.models.search.candidates import places, trials, try_add
+from thermofast.models.search.discover import _arbitrary
 
 TIME = np.arange(0.0, 361.0, 3.0)
 EVENT = 150.0
@@ -89,3 +93,28 @@ def test_on_a_machine_that_is_not_its_model_a_change_of_one_part_is_told_where_i
     assert ["load_step" in verdict for verdict in told["verdict"]] == who.tolist()
     assert told["status"][2] == "model_doubtful"  # what remains there is not explained
     assert told["parameters"][int(np.argmax(who))]["load_step.event"]["value"] == pytest.approx(event, abs=6.0)
+
+
+def test_a_neighbour_that_is_warmed_by_the_part_has_no_part_in_it():
+    table, _, _, who = record("heat", 1005, parts=True)
+    base = fit_model(observe(tf.read(table)).seen)
+    found = try_add(base, LOAD)
+    assert found.parts[-1].concerned == tuple(who.tolist()) == (False, True, False, False)
+    # Where it acts was chosen among as many parts of so many sensors.
+    assert places(found.parts[-1], base.run) == 4.0 * trials(LOAD, base.run)
+    assert places(Part(LOAD, found.parts[-1].choice), base.run) == trials(LOAD, base.run)
+
+
+def test_two_effects_of_one_sensor_draw_nearly_anything():
+    """A load of all sensors stands for itself; one of a single sensor, beside another effect of that sensor, is no finding."""
+    lag = SimpleNamespace(scope="sensor", event=None, id="sensor_lag")
+    load = SimpleNamespace(scope="run", event=None, id="load")
+    base = SimpleNamespace(model=SimpleNamespace(parts=()), run=SimpleNamespace(sensors=3))
+
+    def pair(concerned):
+        who = np.ones(3, dtype=bool) if concerned is None else np.array(concerned)
+        parts = [SimpleNamespace(effect=lag, concerned=(True, False, False), concerns=lambda n: np.array([True, False, False]))]
+        return SimpleNamespace(parts=[*parts, SimpleNamespace(effect=load, concerned=concerned, concerns=lambda n: who)])
+
+    assert _arbitrary(base, pair((True, False, False)), [])
+    assert not _arbitrary(base, pair(None), [])

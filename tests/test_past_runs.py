@@ -11,7 +11,10 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from benchmarks.intervals.two_masses import machine
+from thermofast.discovery.observe import observe
+from thermofast.discovery.together import _foretold
 from thermofast.models import Observations
+from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import (
     FAST_MODES,
     NONE,
@@ -28,6 +31,7 @@ from thermofast.models.imperfection.known import Known, modes
 from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID
 from thermofast.models.imperfection.shapes import loss_bend
 from thermofast.models.joint import LEVEL, RATE, fit_model
+from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import fit_together, pool
 
 TIME = np.arange(0.0, 420.0, 1.0)
@@ -355,3 +359,13 @@ def test_a_run_exported_in_another_unit_is_of_the_same_sensors():
     assert [r.channel for r in told] == ["T1 [°C]", "T3 [°C]", "T5 [°C]"]
     assert [r.steady_state_c for r in told] == pytest.approx([r.steady_state_c for r in same], abs=0.01)
     assert tf.changed(runs, in_f)[0].verdict == tf.changed(runs, tf.read(named(5, "°C"), name="new"))[0].verdict
+
+
+def test_runs_left_out_are_foretold_without_what_was_read_of_neighbours_later():
+    seen = observe(tf.read(chain(1, 1.0)[0])).seen
+    first = seen.until(200.0)
+    link = next(e() for e in BUILT_IN if e.id == "neighbour_heat")
+    fit = try_add(fit_model(first), link).fit
+    other = replace(seen, reading=np.where(seen.time > 200.0, seen.reading + 5.0, seen.reading))
+    assert _foretold(fit, other, first) == pytest.approx(_foretold(fit, seen, first), abs=0.02)
+    assert np.abs(fit.curve - _foretold(fit, seen, first)).max() > 0.02

@@ -311,12 +311,12 @@ def test_a_wide_table_with_rows_of_one_cell_is_refused():
     text = (
         ",".join(f"c{i}" for i in range(250))
         + "\n"
-        + (",".join(["1"] * 250) + "\n") * 40
-        + "7\n" * 3
+        + (",".join(["1"] * 250) + "\n") * 32
+        + "7\n" * 32
         + ",".join(["1"] * 250)
         + "\n"
     )
-    with pytest.raises(InputError, match=r"line 42: the row has 1 cells, the others 250"):
+    with pytest.raises(InputError, match=r"line 34: the row has 1 cells, the others 250"):
         read_text(text.encode(), "wide.csv", Options())
 
 

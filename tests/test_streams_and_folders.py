@@ -43,6 +43,7 @@ def names(*given, aside=None):
 
 def test_links_are_followed_once_and_a_file_is_read_under_its_own_name(tree):
     (tree / "a" / "again.csv").symlink_to(tree / "b" / "run.csv")
+    (tree / "b" / "zz.csv").symlink_to(tree / "a" / "run.csv")
     (tree / "c").symlink_to(tree.parent / "far")
     (tree / "round").symlink_to(tree)
     assert names(tree) == ["a/run.csv", "b/run.csv", "c/run.csv"]
