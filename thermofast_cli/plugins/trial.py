@@ -23,6 +23,8 @@ OFF_GRID = 0.0137  # of a range: between two readings of the trial
 LONGEST_NAME = 80
 #: Shares of its range by which a parameter of the trial is moved to see whether it does anything, and the least that this is [K].
 MOVES, LEAST_MOVED = (0.2, -0.2, 0.5, -0.5, 0.9, -0.9), 1e-9
+#: Calls with the same values: chance in an effect may well give the same curve twice, where it decides of little.
+TIMES_AGAIN = 12
 
 
 def guarded_call(effect: Effect) -> Any:
@@ -88,7 +90,8 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
                 allowed="a change of what is there, as drive.heat = drive.heat + ...",
                 do="add to drive.heat, drive.loss and drive.sink, and never assign what begins anew",
             )
-        if not np.array_equal(one, _curves(effect, run, values, choice.constants, by_row), equal_nan=True):
+        again = (_curves(effect, run, values, choice.constants, by_row) for _ in range(TIMES_AGAIN))
+        if not all(np.array_equal(one, curves, equal_nan=True) for curves in again):
             raise PluginError(
                 f"{origin}: the same values give another curve each time", do="take chance and time of day out of apply"
             )
