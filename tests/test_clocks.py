@@ -7,7 +7,9 @@ import pytest
 
 import thermofast as tf
 from thermofast.errors import InputError, UsageError
+from thermofast.reading.moments.order import clock_change
 from thermofast.reading.signs import sign_of
+from thermofast.reading.tables.lines import AT_ONCE, begins_of_lines, newlines
 from thermofast.reading.values.marks import bad_by
 
 COUNT = 120
@@ -489,3 +491,62 @@ def test_elapsed_times_with_their_units_between(tmp_path, form, late):
     run = tf.read(written(tmp_path, "elapsed,front [°C]", rows))
     np.testing.assert_allclose(run.time_s, SECONDS, atol=1e-6)
     assert list(run.channels) == ["front [°C]"]
+
+
+@pytest.mark.parametrize("last", ["9999-12-31 23:59:00", "6025-01-24 14:18:00"])
+def test_a_gap_to_the_end_of_the_calendar_is_refused_in_words(tmp_path, last):
+    rows = [f"{moment(s, datetime(2025, 1, 24, 14))},{x:.3f}" for s, x in zip(SECONDS, FRONT, strict=True)]
+    end = datetime.fromisoformat(last)
+    rows += [f"{end - timedelta(minutes=30 - k)},{28 + 0.001 * k:.3f}" for k in range(30)]
+    with pytest.raises(InputError, match=r"line 122: the time jumps by \d+\.\d years"):
+        tf.read(written(tmp_path, "time,front [°C]", rows))
+    assert clock_change(np.array([*range(9), 8e12]) * 60.0, (1.7e9,)) == (pytest.approx(np.array([*range(9), 8e12]) * 60.0), None)
+
+
+GLITCHES = {
+    "a clock that fell back to its beginning": ([50], ["2000-01-01 00:00:05"], "by up to 25 years, in line 52"),
+    "a counter that ran over": ([50, 51], ["2036-02-07 06:28:16", "2036-02-07 06:28:18"], "by up to 11 years, in lines 52, 53"),
+    "a stamp with a digit too many": ([70], ["2025025-01-24 14:27:32"], "by up to 270000 years, in line 72"),
+    "an hour ahead": ([30], ["2025-01-24 15:30:00"], "by up to 60 min, in line 32"),
+    "two at once": ([20, 90], ["2025-01-23 14:20:00", "2025-01-24 14:12:30"], "by up to 24 h, in lines 22, 92"),
+}
+
+
+@pytest.mark.parametrize("which", GLITCHES)
+def test_a_clock_that_is_wrong_for_a_moment(tmp_path, which):
+    at, stamps, told = GLITCHES[which]
+    clock = [moment(s, datetime(2025, 1, 24, 14)) for s in SECONDS]
+    for k, stamp in zip(at, stamps, strict=True):
+        clock[k] = stamp
+    run = tf.read(written(tmp_path, "time,front [°C]", [f"{c},{x:.3f}" for c, x in zip(clock, FRONT, strict=True)]))
+    np.testing.assert_allclose(run.time_s, np.delete(SECONDS, at))
+    np.testing.assert_allclose(run.channels["front [°C]"], np.delete(FRONT, at), atol=6e-4)
+    assert [g.text for g in run.guesses if "wrong for a moment" in g.text] == [
+        f"the clock was wrong for a moment, {told}: left out"
+    ]
+
+
+@pytest.mark.parametrize("moved", [(50, 10), (10, 50), (60, 61), (119, 40)])
+def test_rows_that_came_late_are_put_where_they_belong(tmp_path, moved):
+    order = list(range(COUNT))
+    order.insert(moved[1], order.pop(moved[0]))
+    run = tf.read(written(tmp_path, "time_s,front [°C]", [f"{SECONDS[k]:g},{FRONT[k]:.3f}" for k in order]))
+    np.testing.assert_array_equal(run.time_s, SECONDS)
+    np.testing.assert_allclose(run.channels["front [°C]"], FRONT, atol=6e-4)
+    assert not run.guesses
+
+
+def test_rows_in_each_others_place_are_exchanged(tmp_path):
+    order = list(range(COUNT))
+    order[20], order[65] = order[65], order[20]
+    run = tf.read(written(tmp_path, "time_s,front [°C]", [f"{SECONDS[k]:g},{FRONT[k]:.3f}" for k in order]))
+    np.testing.assert_array_equal(run.time_s, SECONDS)
+
+
+def test_lines_are_counted_over_the_pieces_in_which_a_text_is_looked_at():
+    text = b"".join(b"%d;1,5\n" % k + (b";\n" if k % 9000 == 8999 else b"") for k in range(20_000))
+    assert len(text) > 2 * AT_ONCE
+    assert newlines(text, len(text)) == text.count(b"\n")
+    assert newlines(text, 70_001) == text.count(b"\n", 0, 70_001)
+    assert begins_of_lines(text) == set(b"0123456789;")
+    assert begins_of_lines(b"a\n" * AT_ONCE + b" ") == set(b"a ")  # the last piece is one byte

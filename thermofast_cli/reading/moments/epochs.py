@@ -1,10 +1,15 @@
 """Numbers that are moments: epochs, ticks of programs, serial days of a spreadsheet, dates and clocks of archives."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 
 from ..run import Array
 from .stamps import DAY_S
 
+#: From when stamps are counted, and the first and last moment that calendars and their zones have, in seconds from there.
+BEGIN = datetime(1970, 1, 1)
+FIRST_S, LAST_S = ((moment - BEGIN).total_seconds() for moment in (datetime(1, 1, 3), datetime(9999, 12, 29)))
 UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY_S}
 #: 2000 to 2100 as an epoch in seconds, and as serial days of a spreadsheet.
 EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
@@ -41,3 +46,8 @@ def serial(values: Array) -> bool:
 def ticks_of(column: Array) -> str:
     """What counts in steps of 100 ns, in words; empty where the numbers (n,) are no such moments."""
     return next((what for what, (low, high) in TICKS.items() if low <= column.min() and column.max() <= high), "")
+
+
+def calendar(seconds: float) -> datetime:
+    """The moment so many seconds after the beginning of 1970; of one that no calendar has, the nearest that it has."""
+    return BEGIN + timedelta(seconds=min(max(seconds, FIRST_S), LAST_S))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 from ...errors import InputError, UsageError, listed
 from ..run import Array, Guess
 from ..tables.table import Table
+from .epochs import calendar
+from .glitches import without_glitches
 from .stamps import looks_like_stamp, parse_stamps, plain
 from .times import Time, is_time_name
 
@@ -100,6 +101,10 @@ def _runs(
     guesses: list[Guess],
 ) -> list[Stretch]:
     """The runs of rows in the order in which they were written."""
+    kept, wrong = without_glitches(time, lines)
+    if wrong:
+        time, columns, lines = time[kept], {n: c[kept] for n, c in columns.items()}, np.asarray(lines)[kept].tolist()
+        guesses += wrong
     time, halves = half_days(time) if dated else (time, None)
     guesses += [halves] if halves else []
     if starts:
@@ -352,7 +357,7 @@ def clock_change(time: Array, starts: tuple[float, ...]) -> tuple[Array, Guess |
     words = []
     for i in np.flatnonzero(np.abs(np.abs(step - usual) - HOUR_S) <= near):
         set_back = step[i] < usual
-        moments = [datetime(1970, 1, 1) + timedelta(seconds=start + float(time[i + 1])) for start in starts]
+        moments = [calendar(start + float(time[i + 1])) for start in starts]
         likely = [m for m in moments if m.weekday() == 6 and m.month in (3, 4, 9, 10, 11) and 0 <= m.hour <= 4]
         if not set_back and not likely:
             continue  # a gap of an hour on any other day is a gap
@@ -372,7 +377,7 @@ def _hidden_hour(time: Array, step: Array, starts: tuple[float, ...], usual: flo
     """What to say of a gap that holds all of an hour which no wall clock told: from two to three on a Sunday in March or April."""
     for i in np.flatnonzero(step > max(HOUR_S, 1.5 * usual)).tolist():
         for start in starts:
-            before, after = (datetime(1970, 1, 1) + timedelta(seconds=start + float(time[k])) for k in (i, i + 1))
+            before, after = (calendar(start + float(time[k])) for k in (i, i + 1))
             spring = before.date() == after.date() and before.weekday() == 6 and before.month in (3, 4)
             if spring and before.hour < 2 and after.hour >= 3:
                 text = (

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import replace
-from datetime import datetime, timedelta
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 
 from ...errors import UsageError
 from ..run import Array, Guess
+from .epochs import calendar
 from .times import Time
 
 CELL_S = 900.0  # zones change their clocks at multiples of this
@@ -34,7 +34,7 @@ def in_zone(time: Time, zone: str, name: str) -> Time:
     ways = [_moments(clock, start + time.seconds) for start in time.wall]
     real = [way for way in ways if way is not None]
     if not real:
-        skipped = datetime(1970, 1, 1) + timedelta(seconds=_skipped(clock, time.wall[0] + time.seconds))
+        skipped = calendar(_skipped(clock, time.wall[0] + time.seconds))
         raise UsageError(
             f"{name}: --tz {zone}: a time that its clock never shows",
             found=f"{skipped:%Y-%m-%d %H:%M:%S}, where it was set forward",
@@ -89,6 +89,6 @@ def _unusual(seconds: Array) -> int:
 
 def _offset(clock: ZoneInfo, local: float, fold: int) -> float:
     """Seconds by which a zone's clock that shows `local` [s since 1970] is ahead of UTC."""
-    shown = (datetime(1970, 1, 1) + timedelta(seconds=local)).replace(tzinfo=clock, fold=fold)
+    shown = calendar(local).replace(tzinfo=clock, fold=fold)
     ahead = shown.utcoffset()
     return ahead.total_seconds() if ahead is not None else 0.0

@@ -33,6 +33,9 @@ MISSING = frozenset(
 )  # fmt: skip
 #: A line that begins so is a comment, or the names.
 COMMENT = frozenset("#%")
+#: Every digit as a one, which is right in each place of a stamp; what parts cells in one text; and the words above so.
+_ONES, _CELL_END = str.maketrans("023456789", "1" * 9), "\x1f"
+_MISSING_SHAPES = frozenset(m.translate(_ONES) for m in MISSING)
 DELIMITERS = ("\t", ";", ",", "|", " ")
 SAMPLE_LINES = 400
 csv.field_size_limit(1 << 30)  # a row of thirty thousand cells, read with the wrong delimiter, is one cell
@@ -145,14 +148,20 @@ def to_number(cell: str, decimal: str) -> float:
 
 
 def _data_like(cells: list[str], decimal: str) -> bool:
-    cells = cells[:SAMPLE_CELLS]
+    """Whether a row holds readings. Rows that differ in their digits only are alike, and looked at once."""
+    return _shape_of_data(_CELL_END.join(cells[:SAMPLE_CELLS]).translate(_ONES), decimal)
+
+
+@functools.lru_cache(maxsize=4096)
+def _shape_of_data(row: str, decimal: str) -> bool:
+    cells = row.split(_CELL_END)
     if (
         cells[0].strip().lower() in TIME
         or re.match(r"\s*[tT] ?[\[(][a-z]+[\])]\s*$", cells[0])
         or (not re.search(r"\d", cells[0]) and set(words(cells[0])) & TIME)
     ) and not any(_VALUE.search(c) for c in cells[1:]):
         return False  # names, be they the numbers of channels: Date,Time,ms,0001,0002 or Time [h],101,102
-    told = [c for c in cells if not is_missing(c) and parse_unit(c) is None]
+    told = [c for c in cells if c.strip().lower() not in _MISSING_SHAPES and parse_unit(c) is None]
     numbers = sum(is_number(c, decimal) for c in told)
     stamps = sum(looks_like_stamp(c) for c in told if c[:1].isdigit() or c[1:2].isdigit())
     # Cells as "21.3 °C" hold readings too, but a row of them alone decides nothing.
@@ -195,8 +204,9 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
     best: tuple[float, Dialect] | None = None
     for delimiter in (options.delimiter,) if options.delimiter else DELIMITERS:
         decimals = (options.decimal,) if options.decimal else (".", ",")
+        rows = [split(line, delimiter) if line.strip() and line[:1] not in COMMENT else [] for line in lines]
         for decimal in decimals:
-            found = _layout(lines, delimiter, decimal, encoding, options)
+            found = _layout(lines, rows, delimiter, decimal, encoding, options)
             # Prefer more numbers read, then a delimiter that leaves nothing inside its cells.
             if found and (best is None or found[0] > best[0] + 1e-9):
                 best = found
@@ -211,8 +221,9 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
     return best[1]
 
 
-def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, options: Options) -> tuple[float, Dialect] | None:
-    rows = [split(line, delimiter) if line.strip() and line[:1] not in COMMENT else [] for line in lines]
+def _layout(
+    lines: list[str], rows: list[list[str]], delimiter: str, decimal: str, encoding: str, options: Options
+) -> tuple[float, Dialect] | None:
     labels = next((i for i, row in enumerate(rows) if row and row[0].strip() == "Y_Unit_Label"), None)
     # A LabVIEW measurement file says where its header ends; the numbers above are settings.
     ends = max((i for i, line in enumerate(lines) if line.startswith("***End_of_Header***")), default=-1)
@@ -249,14 +260,19 @@ def _layout(lines: list[str], delimiter: str, decimal: str, encoding: str, optio
         )
     explained = len(data) / max(sum(1 for row in rows if row), 1)
     cells = [c for i in data[:100] if i >= first for c in rows[i][:SAMPLE_CELLS]]
-    told_cells = [c for c in cells if not is_missing(c)]
-    numbers = sum(is_number(c, decimal) or looks_like_stamp(c) or number_within(c, decimal) is not None for c in told_cells)
-    share = numbers / max(len(told_cells), 1)
+    told = [c for c in (cell.translate(_ONES) for cell in cells) if c.strip().lower() not in _MISSING_SHAPES]
+    share = sum(_tells(c, decimal) for c in told) / max(len(told), 1)
     fits = header is not None and len(header_cells(lines[header], delimiter)) == width
     score = share * explained * min(width, 1000) ** 0.25 + (0.1 if fits else 0.0)
     if delimiter == " " and ((header is not None and not fits) or all("\t" in lines[i] for i in data)):
         score *= 0.8  # a blank stands within stamps and names too
     return score, Dialect(encoding, delimiter, decimal, header, units, first, width)
+
+
+@functools.lru_cache(maxsize=8192)
+def _tells(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number, a stamp, or a number with its unit."""
+    return is_number(cell, decimal) or looks_like_stamp(cell) or number_within(cell, decimal) is not None
 
 
 def says(cells: list[str], words: frozenset[str]) -> bool:
