@@ -234,6 +234,7 @@ cdef inline void judge(Case* case, Rule* m, double* p, const double* p0, Py_ssiz
                 p[i * stride] *= u
                 p[i * n * stride] *= u
             s = p[0] + 1.0
+            m.forgotten += log(alpha)
         else:
             alpha = 1.0
         m.seen += 1.0

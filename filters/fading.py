@@ -138,6 +138,7 @@ class InnovationFading(FadingRule):
             factor[0] = math.sqrt(alpha)
             p = p * np.outer(factor, factor)
             s = p[0, 0] + 1.0
+            m.forgotten += math.log(alpha)
         m.seen += 1.0
         m.scale += (min(nu2, 9.0) * m.scale - m.scale) / m.seen
         return Update(*joseph(state, p, e, s, 1.0), s * m.scale, alpha, added * m.scale)

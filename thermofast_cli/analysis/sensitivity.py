@@ -167,7 +167,8 @@ def _plain_factors(
     stamps = back @ np.diag((slope[inside] * sizes.jitter / 60.0) ** 2) @ back.T
     noise_root, stamp_root = covariance_root(centre.covariance), covariance_root(stamps)
     # The room warms in a straight line while the readings are taken, and the lump follows by its own rate.
-    lagged = _lagged_ramp(time, until, rate)
+    since = time - time[0]
+    lagged = _lagged_ramp(since, until - time[0], rate)
     factors = [
         Factor("probe noise", centre.noise, "K", 3),
         Factor("time stamps", sizes.jitter, "s", 3),
@@ -180,7 +181,7 @@ def _plain_factors(
     def change(point: Array) -> tuple[Array, float]:
         noise, stamp, (offset, start, room, minutes) = point[:3], point[3:6], point[6:]
         added = by_state @ (noise_root @ noise + stamp_root @ stamp)
-        added = added + offset * sizes.offset + start * sizes.start * np.exp(-rate * time) + room * sizes.room * lagged
+        added = added + offset * sizes.offset + start * sizes.start * np.exp(-rate * since) + room * sizes.room * lagged
         return sensor.reading + added, until + minutes * sizes.until
 
     return factors, change

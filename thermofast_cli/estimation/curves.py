@@ -35,6 +35,11 @@ class Curves:
     trace: dict[str, Array]
 
 
+def drawn_to(begin: float, end: float, t95: float) -> float:
+    """Until when a rise is drawn [min of the run]: until it has settled, or five times as long as it was read."""
+    return begin + min(max(end - begin, 1.1 * t95), 5.0 * (end - begin))
+
+
 def curves_of(
     record: IdentifyRecord,
     sensor: Sensor,
@@ -51,10 +56,10 @@ def curves_of(
     count: readings used; claimed, row: what may be claimed of the sensor, where the machine is counted; room_c [degC]: the room at
     the last of them, where it is logged.
     """
-    end = float(sensor.time[-1])
+    begin, end = float(sensor.time[0]), float(sensor.time[-1])
     if count == len(sensor.time) and estimate.t95 is not None:
-        end = min(max(end, 1.1 * estimate.t95), 5.0 * end)
-    grid = np.linspace(float(sensor.time[0]), end, 300)
+        end = drawn_to(begin, end, estimate.t95)
+    grid = np.linspace(begin, end, 300)
     curve = estimate.free_run(grid)
     if claimed is not None and claimed.held[row]:
         low, curve, high = (side[row] for side in claimed.curves(grid, drawn=True))

@@ -20,7 +20,7 @@ from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
 from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
-from .curves import Curves, curves_of, trace_columns
+from .curves import Curves, curves_of, drawn_to, trace_columns
 from .estimate import Estimates, FilterError, Model, remaining
 from .imperfect import Claims, Closed, claims, said_of_slow, times_asked, together_of, why_let_go, without_past
 from .measured import (
@@ -208,9 +208,10 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
         usable = np.array([k not in opened[i].broken for k in range(len(job.sensors))])
         closed.append(Closed(job.sensors, job.count, found, usable, job.surroundings))
         if job.want_trace:
-            end = float(job.sensors.time[-1])
-            settled = np.nanmax(np.append(found.t95, end))
-            drawn = max(drawn or 0.0, min(1.1 * float(settled), 5.0 * end) if job.count == len(job.sensors.time) else end)
+            begin, end = float(job.sensors.time[0]), float(job.sensors.time[-1])
+            if job.count == len(job.sensors.time):
+                end = drawn_to(begin, end, float(np.nanmax(np.append(found.t95, 0.0))))
+            drawn = (begin, end) if drawn is None else (min(drawn[0], begin), max(drawn[1], end))
     first = jobs[live[0]]
     at_min = None if first.at_min is None else first.at_min + first.start_min
     end = float(first.time_min[-1])

@@ -112,7 +112,8 @@ class Claims:
         """
         some = np.ones_like(self.ahead) if drawn else self.ahead
         rate = np.where(self.held, self.rate[:, 1], 1.0)[:, None]
-        there, asked = -np.expm1(-rate * times), -np.expm1(-rate * self.times[some])
+        first = min(times.min(initial=np.inf), self.times[some].min(initial=np.inf))  # the run may have idled for hours
+        there, asked = (-np.expm1(-rate * (minutes - first)) for minutes in (times, self.times[some]))
         sides = np.moveaxis(self.at[:, some], 2, 0)
         low, middle, high = (np.array([np.interp(*line) for line in zip(there, asked, side, strict=True)]) for side in sides)
         return low, middle, high
@@ -340,18 +341,18 @@ def _trips(
 
 
 def times_asked(
-    last: float, end: float, at_min: float | None, drawn_until: float | None, cornered: bool = False
+    last: float, end: float, at_min: float | None, drawn: tuple[float, float] | None, cornered: bool = False
 ) -> tuple[Array, NDArray[np.bool_]]:
     """When temperatures are asked for (k,) [min], and which of them (k,) lie over the readings from `last` to `end`.
 
-    The others are for a picture and at a named time; more where the rise has corners.
+    The others are for a picture, from when to when it is drawn, and at a named time; more where the rise has corners.
     """
     times: list[float] = []
     if end > last:
         times += (last + (end - last) * np.linspace(0.0, 1.0, CORNERED if cornered else AHEAD) ** 1.5).tolist()
     over = set(np.round(times, 9).tolist())
-    if drawn_until is not None:
-        times += np.linspace(0.0, max(end, drawn_until), CORNERED if cornered else DRAWN).tolist()
+    if drawn is not None:
+        times += np.linspace(drawn[0], max(end, drawn[1]), CORNERED if cornered else DRAWN).tolist()
     if at_min is not None:
         times.append(at_min)
     asked = np.unique(np.round(times, 9)) if times else np.zeros(0)

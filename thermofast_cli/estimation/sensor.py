@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 BLOCKS = 120
 #: How much longer each beginning is in which a start is looked for.
 LONGER = 1.5
+#: Means of neighbours before and behind a place that are looked at anew, each reading by itself or finer means of them.
+BEFORE, BEHIND = 30, 15
+#: Deviations of a mean of neighbours by which a rise that begins late must leave the stillness before it.
+PLAIN = 30.0
 
 
 @dataclass(frozen=True)
@@ -235,18 +239,19 @@ def rise_start(time_min: Array, values: Array) -> float | None:
     time, reading = time_min[good], values[good]
     step, count, found = logger_step(reading), 3 * RULES.flat_readings, None
     while True:
-        found = _start_within(time[:count], reading[:count], step)
+        found = _start_within(time[:count], reading[:count], step, count >= len(reading))
         if found or count >= len(reading):
             return found
         count = math.ceil(LONGER * count)
 
 
-def _start_within(time_min: Array, values: Array, step: float) -> float | None:
+def _start_within(time_min: Array, values: Array, step: float, whole: bool) -> float | None:
     """As :func:`rise_start`, from these readings (n,) of a logger's step [K] alone.
 
     A still stretch ends where three readings in a row leave its mean by four deviations on one side. It counts as
     still only if it plainly drifts by less than a fifth of the slope that follows: a slow rise under noise is not still. A
-    start that would leave less than a third of the readings is not believed.
+    start that would leave less than a third of the readings is believed where these are the `whole` record and what follows is far
+    beyond their noise: an idle of hours before a rise of minutes.
     """
     time, reading = _blocks(time_min, values)
     if len(reading) < 3 * RULES.flat_readings:
@@ -262,14 +267,28 @@ def _start_within(time_min: Array, values: Array, step: float) -> float | None:
     still = int(thrice[0]) + 1
     while still > 0 and abs(reading[still - 1] - mean[max(still - 2, 0)]) > 2.0 * noise:
         still -= 1
-    after = slice(still, min(len(reading), still + max(still, 2 * RULES.flat_readings)))
-    if still < RULES.flat_readings or time[still] > time[0] + 0.67 * (time[-1] - time[0]):
+    fewest = 2 * RULES.flat_readings
+    # As much of the rise as was still before, no more than half of it: a fast one is over long before that.
+    after = slice(still, max(still + fewest, min(still + max(still, fewest), _half_done(reading, still))))
+    late = time[still] > time[0] + 0.67 * (time[-1] - time[0])
+    plain = whole and len(reading) - still >= fewest and float(np.abs(reading[still:] - mean[still - 1]).max()) > PLAIN * noise
+    if still < RULES.flat_readings or (late and not plain):
         return 0.0
     drift, unsure = _slope(time[:still], reading[:still])
     unsure = max(unsure, step / float(time[still] - time[0]))  # what rounding hides
     rise, rise_unsure = _slope(time[after], reading[after])
     told = abs(rise) > 4.0 * rise_unsure and abs(drift) + 2.0 * unsure < (0.2 if unsure < 0.05 * abs(rise) else 0.5) * abs(rise)
-    return _bend(time, reading, still) if told else 0.0
+    if told or len(values) <= 2 * BLOCKS or not plain:
+        return _bend(time, reading, still) if told else 0.0
+    # A rise that is over within some of the means is looked at among those about it.
+    about = slice(*np.searchsorted(time_min, [time[max(0, still - BEFORE)], time[min(len(time) - 1, still + BEHIND)]]))
+    return _start_within(time_min[about], values[about], step, whole) or 0.0
+
+
+def _half_done(reading: Array, still: int) -> int:
+    """Behind the reading (n,) at which half of what is seen of the rise is done, the first `still` of them about level."""
+    away = np.abs(reading[still:] - reading[:still].mean())
+    return still + int(np.argmax(away >= 0.5 * away.max())) + 1
 
 
 def _bend(time: Array, reading: Array, still: int) -> float:
@@ -277,8 +296,7 @@ def _bend(time: Array, reading: Array, still: int) -> float:
 
     The second ends where half of what is seen of the rise is done: the law bends.
     """
-    away = np.abs(reading - reading[:still].mean())
-    end = max(still + int(np.argmax(away[still:] >= 0.5 * away[still:].max())) + 1, still + RULES.flat_readings)
+    end = max(_half_done(reading, still), still + RULES.flat_readings)
     t, y = time[:end], reading[:end]
     lines = np.stack([np.ones_like(t), t - t[0]], axis=1)
 

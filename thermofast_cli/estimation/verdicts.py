@@ -293,7 +293,7 @@ def _noted(case: _Case) -> list[Reason]:
     # What was changed in a machine bends its curve later: its past is believed until then, and the row says for how long.
     believed = claimed.known & (past is not None and not past.guessed)
     with np.errstate(invalid="ignore"):
-        believed &= case.until * claimed.rate[:, 1] < 1.0
+        believed &= (case.until - case.sensors.time[0]) * claimed.rate[:, 1] < 1.0
 
     def as_it_was(i: int) -> str:
         then = rounded(1.0 / claimed.rate[i, 1])
