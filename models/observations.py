@@ -107,18 +107,29 @@ class Observations:
         return read_only(whole)
 
     @cached_property
+    def last(self) -> int:
+        """Place on the grid of the last reading used of any sensor; of the last of all where none is."""
+        used = np.flatnonzero((self.weight > 0.0).any(axis=0))
+        return int(used[-1]) if len(used) else len(self.time) - 1
+
+    @cached_property
     def sink_c(self) -> float | None:
         """Mean temperature of the first logged surroundings [degC]."""
         return float(np.mean(next(iter(self.ambient.values())))) if self.ambient else None
 
-    def driven_by(self, column: str, ending: float = 0.5) -> "Observations":
+    def driven_by(self, column: str, ending: float = 0.5, last: int | None = None) -> "Observations":
         """The same run with a logged column as the heat of the base model; the effects no longer see that column.
+
+        Heat is relative to the largest that was logged until the last reading used, which is that at `last` where told: what comes
+        later changes no gain.
 
         ending is the share that a reading of the column has in the interval that ends with it, beside the reading before: 0.5
         for a column that moves in straight lines, 0 for one that is held until the next reading, 1 for one that tells what was.
         """
         values = self.inputs[column]
-        share = values / max(float(np.abs(values).max()), 1e-300)
+        until = (self.last if last is None else last) + 1
+        largest = float(np.abs(values[:until]).max()) or float(np.abs(values).max())
+        share = values / max(largest, 1e-300)
         level = share if self.logged is None else share[self._file_times[1]]
         heat = self.over_intervals(share, ending)
         rest = {n: c for n, c in self.inputs.items() if n != column}

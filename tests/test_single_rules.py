@@ -147,13 +147,24 @@ def test_sides_of_an_interval_keep_their_side_in_another_room():
     assert [float(v[0]) for v in found.values()] == [25.0, 45.0, 35.0, 65.0]
 
 
-def test_a_room_of_which_less_than_half_is_logged_is_none():
+def test_a_room_that_is_not_logged_for_a_quarter_of_the_time_is_none():
     """tests/test_room_ahead.py."""
-    time, room = np.arange(20.0), np.full(20, 20.0)
-    room[6:] = np.nan
-    assert measured.room_at(time, room, time) is None
-    room[6:12] = 20.0
-    assert measured.room_at(time, room, time) is not None
+    time, room = np.arange(21.0), np.full(21, 20.0)
+    room[::2] = np.nan
+    assert measured.room_at(time, room, time, 20.0).tolist() == [20.0] * 21
+    room[11:] = np.nan
+    assert measured.room_at(time, room, time, 20.0) is None
+    assert measured.room_at(time, room, time, 11.0).tolist() == [20.0] * 21
+    assert measured.room_at(time, np.where(time % 6 == 1, 20.0, np.nan), time, 12.0) is None  # three readings
+
+
+def test_what_a_room_does_later_fills_no_gap_before():
+    """tests/test_leaks.py."""
+    time = np.arange(21.0)
+    room = np.where(time < 9, 20.0, np.where(time > 12, 30.0, np.nan))
+    found = measured.room_at(time, room, time, 10.0)
+    assert found[:11].tolist() == [20.0] * 11
+    assert found[11:].tolist() == pytest.approx([26.0, 28.0, *[30.0] * 8])
 
 
 def test_rounding_alone_is_taken_off_the_noise_that_averages_it_out():

@@ -55,7 +55,8 @@ class Known:
     standard normal, relative to the rise, in which the curve may be wrong. beside (s, k) [K] at beside_time (k,) [min after the
     first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit. guessed: log_rate is no
     knowledge, but a guess from the record itself. others (s, J, n): columns as those of doubt, of the size that the background of
-    machines typically has: how far this machine's is from it the readings tell.
+    machines typically has: how far this machine's is from it the readings tell. held_doubt, held_others: the same with what is
+    logged held, where that differs: what comes later says nothing of the limit.
     """
 
     log_rate: Array
@@ -70,6 +71,8 @@ class Known:
     beside_end: Array | None = None
     guessed: bool = False
     others: Array | None = None
+    held_doubt: Array | None = None
+    held_others: Array | None = None
 
     @cached_property
     def turns(self) -> Array:
@@ -115,31 +118,44 @@ class Known:
         """What the curve has beyond the law over the rate, (s, F, m + k), at rates (s, F) and the rows of :func:`shapes.law`."""
         of_law, inside = np.expm1(-self.x), within(time, spread)
         found = np.empty((*rate.shape, len(time) + asked.count))
+
+        def line(i: int, node: int, at_rate: float) -> Array:
+            return self._rows(self.curve[i, node] + of_law, self.held[i, node, -1] - 1.0, 0.0, at_rate, inside, asked)
+
         for i, rates in enumerate(rate):
+            if len(self.nodes) < 2:
+                found[i] = [line(i, 0, r) for r in rates.tolist()]
+                continue
+            # Between two nodes at one time, each on its own clock: what is logged changes at that time, whatever the rate.
             node, share = self._place(i, np.log(rates))
-            beyond = np.minimum(node + 1, self.curve.shape[1] - 1)
-            for f, (a, b, w, r) in enumerate(zip(node.tolist(), beyond.tolist(), share.tolist(), rates.tolist(), strict=True)):
-                curve = (1.0 - w) * self.curve[i, a] + w * self.curve[i, b] + of_law
-                end = (1.0 - w) * self.held[i, a, -1] + w * self.held[i, b, -1] - 1.0
-                found[i, f] = self._rows(curve, end, 0.0, r, inside, asked) / r
+            own = np.exp(self.log_rate[i, 0] + self.nodes)
+            of_node = {k: line(i, k, float(own[k])) for k in {*node.tolist(), *(node + 1).tolist()}}
+            for f, (k, w, r) in enumerate(zip(node.tolist(), share.tolist(), rates.tolist(), strict=True)):
+                if own[0] <= r <= own[-1]:
+                    found[i, f] = (1.0 - w) * of_node[k] + w * of_node[k + 1]
+                else:
+                    found[i, f] = line(i, k if r < own[0] else k + 1, r)
+        found /= rate[..., None]
         return found
 
     def doubts(self, time: Array, asked: Asked) -> Array:
         """Covariance (s, m + k, m + k) over the square of what each sensor does in all, at the known rates."""
-        return self._covariance(self.doubt, time, asked)
+        return self._covariance(self.doubt, self.held_doubt, time, asked)
 
     def wrong(self, time: Array, asked: Asked, others: bool) -> tuple[Array, Array]:
         """The same, and that of `others`: (0, 0, 0) where there are none or none are wanted."""
-        more = NOTHING if self.others is None or not others else self._covariance(self.others, time, asked)
+        more = NOTHING if self.others is None or not others else self._covariance(self.others, self.held_others, time, asked)
         return self.doubts(time, asked), more
 
-    def _covariance(self, lines: Array, time: Array, asked: Asked) -> Array:
+    def _covariance(self, lines: Array, held: Array | None, time: Array, asked: Asked) -> Array:
         found = []
         middle = int(np.abs(self.nodes).argmin())
-        for i, columns in enumerate(lines):
+        for i, (columns, kept) in enumerate(zip(lines, lines if held is None else held, strict=True)):
             rate, turns = float(np.exp(self.log_rate[i, 0])), self.turns[i, middle]
-            late = [float(np.interp(turns, self.x, c)) - 0.95 * c[-1] - 0.05 * c[0] for c in columns]
-            rows = np.array([self._rows(c, c[-1], at, rate, time[:, None], asked) for c, at in zip(columns, late, strict=True)])
+            late = [float(np.interp(turns, self.x, c)) - 0.95 * c[-1] - 0.05 * c[0] for c in kept]
+            ends = [float(c[-1]) for c in kept]
+            at_each = zip(columns, ends, late, strict=True)
+            rows = np.array([self._rows(c, end, at, rate, time[:, None], asked) for c, end, at in at_each])
             # An effect that would grow without end says nothing there; numbers beyond all scales would spoil what it does say.
             rows *= np.minimum(1.0, MOST_DOUBTED / np.maximum(np.sqrt((rows**2).sum(axis=0)), 1.0))
             found.append(rows.T @ rows / self.moved[i] ** 2)

@@ -113,7 +113,7 @@ class Rise:
     """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
 
     curve, held, whole (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt, others (J, n), beside
-    (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`.
+    (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`, and held_doubt, held_others as there.
     """
 
     log_rate: float
@@ -126,6 +126,8 @@ class Rise:
     beside_end: float
     nodes: Array = field(default_factory=lambda: NODES)
     others: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
+    held_doubt: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
+    held_others: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
 
     def about(self, log_rate: float) -> tuple[Array, Array, Array]:
         """The three curves (L, n) at nodes about another rate."""
@@ -206,22 +208,30 @@ class Past:
             return Known(log_rate, GRID, curve, curve, curve, np.array(doubt))
         about = [r.about(s.log_rate) for r, s in zip(rises, shapes, strict=True)]
         curve, held, whole = (np.array([three[k] + more for three, more in zip(about, own, strict=True)]) for k in range(3))
-        doubt = [np.concatenate([d, r.doubt]) for d, r in zip(doubt, rises, strict=True)]
-        most = max(len(d) for d in doubt)
+        both = [r.doubt for r in rises], [r.held_doubt for r in rises]
+        doubts = [_padded([np.concatenate(two) for two in zip(doubt, of, strict=True)]) for of in both]
         return Known(
             log_rate,
             GRID,
             curve,
             held,
             whole,
-            np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in doubt]),
+            doubts[0],
             rises[0].nodes,
             rises[0].beside_time,
             np.array([r.beside for r in rises]),
             np.array([r.beside_end for r in rises]),
             self.guessed,
             np.array([r.others for r in rises]) if len(rises[0].others) else None,
+            doubts[1],
+            np.array([r.held_others for r in rises]) if len(rises[0].others) else None,
         )
+
+
+def _padded(columns: list[Array]) -> Array:
+    """Columns (J, n) of each sensor, to the most of any with columns of nought (s, J, n)."""
+    most = max(len(d) for d in columns)
+    return np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in columns])
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
     seen = replace(seen, temperatures=warm, heats=heats, cools=cools)
     notes += _without_rise(seen)
     if drive is not None:
-        seen = _driven(seen, drive)
+        seen = _driven(seen, drive, until_min)
     return Observed(seen, tuple(refused), tuple(notes), len(time))
 
 
@@ -188,22 +188,25 @@ def _sides(run: Run, inputs: Sequence[str]) -> tuple[tuple[str, ...], tuple[str,
     return heats, cools
 
 
-def _driven(seen: Observations, drive: str) -> Observations:
-    """The run with a logged column as its heat, of which the temperatures tell how the logger keeps it.
+def _driven(whole: Observations, drive: str, until_min: float | None) -> Observations:
+    """The run with a logged column as its heat, of which the temperatures until then tell how the logger keeps it.
 
     Loggers hold a column, or tell what was, or mean a straight line. The one with which the base law leaves no pattern is right.
     Else, where the column jumps, the readings about the largest jumps decide: farther away the effects that a fit lacks would.
     """
-    ways = [seen.driven_by(drive, ending) for ending in (0.5, 0.0, 1.0)]
+    endings, seen = (0.5, 0.0, 1.0), whole.until(until_min)
+    ways = [seen.driven_by(drive, ending) for ending in endings]
     fits = [fit_model(way) for way in ways]
     column = seen.inputs[drive]
     there = np.arange(len(column)) if seen.logged is None else np.flatnonzero(seen.logged)
     # An interval of the grid jumps as that of the file in which it lies.
     jumps = np.abs(np.diff(column[there]))[np.clip(np.searchsorted(there, np.arange(1, len(column))) - 1, 0, len(there) - 2)]
-    jumped = jumps > JUMP * float(np.ptp(column))
+    last = seen.last
+    jumped = jumps > JUMP * (float(np.ptp(column[: last + 1])) or float(np.ptp(column)))
+    jumps[last:] = 0.0
     best = int(np.argmin([float((fit.rss / way.noise**2).sum()) for fit, way in zip(fits, ways, strict=True)]))
-    if jumped.any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
-        largest = [int(j) for j in np.argsort(-jumps)[:ASKED_OF] if jumped[j]]
+    if jumped[:last].any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
+        largest = [int(j) for j in np.argsort(-jumps)[:ASKED_OF] if jumps[j] > 0.0 and jumped[j]]
         told = [one for j in largest if (one := _misfits_about([*ways, seen], j)) is not None]
         misfits = np.sum(told, axis=0) if told else np.zeros((4, 0))
         # A sensor that does as well without the jumps does not follow them, and tells nothing of when they were.
@@ -215,7 +218,7 @@ def _driven(seen: Observations, drive: str) -> Observations:
             total = [np.inf if no else float(m.sum()) for m, no in zip(misfits, refused, strict=True)]
             total[0] -= RATHER
             best = int(np.argmin(total))
-    return _about_jumps(ways[best], jumped)
+    return _about_jumps(whole.driven_by(drive, endings[best], last), jumped, last)
 
 
 def _misfits_about(ways: list[Observations], jump: int) -> Array | None:
@@ -228,13 +231,15 @@ def _misfits_about(ways: list[Observations], jump: int) -> Array | None:
     return np.array([readings * np.log(fit_model(way).rss + 1e-300) for way in near])
 
 
-def _about_jumps(seen: Observations, jumped: NDArray[np.bool_]) -> Observations:
-    """Without the readings before and after each jump (N - 1,) of the heat, where jumps are few: when in the interval it came, and
-    what an average over it means, is not known.
+def _about_jumps(seen: Observations, jumped: NDArray[np.bool_], last: int) -> Observations:
+    """Without the readings before and after each jump (N - 1,) of the heat, where jumps are few up to the last reading used: when in
+    the interval it came, and what an average over it means, is not known.
     """
-    if float(np.mean(jumped)) > FEW:
+    if last and float(np.mean(jumped[:last])) > FEW:
         return seen
-    return seen.without(np.append(jumped, False) | np.append(False, jumped))
+    before = np.append(jumped, False)
+    before[last] = False  # what comes then is not known at the last reading used
+    return seen.without(before | np.append(False, jumped))
 
 
 def _refusal(reading: Array) -> tuple[str, str] | None:

@@ -167,7 +167,7 @@ def identify_sensors(
                 keep[i] = False
         if keep.any():
             block = block if keep.all() else block.some(keep)
-            logged = room_at(time_min, room, block.time)
+            logged = room_at(time_min, room, block.time, float(block.time[block.until(until_min) - 1]))
             blocks.append(steadied(block, until_min, together_of(method.rates), logged) if method.steadies else block)
     shared = (
         tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
@@ -250,9 +250,13 @@ class _Block:
     @cached_property
     def surroundings(self) -> Array | None:
         """The room at the sensors' times (N,) [degC]; None where none is logged, or where it moves with the machine."""
-        room = room_at(self.time_min, self.room, self.sensors.time)
-        n = self.count
+        room, n = self.logged, self.count
         return None if room is None or follows_machine(self.sensors.reading[:, :n], room[:n]) else room
+
+    @cached_property
+    def logged(self) -> Array | None:
+        """The room as logged at the sensors' times (N,) [degC]; None where that is too little."""
+        return room_at(self.time_min, self.room, self.sensors.time, float(self.sensors.time[self.count - 1]))
 
     def opened(self, shared: dict[int, Track]) -> _Opened:
         """Filter and likelihood of every sensor; `shared` holds the tracks by row where one filter has run over all."""
@@ -398,7 +402,8 @@ class _Block:
             if self.room_c is not None and self.room is None and (self.method.past is None or self.method.past.guessed):
                 said.append("--room needs a column of the surroundings, and there is none")
             if self.room is not None and self.surroundings is None:
-                said.append("the logged surroundings move with the machine and are not used")
+                moves = "move with the machine" if self.logged is not None else "are logged for too little of the time used"
+                said.append(f"the logged surroundings {moves} and are not used")
         return _joined(said) if said else ""
 
     def _at(self, claimed: Claims | None, found: Estimates) -> tuple[dict[str, Array], tuple[str, ...]]:

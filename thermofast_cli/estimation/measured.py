@@ -131,12 +131,23 @@ def words(size: float, until_min: float) -> str:
     return f"{after}, by up to {rounded(size)} K: the interval does not hold"
 
 
-def room_at(time_min: Array, room: Array | None, times: Array) -> Array | None:
-    """A room logged (N,) at time_min (N,), at times (n,), straight over its gaps; None where too little of it is logged."""
-    known = np.isfinite(room) if room is not None else np.zeros(0, dtype=bool)
-    if room is None or known.sum() < max(4, 0.5 * len(known)):
+def room_at(time_min: Array, room: Array | None, times: Array, until: float) -> Array | None:
+    """A room logged (N,) at time_min (N,), at times (n,), straight over its gaps; None where too little of it is logged.
+
+    What is logged after `until`, the last reading used, says nothing of what was before.
+    """
+    if room is None:
         return None
-    found: Array = np.interp(times, time_min[known], room[known])
+    known = np.isfinite(room)
+    read = known & (time_min <= until + 1e-9)
+    if read.sum() < RULES.fewest_of_room:
+        return None
+    edges = np.clip(np.concatenate([times[:1], time_min[read], [until]]), times[0], None)
+    if np.diff(edges).max() > RULES.room_gap * (until - times[0]):
+        return None
+    found: Array = np.interp(times, time_min[read], room[read])
+    later = times > until + 1e-9
+    found[later] = np.interp(times[later], time_min[known], room[known])
     return found
 
 
@@ -146,9 +157,12 @@ def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float,
     That is not held against it; rate (S,) [1/min].
     """
     grid = np.linspace(last, float(later[-1]), 200)
-    there = room_at(time_min, room, grid)
-    if there is None or grid[-1] <= grid[0]:
+    if room is None or not np.isfinite(room).any() or grid[-1] <= grid[0]:
         return np.zeros((len(rate), len(later)))
+    known = np.isfinite(room)
+    read = known & (time_min <= last + 1e-9)
+    there = np.interp(grid, time_min[known], room[known])
+    there[0] = np.interp(last, time_min[read], room[read]) if read.any() else there[0]
     moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
     return np.array([np.interp(later, grid, line) for line in moved])
 

@@ -144,14 +144,17 @@ def _guessed(task: LoopTask) -> Knowledge:
     strange: list[str] = []
     if task.drive is not None:
         column = task.run.inputs[task.drive]
-        if float(np.nanmax(column) - np.nanmin(column)) == 0.0:
-            return Knowledge(name, notes=(f"{task.drive} never changes, and it is not counted",))
+        until = task.run.time_s <= 60.0 * (task.start_min + float(seen.time[seen.last])) + 1e-6
+        logged = column[until & np.isfinite(column)]
+        if len(logged) < 2 or float(np.ptp(logged)) == 0.0:
+            when = "while it was read" if until.all() else f"before {task.until_min:g} min"
+            return Knowledge(name, notes=(f"{task.drive} never changes {when}, and it is not counted",))
         mine, strange = followers(task, seen)
         if not mine:
             return Knowledge(name, Past({}, guessed=True), strange=tuple(strange))
         seen, whole = seen.only(mine), whole.only(mine)
         notes.append(f"with {task.drive} as the heat, as last logged (the mean of whole cycles where it cycles)")
-        missing = float(np.mean(~np.isfinite(column[task.run.time_s <= 60.0 * (task.start_min + float(seen.time[-1]))])))
+        missing = float(np.mean(~np.isfinite(column[until])))
         notes += [f"{rounded(100.0 * missing)} % of {task.drive} is missing and was filled by straight lines"] if missing else []
     fit = fit_model(seen)
     searched: Searched = ""

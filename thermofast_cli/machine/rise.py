@@ -1,6 +1,8 @@
 """The rise that a model with effects, or a logged drive, gives each sensor of a run, in place of one exponential."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +53,19 @@ def rises_of(
     seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
     told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, until_min * (1.0 + 1e-12) + 1e-9, "right"))
     held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
-    of_others = _of_others(fit, seen, last)
-    return {c: _rise(fit, i, seen, held, of_others[:, i], nodes, other_modes) for i, c in enumerate(fit.run.channels)}
+    runs = _Runs(seen, held, float(whole.time[max(last, told - 1)]), *(_of_others(fit, over, last) for over in (seen, held)))
+    return {c: _rise(fit, i, runs, nodes, other_modes) for i, c in enumerate(fit.run.channels)}
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """A record as it was logged and with all held from `until` [min] on, and what the doubt of others does in each (J, S, n) [K]."""
+
+    seen: Observations
+    held: Observations
+    until: float
+    of_others: Array
+    of_held: Array
 
 
 def _of_others(fit: Fit, over: Observations, last: int) -> Array:
@@ -77,7 +90,8 @@ def _of_others(fit: Fit, over: Observations, last: int) -> Array:
     return np.array(found)
 
 
-def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: Array, about: Array, other_modes: float) -> Rise:
+def _rise(fit: Fit, i: int, runs: _Runs, about: Array, other_modes: float) -> Rise:
+    seen, held = runs.seen, runs.held
     level, start = float(fit.values[LEVEL][i]), float(fit.values[START][i])
     log_rate = float(np.log(fit.values[RATE][i]))
     rise = level - start if abs(level - start) > LEAST_RISE else LEAST_RISE
@@ -90,31 +104,51 @@ def _rise(fit: Fit, i: int, seen: Observations, held: Observations, of_others: A
     rows[2 * nodes :] += TANGENT * moves[:, :kl]
     shared[2 * nodes :] += TANGENT * moves[:, kl:]
     curves = free_run(fit, seen, rows, shared, i, range(len(fit.model.parts)))
-    kept = free_run(fit, held, rows[: 2 * nodes], shared[: 2 * nodes], i, lasting(fit))
+    kept = free_run(fit, held, rows, shared, i, lasting(fit))
     # The clock of a sensor begins with its own first reading.
-    time, middle = seen.time - fit.run.time[fit.run.used[i]][0], nodes // 2
+    begin, middle = float(fit.run.time[fit.run.used[i]][0]), nodes // 2
+    time, until = seen.time - begin, runs.until - begin
     over = [GRID / np.exp(log_rate + off) for off in about]
     unit, of_end = ((c[:nodes] - c[nodes : 2 * nodes]) / rise for c in (curves, kept))
     whole = kept[:nodes] - kept[:nodes, :1]
+
+    def at_rate(lines: Sequence[Array]) -> Array:
+        return np.array([np.interp(over[middle], time, line) for line in lines]).reshape(-1, len(GRID))
+
+    def wrong(all_of: Array, of_neighbours: Array) -> Array:
+        return at_rate([line / rise for line in (*((all_of[2 * nodes :] - all_of[middle]) / TANGENT), *of_neighbours)])
+
+    def follows(over_run: Observations, own: Array) -> Array:
+        some = _driven(fit, i, over_run, log_rate + DRIVEN_MODES, start, rise) if other_modes > 0.0 else ()
+        return other_modes * at_rate([line - own[middle] for line in some])
+
     whole = np.where(np.abs(whole[:, -1:]) > LEAST_RISE, whole / np.where(whole[:, -1:] == 0.0, 1.0, whole[:, -1:]), of_end)
-    wrong = [np.interp(over[middle], time, c / rise) for c in (*((curves[2 * nodes :] - curves[middle]) / TANGENT), *of_others)]
-    followed = _driven(fit, i, seen, log_rate + DRIVEN_MODES, start, rise) if other_modes > 0.0 else ()
-    others = [other_modes * np.interp(over[middle], time, u - unit[middle]) for u in followed]
 
     def on_grid(lines: Array) -> Array:
         return np.array([np.interp(x, time, line) - np.interp(0.0, time, line) for x, line in zip(over, lines, strict=True)])
 
+    def as_logged(lines: Array, kept_lines: Array) -> Array:
+        """With the first point of the grid that lies ahead as it is with all held: it is joined to the readings used."""
+        if lasting(fit) == list(range(len(fit.model.parts))):
+            ends = over if len(lines) == len(over) else [over[middle]] * len(lines)
+            for line, other, points in zip(lines, kept_lines, ends, strict=True):
+                ahead = min(int(np.searchsorted(points, until, "right")), len(points) - 1)
+                line[ahead] = other[ahead]
+        return lines
+
     return Rise(
         log_rate,
-        on_grid(unit),
+        as_logged(on_grid(unit), on_grid(of_end)),
         on_grid(of_end),
         on_grid(whole),
-        np.array(wrong).reshape(-1, len(GRID)),
+        as_logged(wrong(curves, runs.of_others[:, i]), wrong(kept, runs.of_held[:, i])),
         time,
         curves[nodes + middle] - start,
         float(kept[nodes + middle, -1] - start),
         about,
-        np.array(others).reshape(-1, len(GRID)),
+        as_logged(follows(seen, unit), follows(held, of_end)),
+        wrong(kept, runs.of_held[:, i]),
+        follows(held, of_end),
     )
 
 

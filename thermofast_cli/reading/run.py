@@ -108,12 +108,13 @@ class Run:
 
     @property
     def room(self) -> Array | None:
-        """The logged surroundings (N,) [degC], None where there are none; of several their mean, the gaps of each bridged."""
+        """The logged surroundings (N,) [degC], None where there are none; of several their mean, over gaps each as it was last."""
         logged = list(self.ambient.values())
         if len(logged) < 2:
             return logged[0] if logged else None
         there = [np.isfinite(column) for column in logged]
-        whole = [np.interp(self.time_s, self.time_s[t], c[t]) for c, t in zip(logged, there, strict=True) if t.any()]
+        last = [np.maximum.accumulate(np.where(t, np.arange(len(t)), np.argmax(t))) for t in there]
+        whole = [column[at] for column, at, t in zip(logged, last, there, strict=True) if t.any()]
         return np.where(np.any(there, axis=0), np.mean(whole, axis=0), np.nan) if whole else logged[0]
 
     def __repr__(self) -> str:
