@@ -145,7 +145,9 @@ def changed(
     """
     from .pipeline.around import changed_runs
 
-    before, after = (started_of(runs, start, True, reading) if runs is not None else [] for runs in (old, new))
+    before = started_of(old, start, True, reading) if old is not None else []
+    taken = [run.name for run, _ in before]
+    after = started_of(new, start, True, reading, taken) if new is not None else []
     return changed_runs(before, after, model_of(model))
 
 
@@ -175,8 +177,10 @@ def plan(
     for wish in wishes:
         in_range(tolerance=wish)
     prior, learnt = read_imperfection(imperfection), model_of(model)
-    if like is not None and not (runs := started_of(like, "auto", True, {})):
-        raise UsageError("like: no run", found=repr(like), allowed="one run")
+    if like is not None and len(runs := started_of(like, "auto", True, {})) != 1:
+        raise UsageError("like: not one run", found=f"{len(runs)} runs", allowed="one run")
+    if not wishes:
+        raise UsageError("tolerance: none", found=repr(tolerance), allowed="half-widths in K above zero")
     base, replayed = design_like(runs[0], prior) if like is not None else (None, None)
     known = replayed if learnt is None else None
     return plan_design(dict(design), wishes, prior, base, work_of(1, None, progress), known, learnt)

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import multiprocessing
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -83,7 +84,10 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     **dict.fromkeys(("progress", "told"), (lambda v: v if callable(v) else None, "a function")),
     "into": (lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else None, "a folder"),
     "start": (_minutes, "minutes, or 'auto'"),
-    "sources": (lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else _texts(v), "a path or pattern, or a list of them"),
+    "sources": (
+        lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else _texts(v) if isinstance(v, list | tuple | set) else None,
+        "a path or pattern, or a list of them",
+    ),
     "jobs": (_count, "a whole number above zero, or None for all cores"),
     "executor": (lambda v: v if callable(getattr(v, "submit", None)) else None, "a concurrent.futures.Executor"),
     "task_timeout": (lambda v: v if isinstance(v, int | float) and not isinstance(v, bool) and v > 0 else None, "seconds above 0"),
@@ -166,8 +170,8 @@ _OPTION = re.compile(r"--([a-z][a-z0-9-]*[a-z0-9])( (?=['\"A-Z0-9-]))?")
 NOTHING = object()
 
 
-def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any]) -> list[Started]:
-    """Runs with their starts [min]; those that are read already stay as they are."""
+def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str, Any], taken: Sequence[str] = ()) -> list[Started]:
+    """Runs with their starts [min]; those that are read already stay as they are. taken: names that others have."""
     if runs is NOTHING:
         return []
     if start != "auto":
@@ -181,8 +185,9 @@ def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str
             found.append(one)
         else:
             of_one = read_runs(one, options_from(dict(reading)), None)
-            if not isinstance(one, str | Path) and any(r.name == run.name for r in of_one for run in found):
-                of_one = [replace(r, name=f"{r.name} {len(found) + 1}") for r in of_one]  # of several frames none has a name
+            if not isinstance(one, str | Path) and any(r.name in (*taken, *(run.name for run in found)) for r in of_one):
+                place = len(taken) + len(found) + 1
+                of_one = [replace(r, name=f"{r.name} {place}") for r in of_one]  # of several frames none has a name
             found += of_one
     if not found:
         raise UsageError(
@@ -196,7 +201,8 @@ def started_of(runs: Source, start: Start, from_rise: bool, reading: Mapping[str
 
 
 def work_of(jobs: int | None, executor: Executor | None, progress: Callable[[int], None] | None) -> Work:
-    """Who works, and who hears of it."""
+    """Who works, and who hears of it; a process of a pool, which may have none of its own, works alone."""
+    jobs = 1 if multiprocessing.current_process().daemon else jobs
     return Work(jobs, executor, progress or (lambda _steps: None))
 
 

@@ -161,7 +161,7 @@ def _resistance(given: str | Iterable[float] | None) -> tuple[float, ...]:
         return ()
     try:
         found = [float(part) for part in (given.split(",") if isinstance(given, str) else given)]
-    except ValueError:
+    except (TypeError, ValueError):
         found = []
     found = [*found, COPPER] if len(found) == 2 else found
     if len(found) != 3 or not all(math.isfinite(v) for v in found) or found[0] <= 0.0 or found[1] + found[2] <= 0.0:
@@ -177,8 +177,9 @@ def _long(given: str | Iterable[str] | None) -> tuple[str, ...]:
     """``SENSOR,VALUE`` as two names; a comma within one is written in quotes."""
     if not given:
         return ()
-    parts = tuple(p.strip() for p in next(csv.reader([given]))) if isinstance(given, str) else tuple(given)
-    if len(parts) != 2 or not all(parts):
+    several = given if isinstance(given, Iterable) else ()
+    parts = tuple(p.strip() for p in next(csv.reader([given]))) if isinstance(given, str) else tuple(several)
+    if len(parts) != 2 or not all(isinstance(p, str) and p for p in parts):
         raise UsageError(
             "--long: not two columns", found=repr(given), allowed="SENSOR,VALUE, or A+B,VALUE where two columns name the sensor"
         )

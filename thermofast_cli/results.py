@@ -72,7 +72,11 @@ class Result:
 
     def __contains__(self, key: object) -> bool:
         """Whether there is a record of a sensor: its name, or (run, name)."""
-        return any(key in (r.channel, (getattr(r, "run", ""), r.channel)) for r in self.records)
+        return any(key in self._names(r) for r in self.records)
+
+    def _names(self, record: Any) -> tuple[object, object]:
+        """What a record is asked for by: its sensor, and (run, sensor)."""
+        return record.channel, (getattr(record, "run", ""), record.channel)
 
     def __eq__(self, other: object) -> bool:
         """Whether the records are the same; runs and curves behind them are not compared."""
@@ -96,11 +100,11 @@ class Result:
         held = self._with_guesses()
         if isinstance(key, int | slice):
             return held[key]
-        found = [r for r in held if key in (r.channel, (getattr(r, "run", ""), r.channel))]
+        found = [r for r in held if key in self._names(r)]
         if len({getattr(r, "run", "") for r in found}) > 1:
             raise KeyError(f"{key!r} is a sensor of several runs; say ({found[0].run!r}, {key!r})")
         if not found:
-            raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(r.channel for r in self.records))}")
+            raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(str(self._names(r)[0]) for r in self.records))}")
         return found[0]
 
     def statuses(self) -> list[str]:
@@ -212,6 +216,10 @@ class Inspection(Result):
 
     command: ClassVar[str] = "inspect"
     kind: ClassVar[type[Row]] = InspectRecord
+
+    def _names(self, record: Any) -> tuple[object, object]:
+        """Its column, and (run, column)."""
+        return record.column, (record.run, record.column)
 
     def rows(self) -> list[dict[str, Any]]:
         """The records as dictionaries."""
@@ -389,10 +397,11 @@ class Improvement(Result):
 
         Raises
         ------
-        ValueError: several runs, or none was learnt from.
+        UsageError: several runs, or none was learnt from.
         """
         if len(self.models) != 1 or self.models[0] is None:
-            raise ValueError(f"{len([m for m in self.models if m])} models of {len(self.models)} runs: take one of .models")
+            many = f"{len([m for m in self.models if m])} models of {len(self.models)} runs"
+            raise UsageError(f"{many}: there is no one model", allowed="one of .models")
         return self.models[0]
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":

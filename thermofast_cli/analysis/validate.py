@@ -24,7 +24,6 @@ from ..discovery.loop import LoopTask, failure_records, ready, refused_records
 from ..errors import ThermofastError
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile
-from ..reading.source import sha256_of
 from ..records import ValidateRecord
 
 Array = NDArray[np.float64]
@@ -129,7 +128,7 @@ def _bounds(task: LoopTask) -> Judged:
             Bounds(task.run.name, channel, extremes, low, high, _off(task.model.file, channel, float(fit.values[RATE][i])))
         )
     notes = []
-    if sha256_of(task.run.name) in {task.model.file.learnt_from.sha256, *(m.sha256 for m in task.model.file.also_from)} - {""}:
+    if any(one.is_of(task.run.name, whole) for one in (task.model.file.learnt_from, *task.model.file.also_from)):
         notes.append("among the runs are some that the model was learnt from: they prove nothing")
     if task.input_ranges and max(float(np.abs(shift).max()) for shift in shifts) == 0.0:
         notes.append(f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing")
@@ -150,7 +149,7 @@ def _drawn(fit: Fit, sensor: int, at: NDArray[np.bool_]) -> Array:
     active = np.concatenate([fit.model.active[sensor], np.ones(len(fit.model.shared), bool)])
     by = np.concatenate([fit.by_local[:, sensor], fit.by_shared[:, sensor]])[:, at]
     covariance = fit.joint_covariance(sensor)
-    machine = np.array([c.parameter.belongs == "machine" for c in columns]) & active
+    machine = np.array([fit.model.of_machine(c) for c in columns]) & active
     own = ~machine & active
     names = [f"{fit.run.channels[sensor]} {c.key}" for c in columns]
     alike = np.stack([_normals(name) for name in names], axis=1)

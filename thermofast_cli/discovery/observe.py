@@ -232,8 +232,9 @@ def _misfits_about(ways: list[Observations], jump: int) -> Array | None:
 
 
 def _about_jumps(seen: Observations, jumped: NDArray[np.bool_], last: int) -> Observations:
-    """Without the readings before and after each jump (N - 1,) of the heat, where jumps are few up to the last reading used: when in
-    the interval it came, and what an average over it means, is not known.
+    """Without the readings before and after each jump (N - 1,) of the heat, where jumps are few up to the last reading used.
+
+    When in the interval it came, and what an average over it means, is not known.
     """
     if last and float(np.mean(jumped[:last])) > FEW:
         return seen

@@ -15,7 +15,7 @@ from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, P
 from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import SCATTER
 
-from ..errors import UsageError
+from ..errors import UsageError, listed
 from ..plugins.effects import known_effects, named_effect
 from ..reading.source import sha256_of
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
@@ -60,7 +60,7 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
             do="use a model of this machine, or give its sensors the model's names: --rename COLUMN=NAME",
         )
     notes = [f"not in the model: {', '.join(missing)}; fitted freely"] if missing else []
-    same_run = bool(model.learnt_from.sha256) and sha256_of(source) == model.learnt_from.sha256
+    same_run = model.learnt_from.is_of(source, seen)
     parts, entries, events = [], [], []
     known = check_effects(model, model_path)
     notes += changed_files(model)
@@ -72,6 +72,9 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
         parts.append(part)
         entries.append(entry)
     fit = _fitted(model, seen, parts, entries, same_run)
+    known_events = [p.id for p, e in zip(parts, entries, strict=True) if p.effect.event and p.effect.event in e.searched]
+    if known_events:
+        notes.append(f"the run that the model was learnt from: {listed(known_events)} as it was there")
     for entry, part in events:
         # An event of the run learnt from need not happen in this one; where it does, its own readings must show it.
         found = try_add(fit, part.effect)

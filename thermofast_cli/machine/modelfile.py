@@ -1,5 +1,6 @@
 """The model file: what was learnt of a machine, in TOML that a person can read and that is read back strictly."""
 
+import hashlib
 import math
 import tomllib
 from datetime import date
@@ -31,7 +32,7 @@ NOT_FOR = (
 
 
 class LearntFrom(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
-    """The run a model was learnt from."""
+    """The run a model was learnt from: its file, and its times and readings, which may be given otherwise too."""
 
     file: str
     sha256: str
@@ -40,6 +41,11 @@ class LearntFrom(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froze
     length_min: float
     until_min: float | None = None
     drive: str | None = None
+    readings_sha256: str = ""
+
+    def is_of(self, source: str, run: Observations) -> bool:
+        """Whether it was this run, by its file or by its readings."""
+        return (bool(self.sha256) and sha256_of(source) == self.sha256) or self.readings_sha256 == sha256_of_readings(run)
 
 
 class Number(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -126,6 +132,16 @@ class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     past: PastEntry | None = None
 
 
+def sha256_of_readings(run: Observations) -> str:
+    """Of the times and readings of a run, whatever it was read from."""
+    found = hashlib.sha256()
+    for name in sorted(run.channels):
+        found.update(name.encode(errors="replace") + b"\0")
+        found.update(np.round(run.reading[run.channels.index(name)], 6).tobytes())
+    found.update(np.round(run.time, 6).tobytes())
+    return found.hexdigest()
+
+
 def learnt_from(run: Observations, source: str, readings: int, until_min: float | None) -> LearntFrom:
     """Which run, as the file tells it."""
     return LearntFrom(
@@ -136,6 +152,7 @@ def learnt_from(run: Observations, source: str, readings: int, until_min: float 
         length_min=round(run.span, 3),
         until_min=until_min,
         drive=run.drive,
+        readings_sha256=sha256_of_readings(run),
     )
 
 

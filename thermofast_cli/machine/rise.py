@@ -1,8 +1,7 @@
 """The rise that a model with effects, or a logged drive, gives each sensor of a run, in place of one exponential."""
 
-from dataclasses import dataclass, replace
-
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +58,7 @@ def rises_of(
 
 @dataclass(frozen=True)
 class _Runs:
-    """A record as it was logged and with all held from `until` [min] on, and what the doubt of others does in each (J, S, n) [K]."""
+    """A record as logged and with all held from `until` [min] on, and what the doubt of others does in each (J, S, n) [K]."""
 
     seen: Observations
     held: Observations

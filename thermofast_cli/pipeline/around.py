@@ -186,6 +186,9 @@ def plan_design(
             raise UsageError(f"unknown word of a design {name!r}", allowed=", ".join(known))
         if isinstance(value, bool) or not isinstance(value, Real) or not 0.0 < float(value) < math.inf:
             raise UsageError(f"{name} is not such a number", found=repr(value), allowed="above zero")
+        if name == "sensors" and not float(value).is_integer():
+            raise UsageError("sensors is no number of them", found=repr(value), allowed="a whole number above zero")
+    given = {name: int(value) if name == "sensors" else value for name, value in given.items()}
     past = None
     if model is not None:
         past = past_of_model(model)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermofast.models.observations import read_only
 
-from ..errors import UsageError, listed
+from ..errors import InputError, UsageError, listed
 
 Array = NDArray[np.float64]
 
@@ -102,9 +102,25 @@ class Run:
     seen: Seen | None = None
 
     def __post_init__(self) -> None:
-        self.__dict__["time_s"] = read_only(self.time_s)
+        self.__dict__["time_s"] = self._numbers("time_s", self.time_s)
         for group in ("channels", "ambient", "inputs", "displacements"):
-            self.__dict__[group] = {name: read_only(column) for name, column in getattr(self, group).items()}
+            self.__dict__[group] = {name: self._numbers(name, column) for name, column in getattr(self, group).items()}
+
+    def _numbers(self, name: str, column: Any) -> Array:
+        """A column as floats (N,).
+
+        Raises
+        ------
+        InputError: it holds anything else, or not one reading for each time.
+        """
+        try:
+            found = np.asarray(column, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f"{self.name}: {name!r} is no array of numbers", found=type(column).__name__) from None
+        if found.ndim != 1 or len(found) != len(self.time_s):
+            rows = f"({len(self.time_s)},), one for each time"
+            raise InputError(f"{self.name}: {name!r} has the wrong shape", found=str(found.shape), allowed=rows)
+        return read_only(found)
 
     @property
     def room(self) -> Array | None:

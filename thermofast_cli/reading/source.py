@@ -45,6 +45,7 @@ from .units import parse_unit, unit_changes
 from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, winding
 from .values.faults import without_faults, without_impossible
 from .values.marks import good_readings
+from .values.missing import without_told
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 
@@ -142,7 +143,7 @@ def _shown(table: Table) -> Table:
 
 def _table(source: Any, options: Options, name: str | None, data: bytes | None) -> Table:
     if not isinstance(source, str | Path):
-        return table_of(source, name or IN_MEMORY)
+        return without_told(table_of(source, name or IN_MEMORY, options), options.missing)
     path, _ = _numbered(str(source))
     name = name or ("stdin" if path == "-" else shown_name(path))
     limits = Limits(options.max_bytes, options.max_rows, options.max_columns)
@@ -152,13 +153,13 @@ def _table(source: Any, options: Options, name: str | None, data: bytes | None) 
         table = read_text(text, name, replace(options, delimiter=options.delimiter or ","))
         return replace(table, notes=(f"Excel, sheet {sheet!r}", *table.notes[1:]), dialect=None)
     if is_measured(held[0]):
-        return measured_table(held.pop(), name, options.sheet, limits)
+        return without_told(measured_table(held.pop(), name, options.sheet, limits), options.missing)
     if options.sheet is not None:
         raise UsageError(f"{name}: --sheet is for workbooks, TDMS and MATLAB files", do="leave it out")
     parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
     # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
     if parquet:
-        return read_parquet(held.pop(), name, limits)
+        return without_told(read_parquet(held.pop(), name, limits), options.missing)
     # A row of readings has four bytes at least: to count the lines of a small file would be in vain.
     if len(held[0]) > 4 * limits.max_rows and (lines := held[0].count(b"\n") - LONGEST_HEAD) > limits.max_rows:
         limits.check_shape(name, lines, 1)

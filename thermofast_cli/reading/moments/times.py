@@ -9,7 +9,7 @@ from operator import ne
 
 import numpy as np
 
-from ...errors import InputError, listed
+from ...errors import InputError, UsageError, listed
 from ...reading_options import Options
 from ..columns import check_names
 from ..run import Array, Guess
@@ -314,6 +314,8 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
             allowed="a number in every row, up to 1e30",
             do="mend or remove the rows" + below(table.lines, int(bad[0])) + _another_table(table, column, int(bad[0])),
         )
+    if options.time_unit and name in table.durations:
+        raise UsageError(f"{table.name}: {name!r} holds durations, which say their unit", do="leave --time-unit out")
     if COUNTDOWN.intersection(words(name)) and (np.diff(column) <= 0.0).all():
         counting = _numeric(table, name, column.max() - column, options)
         return replace(counting, note=f"{counting.note}, counted down", dated=False)

@@ -5,24 +5,39 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, UsageError
+from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
 from ..run import Array
 from .dialect import is_missing
+from .limits import Limits
 from .table import Table, from_arrow, words_or_numbers
 
 NAME = "in memory"
+#: Options that say how a file is laid out.
+OF_FILES = ("delimiter", "decimal", "encoding", "header_line", "skip_footer", "sheet", "max_bytes")
 
 
-def table_of(data: Any, name: str = NAME) -> Table:
+def table_of(data: Any, name: str = NAME, options: Options = Options()) -> Table:  # noqa: B008 - frozen
     """A table from a pandas DataFrame, an Arrow table or a mapping of names to arrays (N,).
 
     An index of time of a DataFrame is its column of time. Masked and missing values are nan.
 
     Raises
     ------
-    InputError: another kind of object, columns of different length or more than one dimension, names that are no names.
+    InputError: another kind of object, columns of different length or more than one dimension, names that are no names; more rows
+    or columns than the options allow.
+    UsageError: options that say how a text file is laid out.
     """
+    if laid_out := [key for key in OF_FILES if getattr(options, key) != getattr(Options(), key)]:
+        told = ", ".join(f"--{key.replace('_', '-')}" for key in laid_out)
+        raise UsageError(f"{name}: {told} is for files, and this is none", do="leave it out")
+    table = _table_of(data, name)
+    Limits(options.max_bytes, options.max_rows, options.max_columns).check_shape(name, len(table.lines), len(table.columns))
+    return table
+
+
+def _table_of(data: Any, name: str) -> Table:
     if type(data).__module__.startswith("pyarrow") and hasattr(data, "schema"):
         import pyarrow as pa
 
@@ -108,6 +123,7 @@ def _columns_of_frame(frame: Any, name: str) -> dict[str, Any]:
 def _from_arrays(data: Mapping[Any, Any], name: str) -> Table:
     columns: dict[str, Array | list[str]] = {}
     units: dict[str, str] = {}
+    durations = tuple(key for key, values in data.items() if _is_duration(values))
     for key, values in data.items():
         if not isinstance(key, str):
             raise InputError(
@@ -135,12 +151,18 @@ def _from_arrays(data: Mapping[Any, Any], name: str) -> Table:
         units,
         range(rows),
         (f"{len(columns)} column{'s' if len(columns) > 1 else ''} of {rows} rows",),
+        durations=durations,
     )
+
+
+def _is_duration(values: Any) -> bool:
+    """Whether a column holds lengths of time by its type."""
+    return str(getattr(values, "dtype", "")).startswith(("timedelta64", "<m8", ">m8", "duration"))
 
 
 def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     """(numbers (N,) with nan for none, or cells as text; unit) of one column."""
-    if type(values).__module__.startswith("pandas"):
+    if type(values).__module__.startswith("pandas") and not hasattr(values, "columns"):
         return _series(key, values, name)
     if isinstance(values, np.ma.MaskedArray):
         holes = np.ma.getmaskarray(values)
@@ -152,11 +174,11 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
             values = np.where(holes, None, np.asarray(values.data, dtype=object))  # type: ignore[call-overload]
     if isinstance(values, list | tuple) and any(isinstance(v, str) for v in values):
         return _objects(key, list(values), name), ""
-    array = np.asarray(values)
+    array = np.asarray(values) if not hasattr(values, "columns") else np.empty((0, 0))  # a table within a table
     if array.ndim != 1:
         raise InputError(
             f"{name}, column {key!r}: not one-dimensional",
-            found=f"shape {array.shape}",
+            found=type(values).__name__ if hasattr(values, "columns") else f"shape {array.shape}",
             allowed="(N,)",
             do="one name for each column",
         )

@@ -33,6 +33,8 @@ LINE_END = re.compile(r"\r\n|\n|\r")
 MARKS = (b",", b";", b"\t", b"|")
 #: Bytes and rows that show how rows are written.
 SAMPLE, SOME = 1 << 14, 40
+#: Bytes at the end of a text that show how its last numbers are written.
+TAIL = 1 << 17
 #: Bytes that are looked at together, and the one that ends a line.
 AT_ONCE, NEWLINE = 1 << 16, 10
 #: Lines up to which a table may lie on its side, so many times as wide as it is high, and names before its moments.
@@ -375,10 +377,13 @@ def _titled(name: str, unit: str) -> str:
 
 
 def without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
-    """Without a last line that stops in mid-number, as when a logger is switched off: fewer decimals than in every row before."""
+    """Without a last line that stops in mid-number, as when a logger is switched off: fewer decimals than in every row before.
+
+    Looked at are as many rows as stand in TAIL bytes: who leaves out noughts behind the point has numbers of fewer decimals there.
+    """
     if body.endswith((b"\n", b"\r")):
         return body, []
-    tail = LINE_END.split(body[-20000:].decode("utf-8", errors="replace"))[-12:]
+    tail = LINE_END.split(body[-TAIL:].decode("utf-8", errors="replace"))
     rows = [split(line, dialect.delimiter) for line in tail if line.strip()]
     if len(rows) < 6 or len(rows[-1]) != dialect.width:
         return body, []

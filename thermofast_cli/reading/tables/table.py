@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -52,6 +52,8 @@ class Table:
     clocks: tuple[str, ...] = ()
     #: Lines at which the names stand again.
     headers: tuple[int, ...] = ()
+    #: Columns that are durations by their type, in seconds.
+    durations: tuple[str, ...] = ()
 
 
 def to_floats(column: pa.ChunkedArray) -> Array:
@@ -153,10 +155,13 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
     """
     columns: dict[str, Array | list[str]] = {}
     units: dict[str, str] = {}
+    durations: list[str] = []
+    guesses: list[Guess] = []
     if len(set(table.column_names)) < len(table.column_names):
         twice = next(c for c in table.column_names if table.column_names.count(c) > 1)
         raise InputError(f"{name}: the column {twice!r} twice", allowed="one column of each name", do="rename one of them")
     for column_name, column in zip(table.column_names, table.columns, strict=True):
+        column = _plain(column)
         kind = column.type
         if kind == FLOAT:
             columns[column_name] = to_floats(column)
@@ -172,6 +177,7 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
         elif pa.types.is_duration(kind):
             columns[column_name] = to_floats(column.cast(pa.duration("us"), safe=False).cast(pa.int64()).cast(pa.float64())) / 1e6
             units[column_name] = "s"
+            durations.append(column_name)
         elif pa.types.is_date(kind) or pa.types.is_time(kind):
             columns[column_name] = [str(v) if v is not None else "" for v in column.to_pylist()]
         elif pa.types.is_boolean(kind):
@@ -181,10 +187,22 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
         elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
             columns[column_name] = words_or_numbers([str(v) if v is not None else "" for v in column.to_pylist()])
         else:
-            notes.append(f"column {column_name!r} of type {kind} left out")
+            guesses.append(Guess("role", f"column {column_name!r} of type {kind} left out", "cast it to numbers or text"))
     if not columns:
         raise InputError(f"{name}: no column of numbers or stamps", found="; ".join(notes), do="export the record with its columns")
-    return Table(name, list(columns), columns, {**dict.fromkeys(columns, ""), **units}, range(table.num_rows), tuple(notes))
+    units = {**dict.fromkeys(columns, ""), **units}
+    found = Table(name, list(columns), columns, units, range(table.num_rows), tuple(notes))
+    return replace(found, guesses=tuple(guesses), durations=tuple(durations))
+
+
+def _plain(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """A column with its values one after another: runs of one value, and texts that are views, as Polars gives them."""
+    kind = column.type
+    if pa.types.is_run_end_encoded(kind):
+        import pyarrow.compute as pc
+
+        return _plain(pa.chunked_array([pc.run_end_decode(chunk) for chunk in column.chunks], kind.value_type))
+    return column.cast(pa.large_string()) if kind == pa.string_view() else column
 
 
 def words_or_numbers(cells: list[str]) -> Array | list[str]:

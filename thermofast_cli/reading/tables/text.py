@@ -1,7 +1,6 @@
 """Text tables: header and dialect by our own rules, the body by pyarrow with declared types."""
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,10 +11,11 @@ import pyarrow.csv as pacsv
 from ...errors import InputError, listed
 from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
-from ..moments.times import is_time_name
 from ..names import names_and_units
 from ..run import Array, Guess
 from ..units import parse_unit, unit_above, unit_changes
+from ..values.carried import with_unit
+from ..values.missing import without
 from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
 from .encoding import refuse_markup, to_utf8
 from .lines import (
@@ -277,7 +277,7 @@ def _parse_body(
     texts = {n for i, n in enumerate(names) if n in excluded or _is_text([r[i] for r in sample], dialect.decimal, more)}
     if not texts and dialect.decimal == "." and (wide := wide_numbers(body, len(names), delimiter)) is not None:
         at = _lines_of_rows(body, len(wide), delimiter, dialect)
-        return {n: _without(wide[:, i], more, n) for i, n in enumerate(names)}, {}, {}, at, []
+        return {n: without(wide[:, i], more, n) for i, n in enumerate(names)}, {}, {}, at, []
     # Where some cell is no number, its column is looked at cell by cell, for the words that mean 'no reading' and to name the
     # others. The words are not given to pyarrow, which would look for each of them in every column of every record.
     looked_at = set(texts)
@@ -306,7 +306,7 @@ def _parse_body(
             if unit:
                 carried[n] = unit
         else:
-            columns[n] = _without(to_floats(column), more, n)
+            columns[n] = without(to_floats(column), more, n)
     return columns, faults, carried, at, notes
 
 
@@ -337,14 +337,6 @@ def _all_floats(cells: list[str]) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _without(values: Array, missing: frozenset[str], column: str) -> Array:
-    """Numbers that the user said mean 'no reading' (85, -999) as nan; the time may be 0 all the same."""
-    if not missing:
-        return values
-    numbers = [] if is_time_name(column) else [float(m) for m in missing if is_number(m, ".")]
-    return np.where(np.isin(values, numbers), np.nan, values) if numbers else values
 
 
 def _check_ragged(body: bytes, width: int, delimiter: str, dialect: Dialect, name: str) -> list[str]:
@@ -389,7 +381,7 @@ def _cells(
     """(numbers or the cells themselves, what is wrong with the few that are none, unit that each cell carries)."""
     unit = ""
     if is_text:
-        cells, unit = _with_unit(cells, dialect.decimal, more)
+        cells, unit = with_unit(cells, dialect.decimal, more)
         if not unit:
             return cells, _wordy(cells, column, dialect, name, lines), ""
     distinct = dict.fromkeys(cells)  # of a million readings some thousand
@@ -401,7 +393,7 @@ def _cells(
     number = {c: to_number(c, dialect.decimal) for c in told if is_number(c, dialect.decimal)}
     values = np.array([number.get(c, np.nan) for c in cells])
     if len(number) == len(told):
-        return _without(values, more, column), None, unit
+        return without(values, more, column), None, unit
     odd = {c for c in told if c not in number}
     bad = [i for i, c in enumerate(cells) if c in odd]
     if len(bad) > np.count_nonzero(np.isfinite(values)):
@@ -449,20 +441,3 @@ def _wordy(cells: list[str], column: str, dialect: Dialect, name: str, lines: Se
         allowed="numbers of one unit, and known words for 'no reading'",
         do=f"say --missing {cells[first].strip()!r} if it means 'no reading', or --exclude {column!r}",
     )
-
-
-def _with_unit(cells: list[str], decimal: str, more: frozenset[str]) -> tuple[list[str], str]:
-    """The numbers of cells that all carry one unit (``21.3 °C``, ``temp=47.2'C``), and that unit; else the cells as they are."""
-    first = next((c for c in cells if not is_missing(c, more) and not is_number(c, decimal)), None)
-    if first is None or looks_like_stamp(first):
-        return cells, ""
-    told = [c for c in cells if not is_missing(c, more) and not is_number(c, decimal)]
-    found = {c: number_within(c, decimal) for c in dict.fromkeys(told)}
-    forms = Counter((f[0], f[2]) for f in found.values() if f)
-    if len(forms) != 1 or sum(f is None for f in found.values()) > 0:
-        return cells, ""
-    (before, after), _ = forms.most_common(1)[0]
-    unit = after or before.rstrip("=: ")
-    if not (parse_unit(after) or (before and not after)):
-        return cells, ""
-    return [f[1] if (f := found.get(c)) else c for c in cells], unit
