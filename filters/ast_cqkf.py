@@ -18,7 +18,7 @@ class AstCqkf(GaussianFilter):
     summary = "adaptive strong tracking CQKF: fades with the innovations, estimates the noise as it goes"
     reference = "Liu et al. 2018, doi:10.13700/j.bh.1001-5965.2017.0312, in a stable form"
 
-    order: float = setting(2.0, "m, points along each radius", 1.0, 20.0)
+    order: int = setting(2, "m, points along each radius", 1.0, 20.0)
     weakening: float = setting(3.5, "beta of equation (28)", 1.0, 100.0)
     forgetting: float = setting(0.95, "rho of equation (30)", 0.0, 1.0)
     noise_forgetting: float = setting(0.95, "b of equation (41)", 0.5, 0.999)
@@ -33,7 +33,7 @@ class AstCqkf(GaussianFilter):
 
     @property
     def moments(self) -> Moments:
-        return CubaturePoints(int(self.order))
+        return CubaturePoints(self.order)
 
     @property
     def fading_rule(self) -> FadingRule:

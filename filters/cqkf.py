@@ -16,8 +16,8 @@ class Cqkf(GaussianFilter):
     summary = "cubature quadrature Kalman filter: m points along each radius, no fading"
     reference = "Liu et al. 2018, doi:10.13700/j.bh.1001-5965.2017.0312, after Bhaumik & Swati 2013, IET Signal Processing 7(7)"
 
-    order: float = setting(2.0, "m, points along each radius; 1 is the cubature Kalman filter", 1.0, 20.0)
+    order: int = setting(2, "m, points along each radius; 1 is the cubature Kalman filter", 1.0, 20.0)
 
     @property
     def moments(self) -> Moments:
-        return CubaturePoints(int(self.order))
+        return CubaturePoints(self.order)

@@ -68,7 +68,8 @@ class Rls(Filter):
     """The lump's law integrated once is linear in its parameters: T(t) = T0 + b T_inf t - b int T dt.
 
     Least squares on (1, t, int T dt) needs no even sampling, unlike the difference equation. The readings' noise
-    is also in the integral, where it is averaged: the estimate is biased a little, which the closing likelihood step mends.
+    is also in the integral, where it is averaged: the estimate is biased a little, which the closing likelihood step mends. It
+    weighs all readings alike: where old ones are forgotten the filter's own estimate stands.
     """
 
     name = "rls"
@@ -80,7 +81,7 @@ class Rls(Filter):
 
     @property
     def closing(self) -> Closing:
-        return "always" if self.closing_step else "never"
+        return "always" if self.closing_step and self.forgetting == 1.0 else "never"
 
     def track(self, model: StateModel, time: Array, reading: Array, resolution: float = 0.0) -> Track:
         """See :class:`filters.base.Track`; for models whose state is (temperature, slope, rate).
@@ -100,8 +101,10 @@ class Rls(Filter):
         variance, innovation = np.full(count, start.noise_variance), np.full(count, np.nan)
         spread = np.full(count, np.nan)
         fit = RecursiveLeastSquares(np.zeros(3), np.diag([1e6, 1e6, 1e6]), self.forgetting)
-        squares, broken = 0.0, None
+        squares, broken, seen = 0.0, None, np.zeros((3, 3))
         for k in range(count):
+            # The noise of a reading that is half forgotten counts a quarter: covariance P Q P, Q of the squared weights.
+            seen = self.forgetting**2 * seen + np.outer(rows[k], rows[k])
             size = 1.0 + float(rows[k] @ fit.covariance @ rows[k])
             e = fit.update(rows[k], float(reading[k] - reading[0]))
             squares += e * e / size if k >= 3 else 0.0
@@ -109,7 +112,8 @@ class Rls(Filter):
                 continue
             variance[k] = squares / max(k - 2, 1)
             innovation[k], spread[k] = e, size * variance[k]
-            states[k], covariances[k] = _lump_state(fit, rows[k], float(reading[0]))
+            spread_of = fit.covariance if self.forgetting == 1.0 else fit.covariance @ seen @ fit.covariance
+            states[k], covariances[k] = _lump_state(fit, rows[k], float(reading[0]), spread_of)
             if not np.isfinite(states[k]).all():
                 broken = k
                 break
@@ -119,7 +123,7 @@ class Rls(Filter):
         return Track(start.index, states, covariances, variance, innovation, spread, one, 0.0 * one, one, one, 0.0 * one, broken)
 
 
-def _lump_state(fit: RecursiveLeastSquares, row: Array, first: float) -> tuple[Array, Array]:
+def _lump_state(fit: RecursiveLeastSquares, row: Array, first: float, covariance: Array) -> tuple[Array, Array]:
     """(temperature, slope, rate) and its covariance per unit of the noise variance from the integrated law's parameters."""
     level, drive, minus_rate = fit.theta
     temperature = float(row @ fit.theta)
@@ -127,4 +131,4 @@ def _lump_state(fit: RecursiveLeastSquares, row: Array, first: float) -> tuple[A
     by = np.array([row, row * minus_rate + np.array([0.0, 1.0, temperature]), [0.0, 0.0, -1.0]])
     if not math.isfinite(level):
         by = np.full((3, 3), np.nan)
-    return np.array([first + temperature, slope, -minus_rate]), by @ fit.covariance @ by.T
+    return np.array([first + temperature, slope, -minus_rate]), by @ covariance @ by.T

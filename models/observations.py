@@ -187,7 +187,7 @@ class Observations:
 
 
 def held_out_blocks(run: Observations, blocks: int = 8) -> list[NDArray[np.bool_]]:
-    """Contiguous blocks (N,) of equal length that together cover the readings in use, the first tenth of the first excepted.
+    """Contiguous blocks (N,) of equal length that together cover the readings in use, the first third of the first excepted.
 
     What the first readings fix, the start of the curve, no later reading can tell: the first block begins after them.
     """

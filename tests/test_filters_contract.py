@@ -14,6 +14,7 @@ from thermofast.filters.fading import AdaptiveFading, InnovationFading, NoFading
 from thermofast.filters.loop import GaussianFilter
 from thermofast.filters.loop import run as run_filter
 from thermofast.filters.moments import Linearised, ScaledPoints, SymmetricPoints, semidefinite_root
+from thermofast.filters.rls import Rls
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE, TYPICAL
 from thermofast.models.lump import LumpStart
@@ -221,3 +222,30 @@ def test_what_a_filter_would_leave_out_without_a_word_is_refused(given, told):
             choose(name, preset, (), **given)
     choose("afukf", None, (), **given)
     choose("ukf", None, (), imperfection=NONE)
+
+
+@pytest.mark.parametrize(
+    "method", [k() for k in BUILT_IN if k.name in ("afukf", "fading_ukf", "ast_cqkf", "ckf", "ukf")], ids=lambda m: m.name
+)
+def test_a_filter_says_how_much_it_has_forgotten(method):
+    time = np.arange(150.0)
+    reading = np.where(time < 60.0, 20.0 - 30.0 * np.expm1(-time / 30.0), 45.9 - 15.0 * np.expm1(-(time - 59.0) / 30.0))
+    reading = reading + 0.02 * np.random.default_rng(4).standard_normal(len(time))
+    track = method.track(Lump(), time, reading, 0.0)
+    fading = track.fading[np.isfinite(track.fading) & (np.arange(len(time)) >= track.first)]
+    assert track.forgotten[-1] == pytest.approx(np.log(fading).sum(), rel=1e-9, abs=1e-12)
+    assert (track.forgotten[-1] > 1.0) == (method.name in ("afukf", "fading_ukf", "ast_cqkf"))
+
+
+@pytest.mark.parametrize("forgetting", [1.0, 0.96])
+def test_least_squares_that_forget_know_how_unsure_they_are(forgetting):
+    time, rng, told, found = np.arange(0.0, 120.0, 2.0), np.random.default_rng(8), [], []
+    method = Rls(forgetting=forgetting)
+    assert method.closing == ("always" if forgetting == 1.0 else "never")
+    for _ in range(120):
+        reading = 20.0 - 9.0 * np.expm1(-time / 40.0) + 0.01 * rng.standard_normal(len(time))
+        track = method.track(Lump(), time, reading, 0.0)
+        found.append(track.state[-1])
+        told.append(np.sqrt(np.diag(track.covariance[-1]) * track.noise_variance[-1]))
+    # The noise of the integral is taken for noise of the readings, so that the covariance is a little wide, forgetting or not.
+    assert 0.65 < np.std(found, axis=0)[0] / np.median(told, axis=0)[0] < 0.85

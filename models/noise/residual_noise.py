@@ -144,8 +144,9 @@ def stationarity(series: Array) -> Stationarity:
     share = np.cumsum(outside[::-1])[::-1] / np.arange(lags, 0, -1)
     inside = np.flatnonzero((share <= 0.1) & ~outside)
     decays = int(inside[0]) + 1 if len(inside) else -1
-    t = _dickey_fuller(series, int((n - 1) ** (1.0 / 3.0)))
-    used = n - 1 - int((n - 1) ** (1.0 / 3.0))
+    lagged = int((n - 1) ** (1.0 / 3.0) + 1e-9)  # of 64 it is 4, whatever the power makes of a third
+    t = _dickey_fuller(series, lagged)
+    used = n - 1 - lagged
     critical = -2.86154 - 2.8903 / used - 4.234 / used**2 - 40.04 / used**3
     return Stationarity(0 < decays < lags and t < critical, decays, t, critical)
 

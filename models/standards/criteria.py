@@ -43,7 +43,7 @@ class Criterion:
     def times(self, first: float, last: float, points: int = POINTS) -> Array:
         """Times (n,) [min] at which a record from first to last is looked at: even, so many points per window."""
         step = self.window_min / points
-        found: Array = np.arange(first, last + 0.5 * step, step)
+        found: Array = np.arange(first, last + 1e-9 * step, step)
         return found
 
     def trips(self, time: Array, curves: Array, points: int = POINTS) -> Array:

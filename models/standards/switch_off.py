@@ -2,8 +2,9 @@
 
     T(t) = end + A exp(-a t) [+ B exp(-c t)],  a < c
 
-One mode or two, each as likely beforehand; log rates evenly distributed, the amplitude of the fast mode at switch-off normal
-about nothing with a quarter of the record's own fall, end and A free. Given the rates all else is linear and normal, so the
+One mode or two; log rates evenly distributed, so that two modes, of which one is the faster and by APART at least, are not half
+as likely beforehand as one (each as likely, noise was taken for a mode more often: benchmarks.analysis.switch_off); the amplitude
+of the fast mode at switch-off normal about nothing with a quarter of the record's own fall, end and A free. Given the rates all else is linear and normal, so the
 temperature at an earlier time is a mixture of normal distributions over the rates, whose quantiles are its interval: what the
 record leaves open of the modes is in it. A mode that is over before the first reading leaves no trace: none of less than a
 third of the delay is thought of.
@@ -93,7 +94,7 @@ def _least_noise(t: Array, y: Array, slow: float, fast: float) -> float:
     least = whole
     if len(i):
         own = np.stack([np.zeros_like(i), i + 1, j + 1], axis=1)
-        ridge = 1e-12 * np.trace(gram[: len(gram)]) * np.eye(3)
+        ridge = 1e-12 * np.trace(gram) * np.eye(3)
         right = moment[own]
         solved = np.linalg.solve(gram[own[:, :, None], own[:, None, :]] + ridge, right[..., None])[..., 0]
         left = whole - np.einsum("mi,mi->m", right, solved)
@@ -167,7 +168,8 @@ def _closed_in(
     modes = len(box)
     posterior = _Posterior(t, y, at, noise, size, box)
     # What the ranges are given beforehand stays what it was as the grid closes in: weights are densities times cells.
-    before = -sum(np.log(high - low) for low, high in box) + np.log(0.5) - 0.5 * float(y @ y) / noise**2
+    # Pairs of rates in the wrong order, or too near, are none: two modes are half as likely as one beforehand, and less.
+    before = -sum(np.log(high - low) for low, high in box) - 0.5 * float(y @ y) / noise**2
     axes = [np.linspace(low, high, RATES) for low, high in box]
     points = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
     cell = float(sum(np.log(max(axis[1] - axis[0], 1e-12)) for axis in axes))

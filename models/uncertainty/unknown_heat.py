@@ -386,10 +386,11 @@ def followed_column(
     if not offers or not lumps:
         return []
     every = np.concatenate([shapes for shapes, _ in offers.values()])
-    total, best_rates = np.zeros(len(every)), np.zeros((len(lumps), len(every)))
+    total, best_rates, alone = np.zeros(len(every)), np.zeros((len(lumps), len(every))), 0.0
     for k, (lump, may) in enumerate(zip(lumps, rates, strict=True)):
         with_, without = column_likelihoods(lump, may, every, grid, np.array(given))
         total += 2.0 * (with_.max(axis=0) - without.max())
+        alone += 2.0 * float(without.max()) / len(lumps)
         best_rates[k] = np.asarray(may)[with_.argmax(axis=0)]
     # The sensors of a run share its unknown heat: together they are evidence no better than one of them.
     ratios, found, begin = total / len(lumps), [], 0
@@ -402,7 +403,7 @@ def followed_column(
             likely = np.union1d(np.argsort(-ratio)[:LIKELY], [i for i, (_, delay) in enumerate(told) if delay == 0.0]).astype(int)
             place, among, own = _at_own_rates(lumps, rates, shapes[likely], grid, np.array(given))
             best, ratio = int(likely[place]), np.full(len(told), -np.inf)
-            ratio[likely] = among
+            ratio[likely] = among - alone
         power, delay = told[best]
         near = [told[i][0] for i in np.flatnonzero(ratio >= ratio[best] - NEAR)]
         heats = [smooth_heat(lump, rate) for lump, rate in zip(lumps, own, strict=True)] if p < RULES.chance else []
