@@ -113,6 +113,12 @@ class Model:
         active[:, columns] = True
         return Model(self.run, self.parts, active)
 
+    def with_shared(self, values: Array) -> "Model":
+        """The same model with the parameters that sensors share held at these (ks,), in search coordinates."""
+        held = Model(self.run, self.parts, self.active)
+        held.low_shared = held.high_shared = values
+        return held
+
     def _bounds(self, columns: list[Column]) -> tuple[Array, Array]:
         pairs = [_surroundings_bounds(self.run) if c.parameter is SINK else c.parameter.bounds(self.run) for c in columns]
         low, high = (np.array([p[i] for p in pairs], dtype=float) for i in (0, 1))

@@ -210,7 +210,7 @@ def _in_part(
 
 def _value(before: Fit, fit: Fit, part: Part) -> float:
     """Gain of a part less what each of its parameters costs."""
-    return float(likelihood_ratios(before, fit).sum()) - 6.0 * len(part.effect.active(part.choice))
+    return float(likelihood_ratios(before, fit).sum()) - RULES.parameter_costs * len(part.effect.active(part.choice))
 
 
 def unmirrored(fit: Fit, at: int) -> Fit:
@@ -330,7 +330,7 @@ def _own(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: b
     for (choice, glance), kept in zip(looked, _promising([f for _, f in looked], n), strict=True):
         if not len(kept):
             continue
-        own, most = kept % n, (RULES.quick if quick else 25) - first
+        own, most = kept % n, (RULES.quick if quick else RULES.careful) - first
         fit = search(glance.model, glance.local[kept], glance.shared, None, most, own, hold_shared=True)
         for row, i in enumerate(own):
             if np.isfinite(fit.rss[row]) and fit.rss[row] < best_cost[i] * (1.0 - 1e-12):

@@ -149,6 +149,11 @@ class SearchRules:
     most_also: int = rule(6, "sets", "of rivals that are named", "what a reader takes in")
     followed: int = rule(3, "starts", "of a shared effect that are followed to their end", COST)
     quick: int = rule(14, "iterations", "of a quick look", COST)
+    careful: int = rule(25, "iterations", "of a careful one", COST)
+    parameter_costs: float = rule(
+        6.0, "likelihood ratio", "what each parameter of a way of acting must gain, where ways are compared", BY_HAND
+    )
+    partner: float = rule(25.0, "likelihood ratio", "that a partner of a good effect must promise", BY_HAND)
     glance: int = rule(8, "iterations", "of the first look at every start that each sensor has for itself", COST)
     glance_at_links: int = rule(18, "iterations", "of the first look at neighbours, whose order is told by small differences", COST)
     carried_on: int = rule(3, "starts", "of these that are carried on", COST)

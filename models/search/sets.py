@@ -77,7 +77,9 @@ def tried_pairs(
     roots = [c.fit for c in (good[:3] if good else singles)]
     roots += [] if good else _as_logged(base, effects)
     # Each single brings its best partners, however little it gains by itself: a pair may hide its parts.
-    for number, offers in enumerate(spread(partial(_offers, base, effects, 25.0 if good else -1.0, RULES.partners, True), roots)):
+    for number, offers in enumerate(
+        spread(partial(_offers, base, effects, RULES.partner if good else -1.0, RULES.partners, True), roots)
+    ):
         for offer in offers:
             unordered = tuple(sorted((*(p.id for p in offer.root.model.parts), offer.effect.id)))
             key = (*unordered, str(number)) if number >= len(singles) else unordered
@@ -116,8 +118,7 @@ def _as_logged(base: Fit, effects: Sequence[Effect]) -> list[Fit]:
         for choice in [c for c in effect.choices(base.run) if c.simple][:2] if effect.logged else []:
             model = Model(base.run, [Part(effect, choice)])
             local, shared = model.vector({**base.values, Key(0, effect.amplitude): effect.parameter(effect.amplitude).start})
-            model.low_shared = model.high_shared = shared
-            found.append(search(model, local, shared))
+            found.append(search(model.with_shared(shared), local, shared))
     return found
 
 

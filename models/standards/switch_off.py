@@ -4,10 +4,10 @@
 
 One mode or two; log rates evenly distributed, so that two modes, of which one is the faster and by APART at least, are not half
 as likely beforehand as one (each as likely, noise was taken for a mode more often: benchmarks.analysis.switch_off); the amplitude
-of the fast mode at switch-off normal about nothing with a quarter of the record's own fall, end and A free. Given the rates all else is linear and normal, so the
-temperature at an earlier time is a mixture of normal distributions over the rates, whose quantiles are its interval: what the
-record leaves open of the modes is in it. A mode that is over before the first reading leaves no trace: none of less than a
-third of the delay is thought of.
+of the fast mode at switch-off normal about nothing with a quarter of the record's own fall, end and A free. Given the rates all
+else is linear and normal, so the temperature at an earlier time is a mixture of normal distributions over the rates, whose
+quantiles are its interval: what the record leaves open of the modes is in it. A mode that is over before the first reading leaves
+no trace: none of less than a third of the delay is thought of.
 """
 
 from collections.abc import Callable

@@ -120,24 +120,20 @@ def claimed_verdicts(
     changed_min: float | None,
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
-    case, status = _Case(found, claimed, sensors, past, until), list[str]()
+    case = _Case(found, claimed, sensors, past, until)
     undetermined = _undetermined(case, back)
-    reasons = [
+    first = [
         Reason(back, lambda _: "it settles where it began: there is no rise of which 95 % could be told"),
         Reason(_still(case), lambda _: "it did not move by more than its noise: not heated yet, or settled before"),
         *undetermined,
         *_of_the_law(case),
-        _faded(case, tracks, status),
-        *_of_the_heat(case, changed_min),
-        *_of_what_came_later(case),
-        *_of_what_is_out(case),
-        *_noted(case),
     ]
-    doubted = np.any([r.doubts for r in reasons if r.doubts is not None], axis=0)
+    later = [*_of_the_heat(case, changed_min), *_of_what_came_later(case), *_of_what_is_out(case), *_noted(case)]
+    doubted = np.any([r.doubts for r in (*first, *later) if r.doubts is not None], axis=0)
     open_ = np.any([r.where for r in undetermined], axis=0)
-    status += np.where(open_, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
+    status: list[str] = np.where(open_, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
     messages: dict[int, list[str]] = {}
-    for reason in reasons:
+    for reason in (*first, _faded(case, tracks, status), *later):
         for i in np.flatnonzero(reason.where).tolist():
             messages.setdefault(i, []).append(reason.say(i))
     for i, size in against.items():

@@ -174,7 +174,7 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
             values = np.where(holes, None, np.asarray(values.data, dtype=object))  # type: ignore[call-overload]
     if isinstance(values, list | tuple) and any(isinstance(v, str) for v in values):
         return _objects(key, list(values), name), ""
-    array = np.asarray(values) if not hasattr(values, "columns") else np.empty((0, 0))  # a table within a table
+    array: Any = np.asarray(values) if not hasattr(values, "columns") else np.empty((0, 0))  # a table within a table
     if array.ndim != 1:
         raise InputError(
             f"{name}, column {key!r}: not one-dimensional",

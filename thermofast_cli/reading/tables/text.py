@@ -273,8 +273,7 @@ def _parse_body(
 
     if not body or body.isspace():
         raise InputError(f"{name}: a header and no rows", allowed="rows of readings", do="export the record again")
-    sample = [row for row in (split(line, dialect.delimiter) for line in lines[:200] if line.strip()) if len(row) == len(names)]
-    texts = {n for i, n in enumerate(names) if n in excluded or _is_text([r[i] for r in sample], dialect.decimal, more)}
+    texts = _of_words(lines, names, dialect, more) | (excluded & set(names))
     if not texts and dialect.decimal == "." and (wide := wide_numbers(body, len(names), delimiter)) is not None:
         at = _lines_of_rows(body, len(wide), delimiter, dialect)
         return {n: without(wide[:, i], more, n) for i, n in enumerate(names)}, {}, {}, at, []
@@ -308,6 +307,13 @@ def _parse_body(
         else:
             columns[n] = without(to_floats(column), more, n)
     return columns, faults, carried, at, notes
+
+
+def _of_words(lines: list[str], names: list[str], dialect: Dialect, more: frozenset[str]) -> set[str]:
+    """Names of the columns that hold words or stamps, by the first lines of a body."""
+    rows = (split(line, dialect.delimiter) for line in lines[:200] if line.strip())
+    sample = [row for row in rows if len(row) == len(names)]
+    return {n for i, n in enumerate(names) if _is_text([r[i] for r in sample], dialect.decimal, more)}
 
 
 def _lines_of_rows(body: bytes, rows: int, delimiter: str, dialect: Dialect) -> Sequence[int]:
