@@ -161,3 +161,19 @@ def _in_a_pool(path):
 def test_a_process_of_a_pool_works_alone():
     with multiprocessing.get_context("fork").Pool(1) as pool:
         assert pool.map(_in_a_pool, [str(ROOT / "sample_runs" / "spindle.csv")]) == [10]
+
+
+def test_a_denoised_record_is_a_record_again():
+    columns = tf.compare(SPINDLE, denoise=True).denoised[0].columns
+    run = tf.read(pd.DataFrame(columns))
+    assert (list(run.channels), list(run.ambient)) == ([f"T{k + 1}" for k in range(10)], ["ambient"])
+    np.testing.assert_array_equal(run.ambient["ambient"], SPINDLE.ambient)
+    assert set(run.inputs) == {f"T{k + 1}{side}" for k in range(10) for side in ("_lo", "_hi")}
+
+
+@pytest.mark.parametrize("name", ["machine", "run", "sample"])
+def test_a_number_that_says_whose_record_it_is_is_no_sensor(name):
+    run = tf.read(SPINDLE.assign(**{name: 3}))
+    assert len(run.channels) == 10
+    assert any(f"columns that never change left out: {name} is 3" in note for note in run.notes)
+    assert len(tf.read(SPINDLE.assign(**{name: 3}), channels=["T1", name]).channels) == 2

@@ -34,10 +34,14 @@ STEPS = "not denoised: the logger's step is more than twice the noise, and what 
 
 @dataclass(frozen=True)
 class Denoised:
-    """A run without its sensors' noise: time (N,) [min] and, by sensor, temperature and its band's ends (N,) [degC]."""
+    """A run without its sensors' noise: time (N,) [min] and, by sensor, temperature and its band's ends (N,) [degC].
+
+    logged (N,): what stands beside the sensors, as it was read.
+    """
 
     run: str
     time: Array
+    logged: dict[str, Array] = field(default_factory=dict)
     sensors: dict[str, tuple[Array, Array, Array]] = field(default_factory=dict)
 
     @property
@@ -57,7 +61,7 @@ class Denoised:
             )
         for channel, three in self.sensors.items():
             found |= {f"{channel}{end}": values for end, values in zip(("", "_lo", "_hi"), three, strict=True)}
-        return found
+        return found | {n: values for n, values in self.logged.items() if n not in found}
 
 
 def denoised(fit: Fit, sensor: int) -> tuple[tuple[Array, Array, Array] | None, str]:

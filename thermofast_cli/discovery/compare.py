@@ -94,7 +94,8 @@ def _compare(task: LoopTask) -> Comparison:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
     needed, about_heat = _needed(task, fit, whole)
     records, panels = [], []
-    clean = Denoised(task.run.name, whole.time + task.start_min) if task.denoise else None
+    beside = whole.ambient | whole.inputs
+    clean = Denoised(task.run.name, whole.time + task.start_min, beside) if task.denoise else None
     for i, channel in enumerate(whole.channels):
         colour = colour_of(fit, i, float(floor[i]), rounded[i])
         kept = ""

@@ -18,6 +18,7 @@ from .vocabulary import (
     AMBIENT,
     COUNTERS,
     EXTREMES,
+    LABELS,
     MEANS,
     REFERENCE,
     SPREADS,
@@ -130,7 +131,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         check_names([options.ambient], names, "--ambient", run)
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(own, units.get(n, "")) for n, own in _beyond_place(names).items()}
-    signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names))}
+    signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names), *_bands(names))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     # A room with its unit says nothing of places without one.
@@ -217,6 +218,13 @@ def _extremes(names: list[str]) -> list[str]:
     ]
 
 
+def _bands(names: list[str]) -> list[str]:
+    """Columns that are the two sides of another one's interval: T1_lo and T1_hi beside T1."""
+    there = set(names)
+    both = [n for n in names if there.issuperset({f"{n}_lo", f"{n}_hi"})]
+    return [f"{n}{side}" for n in both for side in ("_lo", "_hi")]
+
+
 def _without_unit(name: str) -> str:
     """A name without the brackets that say its unit of temperature."""
     return re.sub(r"[\[(]([^\[\]()]*)[\])]", lambda m: "" if (unit := parse_unit(m[1])) and unit.temperature else m[0], name)
@@ -262,6 +270,8 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
         return "empty"
     if sign.kind == "nameless" and count >= 10 and _constant(column):
         return "constant"
+    if sign.kind == "named" and set(words(name)) & LABELS and _constant(column) and _whole(column):
+        return "constant"  # of which machine, which run
     if _counts(name, sign, column):
         return "counter"
     if (

@@ -85,6 +85,8 @@ REFERENCE = _set(
     "cjt tcj coldjunction internal logger panel board klemmentemperatur vergleichsstellentemperatur cjc cj ref reference "
     "referenz vergleichsstelle ptemp kaltstelle"
 )
+#: Columns of one whole number that say whose record it is.
+LABELS = _set("machine run test trial series lot order job station operator serial experiment sample count row project customer")
 COUNTERS = _set("sweep frame place part no nr index idx sample scan record count counter row number id rec anz point")
 #: Words of what is logged beside temperatures and means nothing for them.
 OTHER = _set(
