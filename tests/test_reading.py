@@ -12,6 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+import thermofast as tf
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
 from thermofast.reading.moments.stamps import parse_stamps
@@ -22,6 +23,8 @@ from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.tables.workbook import _cell
 from thermofast.reading.vocabulary import words
+from thermofast.reading.wide import LARGE, read_wide
+from thermofast.reading_options import options_from
 
 TIMES = [0.0, 1.0, 2.0, 3.0]
 T1 = [18.25, 18.5, 18.75, 19.0]
@@ -587,3 +590,70 @@ def test_a_quote_that_nothing_closes_is_left_out_and_said_to_be(tmp_path):
     run = read_run(str(path))
     assert len(run.time_s) == 60
     assert "unbalanced quotes removed (line 22)" in "; ".join(run.notes)
+
+
+def wide_file(tmp_path, change=lambda lines: lines, ending="\n", last=True):
+    """A file of 6 MB of 300 columns of numbers, with a change to its lines."""
+    rng = np.random.default_rng(6)
+    rows = [[60 * k, *np.round(20 + 5 * -np.expm1(-k / 900) + rng.normal(0, 0.02, 299), 3).tolist()] for k in range(3000)]
+    lines = [",".join(["time_s", *(f"T{i + 1} [°C]" for i in range(299))]), *(",".join(map(repr, row)) for row in rows)]
+    path = tmp_path / "wide.csv"
+    path.write_bytes((ending.join(change(lines)) + (ending if last else "")).encode())
+    assert path.stat().st_size > LARGE
+    return path
+
+
+def exchanged(at, text):
+    return lambda lines: [*lines[:at], text(lines[at]), *lines[at + 1 :]]
+
+
+@pytest.mark.parametrize("options", [{}, {"missing": "20.0"}, {"channels": "T1 [°C], T7 [°C]"}], ids=str)
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+@pytest.mark.parametrize("last", [True, False])
+def test_a_large_wide_file_is_read_in_a_few_lines_at_a_time_as_it_is_whole(tmp_path, options, ending, last):
+    path = wide_file(tmp_path, ending=ending, last=last)
+    assert read_wide(path, "wide.csv", options_from(dict(options)), Limits()) is not None
+    parts = tf.read(str(path), **options)
+    whole = read_runs(str(path), options_from(dict(options)), data=path.read_bytes())[0]
+    assert (parts.notes, parts.guesses, parts.seen) == (whole.notes, whole.guesses, whole.seen)
+    for group in ("channels", "ambient", "inputs"):
+        assert list(getattr(parts, group)) == list(getattr(whole, group))
+        for name, column in getattr(whole, group).items():
+            np.testing.assert_array_equal(getattr(parts, group)[name], column)
+
+
+OTHERWISE = {
+    "a word": exchanged(2000, lambda line: line.replace(",", ",OL,", 1)),
+    "an empty line": exchanged(2000, lambda line: "\n" + line),
+    "a short row": exchanged(2000, lambda line: line.rpartition(",")[0]),
+    "an empty cell": exchanged(2000, lambda line: "".join([*line.rpartition(",")[:2]])),
+    "a footer": lambda lines: [*lines, "Mean" + ",20" * 299],
+    "a comment": exchanged(1500, lambda line: "# changed the belt"),
+}
+
+
+@pytest.mark.parametrize("what", OTHERWISE)
+def test_what_is_not_plain_in_a_large_wide_file_is_told_as_in_any_other(tmp_path, what):
+    path = wide_file(tmp_path, OTHERWISE[what])
+    assert read_wide(path, "wide.csv", Options(), Limits()) is None
+    found = [
+        f"{type(e).__name__}: {e}" if (e := _error(lambda d=d: read_runs(str(path), data=d))) else "read"
+        for d in (None, path.read_bytes())
+    ]
+    assert found[0] == found[1]
+
+
+def _error(call):
+    try:
+        call()
+    except tf.ThermofastError as error:
+        return error
+    return None
+
+
+def test_limits_hold_for_a_large_wide_file(tmp_path):
+    path = str(wide_file(tmp_path))
+    with pytest.raises(InputError, match="3000 rows"):
+        tf.read(path, max_rows=1000)
+    with pytest.raises(InputError, match="bytes"):
+        tf.read(path, max_bytes=1 << 22)

@@ -173,6 +173,23 @@ print(len(run.channels), time.perf_counter() - begun, spent[0])
 """
 
 
+#: Peak of what a process holds in memory [MB] above what it holds once all that the work needs is imported.
+PEAK = """
+import re, sys
+import numpy as np
+import thermofast as tf
+
+def held(what):
+    return int(re.search(what + r":\\s+(\\d+)", open("/proc/self/status").read()).group(1)) / 1024
+
+tf.identify({"time_min": np.arange(50.0), "T1": 25.0 - 5.0 * np.exp(-np.arange(50) / 20)}, jobs=1)
+open("/proc/self/clear_refs", "w").write("5")
+before = held("VmRSS")
+tf.identify(tf.read(sys.argv[1]), jobs=1)
+print(held("VmHWM") - before)
+"""
+
+
 def inside() -> list[tuple[str, float, str, float, str]]:
     """Work per sensor outside compiled functions, and peak memory over that of the table, on the large file."""
     with tempfile.TemporaryDirectory() as folder:
@@ -180,14 +197,8 @@ def inside() -> list[tuple[str, float, str, float, str]]:
         done = subprocess.run([sys.executable, "-c", PER_SENSOR, large], check=True, capture_output=True, text=True, cwd=ROOT)
         sensors, seconds, compiled = (float(v) for v in done.stdout.split())
 
-        def peak(work: str) -> float:
-            # Not getrusage: its peak is handed down from the process that starts this one.
-            code = "import re, sys, thermofast as tf, thermofast.pipeline.sensors, thermofast.pipeline.methods; tf.read\n" + work
-            code += "\nprint(int(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read()).group(1)) / 1024)"
-            told = subprocess.run([sys.executable, "-c", code, large], check=True, capture_output=True, text=True, cwd=ROOT)
-            return float(told.stdout)
-
-        above = peak("tf.identify(tf.read(sys.argv[1]), jobs=1)") - peak("import thermofast.reading.tables.text")
+        told = subprocess.run([sys.executable, "-c", PEAK, large], check=True, capture_output=True, text=True, cwd=ROOT)
+        above = float(told.stdout)
     outside = 1e6 * (seconds - compiled) / sensors
     return [
         ("identify, per sensor outside compiled functions, us", outside, "all of it, us", 1e6 * seconds / sensors, "<= 20 us"),

@@ -120,9 +120,8 @@ class _Run:
         self.known = np.concatenate(told) if told else None
         self.guessed = any(p.known is not None and p.known.guessed for p in parts)
         if self.known is not None:
-            reach = (AROUND_GUESSED if self.guessed else AROUND_KNOWN) * self.known[:, 1]
-            if not self.guessed:
-                reach = np.maximum(reach, KNOWN_REACH)
+            around, least = (AROUND_GUESSED, 0.0) if self.guessed else (AROUND_KNOWN, KNOWN_REACH)
+            reach = np.maximum(around * self.known[:, 1], least)
             slow, fast = float((self.known[:, 0] - reach).min()), float((self.known[:, 0] + reach).max())
         self.nodes = np.arange(slow, fast + NODE_STEP, NODE_STEP)
         node_rates = np.exp(self.nodes)
@@ -162,15 +161,17 @@ class _Run:
         return found
 
     def evaluate(self, log_rate: Array, active: NDArray[np.bool_], asked: int) -> tuple[Array, Array, Array, Array, Array]:
-        """evidence, squares (S, F, H), mean, variance (S, F, H, asked) and signed rise (S, F) at log rates (S, F)."""
-        shape = (*log_rate.shape, len(self.kind))
-        evidence, squares = np.full(shape, np.nan), np.full(shape, np.nan)
-        mean, variance = np.zeros((*shape, asked)), np.zeros((*shape, asked))
+        """evidence, squares (S, F, H), mean, variance (S, F, H, asked) and signed rise (S, F) at log rates (S, F); where temperatures
+        are asked for of those hypotheses alone, in their order, that are active anywhere.
+        """
+        some_of = active.any(axis=(0, 1)) if asked else np.ones(len(self.kind), dtype=bool)
+        active = active[..., some_of]
+        evidence, squares = (np.full(active.shape, np.nan) for _ in range(2))
+        mean, variance = (np.zeros((*active.shape, asked)) for _ in range(2))
         rise = np.empty(log_rate.shape)
         for i, blocks in enumerate(self.blocks):
-            rows = slice(self.rows[i], self.rows[i + 1])
+            rows, m = slice(self.rows[i], self.rows[i + 1]), len(blocks.time)
             some = log_rate[rows]
-            m = len(blocks.time)
             of_law, node, share, known = self._rows_of(i, some)
             reading = blocks.mean[:, None] - known[..., :m]
             rise[rows] = law_slope(blocks, reading, of_law[..., :m]) / np.exp(some)
@@ -181,7 +182,7 @@ class _Run:
                 constant(blocks.time, self.asked[i]),
                 of_law,
                 self._slow_of(i, some),
-                self.leans,
+                self.leans[some_of],
                 node,
                 share,
                 self.covariance[i],
@@ -189,16 +190,15 @@ class _Run:
                 self.absolute,
                 np.ascontiguousarray((self.moved[i] * rise[rows]) ** 2),
                 *self.wrong[i],
-                self.kind,
-                self.scale,
-                self.under,
+                self.kind[some_of],
+                self.scale[some_of],
+                self.under[some_of],
                 np.ascontiguousarray(active[rows], dtype=np.uint8),
                 asked,
                 *found,
             )
             found[2] += known[:, :, None, m : m + asked]
-            for whole, part in zip((evidence, squares, mean, variance), found, strict=True):
-                whole[rows] = part
+            evidence[rows], squares[rows], mean[rows], variance[rows] = found
         return evidence, squares, mean, variance, rise
 
     def _rows_of(self, part: int, log_rate: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
@@ -362,7 +362,7 @@ class _Run:
         for mine, w in zip(active, weight, strict=True):
             mine &= w > negligible(w[mine])
         _, _, mean, variance, rise = self.evaluate(log_rate, active, asked)
-        count = self.count
+        count, of_active = self.count, np.cumsum(active.any(axis=(0, 1))) - 1
         steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
         at = np.full((count, self.times, 3), np.nan)
         spread_of_rate, check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(5))
@@ -378,15 +378,15 @@ class _Run:
             if not len(places):
                 continue
             w = weight[i, places, hypotheses]
-            mu, sd = mean[i, places, hypotheses], np.sqrt(variance[i, places, hypotheses])
+            own = i, places, of_active[hypotheses]
+            mu, sd = mean[own], np.sqrt(variance[own])
             steady[i] = quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
             b, r = np.exp(log_rate[i, places]), rise[i, places]
             late, spread = settled_after(b, r, mu[:, SETTLING], sd[:, SETTLING], *self._settles(i, log_rate[i, places]))
             t95[i] = np.maximum(quantiles(w, late, spread), 0.0)
             for k in range(self.times):
                 at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
-            of_rate = weight[i].sum(axis=1)
-            cell = cell_of[i]
+            of_rate, cell = weight[i].sum(axis=1), cell_of[i]
             # Within hypotheses: that a fast and a slow rate are both known, and only not which is the law's, leaves no limit open.
             middle = (log_rate[i] @ weight[i]) / np.maximum(weight[i].sum(axis=0), 1e-300)
             within = ((log_rate[i][:, None] - middle) ** 2 + cell[:, None] ** 2 / 12.0) * weight[i]

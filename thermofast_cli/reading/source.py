@@ -48,6 +48,7 @@ from .values.marks import good_readings
 from .values.missing import without_told
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
+from .wide import read_wide
 
 PARQUET_MAGIC = b"PAR1"
 #: Lines above the readings are not counted as rows: not more than these, before they are looked at.
@@ -147,23 +148,23 @@ def _table(source: Any, options: Options, name: str | None, data: bytes | None) 
     path, _ = _numbered(str(source))
     name = name or ("stdin" if path == "-" else shown_name(path))
     limits = Limits(options.max_bytes, options.max_rows, options.max_columns)
+    if data is None and (wide := read_wide(Path(path), name, options, limits)) is not None:
+        return wide
     held = [unpacked(_bytes(path, limits) if data is None else data, name, limits)]
     if is_workbook(held[0]):
         text, sheet = sheet_text(held.pop(), name, options.sheet, limits)
-        table = read_text(text, name, replace(options, delimiter=options.delimiter or ","))
-        return replace(table, notes=(f"Excel, sheet {sheet!r}", *table.notes[1:]), dialect=None)
+        found = read_text(text, name, replace(options, delimiter=options.delimiter or ","))
+        return replace(found, notes=(f"Excel, sheet {sheet!r}", *found.notes[1:]), dialect=None)
     if is_measured(held[0]):
         return without_told(measured_table(held.pop(), name, options.sheet, limits), options.missing)
     if options.sheet is not None:
         raise UsageError(f"{name}: --sheet is for workbooks, TDMS and MATLAB files", do="leave it out")
-    parquet = held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq"))
-    # Handed over, not kept: the bytes of a large file go as soon as they are parsed.
-    if parquet:
+    if held[0].startswith(PARQUET_MAGIC) or path.lower().endswith((".parquet", ".pq")):
         return without_told(read_parquet(held.pop(), name, limits), options.missing)
-    # A row of readings has four bytes at least: to count the lines of a small file would be in vain.
+    # A row of readings has four bytes at least.
     if len(held[0]) > 4 * limits.max_rows and (lines := held[0].count(b"\n") - LONGEST_HEAD) > limits.max_rows:
         limits.check_shape(name, lines, 1)
-    table = read_text(held.pop(), name, options)
+    table = read_text(held.pop(), name, options)  # handed over, not kept
     limits.check_shape(name, len(table.lines), len(table.columns))
     return table
 

@@ -1,7 +1,7 @@
 """A table as it stands in a file: columns of numbers and of words, before anyone says what they mean."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -70,22 +70,33 @@ def wide_numbers(body: bytes, width: int, delimiter: str) -> Array | None:
 
     None where it is not wide, or any cell is anything else: what that is, and in which row, others tell.
     """
-    if width < WIDE or body.translate(None, b"0123456789.+-eE\r\n" + delimiter.encode()):
+    if width < WIDE or not only_numbers(body, delimiter):
         return None
-    lines, rows = io.BytesIO(body), body.count(b"\n") + (not body.endswith(b"\n"))
-    table, at = np.empty((rows, width), order="F"), 0
+    table = np.empty((body.count(b"\n") + (not body.endswith(b"\n")), width), order="F")
+    rows = parsed(io.BytesIO(body), table, 0, delimiter)
+    return table[:rows] if rows else None
+
+
+def only_numbers(text: bytes, delimiter: str) -> bool:
+    """Whether a text holds nothing but numbers with decimal points."""
+    return not text.translate(None, b"0123456789.+-eE\r\n" + delimiter.encode())
+
+
+def parsed(lines: Iterable[bytes], table: Array, at: int, delimiter: str) -> int:
+    """How many rows of a table (rows, width) are full once lines of numbers stand in it from row `at` on; 0 where one is none."""
+    more = iter(lines)
     try:
-        while some := list(islice(lines, LINES_AT_ONCE)):
+        while some := list(islice(more, LINES_AT_ONCE)):
             if not (some := [line for line in some if line.strip()]):
                 continue
             part = np.loadtxt(some, delimiter=delimiter, comments=None, ndmin=2)
-            if part.shape[1] != width:
-                return None
+            if part.shape[1] != table.shape[1]:
+                return 0
             table[at : at + len(part)] = part
             at += len(part)
     except ValueError:
-        return None
-    return table[:at]
+        return 0
+    return at
 
 
 def read_parquet(data: bytes, name: str, limits: Limits) -> Table:
