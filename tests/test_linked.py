@@ -15,6 +15,7 @@ from thermofast.models.imperfection import GRID
 from thermofast.models.imperfection.known import Known
 from thermofast.models.imperfection.shapes import Asked
 from thermofast.models.joint import RATE, Key, Part, fit_model
+from thermofast.models.relaxation import relaxed
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.mutual import both_ways
 
@@ -230,3 +231,14 @@ def test_what_neighbours_bring_counts_among_what_a_sensor_does():
     curve = np.array([3.0, 0.5])[:, None, None] * -np.expm1(-x)
     known = Known(np.zeros((2, 2)), x, curve, curve, curve, np.zeros((2, 0, 50)))
     np.testing.assert_allclose(known.moved, [3.0, 1.0], rtol=1e-6)
+
+
+def test_relaxation_ends_where_all_sensors_are_what_they_are_beside_each_other():
+    rng = np.random.default_rng(2)
+    links = rng.uniform(0.0, 0.3, (4, 4))
+    alone = rng.normal(size=(4, 30))
+    found = relaxed(np.zeros((4, 30)), lambda curves: alone + links @ curves)
+    assert found == pytest.approx(np.linalg.solve(np.eye(4) - links, alone), abs=1e-4)
+    kept = relaxed(np.zeros((4, 30)), lambda curves: alone + links @ curves, 12)
+    assert not kept[:, :12].any()
+    assert kept[:, 12:] == pytest.approx(found[:, 12:], abs=1e-4)

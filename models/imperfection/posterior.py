@@ -161,8 +161,8 @@ class _Run:
         return found
 
     def evaluate(self, log_rate: Array, active: NDArray[np.bool_], asked: int) -> tuple[Array, Array, Array, Array, Array]:
-        """evidence, squares (S, F, H), mean, variance (S, F, H, asked) and signed rise (S, F) at log rates (S, F); where temperatures
-        are asked for of those hypotheses alone, in their order, that are active anywhere.
+        """evidence, squares (S, F, H), mean, variance (S, F, H, asked) and signed rise (S, F) at log rates (S, F); where any
+        temperature is asked for of those hypotheses alone, in their order, that are active anywhere.
         """
         some_of = active.any(axis=(0, 1)) if asked else np.ones(len(self.kind), dtype=bool)
         active = active[..., some_of]

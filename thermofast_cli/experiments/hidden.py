@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.joint import LEVEL, RATE, START, Key, Model, Part
+from thermofast.models.relaxation import relaxed
 
 from ..errors import UsageError
 from .simulation import Probe, Simulation, sampled
@@ -81,13 +82,15 @@ def simulate_hidden(
             i = concerned.index(True)
             truth["source"] = run.channels[int(np.asarray(source)[i])]
         drawn.append({"id": effect.id, "channels": who, "acts": choice.label, "parameters": truth})
-    curves = clean
-    for _ in range(2 if any(e.reads_sensors for e in effects) else 1):
-        model = Model(run, parts)
+
+    def beside(curves: Array) -> Array:
+        model = Model(replace(run, reading=curves), parts)
         local, shared = model.vector({**values, **named})
-        curves = model.forward(local, np.broadcast_to(shared, (n, len(shared))), np.arange(n))
-        # A neighbour that warms is the sensor as it is, not as it would be alone.
-        run = replace(run, reading=curves)
+        return model.forward(local, np.broadcast_to(shared, (n, len(shared))), np.arange(n))
+
+    curves = beside(clean)
+    if any(e.reads_sensors for e in effects):
+        curves = relaxed(curves, beside)  # a neighbour that warms is the sensor as it is, not as it would be alone
     return sampled(probes, curves, seconds, room, step, seed, drawn, duration_min, interval_s, ambient, run.inputs)
 
 

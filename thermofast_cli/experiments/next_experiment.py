@@ -16,6 +16,7 @@ from thermofast.models import Observations
 from thermofast.models.core.kernel import Array
 from thermofast.models.greybox import SINK, Key, Model
 from thermofast.models.joint import LEVEL, START, Fit, Part
+from thermofast.models.relaxation import relaxed
 from thermofast.models.search.candidates import Candidate
 from thermofast.models.search.discover import Discovery, Spread, discover, discover_together
 from thermofast.models.search.judge import least_p, sensor_p_values
@@ -23,8 +24,8 @@ from thermofast.models.search.rules import RULES
 
 from ..errors import rounded
 
-#: Runs simulated for each cause and experiment; causes that are told apart; sweeps until sensors that heat each other agree.
-DRAWS, MOST_CAUSES, SWEEPS = 8, 3, 12
+#: Runs simulated for each cause and experiment; causes that are told apart.
+DRAWS, MOST_CAUSES = 8, 3
 #: An experiment that settles so large a share is good enough: the least effort among such is proposed.
 GOOD = 0.9
 #: One that settles less is not proposed.
@@ -175,11 +176,16 @@ def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator | None)
         run = replace(run, reading=np.full(run.reading.shape, sink))
     parts = fit.model.parts if heat is None else [_scaling(p) for p in fit.model.parts]
     sensors = np.arange(seen.sensors)
-    for _ in range(SWEEPS if any(p.effect.reads_sensors for p in parts) else 1):
-        model = Model(run, parts)
+
+    def beside(curves: Array) -> Array:
+        model = Model(replace(run, reading=curves), parts)
         local, shared = model.vector(told)
-        curve = model.forward(local, np.broadcast_to(shared, (seen.sensors, len(shared))), sensors)
-        run = replace(run, reading=curve)
+        return model.forward(local, np.broadcast_to(shared, (seen.sensors, len(shared))), sensors)
+
+    curve = beside(run.reading)
+    if any(p.effect.reads_sensors for p in parts):
+        curve = relaxed(curve, beside)
+    run = replace(run, reading=curve)
     if rng is None:
         return run
     white = rng.standard_normal(curve.shape) * seen.least_noise[:, None] / np.sqrt(np.maximum(weight, 1e-9))

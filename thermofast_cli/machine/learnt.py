@@ -12,6 +12,7 @@ from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Effect
 from thermofast.models.greybox import Column
 from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, Prior, search, start_values
+from thermofast.models.relaxation import relaxed
 from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import SCATTER
 
@@ -19,7 +20,6 @@ from ..errors import UsageError, listed
 from ..plugins.effects import known_effects, named_effect
 from ..reading.source import sha256_of
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
-from .rise import AT_REST, LEAST_RISE, ROUNDS
 
 Array = NDArray[np.float64]
 
@@ -125,9 +125,13 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
             told[key] = told[key] + warmer
     local, shared = layout.vector(told)
     everyone = np.broadcast_to(shared, (len(channels), len(shared))), np.arange(len(channels))
-    curve = layout.forward(local, *everyone)
+
+    def beside(curves: Array) -> Array:
+        return Model(replace(seen, reading=curves), layout.parts).forward(local, *everyone)
+
+    curve = beside(seen.reading)
     if any(part.effect.reads_sensors for part in layout.parts):
-        curve = _beside_each_other(layout, local, *everyone, curve)
+        curve = relaxed(curve, beside)
     return replace(seen, name=model_path, reading=curve)
 
 
@@ -136,17 +140,6 @@ def first_readings(model: ModelFile, channels: Sequence[str]) -> Array | None:
     firsts = {s.channel: s.first_c for s in model.past.shapes} if model.past is not None else {}
     told = [firsts.get(c) for c in channels]
     return None if None in told else np.array(told, dtype=float)
-
-
-def _beside_each_other(layout: Model, local: Array, shared: Array, sensors: NDArray[np.intp], curve: Array) -> Array:
-    """Curves (S, N) of sensors that warm each other as the model has them, not as the run at hand read its neighbours."""
-    size = np.maximum(np.ptp(curve, axis=1), LEAST_RISE)
-    for _ in range(ROUNDS):
-        before = curve
-        curve = Model(replace(layout.run, reading=before), layout.parts).forward(local, shared, sensors)
-        if np.all(np.abs(curve - before).max(axis=1) <= AT_REST * size):
-            break
-    return curve
 
 
 def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:

@@ -10,6 +10,7 @@ from thermofast.models import Observations
 from thermofast.models.arrow import covariance_root
 from thermofast.models.imperfection import GRID, NODES, Rise
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
+from thermofast.models.relaxation import relaxed
 
 from .jumps import last_level
 
@@ -30,8 +31,6 @@ MOST_DOUBT = 2.0
 MOST_MOVED = 1e6
 #: A body with a faster or slower part follows a drive, or a load that changes, at these log rates beside its own.
 DRIVEN_MODES = np.log([0.2, 0.45, 2.0, 5.0, 12.0])
-#: Rounds in which sensors that warm each other are run until none of them moves by more than a share of its rise.
-ROUNDS, AT_REST = 400, 1e-6
 
 
 def rises_of(
@@ -186,21 +185,17 @@ def lasting(fit: Fit) -> list[int]:
 def together(fit: Fit, over: Observations, last: int, keep: "range | list[int]") -> Observations:
     """A record in which, after reading `last`, each sensor is where the parts `keep` of the model take it among the others.
 
-    What is read of a neighbour later is not known to somebody who foretells it. A sensor that warms another is warmed by it in
-    turn, so that all are run again and again, each beside what the others did in the round before (waveform relaxation; Lelarasmee
-    et al. 1982, IEEE Trans. CAD 1).
+    What is read of a neighbour later is not known to somebody who foretells it; and who warms another is warmed by it in turn.
     """
     if not any(fit.model.parts[k].effect.reads_sensors for k in keep):
         return over
-    curves, sensors = over.filled.copy(), np.arange(fit.run.sensors)
-    size = np.maximum(np.ptp(curves, axis=1), LEAST_RISE)
-    for _ in range(ROUNDS):
-        found = free_runs(fit, replace(over, reading=curves), fit.local, np.tile(fit.shared, (len(sensors), 1)), sensors, keep)
-        moved = np.abs(found[:, last + 1 :] - curves[:, last + 1 :]).max(axis=1, initial=0.0)
-        curves[:, last + 1 :] = found[:, last + 1 :]
-        if np.all(moved <= AT_REST * size):
-            break
-    return replace(over, reading=curves)
+    sensors = np.arange(fit.run.sensors)
+    shared = np.tile(fit.shared, (len(sensors), 1))
+
+    def beside(curves: Array) -> Array:
+        return free_runs(fit, replace(over, reading=curves), fit.local, shared, sensors, keep)
+
+    return replace(over, reading=relaxed(over.filled, beside, last + 1))
 
 
 def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array) -> Observations:
