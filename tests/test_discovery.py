@@ -110,3 +110,14 @@ def test_a_run_forward_that_overflows_points_nowhere():
     assert np.isfinite(found.gain).all()
     assert np.all(found.gain[0] == 0.0)
     assert found.shared_gain[0] == 0.0
+
+
+def test_a_stretch_ends_where_the_residual_goes_over_to_the_other_side():
+    time = np.arange(400.0)
+    swing = np.where(time < 230.0, -0.3 * np.sin((time - 100.0) / 130.0 * np.pi), 0.4 * np.sin((time - 230.0) / 170.0 * np.pi))
+    broken = np.where(time > 100.0, swing, 0.0) + 0.015 * np.random.default_rng(1).standard_normal(400)
+    below, above = failing_stretches(time, broken, np.ones(400), 0.015)
+    assert below[:2] == (pytest.approx(102.0, abs=4.0), pytest.approx(228.0, abs=4.0))
+    assert above[:2] == (pytest.approx(233.0, abs=4.0), pytest.approx(398.0, abs=4.0))
+    assert below[2] == pytest.approx(-0.6 / np.pi, abs=0.02)
+    assert above[2] == pytest.approx(0.8 / np.pi, abs=0.02)

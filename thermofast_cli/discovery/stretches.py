@@ -49,9 +49,13 @@ def failing_stretches(
         side = np.sign(np.convolve(r * w, kernel, "same"))
         out |= reach & (np.sign(r) == side)
     out |= _sudden(r, noise)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
+    # One to each side: where a residual runs from below the band to above it, the one ends and the other begins.
+    signed = np.concatenate([[0.0], np.where(out, np.sign(r), 0.0), [0.0]])
+    edges = np.flatnonzero(np.diff(signed))
     stretches: list[list[float]] = []
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        if not signed[b]:
+            continue
         a, b = _trimmed(r, w, room, noise, a, b)
         if b - a < 3:
             continue
