@@ -114,8 +114,8 @@ class Observations:
 
     @cached_property
     def sink_c(self) -> float | None:
-        """Mean temperature of the first logged surroundings [degC]."""
-        return float(np.mean(next(iter(self.ambient.values())))) if self.ambient else None
+        """Mean temperature of the first logged surroundings [degC] while readings were used: what they do later is not known."""
+        return float(np.mean(next(iter(self.ambient.values()))[: self.last + 1])) if self.ambient else None
 
     def driven_by(self, column: str, ending: float = 0.5, last: int | None = None) -> "Observations":
         """The same run with a logged column as the heat of the base model; the effects no longer see that column.

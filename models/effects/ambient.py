@@ -46,7 +46,7 @@ class Ambient(Effect):
             kernel.followed(run.time, np.ascontiguousarray(column), lag, moved)
         else:
             moved = column[None, :]
-        drive.sink = drive.sink + p.gain * (moved - float(np.mean(column)))
+        drive.sink = drive.sink + p.gain * (moved - float(np.mean(column[: run.last + 1])))
 
     def borrowed_noise(self, run: Observations, choice: Choice, sensor: int, rate: float, own: dict[str, float]) -> float:
         return abs(own["gain"]) * run.ambient_noise

@@ -153,7 +153,7 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     UsageError: fewer than two runs that can be used, no sensor that all of them have, or a copy among them.
     """
     runs, failed = ready_runs(tasks, DiagnoseRecord)
-    refuse_copies([r.task.run.name for r in runs])
+    refuse_copies(runs)
     runs, notes = common_runs(runs)
     told = search_together(runs, spread)
     names = [r.task.run.name for r in runs]

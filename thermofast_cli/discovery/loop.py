@@ -84,13 +84,17 @@ def drive_of(run: Run, drive: str | None) -> str | None:
     return column_named(drive, list(run.inputs))
 
 
-def check_drive(run: Run, drive: str | None) -> None:
-    """Raises UsageError where --drive names no logged input of the run."""
+def check_drive(run: Run, drive: str | None, learnt_with: bool = False) -> None:
+    """Raises UsageError where --drive, or the drive that a model was learnt with, names no logged input of the run."""
     if drive is not None and drive_of(run, drive) not in run.inputs:
+        near = nearest(drive, run.inputs)
+        way = near or "name a column with --inputs to make it one"
         raise UsageError(
-            f"{run.name}: --drive {drive!r} is no logged input",
+            f"{run.name}: the model was learnt with the drive {drive!r}, which this run does not log"
+            if learnt_with
+            else f"{run.name}: --drive {drive!r} is no logged input",
             allowed=", ".join(run.inputs) or "this run logs none",
-            do=nearest(drive, run.inputs) or "name a column with --inputs to make it one",
+            do=f"log it in the same unit, or --rename a column to {drive!r} whose values are" if learnt_with else way,
         )
 
 
@@ -101,7 +105,7 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
     ------
     UsageError: --drive names no logged input.
     """
-    check_drive(task.run, task.drive)
+    check_drive(task.run, task.drive, task.model is not None)
     if ends_before(task.run, task.until_min):
         refused = tuple((c, "too_short", said_short(task.run, task.until_min)) for c in task.run.channels)
         return Observed(None, refused, ()), None

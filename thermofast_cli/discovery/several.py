@@ -12,7 +12,6 @@ from thermofast.models.joint import RATE, Fit
 from thermofast.models.search.discover import Discovery
 
 from ..errors import ThermofastError, UsageError, rounded
-from ..reading.source import sha256_of
 from ..records import Record
 from .loop import LoopTask, Ready, failure_records, ready, refused_records
 
@@ -119,14 +118,15 @@ def unnamed(found: Sequence[Discovery]) -> list[Discovery]:
     ]
 
 
-def refuse_copies(sources: Sequence[str]) -> None:
+def refuse_copies(runs: Sequence[OneOf]) -> None:
     """Raises UsageError where two of the runs are the same readings under two names."""
-    seen: dict[str, str] = {}
-    for source in sources:
-        key = f"{sha256_of(source)}#{source.rpartition('#')[2] if '#' in source else ''}"
-        if not key.startswith("#") and key in seen:
-            raise UsageError(f"{source} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
-        seen[key] = source
+    seen: dict[bytes, str] = {}
+    for one in runs:
+        run = one.task.run
+        key = run.time_s.tobytes() + b"".join(name.encode() + column.tobytes() for name, column in run.channels.items())
+        if key in seen:
+            raise UsageError(f"{run.name} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
+        seen[key] = run.name
 
 
 def _only(prepared: Ready, channels: list[str]) -> Ready:

@@ -57,7 +57,7 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     """
     runs, rest = ready_runs(tasks, ImproveRecord)
     failed = [Improved(records) for records in rest]
-    refuse_copies([r.task.run.name for r in runs])
+    refuse_copies(runs)
     runs, notes = common_runs(runs)
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]

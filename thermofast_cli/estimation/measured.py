@@ -210,7 +210,8 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     steady[open_ & rises, 2] = np.nan
     steady[open_ & ~rises, 0] = np.nan
     t95[open_, 2] = np.nan
-    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, steady[:, 0 if rises.all() else 1], sensors)), None, t95[:, 1])
+    least = np.where(rises, steady[:, 0], steady[:, 2])  # that which leaves the least to be done
+    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, least, sensors)), None, t95[:, 1])
     t95[back] = np.nan
     _to_the_beginning(steady, law, sensors)
     return replace(

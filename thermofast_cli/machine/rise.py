@@ -217,7 +217,7 @@ def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array)
         whole,
         time=time,
         reading=neighbours,
-        weight=np.ones_like(neighbours),
+        weight=np.where(np.arange(len(time)) <= read, 1.0, 0.0) * np.ones_like(neighbours),
         ambient={n: on(c) for n, c in whole.ambient.items()},
         inputs={n: on(c) for n, c in whole.inputs.items()},
         heat=None if whole.heat is None else on(whole.heat, whole.driven),
