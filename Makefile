@@ -42,7 +42,7 @@ dist: $(STAMP)  ## sdist and wheel, each installed and tried in an environment o
 site: $(STAMP)  ## docs/ as pages, with the reference that the program writes; every warning is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -E -b html docs out/site
 
-bench: $(STAMP)  ## every figure of docs/figures.md, beside its peer
+bench: $(STAMP)  ## most figures of docs/figures.md, beside their peers
 	$(BIN)/python -m benchmarks
 
 proof: $(STAMP)  ## how often the discovery loop is right, on simulated machines: writes docs/proof.md (an hour or two)
@@ -51,6 +51,7 @@ proof: $(STAMP)  ## how often the discovery loop is right, on simulated machines
 docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m benchmarks.documents.pictures
 	$(BIN)/python -m benchmarks.documents.tutorial
+	$(BIN)/python -m benchmarks.documents.real --all
 	$(BIN)/python -m pip install --quiet nbclient ipykernel
 	$(BIN)/python -m benchmarks.documents.notebook
 

@@ -1,7 +1,9 @@
 """The library: what the commands do, from Python, on what is in memory; and bad input met with words."""
 
+import ast
 import json
 import pickle
+import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -343,10 +345,23 @@ def test_the_notebook_runs(tmp_path, monkeypatch):
     (tmp_path / "sample_runs").symlink_to(ROOT / "sample_runs")
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    cells = ["".join(c["source"]).replace("%matplotlib inline", "") for c in book["cells"] if c["cell_type"] == "code"]
+    cells = [c for c in book["cells"] if c["cell_type"] == "code"]
     assert len(cells) >= 5
+    compared = 0
     for cell in cells:
-        exec(compile(cell, "docs/notebook.ipynb", "exec"), names)
+        *first, last = ast.parse("".join(cell["source"]).replace("%matplotlib inline", "")).body
+        exec(compile(ast.Module(first, []), "docs/notebook.ipynb", "exec"), names)
+        if not isinstance(last, ast.Expr):
+            exec(compile(ast.Module([last], []), "docs/notebook.ipynb", "exec"), names)
+            continue
+        shown = eval(compile(ast.Expression(last.value), "docs/notebook.ipynb", "eval"), names)
+        told = "".join(next((o["data"]["text/plain"] for o in cell["outputs"] if "text/plain" in o.get("data", {})), ""))
+        if isinstance(shown, pd.DataFrame):
+            # What the page shows is what the cells give, to the digits that another processor leaves.
+            numbers = [[float(v) for v in re.findall(r"(?<![\w.])-?\d+\.\d+", text)] for text in (told, repr(shown))]
+            assert numbers[0] == pytest.approx(numbers[1], abs=0.002)
+            compared += len(numbers[0])
+    assert compared > 60
     assert names["ahead"]["T1"].rmse_ahead_c < 0.06
 
 

@@ -106,7 +106,7 @@ def test_bad_usage_is_explained(name, tool, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("speed = 3\n", ["unknown field `speed`", "[input] time time_unit", "[compare], ...: options of that command"]),
+        ("speed = 3\n", ["'speed' is not known", "[input] time time_unit", "[compare], ...: options of that command"]),
         ("[sweep]\nwindow = [40]\n", ["[sweep] has no key 'window'", "tolerance tz units windows", "did you mean 'windows'?"]),
         ('[sweep]\ntolerance = "half"\n', ["[sweep] tolerance: not a number", "found: 'half'"]),
         ("[compare]\nuntil = [1, 2]\n", ["[compare] until: not a number", "found: [1, 2]"]),

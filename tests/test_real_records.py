@@ -1,6 +1,7 @@
 """Records that nobody shaped for the program: read as they are, and an honest status for every sensor."""
 
 import json
+import re
 
 import pytest
 
@@ -129,3 +130,16 @@ def test_the_laptops_changing_load_is_not_told_with_confidence(shared, tool):
         record = json.loads(line)
         assert record["verdict"] == "unexplained"
         assert record["status"] == "model_doubtful"
+
+
+def test_the_page_shows_what_the_program_says(shared):
+    from benchmarks.documents.real import DOCS, printed
+    from benchmarks.estimation import real_records
+
+    page, number = (DOCS / "real-records.md").read_text(), re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
+    table = printed(real_records.main).split("\n")
+    shown = page.split("\n")[page.split("\n").index(table[0]) :][: len(table)]
+    assert len(table) == 24
+    for told, line in zip(table, shown, strict=True):
+        assert number.sub("", told) == number.sub("", line)
+        assert [float(v) for v in number.findall(told)] == pytest.approx([float(v) for v in number.findall(line)], rel=0.02)

@@ -1,6 +1,7 @@
-"""The tables of docs/real-records.md: ``python -m benchmarks.documents.real [--all]`` writes what the program says of the records.
+"""What the program says of measured records: ``python -m benchmarks.documents.real [--all]`` writes the tables of
+docs/real-records.md and docs/filters.md.
 
-Without --all only the first, which takes some seconds. The words around the tables are nobody's but the author's: read them again.
+Without --all those that take seconds. The words around the tables are nobody's but the author's: read them again.
 """
 
 import argparse
@@ -11,10 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.discovery import real_loop
-from benchmarks.estimation import real_records
+from benchmarks.estimation import filter_table, real_records
 from benchmarks.intervals import real_settling
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "real-records.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+#: Of each page the benchmarks of its tables: those of seconds, and of minutes.
+QUICK = {"real-records.md": [real_records.main], "filters.md": [filter_table.main]}
+SLOW = {"real-records.md": [real_settling.main, real_loop.main]}
 
 
 def printed(main: Callable[[], None]) -> str:
@@ -39,10 +43,10 @@ def main() -> None:
     asked = parser.parse_args()
     if not real_records.FOLDER.is_dir():
         sys.exit(f"no folder {real_records.FOLDER}: the measured records are not part of this repository")
-    page = PAGE.read_text()
-    for one in (real_records.main, *((real_settling.main, real_loop.main) if asked.all else ())):
-        page = with_table(page, printed(one))
-    PAGE.write_text(page)
+    for pages in (QUICK, SLOW) if asked.all else (QUICK,):
+        for name, mains in pages.items():
+            for one in mains:
+                (DOCS / name).write_text(with_table((DOCS / name).read_text(), printed(one)))
 
 
 if __name__ == "__main__":

@@ -72,9 +72,10 @@ def sources_of(given: Sequence[str], aside: str | None = None) -> list[SourceFil
                 raise InputError(f"{one}: no such file", do="check the path")
         kept = [p for p in paths if results is None or not os.path.realpath(p).startswith(results + os.sep)]
         if not kept:
-            raise InputError(
-                f"{one}: no file to read", found="results alone" if paths else "", allowed=allowed, do="check the path"
-            )
+            if paths:
+                where = "lies in the folder for results, which is not read"
+                raise InputError(f"{one}: {where}", do="name another folder for them, or one inside it, as -o NAME/results/")
+            raise InputError(f"{one}: no file to read", allowed=allowed, do="check the path")
         for path in kept:
             real, at = os.path.realpath(path), str(path.absolute())
             if real in found and at != real:
@@ -103,7 +104,7 @@ def _below(folder: Path, deep: int | None = None) -> Iterator[tuple[Path, bool]]
             continue
         seen.add((own.st_dev, own.st_ino))
         for entry in entries:
-            if entry.name.startswith("."):
+            if entry.name.startswith((".", "~$")):  # the latter is what Excel keeps beside a workbook that is open
                 continue
             if _is_folder(entry):
                 if deep is None or level < deep:

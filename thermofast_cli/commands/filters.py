@@ -93,7 +93,7 @@ def bench(
 ) -> int:
     """Run every filter on each RUN and say which one to use there, and why.
 
-    One record per filter: errors inside and ahead over all sensors, the median width of the steady state's 95 % interval, readings
+    One record per filter: errors inside and ahead over all sensors, the median width of the 95 % interval that the readings alone give, readings
     filtered per second on this machine in one process, and on how many sensors the filter broke.
     """
     from ..output.screen import number, text

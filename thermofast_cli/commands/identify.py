@@ -98,7 +98,8 @@ def command(
 
     RUN is a CSV or Parquet file, or - for standard input. One record per sensor; status tells how far to trust it:
     ok, not_determined (a side of an interval is open), model_doubtful (more is at work than machines usually do).
-    Intervals count readings and machine; --imperfection none counts the readings alone.
+    Intervals count readings and machine; --imperfection none counts the readings alone, as do filters that close without a
+    likelihood (ukf, ekf, svd_ukf, ckf, cqkf, fading_ukf) and --preset paper.
     """
     from ..archives.blocks import Analysis
     from ..errors import UsageError

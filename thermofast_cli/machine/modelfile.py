@@ -379,6 +379,9 @@ def read_model(path: str) -> ModelFile:
     try:
         raw = tomllib.loads(target.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        if Path(path).suffix.lower() != ".toml":
+            do = "name the model that thermofast improve wrote, as machine.toml; of validate it comes before the runs"
+            raise UsageError(f"{path}: not a model file", do=do) from None
         raise UsageError(f"{path}: not valid TOML", found=str(error), do="mend the line, or learn the model anew") from None
     schema = raw.get("schema")
     if schema != SCHEMA:

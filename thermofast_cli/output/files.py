@@ -45,7 +45,7 @@ def check_target(path: str, suffixes: Sequence[str]) -> None:
             f"{path}: cannot tell the format from the name",
             found=target.suffix or "no suffix",
             allowed=" ".join(suffixes),
-            do="end the name so; identify, sweep, compare and diagnose take a folder of results, as in -o results/",
+            do="end the name so" + ("; for -o a folder of results ends with /, as in -o results/" if ".jsonl" in suffixes else ""),
         )
     if not target.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {str(target.parent)!r}", do="make it first")

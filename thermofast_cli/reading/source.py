@@ -276,8 +276,8 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
             raise table.faults[n]
         if n not in options.exclude and not options.channels:
             refuse_words(table, n)
-    if words:
-        notes.append(f"columns of words left out: {listed(words, 6)}")
+    for what, who in (("columns of words", [n for n in words if n not in options.exclude]), ("by --exclude", options.exclude)):
+        notes += [f"{what} left out: {listed(who, 6)}"] if who else []
     _refuse_taken(options)
     if options.channels:
         check_names(options.channels, [*named, *words], "--channels", table.name)
@@ -310,7 +310,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     for n in (*roles.sensors, *roles.ambient, *[n for n in roles.inputs if sign_of(n, units.get(n, "")).temperature]):
         columns[n], impossible = without_impossible(degrees.of(n, numbers[n], n in roles.inputs))
         if impossible:
-            channel_notes[n] = f"{impossible} overload or impossible readings left out"
+            channel_notes[n] = f"{impossible} overload or impossible reading{'s' if impossible > 1 else ''} left out"
     refuse_another_unit([numbers[n] for n in roles.sensors], table)
     notes += degrees.notes()
     guesses += degrees.guesses()
@@ -397,7 +397,7 @@ def _why(name: str, role: str, table: Table, roles: Roles, spare: list[str], opt
     if role != "ignored":
         return ""
     if name in options.exclude:
-        return "--exclude"
+        return "left out by --exclude"
     if name in spare:
         return "another column of time"
     column = table.columns.get(name)

@@ -213,7 +213,7 @@ def _in_words(error: str, raw: dict[str, Any]) -> str:
     if found is None:
         unknown = _unknown(error)
         return (
-            f"{f'[{unknown}]' if isinstance(raw.get(unknown), dict) else repr(unknown)} is not known; {error}" if unknown else error
+            f"{f'[{unknown}]' if isinstance(raw.get(unknown), dict) else repr(unknown)} is not known" if unknown else error
         )
     allowed = " or ".join(KINDS.get(kind.strip(), kind.strip()) for kind in found[1].split("|") if kind.strip() != "null")
     table, _, key = found[3].rpartition(".")
@@ -223,12 +223,20 @@ def _in_words(error: str, raw: dict[str, Any]) -> str:
 def _way(error: str, raw: dict[str, Any]) -> str:
     """What to do about it."""
     from ..main import COMMANDS
+    from .settings_schema import Reading, Settings
 
     unknown = _unknown(error)
     if unknown and isinstance(raw.get(unknown), dict):
         return nearest(unknown, list(COMMANDS)) or "name a command, or input"
     if unknown and "$" not in error:
-        return f"write it below the command that takes it, as [identify] {unknown} = ..."
+        from ..commands.identify import command
+
+        options = [p.name or "" for p in command.params]
+        of_command = "write it below a line with the command that takes it in brackets, as [identify]"
+        near = "" if unknown in options else nearest(unknown, Settings.__struct_fields__) or nearest(unknown, options)
+        return near if near and not nearest(unknown, options) == near else f"{near} {of_command}".strip()
+    if unknown:
+        return nearest(unknown, Reading.__struct_encode_fields__) or "leave it out"
     return 'write a list as ["T1", "T2"]' if "Expected `array`" in error else "mend the key or its value"
 
 

@@ -34,7 +34,10 @@ def _settles(rows: list[dict[str, Any]]) -> list[str]:
     timed = [r for r in known if r["t95_min"] is not None]
     if timed:
         last = max(timed, key=lambda r: r["t95_min"])
-        told.append(f"{_who(last, rows)} is the last to have done 95 % of its rise, after {_with(last, 't95', 'min', 'min', 0)}.")
+        of_these = "Of those that are sure, " if doubted else ""
+        told.append(
+            f"{of_these}{_who(last, rows)} is the last to have done 95 % of its rise, after {_with(last, 't95', 'min', 'min', 0)}."
+        )
     limited = [r for r in rows if r.get("margin_k") is not None]
     if limited:
         least = min(limited, key=lambda r: r["margin_k"])

@@ -175,7 +175,8 @@ def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[i
             guesses.append(SPREAD)
         else:
             if not mixed:
-                notes.append(f"{int((step == 0).sum())} repeated time stamps: readings of one stamp averaged")
+                again = int((step == 0).sum())
+                notes.append(f"{again} repeated time stamp{'s' if again > 1 else ''}: readings of one stamp averaged")
             time, columns = time[edges], merged
     if len(time) < FEWEST_ROWS:
         raise UsageError(f"{name}: all rows carry the same time stamp", do="name another column with --time, or say --interval")
