@@ -1,9 +1,11 @@
 """A spindle before a column that is 4 to 10 times slower and carries 15 to 45 % of the rise: what does a short record say?
 
-python -m benchmarks.intervals.two_masses [--machines 20] [--seed 700] draws machines of two exponentials a sensor (three sensors,
-20 mK, a reading a minute, a room that wanders by 0.1 K per root hour) and prints, for records of so many time constants of the
+python -m benchmarks.intervals.two_masses [--machines 20] [--seed 700] [--share 0.15 0.45] [--slower 4 10] [--still] [--drive]
+draws machines of two exponentials a sensor (three sensors, 20 mK, a reading a minute, a room that wanders by 0.1 K per root hour;
+--still: it does not) and prints, for records of so many time constants of the
 fast mass: rows that are `ok`, limits held, the median width of the interval and how far below the limit the estimate lies; alone,
-with one complete run of the same machine (`improve --together` of it and another), and with the room logged.
+with one complete run of the same machine (`improve --together` of it and another), and with the room logged. --drive: half of the
+load for the first fast time constant, then all of it, logged and told (`--drive`); without the rows of past runs.
 """
 
 import argparse
@@ -15,23 +17,33 @@ import thermofast as tf
 TURNS = (1.5, 3.0, 4.5, 7.0)
 
 
-def machine(seed: int, runs: int) -> tuple[float, list[tuple[dict[str, np.ndarray], np.ndarray]]]:
+def machine(
+    seed: int,
+    runs: int,
+    shares: tuple[float, float] = (0.15, 0.45),
+    slower: tuple[float, float] = (4.0, 10.0),
+    still: bool = False,
+    steps: bool = False,
+) -> tuple[float, list[tuple[dict[str, np.ndarray], np.ndarray]]]:
     """(time constant of the fast mass [min], of each run its columns and the limits (S, N) [degC] with the room of each time)."""
     rng = np.random.default_rng(seed)
-    tau, ratio, share = rng.uniform(15.0, 40.0), rng.uniform(4.0, 10.0), rng.uniform(0.15, 0.45)
+    tau, ratio, share = rng.uniform(15.0, 40.0), rng.uniform(*slower), rng.uniform(*shares)
     fast = rng.uniform(5.0, 10.0, 3)
     slow = fast * share * rng.uniform(0.7, 1.3, 3)
     time = np.arange(0.0, 3.5 * tau * ratio)
     found = []
     for _ in range(runs):
-        room = np.cumsum(rng.normal(0.0, 0.1 / np.sqrt(60.0), len(time)))
+        room = np.cumsum(rng.normal(0.0, 0.1 / np.sqrt(60.0), len(time))) * (0.0 if still else 1.0)
         lagged = np.zeros(len(time))
         for i in range(1, len(time)):
             lagged[i] = lagged[i - 1] + (room[i] - lagged[i - 1]) / tau
         load = rng.uniform(0.9, 1.1)
-        rise = np.outer(fast, -np.expm1(-time / tau)) + np.outer(slow, -np.expm1(-time / tau / ratio))
+        rise = np.zeros((3, len(time)))
+        for part, since in ((0.5, time), (0.5, np.maximum(time - tau, 0.0))) if steps else ((1.0, time),):
+            rise += part * (np.outer(fast, -np.expm1(-since / tau)) + np.outer(slow, -np.expm1(-since / tau / ratio)))
         reading = 20.0 + load * rise + lagged + rng.normal(0.0, 0.02, (3, len(time)))
         columns = {"time_min": time, "ambient": 20.0 + room} | {f"T{i}": line for i, line in enumerate(reading)}
+        columns |= {"load_kW": np.where(time < tau, 0.5, 1.0)} if steps else {}
         found.append((columns, 20.0 + load * (fast + slow)[:, None] + room))
     return tau, found
 
@@ -41,20 +53,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", type=int, default=20)
     parser.add_argument("--seed", type=int, default=700)
+    parser.add_argument("--share", type=float, nargs=2, default=(0.15, 0.45))
+    parser.add_argument("--slower", type=float, nargs=2, default=(4.0, 10.0))
+    parser.add_argument("--still", action="store_true")
+    parser.add_argument("--drive", action="store_true")
     asked = parser.parse_args()
-    kinds = ("alone", "room logged", "after two complete runs of it")
+    kinds = ("alone", "room logged", "after two complete runs of it")[: 2 if asked.drive else 3]
     rows: dict[tuple[str, float], list[tuple[bool, bool, float, float]]] = {(k, t): [] for k in kinds for t in TURNS}
     for seed in range(asked.seed, asked.seed + asked.machines):
-        tau, runs = machine(seed, 3)
+        tau, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive)
         bare = [{n: c for n, c in columns.items() if n != "ambient"} for columns, _ in runs]
         past = [tf.read(columns, name=f"past {k}") for k, columns in enumerate(bare[1:])]
-        model = tf.improve(past, together=True).model
+        model = tf.improve(past, together=True).model if not asked.drive else None
         columns, limit = runs[0]
         for turns in TURNS:
             kept = columns["time_min"] <= turns * tau
             now = limit[:, int(kept.sum()) - 1]
-            for kind, source, learnt in zip(kinds, (bare[0], columns, bare[0]), (None, None, model), strict=True):
-                said = tf.identify({n: c[kept] for n, c in source.items()}, model=learnt).records
+            for kind, source, learnt in zip(kinds, (bare[0], columns, bare[0]), (None, None, model), strict=False):
+                drive = "load_kW" if asked.drive else None
+                said = tf.identify({n: c[kept] for n, c in source.items()}, model=learnt, drive=drive).records
                 for r, truth in zip(said, now, strict=True):
                     low = -np.inf if r.steady_state_lo_c is None else r.steady_state_lo_c
                     high = np.inf if r.steady_state_hi_c is None else r.steady_state_hi_c

@@ -56,7 +56,7 @@ def _wrong(name: str, runs: list[Run], truth: dict[str, Any]) -> str:
     for w, expected in wanted.items():
         column = found[matched[w][0]]
         good = column[np.isfinite(column)]
-        repeated = "repeated time stamps" in " ".join(run.notes)
+        repeated = "repeated time stamp" in " ".join(run.notes)
         if len(good) != expected["n"] and not repeated:
             return f"{w}: {len(good)} readings for {expected['n']}"
         if abs(good[0] - expected["first"]) > 2e-3 or abs(good[-1] - expected["last"]) > 2e-3:
