@@ -93,8 +93,8 @@ def bench(
 ) -> int:
     """Run every filter on each RUN and say which one to use there, and why.
 
-    One record per filter: errors inside and ahead over all sensors, the median width of the 95 % interval that the readings alone give, readings
-    filtered per second on this machine in one process, and on how many sensors the filter broke.
+    One record per filter: errors inside and ahead over all sensors, the median width of the 95 % interval that the readings alone
+    give, readings filtered per second on this machine in one process, and on how many sensors the filter broke.
     """
     from ..output.screen import number, text
     from ..pipeline.around import bench_runs

@@ -102,9 +102,13 @@ class Run:
     seen: Seen | None = None
 
     def __post_init__(self) -> None:
-        self.__dict__["time_s"] = self._numbers("time_s", self.time_s)
+        self.__dict__["time_s"] = time = self._numbers("time_s", self.time_s)
         for group in ("channels", "ambient", "inputs", "displacements"):
-            self.__dict__[group] = {name: self._numbers(name, column) for name, column in getattr(self, group).items()}
+            columns = getattr(self, group)
+            # Runs are made anew for many reasons: what is as it should be, as nearly all is, costs no look at each.
+            fine = all(type(c) is np.ndarray and c.dtype == np.float64 and c.shape == time.shape for c in columns.values())
+            as_it_is = read_only if fine else None
+            self.__dict__[group] = {n: as_it_is(c) if as_it_is else self._numbers(n, c) for n, c in columns.items()}
 
     def _numbers(self, name: str, column: Any) -> Array:
         """A column as floats (N,).

@@ -212,9 +212,7 @@ def _in_words(error: str, raw: dict[str, Any]) -> str:
     found = re.match(r"Expected `([\w |]+)`, got `(\w+)` - at `\$\.([\w.]+)", error)
     if found is None:
         unknown = _unknown(error)
-        return (
-            f"{f'[{unknown}]' if isinstance(raw.get(unknown), dict) else repr(unknown)} is not known" if unknown else error
-        )
+        return f"{f'[{unknown}]' if isinstance(raw.get(unknown), dict) else repr(unknown)} is not known" if unknown else error
     allowed = " or ".join(KINDS.get(kind.strip(), kind.strip()) for kind in found[1].split("|") if kind.strip() != "null")
     table, _, key = found[3].rpartition(".")
     return f"{f'[{table}] ' if table else ''}{key}: {allowed}, not {KINDS.get(found[2], found[2])} ({error})"
@@ -234,7 +232,7 @@ def _way(error: str, raw: dict[str, Any]) -> str:
         options = [p.name or "" for p in command.params]
         of_command = "write it below a line with the command that takes it in brackets, as [identify]"
         near = "" if unknown in options else nearest(unknown, Settings.__struct_fields__) or nearest(unknown, options)
-        return near if near and not nearest(unknown, options) == near else f"{near} {of_command}".strip()
+        return near if near and nearest(unknown, options) != near else f"{near} {of_command}".strip()
     if unknown:
         return nearest(unknown, Reading.__struct_encode_fields__) or "leave it out"
     return 'write a list as ["T1", "T2"]' if "Expected `array`" in error else "mend the key or its value"

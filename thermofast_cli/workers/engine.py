@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..estimation.sensor import run_start
 from ..reading import Run
 from .flow import Crew, Flow, Given, Local, in_order
-from .pool import Shared, cores, worth
+from .pool import Shared, cores, keep_freed_memory, worth
 
 if TYPE_CHECKING:
     from thermofast.models.search.discover import Spread
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Started = tuple[Run, float]
 #: Sensors per task: enough to make the way to a worker worth it, few enough to share out evenly.
 MOST_PER_TASK = 250
+#: Tasks from which on a process keeps the memory that each frees for the next.
+MANY = 4
 #: Runs from which on a pool of processes pays.
 POOL_FROM = 3
 #: Readings of all sensors together from which on a single run is worth sharing.
@@ -138,6 +140,8 @@ def over_sensors(
     together: Callable[[Sequence[Any]], Any] | None = None,
 ) -> tuple[list[Sequence[Any]], bool]:
     """Results of each task in the order of the sensors, one of each of its sensors, and whether the user interrupted the work."""
+    if len(tasks) > MANY:
+        keep_freed_memory()
     return _kept(how.over(work, tasks, processes, lost, together), how, lambda results: len(results))
 
 
