@@ -171,6 +171,11 @@ def test_a_denoised_record_is_a_record_again():
     assert set(run.inputs) == {f"T{k + 1}{side}" for k in range(10) for side in ("_lo", "_hi")}
 
 
+def test_sensors_at_the_bottom_and_the_top_are_no_band():
+    frame = SPINDLE[["time_min", "T1", "T5"]].assign(T1_lo=SPINDLE.T2, T1_hi=SPINDLE.T3)
+    assert list(tf.read(frame).channels) == ["T1", "T5", "T1_lo", "T1_hi"]
+
+
 @pytest.mark.parametrize("name", ["machine", "run", "sample"])
 def test_a_number_that_says_whose_record_it_is_is_no_sensor(name):
     run = tf.read(SPINDLE.assign(**{name: 3}))

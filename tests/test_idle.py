@@ -16,6 +16,12 @@ RISES = {
 }
 
 
+def past(seed):
+    """The same machine on another day."""
+    noise = 0.02 * np.random.default_rng(seed).standard_normal(len(MINUTES))
+    return tf.read({"time_min": MINUTES} | {n: reading + noise for n, (_, reading) in RISES.items()}, name=f"day {seed}")
+
+
 def record(idle):
     """Minutes at rest, then the rise."""
     before = np.arange(0.0, idle, 0.25)
@@ -37,6 +43,15 @@ CALLS = {
     "diagnose": lambda run, late: tf.diagnose(run, until=30.0 + late, start=late),
     "sensitivity": lambda run, late: tf.sensitivity(run, until=30.0 + late, start=late),
 }
+
+
+def test_idle_time_changes_nothing_of_what_a_model_says():
+    """Early, that the machine is taken to be as it was."""
+    model = tf.improve([past(5), past(6)], together=True).model
+    at_once, after_days = (numbers(tf.identify(record(idle), until=8.0 + idle, start=idle, model=model)) for idle in (0.0, 3000.0))
+    assert "taken to be as it was" in at_once[0, "message"]
+    for key, value in at_once.items():
+        assert after_days[key] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), key
 
 
 @pytest.mark.parametrize("call", CALLS)

@@ -601,8 +601,8 @@ def large(monkeypatch):
 def wide_file(tmp_path, change=lambda lines: lines, ending="\n", last=True):
     """A file of 0.6 MB of 300 columns of numbers, with a change to its lines."""
     rng = np.random.default_rng(6)
-    rows = [[60 * k, *np.round(20 + 5 * -np.expm1(-k / 900) + rng.normal(0, 0.02, 299), 3).tolist()] for k in range(400)]
-    lines = [",".join(["time_s", *(f"T{i + 1} [°C]" for i in range(299))]), *(",".join(map(repr, row)) for row in rows)]
+    rows = [[f"{60 * k}", *(f"{20 - 5 * np.expm1(-k / 900) + e:.3f}" for e in rng.normal(0, 0.02, 299))] for k in range(400)]
+    lines = [",".join(["time_s", *(f"T{i + 1} [°C]" for i in range(299))]), *map(",".join, rows)]
     path = tmp_path / "wide.csv"
     path.write_bytes((ending.join(change(lines)) + (ending if last else "")).encode())
     assert path.stat().st_size > wide.LARGE
@@ -647,6 +647,13 @@ def test_what_is_not_plain_in_a_large_wide_file_is_told_as_in_any_other(tmp_path
         for d in (None, path.read_bytes())
     ]
     assert found[0] == found[1]
+
+
+def test_a_last_line_of_a_large_wide_file_that_stops_in_mid_number_is_left_out(tmp_path, large):
+    path = wide_file(tmp_path, lambda lines: [*lines[:-1], lines[-1][:-2]], last=False)
+    run = tf.read(str(path))
+    assert len(run.time_s) == 399
+    assert any("stops in mid-number" in note for note in run.notes)
 
 
 def _error(call):

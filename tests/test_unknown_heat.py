@@ -10,7 +10,7 @@ from simulator import held_response
 
 import thermofast as tf
 from benchmarks.analysis.unknown_heat import power_trial, powered, trial
-from thermofast.models.uncertainty.unknown_heat import POWERS, Lump, shapes_of, smooth_heat
+from thermofast.models.uncertainty.unknown_heat import POWERS, Lump, followed_column, shapes_of, smooth_heat
 
 
 def written(path, speed="speed", seed=3, second=0.0):
@@ -237,3 +237,19 @@ def test_a_column_that_is_on_or_off_has_no_power_and_noise_is_not_followed_besid
     assert "follows pump_on" in told.message
     assert "pump_on^" not in told.message
     assert "and with it" not in told.message
+
+
+def test_columns_are_told_by_what_each_gains_over_none():
+    """Twice the log likelihood itself stood beside ratios: the column that the heat follows came last."""
+    rng, time = np.random.default_rng(0), np.linspace(0.0, 240.0, 121)
+    load, other = np.where((time // 40) % 2 == 0, 1.0, 0.2), np.sin(time / 17.0) + 2.0
+    reading, rate = [20.0], 1.0 / 30.0
+    for dt, heat in zip(np.diff(time), load[1:], strict=True):
+        fall = np.exp(-rate * dt)
+        reading.append(20.0 + (reading[-1] - 20.0) * fall + 0.8 * heat / rate * (1.0 - fall))
+    noise = np.full(len(time), 0.02)
+    lump = Lump(time, np.array(reading) + noise * rng.standard_normal(len(time)), noise, np.full(len(time), 20.0))
+    found = followed_column([lump], [list(np.geomspace(0.5, 40.0, 19) / 240.0)], {"other": other, "load": load}, time)
+    assert [f.column for f in found] == ["load", "other"]
+    assert found[0].likelihood_ratio > 1000.0
+    assert found[1].likelihood_ratio < 20.0

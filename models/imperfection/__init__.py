@@ -1,7 +1,7 @@
 """How far machines leave the law, and what may be said of them all the same."""
 
 from .blocks import Part, pilot
-from .draw import Drawn, Settled
+from .draw import Drawn
 from .known import FAST_MODES, SLOW_MODES, Known, to_the_limit
 from .past import (
     GRID,
@@ -16,7 +16,7 @@ from .past import (
     learn_past,
     widths_left_out,
 )
-from .posterior import Rates, settle
+from .posterior import Rates, Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged, room_at_end
 

@@ -99,31 +99,3 @@ def normal_draws(mean: Array, covariance: Array, count: int, rng: np.random.Gene
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     found: Array = mean + rng.standard_normal((count, len(mean))) @ root.T
     return found
-
-
-@dataclass(frozen=True)
-class Settled:
-    """What S sensors will do; three numbers are the 2.5 %, 50 % and 97.5 % quantiles.
-
-    steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
-    3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
-    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work, one
-    that is more than fast modes or a start, which die out; unseen (S,) [K]: what a slow second mass may add after the last
-    reading, where there is one (95 %); unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes
-    add more than the half-width of the interval; agrees (S, S): whose rates were shared; evidence (S,): log likelihood of a
-    sensor's own readings under the prior, up to a constant that every prior of the same readings and tau has.
-    """
-
-    steady: Array
-    t95: Array
-    at: Array
-    rate: Array
-    rate_unknown: Array
-    check_p: Array
-    strong: Array
-    unseen: Array
-    unseen_from: Array
-    hides: Array
-    agrees: NDArray[np.bool_]
-    evidence: Array
-    drawn: Drawn | None = None

@@ -6,6 +6,7 @@ where their rates agree, the rate.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -14,22 +15,11 @@ from numpy.typing import NDArray
 from ..core.tails import f_tail, normal_tail
 from ..decay import LOG_TWENTY
 from .blocks import Blocks, Part, block_means
-from .draw import Drawn, Settled, conditional, normal_draws
+from .draw import Drawn, conditional, normal_draws
 from .known import NOTHING
 from .numerics import LEVELS, cells, core, law_slope, log_sum, negligible, quantiles, settled_after, stretch, student, within_depth
 from .prior import COMPONENTS, SLOW, Imperfection
-from .shapes import (
-    FIRST_TIME,
-    LIMIT,
-    SETTLING,
-    SLOW_AHEAD,
-    Asked,
-    constant,
-    kept_covariances,
-    law,
-    of_room,
-    slow_rise,
-)
+from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW_AHEAD, Asked, constant, kept_covariances, law, of_room, slow_rise
 
 Array = NDArray[np.float64]
 Rates = Literal["auto", "own", "shared"]
@@ -65,6 +55,34 @@ EDGE = 0.5
 DOUBTED = 0.05
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 5e-5
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What S sensors will do; three numbers are the 2.5 %, 50 % and 97.5 % quantiles.
+
+    steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
+    3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
+    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work, one
+    that is more than fast modes or a start, which die out; unseen (S,) [K]: what a slow second mass may add after the last
+    reading, where there is one (95 %); unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes
+    add more than the half-width of the interval; agrees (S, S): whose rates were shared; evidence (S,): log likelihood of a
+    sensor's own readings under the prior, up to a constant that every prior of the same readings and tau has.
+    """
+
+    steady: Array
+    t95: Array
+    at: Array
+    rate: Array
+    rate_unknown: Array
+    check_p: Array
+    strong: Array
+    unseen: Array
+    unseen_from: Array
+    hides: Array
+    agrees: NDArray[np.bool_]
+    evidence: Array
+    drawn: Drawn | None = None
 
 
 def settle(

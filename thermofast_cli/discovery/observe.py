@@ -203,10 +203,10 @@ def _driven(whole: Observations, drive: str, until_min: float | None) -> Observa
     jumps = np.abs(np.diff(column[there]))[np.clip(np.searchsorted(there, np.arange(1, len(column))) - 1, 0, len(there) - 2)]
     last = seen.last
     jumped = jumps > JUMP * (float(np.ptp(column[: last + 1])) or float(np.ptp(column)))
-    jumps[last:] = 0.0
+    asked = jumped & (np.arange(len(jumped)) < last)
     best = int(np.argmin([float((fit.rss / way.noise**2).sum()) for fit, way in zip(fits, ways, strict=True)]))
-    if jumped[:last].any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
-        largest = [int(j) for j in np.argsort(-jumps)[:ASKED_OF] if jumps[j] > 0.0 and jumped[j]]
+    if asked.any() and least_p(sensor_p_values(fits[best])) < RULES.pattern:
+        largest = [int(j) for j in np.argsort(np.where(asked, -jumps, 0.0))[:ASKED_OF] if asked[j]]
         told = [one for j in largest if (one := _misfits_about([*ways, seen], j)) is not None]
         misfits = np.sum(told, axis=0) if told else np.zeros((4, 0))
         # A sensor that does as well without the jumps does not follow them, and tells nothing of when they were.

@@ -12,6 +12,7 @@ from thermofast.models.joint import RATE, Fit
 from thermofast.models.search.discover import Discovery
 
 from ..errors import ThermofastError, UsageError, rounded
+from ..machine.modelfile import sha256_of_readings
 from ..records import Record
 from .loop import LoopTask, Ready, failure_records, ready, refused_records
 
@@ -120,13 +121,12 @@ def unnamed(found: Sequence[Discovery]) -> list[Discovery]:
 
 def refuse_copies(runs: Sequence[OneOf]) -> None:
     """Raises UsageError where two of the runs are the same readings under two names."""
-    seen: dict[bytes, str] = {}
+    seen: dict[str, str] = {}
     for one in runs:
-        run = one.task.run
-        key = run.time_s.tobytes() + b"".join(name.encode() + column.tobytes() for name, column in run.channels.items())
+        key, name = sha256_of_readings(one.prepared.whole), one.task.run.name
         if key in seen:
-            raise UsageError(f"{run.name} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
-        seen[key] = run.name
+            raise UsageError(f"{name} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
+        seen[key] = name
 
 
 def _only(prepared: Ready, channels: list[str]) -> Ready:

@@ -59,10 +59,6 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
         raise FilterError(f"{method.name} raised {type(error).__name__}: {error} ({place})") from None
     problem = track_problem(track, len(time))
     if problem:
-        if isinstance(track, Track) and track.first >= len(time) - 1:
-            raise FilterError(
-                "no beginning of these readings tells a rate: they did not move until late; say --start, or measure on"
-            )
         raise FilterError(f"{method.name}: {problem}")
     return track
 

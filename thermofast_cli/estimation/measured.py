@@ -157,12 +157,9 @@ def moved_by_room(time_min: Array, room: Array | None, rate: Array, last: float,
     That is not held against it; rate (S,) [1/min].
     """
     grid = np.linspace(last, float(later[-1]), 200)
-    if room is None or not np.isfinite(room).any() or grid[-1] <= grid[0]:
+    there = room_at(time_min, room, grid, last)
+    if there is None or grid[-1] <= grid[0]:
         return np.zeros((len(rate), len(later)))
-    known = np.isfinite(room)
-    read = known & (time_min <= last + 1e-9)
-    there = np.interp(grid, time_min[known], room[known])
-    there[0] = np.interp(last, time_min[read], room[read]) if read.any() else there[0]
     moved = lagged(np.nan_to_num(rate), float(grid[1] - grid[0]), there - there[0])
     return np.array([np.interp(later, grid, line) for line in moved])
 

@@ -134,19 +134,20 @@ def _rise(fit: Fit, i: int, runs: _Runs, about: Array, other_modes: float) -> Ri
                 line[ahead] = other[ahead]
         return lines
 
+    held_curve, held_doubt, held_others = on_grid(of_end), wrong(kept, runs.of_held[:, i]), follows(held, of_end)
     return Rise(
         log_rate,
-        as_logged(on_grid(unit), on_grid(of_end)),
-        on_grid(of_end),
+        as_logged(on_grid(unit), held_curve),
+        held_curve,
         on_grid(whole),
-        as_logged(wrong(curves, runs.of_others[:, i]), wrong(kept, runs.of_held[:, i])),
+        as_logged(wrong(curves, runs.of_others[:, i]), held_doubt),
         time,
         curves[nodes + middle] - start,
         float(kept[nodes + middle, -1] - start),
         about,
-        as_logged(follows(seen, unit), follows(held, of_end)),
-        wrong(kept, runs.of_held[:, i]),
-        follows(held, of_end),
+        as_logged(follows(seen, unit), held_others),
+        held_doubt,
+        held_others,
     )
 
 
@@ -217,7 +218,7 @@ def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array)
         whole,
         time=time,
         reading=neighbours,
-        weight=np.where(np.arange(len(time)) <= read, 1.0, 0.0) * np.ones_like(neighbours),
+        weight=np.broadcast_to((np.arange(len(time)) <= read).astype(float), neighbours.shape),
         ambient={n: on(c) for n, c in whole.ambient.items()},
         inputs={n: on(c) for n, c in whole.inputs.items()},
         heat=None if whole.heat is None else on(whole.heat, whole.driven),

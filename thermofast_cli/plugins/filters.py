@@ -154,6 +154,8 @@ def track_problem(track: Any, count: int) -> str | None:
         return "its track's state is not finite, and diverged_at does not say from which reading on"
     variance = np.diagonal(track.covariance[good], axis1=1, axis2=2)
     if track.diverged_at is None and not (variance >= 0.0).all():
+        if track.first >= count - 1:
+            return "no beginning of these readings tells a rate: they did not move until late; say --start, or measure on"
         return f"its track's covariance has a variance of {np.nanmin(variance):.3g}, needed 0 or more"
     return None
 

@@ -131,7 +131,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         check_names([options.ambient], names, "--ambient", run)
     told = {option.partition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(own, units.get(n, "")) for n, own in _beyond_place(names).items()}
-    signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names), *_bands(names))}
+    signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names), *_bands(names, values))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
     # A room with its unit says nothing of places without one.
@@ -218,11 +218,17 @@ def _extremes(names: list[str]) -> list[str]:
     ]
 
 
-def _bands(names: list[str]) -> list[str]:
-    """Columns that are the two sides of another one's interval: T1_lo and T1_hi beside T1."""
+def _bands(names: list[str], values: Mapping[str, Array]) -> list[str]:
+    """Columns that are the two sides of another one's interval: T1_lo and T1_hi beside T1, and as far from it in every row.
+
+    Sensors at the bottom and at the top of a thing may be called so too.
+    """
     there = set(names)
-    both = [n for n in names if there.issuperset({f"{n}_lo", f"{n}_hi"})]
-    return [f"{n}{side}" for n in both for side in ("_lo", "_hi")]
+    both = [(n, f"{n}_lo", f"{n}_hi") for n in names if there.issuperset({f"{n}_lo", f"{n}_hi"})]
+    even = [
+        three for three in both if np.allclose(values[three[1]] + values[three[2]], 2.0 * values[three[0]], 1e-9, equal_nan=True)
+    ]
+    return [side for three in even for side in three[1:]]
 
 
 def _without_unit(name: str) -> str:

@@ -102,13 +102,9 @@ class Run:
     seen: Seen | None = None
 
     def __post_init__(self) -> None:
-        self.__dict__["time_s"] = time = self._numbers("time_s", self.time_s)
+        self.__dict__["time_s"] = self._numbers("time_s", self.time_s)
         for group in ("channels", "ambient", "inputs", "displacements"):
-            columns = getattr(self, group)
-            # Runs are made anew for many reasons: what is as it should be, as nearly all is, costs no look at each.
-            fine = all(type(c) is np.ndarray and c.dtype == np.float64 and c.shape == time.shape for c in columns.values())
-            as_it_is = read_only if fine else None
-            self.__dict__[group] = {n: as_it_is(c) if as_it_is else self._numbers(n, c) for n, c in columns.items()}
+            self.__dict__[group] = {name: self._numbers(name, column) for name, column in getattr(self, group).items()}
 
     def _numbers(self, name: str, column: Any) -> Array:
         """A column as floats (N,).
@@ -117,6 +113,8 @@ class Run:
         ------
         InputError: it holds anything else, or not one reading for each time.
         """
+        if type(column) is np.ndarray and column.dtype == np.float64 and column.shape == np.shape(self.time_s):
+            return read_only(column)  # as nearly all are, and runs are made anew for many reasons
         try:
             found = np.asarray(column, dtype=float)
         except (TypeError, ValueError):
