@@ -74,7 +74,7 @@ def main() -> None:
         assert len(run.channels) == SENSORS
         peer, own = best(lambda: bare(path), asked.times), best(lambda: tf.read(str(path)), asked.times)
     print("| rows x sensors | pyarrow.csv | thermofast | ratio | to reach |\n| --- | ---: | ---: | ---: | ---: |")
-    print(f"| {asked.rows} x {SENSORS} | {peer:.2f} s | {own:.2f} s | {own / peer:.2f} | 1.5 |")
+    print(f"| {asked.rows} x {SENSORS} | {peer:.3g} s | {own:.3g} s | {own / peer:.2f} | 1.5 |")
 
 
 if __name__ == "__main__":
