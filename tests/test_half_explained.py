@@ -20,8 +20,8 @@ from thermofast.machine.modelfile import model_file, read_model
 from thermofast.machine.rise import _doubtful
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import NONE, TYPICAL, Part, Past, SensorShape
-from thermofast.models.imperfection.known import Known
-from thermofast.models.imperfection.past import GRID, SHAPE_AGAIN, modes
+from thermofast.models.imperfection.machine.known import Known
+from thermofast.models.imperfection.machine.past import GRID, SHAPE_AGAIN, modes
 from thermofast.models.imperfection.posterior import settle
 from thermofast.models.imperfection.shapes import Asked
 from thermofast.models.joint import LEVEL, RATE, START, Key, fit_model

@@ -166,7 +166,7 @@ def test_a_strong_effect_may_stand_over_a_small_background():
         for prior in (TYPICAL, replace(TYPICAL, strong_over=(1.0,)))
     )
     assert narrow.steady_state_lo_c < 31.0 < narrow.steady_state_hi_c < 31.5
-    assert wide.steady_state_hi_c < 31.0
+    assert wide.steady_state_hi_c < narrow.steady_state_hi_c - 0.3  # no farther than slow parts of the usual size let any reach
 
 
 def test_a_slow_mass_behind_is_looked_for_where_the_heat_goes():

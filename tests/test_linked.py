@@ -12,7 +12,7 @@ from thermofast.machine.jumps import last_level, longest_stay
 from thermofast.machine.rise import DRIVEN_MODES, _extended, _of_others, free_run, rises_of, together
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import GRID
-from thermofast.models.imperfection.known import Known
+from thermofast.models.imperfection.machine.known import Known
 from thermofast.models.imperfection.shapes import Asked
 from thermofast.models.joint import RATE, Key, Part, fit_model
 from thermofast.models.relaxation import relaxed

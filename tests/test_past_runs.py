@@ -27,8 +27,8 @@ from thermofast.models.imperfection import (
     to_the_limit,
     widths_left_out,
 )
-from thermofast.models.imperfection.known import Known, modes
-from thermofast.models.imperfection.past import BESIDE_KNOWN, GRID
+from thermofast.models.imperfection.machine.known import Known, modes
+from thermofast.models.imperfection.machine.past import BESIDE_KNOWN, GRID
 from thermofast.models.imperfection.shapes import loss_bend
 from thermofast.models.joint import LEVEL, RATE, fit_model
 from thermofast.models.search.candidates import try_add

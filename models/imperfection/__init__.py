@@ -2,8 +2,9 @@
 
 from .blocks import Part, pilot
 from .draw import Drawn
-from .known import FAST_MODES, SLOW_MODES, Known, to_the_limit
-from .past import (
+from .evidence import Rates
+from .machine.known import FAST_MODES, SLOW_MODES, Known, to_the_limit
+from .machine.past import (
     GRID,
     GUESSED_NODES,
     NODES,
@@ -16,7 +17,7 @@ from .past import (
     learn_past,
     widths_left_out,
 )
-from .posterior import Rates, Settled, settle
+from .posterior import Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged, room_at_end
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .known import Known
+from .machine.known import Known
 
 Array = NDArray[np.float64]
 

@@ -58,7 +58,8 @@ def _roots(prior: Imperfection, time: tuple[float, ...], tau: float) -> tuple[Ar
 class Drawn:
     """Of S sensors: curves (S, D, k) [degC] at the times asked for, where each leads (S, D) [degC], its rate (S, D) [1/min].
 
-    factor (S,) is what the half-widths of intervals are multiplied by, as those of the posterior itself are.
+    factor (S, 2) is what the two sides of intervals are multiplied by, as those of the posterior itself are: that of what ends
+    earlier or less far, and that of what ends later or farther.
     """
 
     curve: Array
@@ -70,7 +71,7 @@ class Drawn:
     def none(sensors: int, draws: int, times: int) -> "Drawn":
         """Of nothing yet."""
         curve, limit = np.full((sensors, draws, times), np.nan), np.full((sensors, draws), np.nan)
-        return Drawn(curve, limit, limit.copy(), np.ones(sensors))
+        return Drawn(curve, limit, limit.copy(), np.ones((sensors, 2)))
 
 
 def conditional(

@@ -17,6 +17,8 @@ except ImportError:
 Array = NDArray[np.float64]
 
 LEVELS = np.array([0.025, 0.5, 0.975])
+#: Deviations of a normal between its median and the last of these.
+SIGMAS = 1.96
 #: Weights of a mixture that together are less than this are left out of its quantiles, the smallest first.
 LEAST_TOGETHER = 2e-3
 
@@ -98,3 +100,11 @@ def stretch(steady: Array, t95: Array, at: Array, factor: float) -> None:
         for three in (steady, t95, *at):
             three[...] = three[1] + factor * (three - three[1])
         t95[0] = max(t95[0], 0.0)
+
+
+def reach(three: Array, side: float, deviation: float) -> None:
+    """Lets an interval (3,) reach on one side of its middle at least as far as a normal of this deviation does, in place."""
+    far = three[1] + np.sign(side) * SIGMAS * deviation
+    if np.isfinite(far) and side:
+        end = 2 if side > 0.0 else 0
+        three[end] = max(three[end], far) if side > 0.0 else min(three[end], far)

@@ -96,7 +96,7 @@ class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froze
 
 
 class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
-    """What the runs learnt from say of the next one; see ``models/imperfection/past.py``.
+    """What the runs learnt from say of the next one; see ``models/imperfection/machine/past.py``.
 
     relative_to: "limit" where amplitudes are relative to the whole rise; files of before have them relative to what the law has of
     it. without_effects: it is the shape of the runs as a whole, which foretold them better from their first part than the effects.

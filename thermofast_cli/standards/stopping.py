@@ -150,9 +150,11 @@ def foretold_trips(criterion: Criterion, drawn: Drawn, at: Array, last: float) -
         time[i] = np.quantile(trips, SIDES, method="inverted_cdf")
         if some.mean() > SIDES[1]:
             missing[i] = np.quantile(limits[some] - (left + (place - below) * (right - left)), SIDES)
-        for three in (time[i], missing[i]):
+        early, late = drawn.factor[i]
+        farther = (late, 1.0, early) if missing[i, 1] < 0.0 else (early, 1.0, late)  # of what cools, less than nothing is missing
+        for three, factor in ((time[i], (early, 1.0, late)), (missing[i], farther)):
             with np.errstate(invalid="ignore"):
-                three[:] = np.where(np.isfinite(three), three[1] + drawn.factor[i] * (three - three[1]), three)
+                three[:] = np.where(np.isfinite(three), three[1] + np.array(factor) * (three - three[1]), three)
         time[i, 0] = max(time[i, 0], last)
     return time, missing
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .shapes import Asked, loss_bend
+from ..shapes import Asked, loss_bend
 
 Array = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrow import covariance_root
-from ..core.tails import t_quantile
-from .blocks import Part, block_means
+from ...arrow import covariance_root
+from ...core.tails import t_quantile
+from ..blocks import Part, block_means
+from ..posterior import settle
+from ..prior import Imperfection, Sizes
+from ..shapes import Asked, covariances, law, of_room
 from .known import FAST_MODES, SLOW_MODES, Known, modes, within
-from .posterior import settle
-from .prior import Imperfection, Sizes
-from .shapes import Asked, covariances, law, of_room
 
 Array = NDArray[np.float64]
 
