@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 import thermofast as tf
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs, wide
+from thermofast.reading import table as tables
 from thermofast.reading.moments.stamps import parse_stamps
 from thermofast.reading.moments.times import unit_of
-from thermofast.reading.tables import table as tables
 from thermofast.reading.tables import text
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text

@@ -10,13 +10,14 @@ import pytest
 
 import thermofast as tf
 from thermofast.estimation import closing, measured
+from thermofast.estimation.sweep import with_trips
 from thermofast.models.noise.whiteness import pattern_p_value
 from thermofast.models.standards import criterion_from
 from thermofast.reading.moments.order import spread_evenly
 from thermofast.reading.moments.stamps import parse_stamps
 from thermofast.reading.units import parse_unit
 from thermofast.reading.values.faults import without_faults, without_impossible
-from thermofast.standards.stopping import _missing, with_trips
+from thermofast.standards.stopping import _missing
 
 MONTHS = {
     "es": "ene feb mar abr may jun jul ago sep oct nov dic",

@@ -8,7 +8,7 @@ the scale, and the interval is no narrower than slow parts of the size that mach
 import numpy as np
 from numpy.typing import NDArray
 
-from .evidence import COARSE, FEW, FINE, Run
+from .evidence import COARSE, FEW, Run
 from .machine.known import NOTHING
 from .numerics import cells, settled_after, within_depth
 from .prior import COMPONENTS

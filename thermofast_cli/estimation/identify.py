@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.models import PrintedLump, spike_weights
 from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates, room_at_end
+from thermofast.models.search.logged import follows_machine
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.first_passage import Pace
-from thermofast.models.uncertainty.surroundings import follows_machine
 
 from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord

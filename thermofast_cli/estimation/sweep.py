@@ -1,5 +1,6 @@
 """From one sensor's readings to the records of ``sweep``: the paper's search for the shortest identification time (section 1.5)."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,10 +10,13 @@ from numpy.typing import NDArray
 
 from thermofast.filters import Track
 from thermofast.models import growth, spike_weights
+from thermofast.models.standards import Criterion
 
 from ..errors import rounded
 from ..output.columns import Column, Records, Same
+from ..reading import Run
 from ..records import IdentifyRecord, SweepRecord
+from ..standards.stopping import FEWEST, seen_trips
 from .closing import (
     Progress,
     consistent_until_the_end,
@@ -25,6 +29,7 @@ from .closing import (
 )
 from .estimate import FilterError
 from .identify import Method, identify_sensors
+from .measured import measured_equilibrium
 from .rules import RULES
 from .sensor import Sensors, prepare_all, refusal
 from .verdicts import doubts
@@ -434,3 +439,23 @@ def _from_there_on(good: NDArray[np.bool_]) -> NDArray[np.intp]:
     bad = ~good[:, ::-1]
     first = np.where(bad.any(axis=1), good.shape[1] - bad.argmax(axis=1), 0)
     return np.where(first < good.shape[1], first, -1)
+
+
+def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Sequence[tuple[Run, float]]) -> list[SweepRecord]:
+    """The records, with when the rule holds on each sensor's whole record, and what a complete one shows to be missing then."""
+    of = {run.name: (run, start) for run, start in started}
+    told: dict[tuple[str, str], dict[str, Any]] = {}
+    for key in dict.fromkeys((r.run, r.channel) for r in records):
+        run, start = of[key[0]]
+        values = run.channels.get(key[1], np.empty(0))
+        minutes = run.time_s[: len(values)] / 60.0
+        good = np.isfinite(values) & (minutes >= start)
+        if good.sum() < FEWEST:
+            continue
+        time, reading = minutes[good], values[good]
+        trips, there, _ = seen_trips(criterion, time, reading[None])
+        steady = measured_equilibrium(time, reading)
+        trip = float(trips[0]) if math.isfinite(trips[0]) else None
+        missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
+        told[key] = {"criterion": criterion.text, "trip_min": None if trip is None else trip - start, "missing_k": missing}
+    return [replace(r, **told.get((r.run, r.channel), {})) for r in records]

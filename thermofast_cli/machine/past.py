@@ -27,9 +27,9 @@ from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Discovery, discover
 from thermofast.models.search.dominant import beats_disturbance, misfit_power
 from thermofast.models.search.judge import sensor_p_values, widening
+from thermofast.models.search.logged import follows_machine
 from thermofast.models.search.mutual import both_ways
 from thermofast.models.search.rules import RULES
-from thermofast.models.uncertainty.surroundings import follows_machine
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe

@@ -11,7 +11,7 @@ from thermofast.models.standards import Criterion
 from ..errors import TooShortError, UsageError
 from ..estimation.identify import Found, Identified, Method
 from ..estimation.imperfect import GROUP, NOT_FOLLOWED
-from ..estimation.sweep import SweptBlock
+from ..estimation.sweep import SweptBlock, with_trips
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..machine.jumps import uncounted
 from ..output.columns import Records
@@ -19,7 +19,7 @@ from ..reading.names import named_as
 from ..reading.run import ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping
-from ..standards.stopping import with_last, with_limit, with_trips
+from ..standards.stopping import with_last, with_limit
 from ..standards.switching_off import after_switch_off, with_switch_off
 from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
 

@@ -12,8 +12,8 @@ from .columns import check_names
 from .moments.times import Time
 from .run import Array, Guess
 from .signs import sign_of
+from .table import Table
 from .tables.dialect import is_missing, is_number, to_number
-from .tables.table import Table
 from .units import parse_unit, to_celsius
 from .values.marks import good_only, unsure
 from .vocabulary import FLAGS, MEANS, READINGS, REMARKS, SENSOR_NAMES, UNITS, words

@@ -32,20 +32,20 @@ from .moments.times import Time, find_time, is_time_name
 from .moments.zones import in_zone
 from .run import Run, Seen, SeenColumn, renamed, stretch
 from .signs import sign_of
+from .table import Table, read_parquet
+from .tables.cells import without_told
 from .tables.clocks import clocks_of_columns, with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.limits import Limits
 from .tables.measured import is_measured, measured_table
 from .tables.packed import is_workbook, unpacked
-from .tables.table import Table, read_parquet
 from .tables.text import read_text
 from .tables.workbook import sheet_text
 from .units import parse_unit, unit_changes
 from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, winding
 from .values.faults import without_faults, without_impossible
 from .values.marks import good_readings
-from .values.missing import without_told
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 from .wide import read_wide

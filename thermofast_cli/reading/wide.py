@@ -9,11 +9,11 @@ import numpy as np
 from ..errors import ThermofastError
 from ..reading_options import Options
 from .run import Array
+from .table import WIDE, Table, only_numbers, parsed
+from .tables.cells import without
 from .tables.limits import Limits
 from .tables.lines import TAIL, without_cut_end
-from .tables.table import WIDE, Table, only_numbers, parsed
 from .tables.text import SAMPLE_BYTES, read_text
-from .values.missing import without
 
 #: Bytes from which on a file is not held, and of a piece in which it is looked at.
 LARGE, PIECE = 1 << 22, 1 << 20

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,7 @@ from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
 from ..errors import rounded
-from ..estimation.measured import measured_equilibrium
-from ..reading import Run
-from ..records import IdentifyRecord, SweepRecord
+from ..records import IdentifyRecord
 
 Array = NDArray[np.float64]
 
@@ -187,26 +184,6 @@ def with_limit(record: IdentifyRecord, limit_c: float) -> IdentifyRecord:
         half = abs(side - middle) / 1.96
         chance = 0.5 * math.erfc(margin / half / math.sqrt(2.0)) if half > 0.0 else float(margin < 0.0)
     return replace(record, limit_c=limit_c, margin_k=margin, margin_lo_k=sides[0], margin_hi_k=sides[1], over_limit_p=chance)
-
-
-def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Sequence[tuple[Run, float]]) -> list[SweepRecord]:
-    """The records, with when the rule holds on each sensor's whole record, and what a complete one shows to be missing then."""
-    of = {run.name: (run, start) for run, start in started}
-    told: dict[tuple[str, str], dict[str, Any]] = {}
-    for key in dict.fromkeys((r.run, r.channel) for r in records):
-        run, start = of[key[0]]
-        values = run.channels.get(key[1], np.empty(0))
-        minutes = run.time_s[: len(values)] / 60.0
-        good = np.isfinite(values) & (minutes >= start)
-        if good.sum() < FEWEST:
-            continue
-        time, reading = minutes[good], values[good]
-        trips, there, _ = seen_trips(criterion, time, reading[None])
-        steady = measured_equilibrium(time, reading)
-        trip = float(trips[0]) if math.isfinite(trips[0]) else None
-        missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
-        told[key] = {"criterion": criterion.text, "trip_min": None if trip is None else trip - start, "missing_k": missing}
-    return [replace(r, **told.get((r.run, r.channel), {})) for r in records]
 
 
 def with_last(records: Sequence[IdentifyRecord]) -> list[IdentifyRecord]:

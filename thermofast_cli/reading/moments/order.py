@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, UsageError, listed
 from ..run import Array, Guess
-from ..tables.table import Table
+from ..table import Table
 from .epochs import calendar
 from .glitches import without_glitches
 from .stamps import looks_like_stamp, parse_stamps, plain

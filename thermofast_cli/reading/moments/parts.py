@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import InputError
 from ..run import Array
-from ..tables.table import Table
+from ..table import Table
 from ..vocabulary import TIME_WORDS
 from .stamps import DAY_S, Stamps, looks_like_stamp, parse_stamps
 

@@ -13,7 +13,7 @@ from ...errors import InputError, UsageError, listed
 from ...reading_options import Options
 from ..columns import check_names
 from ..run import Array, Guess
-from ..tables.table import Table
+from ..table import Table
 from ..units import unit_in_name
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 from .epochs import UNITS, epoch_of, is_date_number, of_archive, serial, ticks_of

@@ -12,8 +12,8 @@ from ...reading_options import Options
 from ..moments.stamps import DAY_S, parse_stamps
 from ..moments.times import is_time_name, unit_of
 from ..run import Array
+from ..table import Table
 from ..vocabulary import TIME, TIME_UNITS, words
-from .table import Table
 
 #: Clocks that are never further apart than this share of the record are one: a time constant is not known so well.
 ALIKE = 1e-3

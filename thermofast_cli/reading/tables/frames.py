@@ -9,9 +9,9 @@ from ...errors import InputError, UsageError
 from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
 from ..run import Array
+from ..table import Table, from_arrow, words_or_numbers
 from .dialect import is_missing
 from .limits import Limits
-from .table import Table, from_arrow, words_or_numbers
 
 NAME = "in memory"
 #: Options that say how a file is laid out.

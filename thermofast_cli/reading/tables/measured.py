@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, UsageError, listed
+from ..table import Table
 from .frames import table_of
 from .limits import Limits, matlab_elements, matlab_order
-from .table import Table
 
 TDMS, MATLAB, NEW_MATLAB = b"TDSm", b"MATLAB 5.0", b"MATLAB 7.3"
 #: Kinds of the elements of a MATLAB file that hold numbers or text, that of a matrix, and how deep those may stand in each other.

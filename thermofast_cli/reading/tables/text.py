@@ -13,9 +13,9 @@ from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
 from ..names import names_and_units
 from ..run import Array, Guess
+from ..table import Table, to_floats, wide_numbers
 from ..units import parse_unit, unit_above, unit_changes
-from ..values.carried import with_unit
-from ..values.missing import without
+from .cells import with_unit, without
 from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
 from .encoding import refuse_markup, to_utf8
 from .lines import (
@@ -32,7 +32,6 @@ from .lines import (
     without_last,
     without_separator_line,
 )
-from .table import Table, to_floats, wide_numbers
 
 SAMPLE_BYTES = 1 << 18
 #: Bytes from which a body is parsed in pieces by several threads, and of such a piece.

@@ -10,8 +10,8 @@ from ...errors import InputError, UsageError, listed
 from ...reading_options import Options
 from ..run import Array, Guess
 from ..signs import sign_of
+from ..table import Table
 from ..tables.dialect import is_missing
-from ..tables.table import Table
 from ..units import Unit, parse_unit, to_celsius
 from ..vocabulary import words
 from .faults import HOTTEST_C

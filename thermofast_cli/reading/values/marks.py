@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...errors import listed
 from ..moments.times import is_time_name
 from ..run import Array, Guess
-from ..tables.table import Table
+from ..table import Table
 
 #: OPC's classic codes: good from, bad below; and all that there are in use.
 GOOD, BAD_BELOW = 192.0, 64.0

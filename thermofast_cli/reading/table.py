@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from ...errors import InputError
-from ..run import Array, Guess
-from .dialect import is_missing, is_number, to_number
-from .limits import Limits
+from ..errors import InputError
+from .run import Array, Guess
+from .tables.dialect import is_missing, is_number, to_number
+from .tables.limits import Limits
 
 if TYPE_CHECKING:
-    from .dialect import Dialect
+    from .tables.dialect import Dialect
 
 #: What most columns are, and what needs no look at what words they hold.
 FLOAT = pa.float64()
