@@ -320,3 +320,26 @@ def test_a_probe_that_is_off_throughout_is_a_sensor_and_a_warm_place_is_none():
     assert "one probe by" in verdict(0.0)[0].message
     assert all(r.difference_k is None for r in verdict(0.0, warm=3.0) if r.change == "sensor" and r.probability > 0.5)
     assert not any(r.difference_k for r in verdict(3.0, old=1))  # after one run nobody knows how uneven they begin
+
+
+@pytest.mark.parametrize("off", [2.5, -4.0])
+@pytest.mark.parametrize("learnt", [False, True])
+def test_a_probe_that_is_off_by_more_than_sensors_begin_apart_is_told_with_its_size(off, learnt):
+    """The middle one of three, which passes the others; with the room logged, by old runs and by a model of them alike."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 300.0)
+
+    def record(name, probe=0.0):
+        room = 20.0 + rng.normal(0.0, 0.5)
+        heats = {"a": (9.0, 1.0, 60.0), "b": (7.0, 0.0, 70.0), "c": (5.0, -1.0, 80.0)}
+        rises = {n: room + at + rise * -np.expm1(-time / tau) for n, (rise, at, tau) in heats.items()}
+        rises["b"] = rises["b"] + probe
+        noisy = {f"{n} [degC]": line + rng.normal(0.0, 0.02, len(time)) for n, line in rises.items()}
+        return tf.read({"time_min": time, "ambient": np.full(len(time), room), **noisy}, name=name)
+
+    old, new = [record(f"old {k}") for k in range(3)], [record("new", off), record("newer", off)]
+    found = tf.changed(new=new, model=tf.improve(old, together=True).model) if learnt else tf.changed(old, new)
+    assert found.verdict == "sensor"
+    assert found[0].channel == "b [degC]"
+    assert found[0].difference_lo_k < off < found[0].difference_hi_k
+    assert found[0].difference_k == pytest.approx(off, abs=0.25)

@@ -182,10 +182,11 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
     for kind, _, directions, size, prior in kinds:
         for likely, shift, unsure in ways:
             left, own = difference - shift, noise + np.outer(unsure, unsure)
-            sizes.append(_size(kind, directions, size, left, own))
+            first = _size(kind, directions, size, left, own)
             # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
-            much = abs(sizes[-1][1]) if sizes[-1] is not None else 0.0
-            covariance = own + size**2 * directions @ directions.T + (UNLIKE * much) ** 2 * np.eye(2 * n)
+            unlike = (UNLIKE * abs(first[1]) if first is not None else 0.0) ** 2 * np.eye(2 * n)
+            sizes.append(_size(kind, directions, size, left, own + unlike))
+            covariance = own + size**2 * directions @ directions.T + unlike
             sign, log = np.linalg.slogdet(covariance)
             weight = np.log(prior) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
             weights.append(float(weight) if sign > 0 else -np.inf)
@@ -239,21 +240,22 @@ def with_room(found: Sequence[Change], probability: float, difference: float, de
     return sorted([*parted, *(c for c in found if c is not as_it_was)], key=lambda c: -c.probability)
 
 
-def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, errors: Array) -> list[Change]:
+def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, errors: Array, stands_for: int = 1) -> list[Change]:
     """Kinds of change with a probe among them that tells another temperature throughout; the likeliest first.
 
-    starts, rises (K, S) [K]: of each run, the first of which are `old`; errors (S,): of the new rises over the old ones, in
-    logarithms. A probe that is off moves where its sensor begins and not how far it rises; a place that is warm from before does
-    both, and a run is as uneven as the old ones were. Of two sensors nobody knows which is off, after one run how uneven they are.
+    starts, rises (K, S) [K]: of each run, the first of which are `old`, each the mean of as many as it `stands_for`; errors (S,):
+    of the new rises over the old ones, in logarithms. A probe that is off moves where its sensor begins and not how far it rises; a
+    place that is warm from before does both, and a run is as uneven as the old ones were. Of two sensors nobody knows which is off,
+    after one run how uneven they are.
     """
     count = starts.shape[1]
-    if count < 3 or old < 2:
+    if count < 3 or old * stands_for < 2:
         return list(found)
-    begun = starts - np.median(starts, axis=1, keepdims=True)
+    begun, alone = begun_beside(starts, old)
     before = begun[:old].mean(axis=0)
     own = ((begun[:old] - before) ** 2).sum(axis=0)
     # Of one sensor as of all together, as one run more whose sensors begin as they usually do.
-    variance = (BESIDE**2 * count + own.sum()) / (count * old) * (1.0 / old + 1.0 / (len(starts) - old))
+    variance = (BESIDE**2 * count + own.sum()) / (count * old) * (1.0 / (old * stands_for) + 1.0 / (len(starts) - old))
     moved = begun[old:].mean(axis=0) - before
     factor = np.median(rises[old:].mean(axis=0) / rises[:old].mean(axis=0))
     fell = rises[old:].mean(axis=0) - factor * rises[:old].mean(axis=0)
@@ -265,9 +267,18 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     i = int(np.argmax(odds))
     share = float(odds[i] / (1.0 + odds[i]))
     others = [replace(c, probability=c.probability * (1.0 - share)) for c in found]
-    size = float(moved[i]) * PROBE**2 / (PROBE**2 + variance)
+    size = float(alone[old:, i].mean() - alone[:old, i].mean()) * PROBE**2 / (PROBE**2 + variance)
     probe = Change("sensor", i, share, size, float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), kelvin=True)
     return sorted([probe, *others], key=lambda c: -c.probability)
+
+
+def begun_beside(starts: Array, old: int) -> tuple[Array, Array]:
+    """Where sensors began (K, S) [K] beside where they began in the `old` runs, less the middle of all in their run; and less that
+    of the others alone, which is what one is off by if it is the only one.
+    """
+    beside = starts - starts[:old].mean(axis=0)  # one that moves past another then leaves the middle where it was
+    others = np.stack([np.median(np.delete(beside, i, axis=1), axis=1) for i in range(beside.shape[1])], axis=1)
+    return beside - np.median(beside, axis=1, keepdims=True), beside - others
 
 
 def _as_warm_spot(moved: Array, fell: Array, variance: float, unsure: Array) -> Array:

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
-from thermofast.models.uncertainty.changes import WARM, Begun, Change, RunNumbers, changes, other_room, with_offset, with_room
+from thermofast.models.uncertainty.changes import (
+    WARM,
+    Begun,
+    Change,
+    RunNumbers,
+    begun_beside,
+    changes,
+    other_room,
+    with_offset,
+    with_room,
+)
 
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError, rounded
@@ -113,14 +123,15 @@ def compare_runs(
     if model is None or not logged:
         found = _with_room(fits, starts, many, found, seen_as.same_start)
     difference, deviation = seen_as.difference, np.sqrt(np.diag(seen_as.noise))
-    if model is None:
-        found = with_offset(found, starts, levels - starts, many, deviation[len(channels) :])
+    first = _first(seen, channels, model)
+    if first is not None:
+        begin, stands_for = (starts, 1) if model is None else (first, 1 + len(model.file.also_from))
+        found = with_offset(found, begin, levels - starts, many, deviation[len(channels) :], stands_for)
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
     names = ", ".join(run.name for run, _ in new)
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
-    first = _first(seen, channels, model)
     apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
-    notes = [*_rooms(first, many), *apart] if first is not None and (model is None or not logged) else []
+    notes = [*(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -254,7 +265,8 @@ def _first(seen: Sequence[Observations], channels: Sequence[str], model: Model |
     is no reading. None where it does not say.
     """
     of = [s.only(list(channels)) for s in seen]
-    first = np.array([[row[u][0] for row, u in zip(s.reading, s.used, strict=True)] for s in of])
+    some = 1 if model is None else 3  # as past runs are kept in a model: a point near the heat moves from the first reading on
+    first = np.array([[np.median(row[u][:some]) for row, u in zip(s.reading, s.used, strict=True)] for s in of])
     if model is not None:
         told = first_readings(model.file, channels)
         if told is None:
@@ -272,10 +284,11 @@ def _rooms(first: Array, old: int) -> list[str]:
 
 def _apart(first: Array, old: int, channels: Sequence[str]) -> list[str]:
     """What to say of sensors that began the new runs elsewhere against the others than the `old` ones before them."""
-    first = first - np.median(first, axis=1, keepdims=True)
-    before, after = first[:old], first[old:].mean(axis=0)
-    moved = after - before.mean(axis=0)
-    far = np.abs(moved) > np.maximum(APART, 4.0 * before.std(axis=0))
+    if len(channels) < 2:
+        return []
+    begun, alone = begun_beside(first, old)
+    far = np.abs(begun[old:].mean(axis=0) - begun[:old].mean(axis=0)) > np.maximum(APART, 4.0 * begun[:old].std(axis=0))
+    moved = alone[old:].mean(axis=0) - alone[:old].mean(axis=0)
     words = {True: ("higher", "warmer than they were", "high"), False: ("lower", "colder than they were", "low")}
     found = []
     for i in np.flatnonzero(far).tolist():
