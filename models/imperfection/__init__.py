@@ -4,6 +4,7 @@ from .blocks import Part, pilot
 from .draw import Drawn
 from .evidence import Rates
 from .machine.known import FAST_MODES, SLOW_MODES, Known, to_the_limit
+from .machine.left_out import widths_left_out
 from .machine.past import (
     GRID,
     GUESSED_NODES,
@@ -15,7 +16,6 @@ from .machine.past import (
     Searched,
     SensorShape,
     learn_past,
-    widths_left_out,
 )
 from .posterior import Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes

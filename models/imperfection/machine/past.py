@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrow import covariance_root
-from ...core.tails import t_quantile
 from ..blocks import Part, block_means
-from ..posterior import settle
 from ..prior import Imperfection, Sizes
 from ..shapes import Asked, covariances, law, of_room
 from .known import FAST_MODES, SLOW_MODES, Known, modes, within
@@ -53,14 +51,6 @@ SCALE_AGAIN = 0.6
 #: Points x = rate t at which a rise is drawn, and where all is over.
 NODES, GUESSED_NODES = np.linspace(-0.6, 0.6, 41), np.linspace(-2.4, 2.4, 81)
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 600)])
-#: When a run left out is read, in time constants, and when it counts as complete.
-TURNS = (0.25, 0.5, 1.0, 2.0, 3.0)
-COMPLETE = 3.5
-#: Runs from which on they are held against each other; runs that "as wide as the prior says" counts for.
-FEWEST, PRIOR_RUNS = 3, 6.0
-LEAST, MOST = 0.5, 4.0
-#: Readings whose mean is the end of a run, at most a twentieth of them.
-LAST = 20
 
 
 def _deviations(sizes: tuple[float, float, float]) -> Array:
@@ -425,55 +415,3 @@ def _learn(
 def _likely(rise: float, alone: float) -> float:
     """A rise that the law has beside modes [K], no more than some times what it has alone."""
     return float(np.sign(alone) * np.clip(rise * np.sign(alone), abs(alone) / MOST_RISE, abs(alone) * MOST_RISE))
-
-
-def widths_left_out(past: Past, runs: Sequence[PastRun], prior: Imperfection) -> Past:
-    """The same with factors on half-widths that predictions of each run from all the others ask for, where there are three.
-
-    Of fewer runs the factor is that of nothing known of the errors: Student's t for the runs that the prior counts for.
-    """
-    squares: list[list[float]] = [[] for _ in TURNS]
-    for k, run in enumerate(runs if len(runs) >= FEWEST else ()):
-        others = learn_past([r for i, r in enumerate(runs) if i != k], prior, past)
-        for t, z in enumerate(_errors(run, others, prior)):
-            if np.isfinite(z):
-                squares[t].append(z)
-    factors = []
-    for turn, found in zip(TURNS, squares, strict=True):
-        n = len(found)
-        size = np.sqrt((PRIOR_RUNS + sum(found)) / (PRIOR_RUNS + n))
-        factors.append((turn, float(np.clip(float(t_quantile(PRIOR_RUNS + n)) * size / 1.96, LEAST, MOST))))
-    return replace(past, factors=tuple(factors))
-
-
-def _errors(run: PastRun, past: Past, prior: Imperfection) -> list[float]:
-    """Mean squares over the sensors of the error of a run's end, in deviations, read up to each turn; nan where untold."""
-    mine = [i for i, c in enumerate(run.channels) if c in past.shapes and c not in run.rises]
-    if not mine:
-        return [np.nan] * len(TURNS)
-    names = [run.channels[i] for i in mine]
-    tau = float(np.exp(-np.median([past.shapes[c].log_rate for c in names])))
-    parts = [run.parts[i] for i in mine]
-    span = min(float(p.time[-1] - p.time[0]) for p in parts)
-    if span < COMPLETE * tau:
-        return [np.nan] * len(TURNS)
-    counts = [min(LAST, max(1, len(p.time) // 20)) for p in parts]
-    ends = np.array([float(p.reading[0, -n:].mean()) for p, n in zip(parts, counts, strict=True)])
-    when = float(np.mean([p.time[-n:].mean() for p, n in zip(parts, counts, strict=True)]))
-    found = []
-    for turn in TURNS:
-        cut = [_until(p, turn * tau) for p in parts]
-        if min(len(p.time) for p in cut) < 8:
-            found.append(np.nan)
-            continue
-        known = [replace(p, known=past.known([c])) for p, c in zip(cut, names, strict=True)]
-        at = settle(known, tau, past.prior(prior), [when]).at[:, 0]
-        half = np.where(at[:, 1] > ends, at[:, 1] - at[:, 0], at[:, 2] - at[:, 1])
-        found.append(float(np.mean((1.96 * (at[:, 1] - ends) / half) ** 2)))
-    return found
-
-
-def _until(part: Part, minutes: float) -> Part:
-    n = int(np.searchsorted(part.time - part.time[0], minutes, "right"))
-    room = None if part.room is None else part.room[:n]
-    return replace(part, time=part.time[:n], reading=np.ascontiguousarray(part.reading[:, :n]), room=room)
