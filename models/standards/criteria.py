@@ -5,6 +5,7 @@ each. Buy the standard before you certify.
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,9 @@ MINUTES = {"s": 1.0 / 60.0, "min": 1.0, "h": 60.0}
 POINTS = 60
 #: Readings at each end of a window are averaged over this share of it, so that their noise does not decide.
 AVERAGED = 0.1
+#: Readings hide a change that they tell no better than to this share of it (1 sd), which is what a trip is known to in time
+#: constants; noise of less than this share of the logger's step does not average it away.
+SHOWN, DITHERED = 0.05, 0.4
 #: A gap longer than so many windows tells nothing of what the temperature did in it.
 LONGEST_GAP = 1.05
 
@@ -46,47 +50,95 @@ class Criterion:
         found: Array = np.arange(first, last + 1e-9 * step, step)
         return found
 
-    def trips(self, time: Array, curves: Array, points: int = POINTS) -> Array:
-        """When the rule first holds (...,) [min] on curves (..., n) [degC] at even `time` (n,) of :meth:`times`; inf for never.
-
-        Where a curve is nan the rule does not hold. Between two points the worst change is taken to run straight.
+    def worst(self, time: Array, curves: Array, points: int = POINTS) -> tuple[Array, Array]:
+        """(times (k,) [min], (..., k) [K]): the worst change that the rule looks back on, of curves (..., n) [degC] at even `time`
+        (n,) of :meth:`times`; of no times where they are too short.
         """
         back = points
+        none = time[:0], np.zeros((*curves.shape[:-1], 0))
         if len(time) <= self.windows * back:
-            return np.full(curves.shape[:-1], np.inf)
+            return none
         change = np.abs(curves[..., back:] - curves[..., :-back])
         n = change.shape[-1] - (self.windows - 1) * back
         worst = np.max([change[..., k * back : k * back + n] for k in range(self.windows)], axis=0)
         held = round(self.hold_min / self.window_min * back)
         if held:
             if n <= held:
-                return np.full(curves.shape[:-1], np.inf)
+                return none
             worst = np.lib.stride_tricks.sliding_window_view(worst, held + 1, axis=-1).max(axis=-1)
-        at = time[len(time) - worst.shape[-1] :]
+        return time[len(time) - worst.shape[-1] :], worst
+
+    def trips(self, time: Array, curves: Array, points: int = POINTS, since: float | None = -np.inf) -> Array:
+        """When the rule first holds (...,) [min] on curves (..., n) [degC] at even `time` (n,) of :meth:`times`; inf for never.
+
+        Where a curve is nan the rule does not hold. Between two points the worst change is taken to run straight. since [min]: what
+        holds before does not count; None: each curve from when it changed most.
+        """
+        at, worst = self.worst(time, curves, points)
+        if not len(at):
+            return np.full(curves.shape[:-1], np.inf)
+        first_of = at[np.argmax(worst, axis=-1)][..., None] if since is None else since
         with np.errstate(invalid="ignore"):
-            within: NDArray[np.bool_] = worst <= self.change_k
+            within: NDArray[np.bool_] = (worst <= self.change_k) & (at >= first_of)
         first = np.argmax(within, axis=-1)
-        found: Array = np.where(within.any(axis=-1), at[first], np.inf)
+        found: Array = np.where(within.any(axis=-1), self._crossed(at, worst, first), np.inf)
+        return found
+
+    def _crossed(self, at: Array, worst: Array, first: NDArray[np.intp]) -> Array:
+        """When the worst change (..., k) at even times came down to the rule's, at `first` (...,) or just before it."""
         before = np.maximum(first - 1, 0)
         above, below = (np.take_along_axis(worst, k[..., None], -1)[..., 0] for k in (before, first))
         with np.errstate(all="ignore"):
             share = np.where((first > 0) & (above > below), (above - self.change_k) / (above - below), 1.0)
-        trips: Array = found - (1.0 - np.clip(np.nan_to_num(share, nan=1.0), 0.0, 1.0)) * (time[1] - time[0])
-        return trips
+        step = at[1] - at[0] if len(at) > 1 else 0.0
+        found: Array = at[first] - (1.0 - np.clip(np.nan_to_num(share, nan=1.0), 0.0, 1.0)) * step
+        return found
 
-    def observed(self, time: Array, reading: Array, start: float) -> float:
-        """When readings (n,) [degC] at time (n,) [min] first kept to the rule after `start`; inf where they do not yet.
+    def observed(self, time: Array, reading: Array, start: float, together: float | None = None) -> float:
+        """When readings (n,) [degC] at time (n,) [min] began to keep to the rule, as they still do at the last of them; inf if not.
 
-        The ends of a window are means over a tenth of it, and the time is that in the middle of the last of them.
+        The ends of a window are means over a tenth of it, and the time is that in the middle of the last of them. together [min]:
+        when all sensors of the run kept to it; what this one began to keep to then counts, whatever came later.
+        """
+        at, worst = self.worst(*self.means(time, reading, start))
+        if not len(at):
+            return float("inf")
+        with np.errstate(invalid="ignore"):
+            within = worst <= self.change_k
+        k = len(at) - 1 if together is None else min(int(np.searchsorted(at, together - 1e-9)), len(at) - 1)
+        if not within[k]:
+            return float("inf")
+        broken = np.flatnonzero(~within[:k])
+        return float(self._crossed(at, worst, np.array(broken[-1] + 1 if len(broken) else 0)))
+
+    def all_observed(self, time: Array, readings: Sequence[tuple[Array, Array]], start: float) -> float:
+        """When all sensors first kept to the rule together, each of readings (n,) [degC] at its own times (n,) [min]; inf if never.
+
+        time (m,) [min]: of the run. One that the heat has hardly reached keeps to any rule, until it has.
+        """
+        worst: Array | None = None
+        for own, reading in readings:
+            at, mine = self.worst(*self.means(own, reading, start, float(time[-1])))
+            worst = mine if worst is None else np.maximum(worst, mine)
+        if worst is None or not len(at):
+            return float("inf")
+        with np.errstate(invalid="ignore"):
+            within = worst <= self.change_k
+        return float(at[np.argmax(within)]) if within.any() else float("inf")
+
+    def means(self, time: Array, reading: Array, start: float, last: float | None = None) -> tuple[Array, Array]:
+        """Times (k,) [min] of :meth:`times` from start to last, and what readings (n,) at time (n,) are there.
+
+        Means over a tenth of a window; nan where nothing was read.
         """
         wide = AVERAGED * self.window_min
-        at = self.times(start, float(time[-1]) + 1e-9)
+        at = self.times(start, (float(time[-1]) if last is None else last) + 1e-9)
         if len(at) <= self.windows * POINTS:
-            return float("inf")
+            return at[:0], at[:0]
         sums, moments = (np.concatenate([[0.0], np.cumsum(column)]) for column in (reading, time))
         first, beyond = np.searchsorted(time, at - 0.5 * wide, "left"), np.searchsorted(time, at + 0.5 * wide, "right")
         # Readings that lie further apart than that are joined by straight lines.
-        plain = np.interp(at, time, reading)
+        plain = np.interp(at, time, reading, right=np.nan)
         with np.errstate(all="ignore"):
             mean = np.where(beyond - first >= 2, (sums[beyond] - sums[first]) / (beyond - first), plain)
             # Few readings in a tenth of a window lie off its middle: carried there by the slope over half a window to either side.
@@ -97,7 +149,18 @@ class Criterion:
         slope = (plain[after] - plain[before]) / (at[after] - at[before])
         mean = np.where(whole, mean + off * slope, plain)
         mean[self.unread(time, at)] = np.nan
-        return float(self.trips(at, mean[None])[0])
+        return at, mean
+
+    def hidden(self, time: Array, noise: Array, step: Array) -> NDArray[np.bool_]:
+        """Of sensors (S,) of that noise [K] and logger's step [K], whether their readings hide the change the rule asks for.
+
+        Each end of a window is the mean of a tenth of it. Steps are averaged away only where the noise is larger than they are.
+        """
+        each = float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+        several = max(AVERAGED * self.window_min / each, 1.0) if each > 0.0 else 1.0
+        rounding = np.where(noise < DITHERED * step, step / np.sqrt(12.0), 0.0)
+        found: NDArray[np.bool_] = np.sqrt(2.0) * np.hypot(noise / np.sqrt(several), rounding) > SHOWN * self.change_k
+        return found
 
     def unread(self, time: Array, at: Array) -> NDArray[np.bool_]:
         """Which of the times `at` (n,) [min] lie in a gap between readings at `time` (m,) that is longer than a window."""

@@ -13,12 +13,11 @@ from thermofast.filters import Afukf, Filter, Track, Tracks
 from thermofast.models import PrintedLump, spike_weights
 from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates, room_at_end
 from thermofast.models.search.logged import follows_machine
-from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.first_passage import Pace
 
 from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
-from ..standards.stopping import Trips, columns_of, trips_of
+from ..standards.stopping import Rule, Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns
 from .estimate import Estimates, FilterError, Model, remaining
@@ -135,13 +134,13 @@ def identify_sensors(
     at_min: float | None = None,
     room: Array | None = None,
     room_c: float | None = None,
-    criterion: Criterion | None = None,
+    rule: Rule | None = None,
 ) -> Found:
     """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
 
     Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
     at_min: when a temperature is asked for [min after the start]; room (N,) [degC]: the surroundings where they are logged.
-    room_c [degC]: a room for which the steady state is asked for too; criterion: a stopping rule.
+    room_c [degC]: a room for which the steady state is asked for too; rule: a stopping rule.
 
     Raises
     ------
@@ -173,7 +172,7 @@ def identify_sensors(
         tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
     )
     jobs = [
-        _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c, criterion)
+        _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c, rule)
         for b in blocks
     ]
     opened = [job.opened(shared) for job in jobs]
@@ -218,7 +217,8 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     last = end if first.until_min is None else min(first.until_min, end)
     times = times_asked(last, end, at_min, drawn, bool(method.past and method.past.rises))
     given = method.imperfection, method.rates
-    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past, first.criterion)
+    criterion = None if first.rule is None else first.rule.criterion
+    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past, criterion)
     for i, one in zip(live, found_all, strict=True):
         claimed[i] = one
     return claimed
@@ -241,7 +241,7 @@ class _Block:
     at_min: float | None
     room: Array | None
     room_c: float | None
-    criterion: Criterion | None
+    rule: Rule | None
 
     @property
     def count(self) -> int:
@@ -367,15 +367,15 @@ class _Block:
             **in_room((found.steady_low, found.steady_state, found.steady_high), room, self.room_c, gain_doubt),
         }
         tripped = self._trips(found, claimed)
-        if tripped is not None and self.criterion is not None:
+        if tripped is not None and self.rule is not None:
             numbers |= columns_of(tripped)
         until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
         whole = np.array([i not in broken for i in range(len(sensors))])
         columns: dict[str, Column] = {name: numbers_of(np.where(whole, column, np.nan)) for name, column in numbers.items()}
-        if tripped is not None and self.criterion is not None:
+        if tripped is not None and self.rule is not None:
             from_ = ["readings" if seen else "prediction" for seen in tripped.seen]
             trip = np.isfinite(numbers["trip_min"]) & whole
-            columns["criterion"] = [self.criterion.text if w else "" for w in whole]
+            columns["criterion"] = [self.rule.criterion.text if w else "" for w in whole]
             columns["trip_from"] = [said if t else "" for said, t in zip(from_, trip, strict=True)]
         if claimed is not None:
             rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
@@ -394,8 +394,7 @@ class _Block:
         let_go = claimed is not None and bool(claimed.let_go[i])
         about = self.notes[row].split("; ") if self.notes[row] else []
         said = [*about_numbers, *self.sensors.notes[i], *(without_past(about) if let_go else about)]
-        if tripped is not None and tripped.late[i]:
-            said.insert(0, "a long gap lies before the trip: the rule may have held earlier")
+        said[:0] = tripped.said(i) if tripped is not None else []
         if let_go:
             said.insert(0, why_let_go(self.method.past))
         if claimed is not None:
@@ -424,11 +423,11 @@ class _Block:
 
     def _trips(self, found: Estimates, claimed: Claims | None) -> Trips | None:
         """When the stopping rule asked for holds: on the readings used, else foretold."""
-        if self.criterion is None:
+        if self.rule is None:
             return None
         n, steady = self.count, np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
-        foretold = (claimed.trips, claimed.missing) if claimed is not None else None
-        return trips_of(self.criterion, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold)
+        foretold = (claimed.trips, claimed.missing, claimed.hidden) if claimed is not None else None
+        return trips_of(self.rule, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold)
 
     def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
         """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""

@@ -18,7 +18,7 @@ from thermofast.models.uncertainty.companions import faster, moved_since
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
-from ..standards.stopping import DRAWS, asked_ahead, foretold_trips
+from ..standards.stopping import DRAWS, asked_ahead, foretold_trips, hides
 from .estimate import Estimates
 from .rules import RULES
 from .sensor import Sensors
@@ -61,7 +61,8 @@ class Claims:
 
     known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
     rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
-    when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet.
+    when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet, or
+    have `hidden` (S,) whether they do.
     averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
     out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
     did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
@@ -87,6 +88,7 @@ class Claims:
     other_rise: NDArray[np.bool_]
     trips: Array
     missing: Array
+    hidden: NDArray[np.bool_]
     averaged: NDArray[np.int_]
     left_last: NDArray[np.int_]
     behind: Array
@@ -297,7 +299,7 @@ def _claim(
     for (i, rows), strange, part in zip(some, other, parts, strict=True):
         of = place[at : at + len(rows)]
         _put(into[i], rows, found, of, names)
-        into[i].trips[rows], into[i].missing[rows] = (three[of] for three in trips)
+        into[i].trips[rows], into[i].missing[rows], into[i].hidden[rows] = (column[of] for column in trips)
         into[i].other_rise[rows] = strange
         into[i].averaged[rows] = part.averaged
         at += len(rows)
@@ -321,13 +323,17 @@ def _some(part: Part, keep: NDArray[np.bool_]) -> Part:
 
 def _trips(
     criterion: Criterion | None, parts: Sequence[Part], tau: float, prior: Imperfection, rates: Rates, found: Settled
-) -> tuple[Array, Array]:
-    """When a rule holds that does not yet, and what is missing then, (S, 3) each; nan where none is asked for."""
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """When a rule holds that does not yet, and what is missing then, (S, 3) each, nan where none is asked for; of which sensors
+    (S,) the readings hide whether it does.
+    """
     if criterion is None:
-        return np.full((len(found.steady), 3), np.nan), np.full((len(found.steady), 3), np.nan)
+        none = np.full((len(found.steady), 3), np.nan)
+        return none, none.copy(), np.zeros(len(none), dtype=bool)
     time = max((part.time for part in parts), key=lambda t: float(t[-1]))
     level = np.concatenate([np.median(part.reading[:, -5:], axis=1) for part in parts])
-    at = asked_ahead(criterion, time, level, found.steady, found.rate)
+    hidden = np.concatenate([hides(criterion, part.time, part.reading) for part in parts])
+    at = asked_ahead(criterion, time, level, found.steady, found.rate, bool(hidden.any()))
     drawn = settle(parts, tau, prior, at, rates, DRAWS).drawn
     assert drawn is not None
     first = 0
@@ -336,8 +342,7 @@ def _trips(
         if part.room is not None:
             drawn.curve[some] += room_paths(part.time, part.room, found.rate[some, 1], at, DRAWS)
         first = some.stop
-    trips, missing = foretold_trips(criterion, drawn, at, float(time[-1]))
-    return trips, missing
+    return *foretold_trips(criterion, drawn, at, float(time[-1]), hidden), hidden
 
 
 def times_asked(
@@ -417,6 +422,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         ahead=ahead,
         known=np.zeros(count, dtype=bool),
         let_go=np.zeros(count, dtype=bool),
+        hidden=np.zeros(count, dtype=bool),
         left_last=np.zeros(count, dtype=int),
         other_rise=np.zeros(count, dtype=bool),
         averaged=np.ones(count, dtype=int),

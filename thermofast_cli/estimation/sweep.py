@@ -16,7 +16,7 @@ from ..errors import rounded
 from ..output.columns import Column, Records, Same
 from ..reading import Run
 from ..records import IdentifyRecord, SweepRecord
-from ..standards.stopping import FEWEST, seen_trips
+from ..standards.stopping import FEWEST, Rule, seen_trips
 from .closing import (
     Progress,
     consistent_until_the_end,
@@ -444,6 +444,7 @@ def _from_there_on(good: NDArray[np.bool_]) -> NDArray[np.intp]:
 def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Sequence[tuple[Run, float]]) -> list[SweepRecord]:
     """The records, with when the rule holds on each sensor's whole record, and what a complete one shows to be missing then."""
     of = {run.name: (run, start) for run, start in started}
+    rules = {run.name: Rule.of(criterion, run, start, None) for run, start in started}
     told: dict[tuple[str, str], dict[str, Any]] = {}
     for key in dict.fromkeys((r.run, r.channel) for r in records):
         run, start = of[key[0]]
@@ -453,7 +454,7 @@ def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Se
         if good.sum() < FEWEST:
             continue
         time, reading = minutes[good], values[good]
-        trips, there, _ = seen_trips(criterion, time, reading[None])
+        trips, there, _ = seen_trips(rules[run.name], time, reading[None])
         steady = measured_equilibrium(time, reading)
         trip = float(trips[0]) if math.isfinite(trips[0]) else None
         missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models.standards import Criterion
-
 from ..records import IdentifyRecord, SweepRecord
+from ..standards.stopping import Rule
 from .identify import Found, Identified, Method, identify_sensors
 from .sweep import Swept, SweptBlock, sweep_sensors
 
@@ -45,7 +44,7 @@ class IdentifyTask(Task):
     together: bool = False
     at_min: float | None = None
     room_c: float | None = None
-    criterion: Criterion | None = None
+    rule: Rule | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def identify_task(task: IdentifyTask) -> Found:
         task.at_min,
         task.room,
         task.room_c,
-        task.criterion,
+        task.rule,
     )
 
 

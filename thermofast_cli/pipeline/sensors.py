@@ -19,7 +19,7 @@ from ..reading.names import named_as
 from ..reading.run import ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping
-from ..standards.stopping import with_last, with_limit
+from ..standards.stopping import Rule, with_last, with_limit
 from ..standards.switching_off import after_switch_off, with_switch_off
 from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
 
@@ -134,6 +134,7 @@ def identify_runs(
     failed = [one for one in told.values() if one.failed]
     able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
 
+    rules = {run.name: Rule.of(criterion, run, start, until_min) for run, start in able} if criterion is not None else {}
     changed = {run.name: uncounted(run, start, until_min, drive) for run, start in able} if not model else {}
 
     def make(
@@ -157,7 +158,7 @@ def identify_runs(
             )
             room = None if known.uses_room else room
         return IdentifyTask(
-            name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c, criterion
+            name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c, rules.get(name)
         )
 
     weight = 100.0 if joint else 10.0 if method.widens else 1.0

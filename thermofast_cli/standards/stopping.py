@@ -12,6 +12,7 @@ from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
 from ..errors import rounded
+from ..reading import Run
 from ..records import IdentifyRecord
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ class Trips:
 
     Three numbers are the 2.5, 50 and 97.5 % quantiles; of what was seen only the middle one is there.
 
-    seen (S,): it did so on the readings used, late (S,): only after a gap in which it may have done so before. reckoned (S,)
-    [degC]: the three-point extrapolation of them.
+    seen (S,): it did so on the readings used, late (S,): only after a gap in which it may have done so before. hidden (S,): their
+    noise or step hides the change that the rule asks for. reckoned (S,) [degC]: the three-point extrapolation of them.
     """
 
     time: Array
@@ -42,25 +43,66 @@ class Trips:
     seen: NDArray[np.bool_]
     reckoned: Array
     late: NDArray[np.bool_]
+    hidden: NDArray[np.bool_]
+
+    def said(self, sensor: int) -> list[str]:
+        """What to know of the trip of a sensor."""
+        gap = "a long gap lies before the trip: the rule may have held earlier"
+        hidden = "noise or the logger's step hides the change that the rule asks for: told from the curves foretold"
+        return [gap] * bool(self.late[sensor]) + [hidden] * bool(self.hidden[sensor])
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A stopping rule as it is asked of one run; together_min [min of the run]: when all its sensors first kept to it, or None."""
+
+    criterion: Criterion
+    together_min: float | None = None
+
+    @classmethod
+    def of(cls, criterion: Criterion, run: Run, start: float, until_min: float | None) -> "Rule":
+        """For a run whose rise begins at `start` [min], of what was read until `until_min`, both on the run's clock."""
+        minutes = run.time_s / 60.0
+        last = math.inf if until_min is None else until_min * (1.0 + 1e-12) + 1e-9
+        some = (minutes >= start) & (minutes <= last)
+        readings = []
+        for column in run.channels.values():
+            good = some & np.isfinite(column)
+            if good.sum() >= FEWEST:
+                line = _without_spikes(minutes[good], column[good][None])
+                if not hides(criterion, minutes[good], line)[0]:
+                    readings.append((minutes[good], line[0]))
+        if not readings:
+            return cls(criterion)
+        first = min(float(time[0]) for time, _ in readings)
+        together = criterion.all_observed(minutes[some], readings, first)
+        return cls(criterion, together if math.isfinite(together) else None)
 
 
 def trips_of(
-    criterion: Criterion, time: Array, reading: Array, steady: Array, start: float, foretold: tuple[Array, Array] | None
+    rule: Rule, time: Array, reading: Array, steady: Array, start: float, foretold: tuple[Array, Array, NDArray[np.bool_]] | None
 ) -> Trips:
     """What readings (S, n) [degC] at time (n,) [min] show of a rule, and where they do not yet, what is foretold, as in claims.
 
-    steady (S, 3) [degC] is where the sensors settle, start [min] when the rise begins.
+    steady (S, 3) [degC] is where the sensors settle, a side of which is nan where it is open; start [min] when the rise begins.
     """
-    seen, there, doubt = seen_trips(criterion, time, reading)
+    criterion = rule.criterion
+    seen, there, doubt = seen_trips(rule, time, reading)
     none = np.full((len(reading), 3), np.nan)
     trips, missing = (none, none.copy()) if foretold is None else (foretold[0] - start, foretold[1].copy())
-    shown = np.isfinite(seen)
+    # A side on which nobody knows where it ends is none on which the way there is known.
+    downwards = missing[:, 1] < 0.0
+    far, near = (np.isnan(np.where(downwards, steady[:, a], steady[:, b])) for a, b in ((0, 2), (2, 0)))
+    trips[far, 2], trips[near, 0] = np.nan, np.nan
+    missing[np.isnan(steady)[:, [0, 1, 2]]] = np.nan
+    hidden = np.zeros(len(seen), dtype=bool) if foretold is None else foretold[2]
+    shown = np.isfinite(seen) & ~hidden
     trips[shown] = np.nan
     trips[shown, 1] = seen[shown] - start
     missing[shown] = _missing(criterion, steady - there[:, None], doubt)[shown]
     gaps = time[:-1][np.diff(time) > LONGEST_GAP * criterion.window_min]
     late = np.array([bool((gaps < trip).any()) for trip in seen]) & shown
-    return Trips(trips, missing, shown, reckoned_from_three(time, reading), late)
+    return Trips(trips, missing, shown, reckoned_from_three(time, reading), late, hidden)
 
 
 def _missing(criterion: Criterion, away: Array, doubt: Array) -> Array:
@@ -74,12 +116,12 @@ def _missing(criterion: Criterion, away: Array, doubt: Array) -> Array:
     return np.stack([middle - np.hypot(middle - low, own), middle, middle + np.hypot(high - middle, own)], axis=1)
 
 
-def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array, Array, Array]:
+def seen_trips(rule: Rule, time: Array, reading: Array) -> tuple[Array, Array, Array]:
     """When (S,) [min] readings (S, n) [degC] at time (n,) [min] have kept to the rule, inf where not yet; the temperature then, and
     to how many kelvin it is known by their noise.
     """
-    reading = _without_spikes(time, reading)
-    trips = np.array([criterion.observed(time, line, float(time[0])) for line in reading])
+    reading, criterion = _without_spikes(time, reading), rule.criterion
+    trips = np.array([criterion.observed(time, line, float(time[0]), rule.together_min) for line in reading])
     wide = 0.05 * criterion.window_min
     there, doubt = np.full(len(reading), np.nan), np.zeros(len(reading))
     for i in np.flatnonzero(np.isfinite(trips)):
@@ -89,10 +131,22 @@ def seen_trips(criterion: Criterion, time: Array, reading: Array) -> tuple[Array
     return trips, there, doubt
 
 
+def hides(criterion: Criterion, time: Array, reading: Array) -> NDArray[np.bool_]:
+    """Whether the noise or the step of readings (S, n) without outliers hides the change that a rule asks for (S,)."""
+    noise = np.array([third_difference_noise(line) for line in reading])
+    return criterion.hidden(time, noise, steps_of(reading))
+
+
+def steps_of(reading: Array) -> Array:
+    """The logger's steps (S,) [K]: the least difference between readings (S, n) that differ; nought where they do not."""
+    least = np.array([np.min(np.diff(np.unique(line)), initial=np.inf) for line in reading])
+    found: Array = np.where(np.isfinite(least), least, 0.0)
+    return found
+
+
 def _without_spikes(time: Array, reading: Array) -> Array:
     """Readings (S, n) with what their neighbours say in place of an outlier: one wild reading keeps no test going."""
-    steps = np.array([np.min(np.diff(np.unique(line)), initial=np.inf) for line in reading])  # the logger's, where it is coarse
-    wild = spike_weights(np.ascontiguousarray(reading), np.where(np.isfinite(steps), steps, 0.0)) == 0.0
+    wild = spike_weights(np.ascontiguousarray(reading), steps_of(reading)) == 0.0
     return bridged(time, reading, wild)
 
 
@@ -103,13 +157,14 @@ def reckoned_from_three(time: Array, reading: Array) -> Array:
     return three_point(*points.T)
 
 
-def asked_ahead(criterion: Criterion, time: Array, level: Array, steady: Array, rate: Array) -> Array:
+def asked_ahead(criterion: Criterion, time: Array, level: Array, steady: Array, rate: Array, hidden: bool = False) -> Array:
     """Times (k,) [min] at which curves are drawn: what the rule looks back on, and until it must have tripped on all sensors.
 
-    time (n,) [min] of the readings used, level (S,) [degC] at their end; steady (S, 3), rate (S, 3) as foretold.
+    time (n,) [min] of the readings used, level (S,) [degC] at their end; steady (S, 3), rate (S, 3) as foretold. hidden: readings
+    do not show whether it has tripped, and all of them are looked back on.
     """
     last, span = float(time[-1]), float(time[-1] - time[0])
-    back = max(float(time[0]), last - criterion.length_min)
+    back = float(time[0]) if hidden else max(float(time[0]), last - criterion.length_min)
     with np.errstate(all="ignore"):
         slow = np.where(rate[:, 0] > 0.0, rate[:, 0], np.nan)
         grown = np.expm1(np.minimum(slow * criterion.window_min, 50.0))
@@ -119,13 +174,14 @@ def asked_ahead(criterion: Criterion, time: Array, level: Array, steady: Array, 
     # Rounded: what else is asked for moves the last digits of what is foretold, and with them which curves are drawn.
     end = last + float(f"{min(1.2 * far, max(FARTHEST * span, 2.0 * criterion.length_min)):.4g}")
     ahead = last + (end - last) * np.linspace(0.0, 1.0, AHEAD) ** 2
-    return np.unique(np.concatenate([np.linspace(back, last, BACK), ahead]))
+    return np.unique(np.concatenate([np.linspace(back, last, AHEAD if hidden else BACK), ahead]))
 
 
-def foretold_trips(criterion: Criterion, drawn: Drawn, at: Array, last: float) -> tuple[Array, Array]:
+def foretold_trips(criterion: Criterion, drawn: Drawn, at: Array, last: float, hidden: NDArray[np.bool_]) -> tuple[Array, Array]:
     """(times [min], kelvin missing), (S, 3) each, of a rule that has not tripped until the `last` reading; inf where it may never.
 
-    at (k,) [min] are the times of the curves drawn, from what the rule looks back on.
+    at (k,) [min] are the times of the curves drawn, from what the rule looks back on. Sensors (S,) whose readings have `hidden`
+    whether it has are judged from the beginning on, each curve from when it changed most: what is late keeps to any rule at first.
     """
     length = float(at[-1] - at[0])
     points = int(np.clip(MOST_POINTS * criterion.window_min / max(length, 1e-9), FEWEST_POINTS, 60))
@@ -138,7 +194,8 @@ def foretold_trips(criterion: Criterion, drawn: Drawn, at: Array, last: float) -
         there = -np.expm1(-np.outer(rates, dense - at[0]))
         asked = -np.expm1(-np.outer(rates, at - at[0]))
         lines = np.array([np.interp(*line) for line in zip(there, asked, curves, strict=True)])
-        trips = np.maximum(criterion.trips(dense, lines, points), last)
+        trips = criterion.trips(dense, lines, points, None if hidden[i] else last)
+        trips = trips if hidden[i] else np.maximum(trips, last)
         some = np.isfinite(trips)
         place = np.clip((trips[some] - dense[0]) / (dense[1] - dense[0]), 0.0, len(dense) - 1.000001)
         below = place.astype(np.intp)
@@ -152,7 +209,7 @@ def foretold_trips(criterion: Criterion, drawn: Drawn, at: Array, last: float) -
         for three, factor in ((time[i], (early, 1.0, late)), (missing[i], farther)):
             with np.errstate(invalid="ignore"):
                 three[:] = np.where(np.isfinite(three), three[1] + np.array(factor) * (three - three[1]), three)
-        time[i, 0] = max(time[i, 0], last)
+        time[i, 0] = time[i, 0] if hidden[i] else max(time[i, 0], last)
     return time, missing
 
 
@@ -210,7 +267,8 @@ def in_words(records: Sequence[IdentifyRecord]) -> list[str]:
             found.append(f"{run}: {mine[0].criterion} may never hold on {never}")
             continue
         band = f" ({last.trip_lo_min:.0f} to {last.trip_hi_min:.0f})" if None not in (last.trip_lo_min, last.trip_hi_min) else ""
-        holds = "holds" if last.trip_from == "readings" else "will hold"
+        past = last.trip_from == "readings" or last.trip_min + (last.start_min or 0.0) <= (last.until_min or math.inf)
+        holds = "holds" if past else "will hold"
         there = "" if last.missing_k is None else f"; {rounded(last.missing_k)} K are still missing there then"
         if last.missing_k is not None and last.missing_lo_k is not None and last.missing_hi_k is not None:
             there += f" ({rounded(last.missing_lo_k)} to {rounded(last.missing_hi_k)})"
@@ -218,5 +276,6 @@ def in_words(records: Sequence[IdentifyRecord]) -> list[str]:
         every = f"on all sensors but {', '.join(left)}, which could not be read" if left else "on all sensors"
         where = "" if len(mine) < 2 and not left else f" {every}, on {last.channel} last"
         begun = f" of the rise, which began at {rounded(last.start_min)} min" if last.start_min else ""
-        found.append(f"{run}: {last.criterion} {holds} after {last.trip_min:.0f} min{band}{begun}{where}{there}")
+        doubt = "" if all(r.status == "ok" for r in mine) else ", which is in doubt"
+        found.append(f"{run}: {last.criterion} {holds} after {last.trip_min:.0f} min{band}{begun}{where}{doubt}{there}")
     return found
