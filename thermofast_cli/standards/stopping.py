@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import bridged, spike_weights, third_difference_noise
+from thermofast.models import bridged, spike_weights, t_quantile, third_difference_noise
+from thermofast.models.core.tails import f_tail
 from thermofast.models.imperfection import Drawn
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
@@ -24,6 +25,8 @@ MOST_POINTS, FEWEST_POINTS = 3000, 6
 #: How far ahead is looked at most, in lengths of the record used.
 FARTHEST = 30.0
 SIDES = (0.025, 0.5, 0.975)
+#: Degrees of freedom of what lies beyond an interval.
+TAIL_FREE = 4
 #: Readings without which a rule is not looked at.
 FEWEST = 3
 
@@ -225,7 +228,8 @@ def columns_of(trips: Trips) -> dict[str, Array]:
 def with_limit(record: IdentifyRecord, limit_c: float) -> IdentifyRecord:
     """The record with the margin to a limit [degC], and the chance that it is exceeded.
 
-    In the room asked for, where one was. The chance is that of a normal distribution on each side of the middle.
+    In the room asked for, where one was. On each side of the middle the chance is that of a normal distribution as far as the
+    interval goes, and beyond that of Student's t: what a record cannot exclude is rare, and large.
     """
     three = record.room_steady_c, record.room_steady_lo_c, record.room_steady_hi_c
     if record.room_c is None:
@@ -239,8 +243,16 @@ def with_limit(record: IdentifyRecord, limit_c: float) -> IdentifyRecord:
     chance = None
     if side is not None:
         half = abs(side - middle) / 1.96
-        chance = 0.5 * math.erfc(margin / half / math.sqrt(2.0)) if half > 0.0 else float(margin < 0.0)
+        chance = _beyond(margin / half) if half > 0.0 else float(margin < 0.0)
     return replace(record, limit_c=limit_c, margin_k=margin, margin_lo_k=sides[0], margin_hi_k=sides[1], over_limit_p=chance)
+
+
+def _beyond(deviations: float) -> float:
+    """Chance above so many deviations, of which an interval has 1.96 to either side."""
+    if abs(deviations) <= 1.96:
+        return 0.5 * math.erfc(deviations / math.sqrt(2.0))
+    far = 0.5 * float(f_tail(1, TAIL_FREE, (deviations / 1.96 * float(t_quantile(float(TAIL_FREE)))) ** 2))
+    return far if deviations > 0.0 else 1.0 - far
 
 
 def with_last(records: Sequence[IdentifyRecord]) -> list[IdentifyRecord]:

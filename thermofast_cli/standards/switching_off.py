@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from thermofast.models import third_difference_noise
 from thermofast.models.standards import temperature_at_switch_off
 
 from ..errors import UsageError
@@ -12,6 +13,8 @@ from ..records import IdentifyRecord
 
 #: Probability of a second mode from which it is told.
 TOLD = 0.5
+#: Noises by which readings must rise, and readings from which on they are asked.
+RISES, FEWEST = 10.0, 8
 
 
 def after_switch_off(run: Run, start_min: float, at_min: float) -> float:
@@ -31,6 +34,13 @@ def after_switch_off(run: Run, start_min: float, at_min: float) -> float:
     return max(start_min, at_min)
 
 
+def _rises(reading: np.ndarray) -> bool:
+    """Whether readings (n,) [degC] as a whole rise by far more than their noise: their last tenth above the first."""
+    some = max(len(reading) // 10, 1)
+    gone = float(np.median(reading[-some:]) - np.median(reading[:some]))
+    return len(reading) > FEWEST and gone > RISES * third_difference_noise(reading)
+
+
 def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: float | None) -> IdentifyRecord:
     """The record with the temperature at switch-off, at_min after the first reading of the run, negative before it.
 
@@ -48,6 +58,8 @@ def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: 
             None,
             "the first reading comes longer after the switch-off than the readings last: the temperature then is not told",
         )
+    elif _rises(values[good]):
+        found, why = None, "the readings rise after the switch-off, when a machine cools down: the temperature then is not told"
     else:
         found, why = temperature_at_switch_off(time[good], values[good], at_min), "too few readings after the switch-off"
     if found is None:

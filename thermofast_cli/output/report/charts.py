@@ -70,11 +70,28 @@ def charts_of(result: Any) -> list[Chart]:
     return maker(result)[:MOST] if maker is not None else []
 
 
+def drawn_of(result: Any) -> list[Any]:
+    """The curves that are drawn of a result of ``identify``, in their order: of many those of sensors that a sentence speaks of or
+    that are in doubt first, and of the others those that come first.
+    """
+    curves = [c for c in result.curves if c is not None]
+    if len(curves) <= MOST:
+        return curves
+    rows = {(r.run, r.channel): r for r in result.records}
+    mine: list[Any] = [rows[c.run, c.channel] for c in curves]
+    first = {k for k, r in enumerate(mine) if r.trip_last}
+    for name, best in (("steady_state_c", max), ("t95_min", max), ("margin_k", min)):
+        told = [k for k, r in enumerate(mine) if getattr(r, name) is not None]
+        sure = [k for k in told if mine[k].status == "ok"]
+        first |= {best(some, key=lambda k: getattr(mine[k], name)) for some in (told, sure) if some}
+    doubted = [k for k, r in enumerate(mine) if k not in first and r.status != "ok"]
+    rest = [k for k in range(len(curves)) if k not in first and k not in set(doubted)]
+    return [curves[k] for k in sorted([*sorted(first), *doubted, *rest][:MOST])]
+
+
 def _prediction(result: Any) -> list[Chart]:
     found = []
-    for c in result.curves:
-        if c is None:
-            continue
+    for c in drawn_of(result):
         marks = [(c.until, "mark", "identification time")]
         marks += [(c.t95, "done", "95 % of the rise")] if c.t95 is not None else []
         top = (

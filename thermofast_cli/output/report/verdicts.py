@@ -6,6 +6,7 @@ from typing import Any
 
 from ...errors import listed
 from ...standards.stopping import in_words
+from .charts import MOST
 
 
 def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
@@ -14,9 +15,14 @@ def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
     told = tellers[result.command](rows) if result.command in tellers and rows else []
     if result.command == "identify":
         told += [f"{sentence}." for sentence in in_words(result.records)]
+        curves = sum(c is not None for c in result.curves)
+        told += [f"{MOST} of {curves} sensors are drawn: those told of here, those in doubt, then by their order."] * (
+            curves > MOST
+        )
     count = Counter(row.get("status", "") for row in rows)
     states = ", ".join(f"{n} {status}" for status, n in count.items() if status)
-    return [*told, f"{len(rows)} rows: {states}." if states else f"{len(rows)} rows."]
+    number = "1 row" if len(rows) == 1 else f"{len(rows)} rows"
+    return [*told, f"{number}: {states}." if states else f"{number}."]
 
 
 def _settles(rows: list[dict[str, Any]]) -> list[str]:
