@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.stats import norm
 
 import thermofast as tf
 from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
-from thermofast.models.uncertainty.changes import RunNumbers, changes, scatter
+from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, _size, changes, other_room, scatter, with_room
 
 RISES = np.array([10.0, 7.0, 5.0])
 
@@ -343,3 +344,62 @@ def test_a_probe_that_is_off_by_more_than_sensors_begin_apart_is_told_with_its_s
     assert found[0].channel == "b [degC]"
     assert found[0].difference_lo_k < off < found[0].difference_hi_k
     assert found[0].difference_k == pytest.approx(off, abs=0.25)
+
+
+def test_another_room_is_as_likely_as_the_difference_is_beyond_what_rooms_do():
+    """Half at 3 K, or at three deviations of the old rooms where more than two are known; its error is that of both means."""
+    old = np.array([20.0, 20.0])
+    assert other_room(old, np.array([23.0]), 0.5) == pytest.approx(0.5)
+    assert other_room(old, np.array([17.0]), 0.5) == pytest.approx(0.5)
+    assert other_room(old, np.array([24.0]), 0.5) == pytest.approx(norm.cdf(1.0 / (0.5 * math.sqrt(0.5 + 1.0))))
+    assert other_room(np.array([19.0, 21.0]), np.array([23.0]), 0.5) == pytest.approx(0.5)
+    assert other_room(np.array([18.0, 20.0, 22.0]), np.array([26.0]), 0.5) == pytest.approx(0.5)
+
+
+def test_the_size_of_a_change_is_that_of_ridge_regression():
+    """One number along a direction, with a prior of its own deviation; of the contacts that of each sensor's own way."""
+    noise, difference = np.diag([0.01, 0.02, 0.03, 0.04]), np.array([0.0, 0.0, 0.3, 0.2])
+    heat = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
+    precision = 1.0 / 0.03 + 1.0 / 0.04 + 1.0 / 0.4**2
+    sensor, size, deviation = _size("heat", heat, 0.4, difference, noise)
+    assert sensor is None
+    assert size == pytest.approx((0.3 / 0.03 + 0.2 / 0.04) / precision)
+    assert deviation == pytest.approx(precision**-0.5)
+    sensor, size, deviation = _size("contact", np.eye(4), 0.2, difference, noise)
+    assert sensor == 0  # 0.3^2 / 0.03 is more than 0.2^2 / 0.04
+    assert size == pytest.approx(0.3 * 0.04 / (0.04 + 0.03))
+    assert deviation == pytest.approx(math.sqrt(0.04 * 0.03 / (0.04 + 0.03)))
+    assert _size("nothing", heat, 0.4, difference, noise) is None
+
+
+def test_what_begins_warmer_has_that_much_less_to_rise():
+    """Shift of the rises by log(1 + warmer / rise), none of the rates; another room shifts nothing."""
+    room, warm = Begun(np.array([2.0, 4.0]), np.array([20.0, 10.0]), warm=0.3, room=0.5).ways()
+    np.testing.assert_allclose(warm[1], [0.0, 0.0, -math.log(1.1), -math.log(1.4)])
+    np.testing.assert_allclose(warm[2], [0.0, 0.0, 0.5 / 22.0, 0.5 / 14.0])
+    np.testing.assert_array_equal(room[1], 0.0)
+    np.testing.assert_allclose(room[2], [0.0, 0.0, 0.3 / 22.0, 0.3 / 14.0])
+    # Of two sensors 2 K apart, normal about their mean with 0.3 K or, warm by 3 K, with half of that beside it.
+    spread = math.hypot(0.3, 1.5)
+    assert room[0] == pytest.approx(math.log(0.7) - math.log(0.3) - 1.0 / 0.3**2)
+    assert warm[0] == pytest.approx(math.log(0.3) - math.log(spread) - 1.0 / spread**2)
+
+
+def test_a_room_takes_its_share_of_what_nothing_had():
+    """And the list stays in order."""
+    found = with_room([Change("nothing", None, 0.6), Change("heat", None, 0.4, 0.1, 0.02)], 0.75, 4.0, 0.5)
+    assert [(c.kind, round(c.probability, 12)) for c in found] == [("room", 0.45), ("heat", 0.4), ("nothing", 0.15)]
+    assert (found[0].size, found[0].deviation) == (4.0, 0.5)
+
+
+def test_scatter_before_any_repeat_is_the_usual_one_and_follows_the_runs():
+    """Variance 0.06^2 of a rate and 0.05^2 of a rise in common, -0.5 correlated, 0.015^2 of its own; three runs' worth of it."""
+    usual = scatter(2, [[RunNumbers(np.zeros(4), np.zeros((4, 4)))]])
+    common, across = [0.06**2, 0.05**2], -0.5 * 0.06 * 0.05
+    own = 0.015**2
+    np.testing.assert_allclose(usual[0], [common[0] + own, common[0], across, across])
+    np.testing.assert_allclose(usual[2], [across, across, common[1] + own, common[1]])
+    # Two runs, each one usual deviation from their mean in one direction: 2 of squares where 4 are expected, beside 12.
+    step = np.linalg.cholesky(usual)[:, 0]
+    again = scatter(2, [[RunNumbers(s * step, np.zeros((4, 4))) for s in (1.0, -1.0)]])
+    np.testing.assert_allclose(again, usual * (12.0 + 2.0) / (12.0 + 4.0))

@@ -249,3 +249,35 @@ def test_least_squares_that_forget_know_how_unsure_they_are(forgetting):
         told.append(np.sqrt(np.diag(track.covariance[-1]) * track.noise_variance[-1]))
     # The noise of the integral is taken for noise of the readings, so that the covariance is a little wide, forgetting or not.
     assert 0.65 < np.std(found, axis=0)[0] / np.median(told, axis=0)[0] < 0.85
+
+
+class Squared:
+    """A model whose step squares every coordinate, or doubles it."""
+
+    def __init__(self, power):
+        self.power = power
+
+    def step(self, state, dt):
+        return dt * state**self.power
+
+
+@pytest.mark.parametrize("points", [SymmetricPoints(), ScaledPoints(0.7, 0.4, 2.0), ScaledPoints(1.0, 2.0, 0.0)])
+def test_sigma_points_carry_mean_and_covariance(points):
+    """Exact for a straight step, and the mean of a square is m^2 + P; the covariance is per unit of the noise variance."""
+    mean, covariance, scale = np.array([1.0, -2.0]), np.array([[0.5, 0.2], [0.2, 0.3]]), 0.04
+    straight, spread = points.predict(Squared(1), mean, covariance, 3.0, scale)
+    np.testing.assert_allclose(straight, 3.0 * mean)
+    np.testing.assert_allclose(spread, 9.0 * covariance)
+    square = points.predict(Squared(2), mean, covariance, 1.0, scale)[0]
+    np.testing.assert_allclose(square, mean**2 + scale * np.diag(covariance))
+
+
+def test_three_scaled_points_have_the_variance_of_a_gaussian_square():
+    """2 P^2 with kappa 2, where n + kappa is the kurtosis, and no shape; eta adds its own share of (1 - phi^2 + eta) P^2."""
+    for spread, shape in ((1.0, 0.0), (1.0, 2.0), (0.5, 2.0)):
+        found = ScaledPoints(spread, 2.0, shape).predict(Squared(2), np.zeros(1), np.array([[0.7]]), 1.0, 1.0)[1]
+        arm = spread**2 * 3.0  # squared distance of the points from the mean, over P
+        exact = ((arm - 1.0) ** 2 / arm + (1.0 - 1.0 / arm) + 1.0 - spread**2 + shape) * 0.7**2
+        np.testing.assert_allclose(found, exact)
+    assert ScaledPoints(0.5).weights(3)[:2] == pytest.approx((0.5 * 3.0**0.5, 1.0 - 4.0))  # kappa 0, eta 2
+    assert ScaledPoints(0.5).weights(3)[2] == pytest.approx(1.0 - 4.0 + 1.0 - 0.25 + 2.0)

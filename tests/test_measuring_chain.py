@@ -147,3 +147,54 @@ def test_no_simulated_machine_of_others_is_taken_for_one_whose_probe_came_off():
         assert not [why for _, _, why in found.refused if "every reading" in why], path
         looked += 1
     assert looked > 50
+
+
+def loose(minutes=8.0, level=20.0, other=0.0, before=0.0):
+    """Two sensors of 50 and 80 min without noise: the first falls from 199 min on, in so many minutes, to a level."""
+    reading = 20.0 + np.array([-25.0 * np.expm1(-TIME / 50.0), -15.0 * np.expm1(-TIME / 80.0)])
+    top, after = reading[0, 199], TIME > 199
+    reading[0, after] = np.maximum(top - (top - level) * (TIME[after] - 199.0) / minutes, level)
+    reading[0, 180:200] += np.linspace(0.0, before, 20)
+    reading[1, after] += other
+    return came_off(TIME, reading, np.ones(reading.shape, dtype=bool), np.full(2, 0.02))
+
+
+def test_a_fall_is_told_with_its_time_its_size_and_where_it_ends():
+    """It lasts from its last reading at the top to the first at rest, within a tenth of the fall of the level."""
+    fell = loose()[0]
+    assert fell.first in (198, 199)
+    assert fell.minutes == pytest.approx(8.0)
+    assert fell.fall == pytest.approx(25.0 * -np.expm1(-199.0 / 50.0))
+    assert fell.level == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("what", "found"),
+    [
+        ({"minutes": 10.0}, True),  # a fifth of 50 min
+        ({"minutes": 16.0}, False),
+        ({"level": 20.0 + 0.2 * 24.53}, True),  # a quarter of the way from where it began at most
+        ({"level": 20.0 + 0.3 * 24.53}, False),
+        ({"level": 20.0 - 0.2 * 24.53}, True),
+        ({"level": 20.0 - 0.3 * 24.53}, False),
+        ({"other": -1.0}, True),  # the other has gone 13.8 K; a tenth of it and six deviations
+        ({"other": -2.5}, False),
+        ({"other": 2.5}, False),
+    ],
+)
+def test_what_is_a_probe_that_came_off(what, found):
+    """The shares of the module's constants, to either side of each."""
+    assert (0 in loose(**what)) is found
+
+
+def test_one_sensor_alone_never_came_off():
+    """Nothing says then that the machine was not switched off."""
+    reading = 20.0 + np.where(TIME < 200.0, 25.0 * -np.expm1(-TIME / 50.0), 0.0)
+    assert came_off(TIME, reading[None], np.ones((1, 360), dtype=bool), np.array([0.02])) == {}
+
+
+@pytest.mark.parametrize(("changes", "original"), [(23, 1), (24, 0)])
+def test_a_column_must_change_24_times_to_be_a_copy(changes, original):
+    """Two coarse sensors that change less often may be alike by chance."""
+    column = np.concatenate([np.full(40, 20.0), 20.0 + np.minimum(np.arange(1.0, 61.0), changes)])
+    assert originals([column, column.copy()])[1] == original

@@ -87,3 +87,17 @@ def test_a_load_that_is_switched_in_odd_periods_is_no_average(period, seed):
     for k in range(1, 240):
         reading[:, k] = reading[:, k - 1] + (heat[k] - reading[:, k - 1]) / np.array([60.0, 80.0, 50.0])
     assert averaging_window(time, reading + 0.02 * rng.standard_normal(reading.shape)) == 1
+
+
+def test_readings_must_be_even_whole_and_at_least_48():
+    """Spaced evenly to 2 %; of the first sensors and last readings only so many are looked at."""
+    time, rows = averaged(1, 5)
+    assert averaging_window(time, rows) == 5
+    assert averaging_window(time + 0.004 * (-1.0) ** np.arange(421), rows) == 5  # gaps of 0.992 and 1.008
+    assert averaging_window(time + 0.006 * (-1.0) ** np.arange(421), rows) == 1  # 0.988 and 1.012
+    spoilt = rows.copy()
+    spoilt[0, 200] = np.nan
+    assert averaging_window(time, spoilt) == 1
+    many = np.concatenate([rows] * 5)  # 15 sensors
+    assert averaging_window(time[-48:], many[:, -48:]) == 5
+    assert averaging_window(time[-47:], many[:, -47:]) == 1

@@ -452,3 +452,24 @@ def test_on_the_lump_broken_readings_end_the_track():
     track = CostReference().track(Lump(), time, reading, 0.0)
     assert track.diverged_at == 60
     assert np.isnan(track.state[60:]).all()
+
+
+def test_limits_are_mean_and_sample_deviation_of_the_window_before_a_reading():
+    """Equation (16) by numpy, where the guard lets every reading in."""
+    residual = np.random.default_rng(7).standard_normal(40)
+    low, high = adaptive_threshold(residual, 5, 2.0, np.inf)
+    before = [residual[k - 5 : k] for k in range(5, 40)]
+    np.testing.assert_allclose(low[5:], [w.mean() - 2.0 * w.std(ddof=1) for w in before])
+    np.testing.assert_allclose(high[5:], [w.mean() + 2.0 * w.std(ddof=1) for w in before])
+    assert np.isnan(low[:5]).all()
+    assert np.isnan(high[:5]).all()
+    assert np.isfinite(low[5:]).all()
+
+
+def test_a_reading_at_the_guard_enters_the_window_and_one_beyond_does_not():
+    """The guard is 4 deviations where none is given; it may be the limits themselves, and a window two readings."""
+    for reading, mean in ((4.0, 2.0), (4.5, 0.0)):
+        low, high = adaptive_threshold(np.array([0.0, 0.0, reading, 0.0]), 2, floor=1.0)
+        assert high[3] + low[3] == pytest.approx(2.0 * mean)
+    assert adaptive_threshold(np.zeros(3), 2, 3.0, 3.0, floor=1.0)[1][2] == 3.0
+    assert np.flatnonzero(np.isfinite(adaptive_threshold(np.zeros(30))[0]))[0] == 20

@@ -16,9 +16,8 @@ def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
     if result.command == "identify":
         told += [f"{sentence}." for sentence in in_words(result.records)]
         curves = sum(c is not None for c in result.curves)
-        told += [f"{MOST} of {curves} sensors are drawn: those told of here, those in doubt, then by their order."] * (
-            curves > MOST
-        )
+        if curves > MOST:
+            told.append(f"{MOST} of {curves} sensors are drawn: those told of here, those in doubt, then by their order.")
     count = Counter(row.get("status", "") for row in rows)
     states = ", ".join(f"{n} {status}" for status, n in count.items() if status)
     number = "1 row" if len(rows) == 1 else f"{len(rows)} rows"
