@@ -8,6 +8,7 @@ import pytest
 from conftest import ROOT
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy import stats
 from scipy.signal import lfilter
 from simulator import lump
 
@@ -321,3 +322,85 @@ def test_a_rule_is_foretold_with_the_power_held_and_not_beside_other_paces():
     for name, value in (("limit", "30"), ("limit", math.nan), ("switch_off_at", -math.inf), ("room", math.nan), ("at", True)):
         with pytest.raises(tf.UsageError, match=f"{name}: not a number in its range"):
             tf.identify(run, until=90, **{name: value})
+
+
+def lagged(time, taus, rise):
+    """A rise through masses in a row, by scipy's filter on a grid ten times as fine."""
+    fine = np.arange(0.0, time[-1] + 0.1, 0.1)
+    curve = np.full(len(fine), rise)
+    for tau in taus:
+        kept = np.exp(-0.1 / tau)
+        curve = lfilter([1.0 - kept], [1.0, -kept], curve)
+    return np.interp(time, fine, curve)
+
+
+def test_a_rule_holds_on_all_sensors_when_it_does_on_all_at_once():
+    """A point behind three masses keeps to any rule before it has moved: it tripped after an hour, with 24 K missing."""
+    criterion, time, rng = criterion_from("1K/h"), np.arange(0.0, 1500.0), np.random.default_rng(3)
+    curves = {"oil": lagged(time, [150.0], 40.0), "tank": lagged(time, [60.0, 60.0, 150.0], 25.0)}
+    change = np.max([np.abs(c[60:] - c[:-60]) for c in curves.values()], axis=0)
+    truth = float(time[60:][change <= 1.0][0])
+    table = {"time_min": time} | {n: 22.0 + c + 0.02 * rng.standard_normal(len(time)) for n, c in curves.items()}
+    oil, tank = tf.identify(table, criterion="1K/h", start=0.0)
+    assert max(oil.trip_min, tank.trip_min) == pytest.approx(truth, abs=5.0)
+    assert tank.trip_min == pytest.approx(float(criterion.trips(time, curves["tank"][None], 60, None)[0]), abs=5.0)
+    assert tank.trip_last
+    assert oil.trip_min < tank.trip_min
+    # A load that changes after that is another stage: the rule has held.
+    later = np.concatenate([time, 1500.0 + time[:300]])
+    stage = {n: np.concatenate([v, v[-1] + 5.0 * -np.expm1(-time[:300] / 60.0)]) for n, v in table.items() if n != "time_min"}
+    again = tf.identify({"time_min": later, **stage}, criterion="1K/h", start=0.0)
+    assert [r.trip_min for r in again] == pytest.approx([oil.trip_min, tank.trip_min], abs=1.0)
+    (told,) = {r.trip_min for r in tf.sweep({"time_min": time, "tank": table["tank"]}, criterion="1K/h", start=0.0)}
+    assert told == pytest.approx(60.0, abs=0.1)  # alone nothing says that the heat had not come
+
+
+@pytest.mark.parametrize(("step", "noise", "every"), [(1.0, 0.05, 1.0), (0.5, 0.02, 1.0), (0.01, 0.3, 5.0)])
+def test_a_rule_whose_change_the_readings_hide_is_told_from_curves(step, noise, every):
+    """Steps of 1 K and noise of 0.3 K every five minutes: the first passage of the readings is half a time constant early or late."""
+    rule, tau, rise = criterion_from("1K/h"), 90.0, 40.0
+    truth = by_hand(rule, tau, rise)[0]
+    time = np.arange(0.0, 7.0 * tau, every)
+    clean = 21.3 + rise * -np.expm1(-time / tau)
+    for seed in range(3):
+        reading = np.round((clean + noise * np.random.default_rng(seed).standard_normal(len(time))) / step) * step
+        (told,) = tf.identify({"time_min": time, "T1": reading}, criterion="1K/h", start=0.0)
+        assert told.trip_from == "prediction"
+        assert "hides the change that the rule asks for" in told.message
+        assert told.trip_lo_min <= truth <= told.trip_hi_min
+        assert told.trip_min == pytest.approx(truth, abs=0.1 * tau)
+        assert told.missing_lo_k <= by_hand(rule, tau, rise)[1] <= told.missing_hi_k
+        assert told.missing_hi_k - told.missing_lo_k < 0.1 * rise
+
+
+def test_readings_hide_a_change_by_noise_few_of_them_or_a_step():
+    rule = criterion_from("1K/h")  # ends of a window are means over 6 min
+    minute, five = np.arange(0.0, 300.0), np.arange(0.0, 300.0, 5.0)
+    noise, step = np.array([0.02, 0.08, 0.1, 0.02, 0.02, 0.3]), np.array([0.0, 0.0, 0.0, 0.1, 0.2, 0.5])
+    # sqrt(2) of noise / sqrt(6), or of step / sqrt(12) where noise does not average it away, against 0.05 K
+    assert rule.hidden(minute, noise, step).tolist() == [False, False, True, False, True, True]
+    assert rule.hidden(five, noise[:2], step[:2]).tolist() == [False, True]
+
+
+def test_where_the_limit_is_open_so_is_when_a_rule_holds():
+    time = np.arange(0.0, 60.0)
+    ramp = 20.0 + 0.1 * time + 0.02 * np.random.default_rng(1).standard_normal(60)
+    for side in (1.0, -1.0):
+        (told,) = tf.identify({"time_min": time, "T1": 40.0 + side * ramp}, criterion="1K/h", start=0.0)
+        far = told.steady_state_hi_c if side > 0.0 else told.steady_state_lo_c
+        assert (told.status, far, told.trip_hi_min) == ("not_determined", None, None)
+        assert (told.missing_hi_k if side > 0.0 else told.missing_lo_k) is None
+
+
+def test_the_chance_above_a_limit_is_that_of_rare_large_things_beyond_the_interval():
+    """Normal within, Student's t with four degrees of freedom beyond: by scipy."""
+    (told,) = tf.identify(tf.read(SPINDLE, channels=["T5"]), until=60.0, limit=30.0)
+    half = (told.steady_state_hi_c - told.steady_state_c) / 1.96
+    for deviations in (-3.0, -1.0, 0.5, 1.5, 3.0, 6.0):
+        (found,) = tf.identify(tf.read(SPINDLE, channels=["T5"]), until=60.0, limit=told.steady_state_c + deviations * half)
+        if deviations > 1.96:
+            assert found.over_limit_p == pytest.approx(stats.t.sf(deviations / 1.96 * stats.t.ppf(0.975, 4), 4), rel=1e-6)
+        elif deviations > 0.0:
+            assert found.over_limit_p == pytest.approx(stats.norm.sf(deviations), rel=1e-6)
+        else:
+            assert found.over_limit_p > 0.5
