@@ -11,8 +11,9 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from thermofast.output.report.charts import extremes
+from thermofast.output.report.charts import drawn_of, extremes
 from thermofast.output.report.page import page_of
+from thermofast.output.report.verdicts import verdict_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = (
@@ -192,3 +193,25 @@ def test_the_verdict_tells_the_limit(limit, does, words):
     top = page[page.index('class="verdict"') :][:2000]
     assert f"{does} the limit of {limit:g} degC: " in top
     assert words in top
+
+
+def test_of_many_sensors_those_that_a_page_speaks_of_are_drawn():
+    """Seventy, the hottest and the slowest at the end, one in doubt: they are drawn, the last of the others are not."""
+    time, rng = np.arange(0.0, 240.0), np.random.default_rng(0)
+    tau = np.r_[np.full(68, 40.0), 40.0, 60.0]
+    rise = np.r_[np.full(68, 8.0), 12.0, 8.0]
+    lines = rise[:, None] * -np.expm1(-time / tau[:, None]) + 0.02 * rng.standard_normal((70, 240))
+    lines[65, 160:] += 3.0
+    table = {"time_min": time} | {f"T{i}": 20.0 + line for i, line in enumerate(lines)}
+    found = tf.identify(table, until=200.0, details=True, imperfection="none", start=0.0)
+    drawn = [c.channel for c in drawn_of(found)]
+    assert len(drawn) == 60
+    doubted = {r.channel for r in found if r.status != "ok"}
+    assert "T65" in doubted
+    assert drawn[-3:] == ["T65", "T68", "T69"]
+    assert drawn[:-3] == [f"T{i}" for i in range(57)]
+    assert doubted <= set(drawn)
+    said = " ".join(verdict_of(found, found.rows()))
+    assert "T68 settles highest" in said
+    assert "T69 is the last to have done 95 %" in said
+    assert "60 of 70 sensors are drawn" in said

@@ -29,6 +29,8 @@ def completed(words, at):
         (f"thermofast compare --ambient a {SPINDLE}", 3, []),
         (f"thermofast compare {SPINDLE} --ambient a", 4, ["ambient"]),
         (f"thermofast compare {SPINDLE} --time t", 4, ["time_min"]),
+        ("thermofast identify --criterion iec62", 3, ["iec62368-1", "iec62368-1-cool"]),
+        ("thermofast sweep --filter cr", 3, ["crpf"]),
         ("thermofast identify no_such.csv --channels T", 4, []),
         ("thermofast identify README.md --channels T", 4, []),
     ],

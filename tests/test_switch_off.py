@@ -113,3 +113,12 @@ def test_the_limit_of_the_benchmark_is_that_of_a_line_for_readings_at_once():
     assert len(time) == len(reading)
     assert 0.0 < limit < 1.0
     assert abs(reading[0] - truth) < 0.2 * abs(truth)
+
+
+def test_readings_that_rise_have_no_switch_off_before_them():
+    time = np.arange(0.0, 200.0)
+    reading = 20.0 + 10.0 * -np.expm1(-time / 60.0) + 0.02 * np.random.default_rng(0).standard_normal(200)
+    for number in (200, 12):
+        (told,) = tf.identify({"time_min": time[:number], "T1": reading[:number]}, switch_off_at=-5.0)
+        assert told.switch_off_c is None
+        assert "the readings rise after the switch-off" in told.message

@@ -52,6 +52,8 @@ def test_windings_in_another_unit_than_r0_are_refused(tmp_path):
     with pytest.raises(tf.InputError, match="R0 in the unit of the column"):
         tf.read(path, resistance="1.84,21.5")
     assert 20.0 < np.median(tf.read(path, resistance="0.00184,21.5").channels["R1 [kOhm]"]) < 60.0
+    with pytest.raises(tf.UsageError, match="R0 was not measured at 294"):  # kelvin: it would be 426 degC
+        tf.read(path, resistance="0.00184,294.65")
 
 
 def test_a_long_table_with_two_names_and_a_unit_in_each_row(tmp_path):

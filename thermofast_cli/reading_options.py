@@ -13,6 +13,8 @@ from .errors import UsageError
 
 #: Words for delimiters that a shell or a settings file cannot well hold.
 DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
+#: A winding is cold at a temperature between these [degC] when R0 is measured.
+COLD = -60.0, 200.0
 #: Where the resistance of copper would be nothing, minus that in degC.
 COPPER = 235.0
 #: Options that keep a file from filling the memory.
@@ -169,6 +171,13 @@ def _resistance(given: str | Iterable[float] | None) -> tuple[float, ...]:
             "--resistance: not a resistance and its temperature",
             found=repr(given),
             allowed="R0,T0 or R0,T0,k as in 1.84,21.5: R0 above zero, in the column's unit, T0 degC, k 235 for copper",
+        )
+    if not COLD[0] <= found[1] <= COLD[1]:
+        raise UsageError(
+            f"--resistance: R0 was not measured at {found[1]:g} degC",
+            found=repr(given),
+            allowed=f"T0 from {COLD[0]:g} to {COLD[1]:g} degC",
+            do="say T0 in degC" if found[1] > COLD[1] else "",
         )
     return tuple(found)
 

@@ -16,6 +16,7 @@ from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
 
 from ..errors import rounded
+from ..reading.units import ABSOLUTE_ZERO_C
 from .rules import RULES
 from .sensor import Sensors
 
@@ -211,6 +212,7 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, least, sensors)), None, t95[:, 1])
     t95[back] = np.nan
     _to_the_beginning(steady, law, sensors)
+    steady[steady[:, 0] < ABSOLUTE_ZERO_C, 0] = np.nan  # as far as nobody can go is no bound
     return replace(
         law,
         steady_state=steady[:, 1],

@@ -23,6 +23,21 @@ def columns(ctx: click.Context, option: click.Parameter, typed: str) -> list[Com
     return [CompletionItem(f"{before}{comma}{name}") for name in found]
 
 
+def presets(_ctx: click.Context, _option: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Names of stopping rules."""
+    from thermofast.models.standards import PRESETS
+
+    return [CompletionItem(name, help=rule) for name, (rule, _) in PRESETS.items() if name.startswith(typed.casefold())]
+
+
+def filters(_ctx: click.Context, _option: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Names of filters, and files where none begins so."""
+    from ..plugins.filters import known_filters
+
+    found = [CompletionItem(name) for name in known_filters() if name.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]
+
+
 def _short(name: str) -> str:
     """A name without the unit behind it, as options take it too, where the name itself would need quotes."""
     return re.sub(r"\s*[\[(].*$", "", name).strip(" ,") if re.search(r"[\s,]", name) else name

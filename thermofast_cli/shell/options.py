@@ -12,7 +12,7 @@ import click
 
 from ..errors import UsageError
 from ..reading_options import CHOICES
-from .complete import columns
+from .complete import columns, filters, presets
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 #: Where a command's context keeps whether CSV is to be such as Excel opens by a double click.
@@ -108,7 +108,13 @@ runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.
 
 filter_options = _together(
     click.option(
-        "--filter", "filter_name", default="afukf", show_default=True, metavar="NAME", help=f"One of {FILTERS}; or FILE.py[:CLASS]."
+        "--filter",
+        "filter_name",
+        default="afukf",
+        show_default=True,
+        shell_complete=filters,
+        metavar="NAME",
+        help=f"One of {FILTERS}; or FILE.py[:CLASS].",
     ),
     click.option("--preset", type=click.Choice(["paper"]), help="The filter as the spindle paper prints it."),
     click.option(
@@ -306,6 +312,7 @@ reading_options_but_interval = _together(_time_options, _other_reading_options)
 
 criterion_option = click.option(
     "--criterion",
+    shell_complete=presets,
     metavar="RULE",
     help="A test standard's stopping rule, as '2K/h, 2x30min', '1K/h + 3h' or iec60034-1: when it holds, what is missing then.",
 )
