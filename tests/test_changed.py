@@ -403,3 +403,13 @@ def test_scatter_before_any_repeat_is_the_usual_one_and_follows_the_runs():
     step = np.linalg.cholesky(usual)[:, 0]
     again = scatter(2, [[RunNumbers(s * step, np.zeros((4, 4))) for s in (1.0, -1.0)]])
     np.testing.assert_allclose(again, usual * (12.0 + 2.0) / (12.0 + 4.0))
+
+
+def test_a_copy_of_a_run_is_no_further_run():
+    rng = np.random.default_rng(1)
+    one, two, new = (run(rng, name) for name in ("one", "two", "new"))
+    again = tf.read({"time_min": one.time_s / 60.0, **one.channels}, name="again")
+    with pytest.raises(tf.UsageError, match="again is a copy of one"):
+        tf.changed([one, two, again], new)
+    with pytest.raises(tf.UsageError, match="again is a copy of one"):
+        tf.changed([one, two], again)

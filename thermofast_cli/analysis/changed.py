@@ -26,6 +26,7 @@ from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError, rounded
 from ..machine.learnt import as_learnt, first_readings
 from ..machine.model import Model
+from ..machine.modelfile import refuse_copies
 from ..records import ChangedRecord
 from ..workers.engine import Started
 
@@ -91,6 +92,7 @@ def compare_runs(
     if both:
         raise UsageError(f"{both.pop()} is old and new", do="give each run on one side")
     seen = [_observed(one) for one in (*old, *new)]
+    refuse_copies((one.name, one) for one in seen)
     if model is not None:
         longest = max(seen, key=lambda s: s.span)
         seen.insert(0, as_learnt(model.file, longest, longest.name, model.source))

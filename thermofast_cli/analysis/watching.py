@@ -47,7 +47,8 @@ HOLDS = 0.03
 class Look:
     """What is known after some minutes: records, and of each sensor whether it is within the tolerance; whether to stop.
 
-    waits says what is waited for where all are within it; from_min, where it is not 0, from when on readings were counted.
+    waits says what is waited for where all are within it; from_min, where it is not 0, from when on readings were counted; known,
+    that what past runs say was counted.
     """
 
     minutes: float
@@ -57,6 +58,7 @@ class Look:
     waits: str = ""
     tolerance_c: float = 0.0
     from_min: float = 0.0
+    known: bool = False
 
     @property
     def words(self) -> str:
@@ -81,8 +83,8 @@ class Look:
         alone = next(r.reading_half_width_c for r in self.records if r.channel == channel)
         if alone is None or not wide * alone <= self.tolerance_c < half:
             return ""
-        past = "(past runs make that less: calibrate, or --model)"
-        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit {past}"
+        past = "" if self.known else " (past runs make that less: calibrate, or --model)"
+        return f", by the readings alone +-{rounded(wide * alone)} K: the machine is the limit{past}"
 
 
 def half_width(record: IdentifyRecord) -> float | None:
@@ -170,7 +172,7 @@ class Watch:
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
         if self.since_min is not None and not stop:
             waits = f"; it must stay so until {rounded((1.0 + HOLDS) * self.since_min, 4)} min"
-        return Look(minutes, records, within, stop, waits, self.tolerance_c, began)
+        return Look(minutes, records, within, stop, waits, self.tolerance_c, began, self.known)
 
 
 def _of_later(record: IdentifyRecord, from_min: float) -> IdentifyRecord:

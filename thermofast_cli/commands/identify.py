@@ -68,9 +68,7 @@ if TYPE_CHECKING:
 @reading_options
 @output_options
 @scale_options
-@click.option(
-    "--trace", metavar="FILE", help="Write what the filter did at each reading: .csv .json .jsonl .parquet .xlsx .md."
-)
+@click.option("--trace", metavar="FILE", help="Write what the filter did at each reading: .csv .json .jsonl .parquet .xlsx .md.")
 @click.option("--save-plot", metavar="FILE", help="Draw measurement, model and band per sensor: .png .pdf .svg.")
 @click.option("--plot-trace", is_flag=True, help="Add rate and steady state converging to the picture of --save-plot.")
 @batched

@@ -18,6 +18,7 @@ from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 from ..errors import ThermofastError
 from ..experiments.next_experiment import Experiment, causes, experiment_words, next_experiments
+from ..machine.modelfile import refuse_copies
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import PluginError
 from ..records import DiagnoseRecord, finite
@@ -35,7 +36,7 @@ from .loop import (
     refused_records,
 )
 from .remains import explained, shares
-from .several import OneOf, common_runs, ready_runs, refuse_copies, two_machines, unnamed
+from .several import OneOf, common_runs, ready_runs, two_machines, unnamed
 from .wording import ROOMS, fails_beyond, rivals, unlogged_room, words
 
 Found = TypeVar("Found")
@@ -153,7 +154,7 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     UsageError: fewer than two runs that can be used, no sensor that all of them have, or a copy among them.
     """
     runs, failed = ready_runs(tasks, DiagnoseRecord)
-    refuse_copies(runs)
+    refuse_copies((one.task.run.name, one.prepared.whole) for one in runs)
     runs, notes = common_runs(runs)
     told = search_together(runs, spread)
     names = [r.task.run.name for r in runs]

@@ -12,7 +12,6 @@ from thermofast.models.joint import RATE, Fit
 from thermofast.models.search.discover import Discovery
 
 from ..errors import ThermofastError, UsageError, rounded
-from ..machine.modelfile import sha256_of_readings
 from ..records import Record
 from .loop import LoopTask, Ready, failure_records, ready, refused_records
 
@@ -117,16 +116,6 @@ def unnamed(found: Sequence[Discovery]) -> list[Discovery]:
         d if d.named is None else replace(d, named=None, also=(d.named, *d.also), ahead=None, why=TWO_MACHINES, stages=(), held=())
         for d in found
     ]
-
-
-def refuse_copies(runs: Sequence[OneOf]) -> None:
-    """Raises UsageError where two of the runs are the same readings under two names."""
-    seen: dict[str, str] = {}
-    for one in runs:
-        key, name = sha256_of_readings(one.prepared.whole), one.task.run.name
-        if key in seen:
-            raise UsageError(f"{name} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
-        seen[key] = name
 
 
 def _only(prepared: Ready, channels: list[str]) -> Ready:

@@ -21,7 +21,7 @@ from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together
 
 from ..errors import rounded
 from ..machine.foretold import from_first_part
-from ..machine.modelfile import learnt_from, model_file, past_entry
+from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
 from ..machine.past import learnt_past, run_learnt_from
 from ..machine.rise import together
 from ..plugins.effects import chosen_effects, load_effect
@@ -29,7 +29,7 @@ from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved
 from .loop import LoopTask, check_inputs, ids_of, parameters_of, pooled
-from .several import OneOf, common_runs, ready_runs, refuse_copies
+from .several import OneOf, common_runs, ready_runs
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     """
     runs, rest = ready_runs(tasks, ImproveRecord)
     failed = [Improved(records) for records in rest]
-    refuse_copies(runs)
+    refuse_copies((one.task.run.name, one.prepared.whole) for one in runs)
     runs, notes = common_runs(runs)
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import tomllib
+from collections.abc import Iterable
 from datetime import date
 from pathlib import Path
 from typing import Any, Literal
@@ -140,6 +141,16 @@ def sha256_of_readings(run: Observations) -> str:
         found.update(np.round(run.reading[run.channels.index(name)], 6).tobytes())
     found.update(np.round(run.time, 6).tobytes())
     return found.hexdigest()
+
+
+def refuse_copies(runs: Iterable[tuple[str, Observations]]) -> None:
+    """Raises UsageError where two of the runs, by their names, are the same readings."""
+    seen: dict[str, str] = {}
+    for name, run in runs:
+        key = sha256_of_readings(run)
+        if key in seen:
+            raise UsageError(f"{name} is a copy of {seen[key]}", do="give each run once: a copy is no further evidence")
+        seen[key] = name
 
 
 def learnt_from(run: Observations, source: str, readings: int, until_min: float | None) -> LearntFrom:
