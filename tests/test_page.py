@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from thermofast.output.report.charts import drawn_of, extremes
+from thermofast.output.report.charts import charts_of, drawn_of, extremes
 from thermofast.output.report.page import page_of
 from thermofast.output.report.verdicts import verdict_of
 
@@ -215,3 +215,15 @@ def test_of_many_sensors_those_that_a_page_speaks_of_are_drawn():
     assert "T68 settles highest" in said
     assert "T69 is the last to have done 95 %" in said
     assert "60 of 70 sensors are drawn" in said
+
+
+def test_the_chart_shows_when_the_rule_holds_and_a_limit_that_is_near():
+    run = tf.read(SPINDLE, channels=["T5"])
+    (chart,) = charts_of(tf.identify(run, until=60.0, criterion="iec60034-1", limit=28.0, details=True))
+    (told,) = tf.identify(run, until=60.0, criterion="iec60034-1")
+    assert (told.trip_min, "mark", "2K/h, 2x30min") in chart.marks
+    (limit,) = [s for s in chart.strips[0].series if s.label == "limit"]
+    assert limit.y.tolist() == [28.0, 28.0]
+    (chart,) = charts_of(tf.identify(run, until=60.0, limit=105.0, details=True))
+    assert [s.label for s in chart.strips[0].series] == ["95 % band", "measured", "model"]
+    assert [m[2] for m in chart.marks] == ["identification time", "95 % of the rise"]

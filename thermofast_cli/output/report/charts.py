@@ -90,14 +90,23 @@ def drawn_of(result: Any) -> list[Any]:
 
 
 def _prediction(result: Any) -> list[Chart]:
-    found = []
+    found, rows = [], {(r.run, r.channel): r for r in result.records}
     for c in drawn_of(result):
         marks = [(c.until, "mark", "identification time")]
         marks += [(c.t95, "done", "95 % of the rise")] if c.t95 is not None else []
+        told = rows[c.run, c.channel]
+        trip = (told.start_min or 0.0) + told.trip_min if told.trip_min is not None else np.inf
+        marks += [(trip, "mark", told.criterion)] if trip <= c.model_time[-1] else []
+        ends = c.model_time[[0, -1]]
+        low, high = float(np.nanmin(c.model)), float(np.nanmax(c.model))
+        # A limit far away would leave the curves no room.
+        near = told.limit_c is not None and low - (high - low) <= told.limit_c <= high + (high - low)
+        limit = (Series("line", "limit", ends, np.full(2, told.limit_c), number=1),) if near else ()
         top = (
             Series("band", "95 % band", c.model_time, c.band_low, "band", c.band_high),
             Series("points", "measured", c.time, c.reading, "measured"),
             Series("line", "model", c.model_time, c.model, "model"),
+            *limit,
         )
         left = c.reading - np.interp(c.time, c.model_time, c.model, left=np.nan, right=np.nan)
         name = sensor_name(c.run, c.channel, result)
