@@ -46,8 +46,10 @@ def rises_of(
     used = np.flatnonzero(fit.run.used.any(axis=0))
     last = int(used[-1])
     end = float(whole.time[-1])
-    horizon = end + HORIZON / min(slowest(fit, i) for i in range(fit.run.sensors))
-    later = np.linspace(end, horizon, AFTER + 1)[1:]
+    rest, later = HORIZON / min(slowest(fit, i) for i in range(fit.run.sensors)), np.linspace(0.0, 1.0, AFTER + 1)[1:]
+    if other_modes > 0.0:  # until the slowest of them has come to its end, too, whenever the record ends
+        rest, later = rest / float(np.exp(DRIVEN_MODES.min())), later**2
+    later = end + rest * later
     seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
     told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, until_min * (1.0 + 1e-12) + 1e-9, "right"))
     held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
