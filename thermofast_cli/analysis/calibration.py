@@ -72,8 +72,13 @@ class Lab:
     names: tuple[str, ...]
 
 
-def past_run(started: Started, method: Method) -> Past | str:
-    """A run as it was foretold at each turn, or why it cannot be used."""
+def to_choose(runs: int) -> tuple[Imperfection, ...]:
+    """The priors that so many runs may choose among."""
+    return CANDIDATES if runs >= ENOUGH else CANDIDATES[:1]
+
+
+def past_run(started: Started, method: Method, priors: Sequence[Imperfection] = CANDIDATES) -> Past | str:
+    """A run as it was foretold at each turn under each prior, or why it cannot be used."""
     run, start = started
     minutes, channels = run.time_s / 60.0, tuple(run.channels)
     values = np.stack([run.channels[c] for c in channels])
@@ -90,8 +95,8 @@ def past_run(started: Started, method: Method) -> Past | str:
     last = values[:, -count:]
     end = np.array([row[np.isfinite(row)].mean() if np.isfinite(row).any() else np.nan for row in last])
     at = float(minutes[-count:].mean()) - start
-    foretold = np.full((len(CANDIDATES), len(TURNS), len(channels), 3), np.nan)
-    for c, prior in enumerate(CANDIDATES):
+    foretold = np.full((len(priors), len(TURNS), len(channels), 3), np.nan)
+    for c, prior in enumerate(priors):
         of_prior = replace(method, imperfection=prior)
         for t, turn in enumerate(TURNS):
             until = start + turn * tau
@@ -112,7 +117,7 @@ def learn(past: Sequence[Past]) -> Lab:
     level = _mean(before)
     best, chosen = np.inf, 0
     held = _held(past)
-    for c in range(len(CANDIDATES) if len(past) >= ENOUGH else 1):
+    for c in range(len(to_choose(len(past)))):
         if held < HELD and CANDIDATES[c].strong_share < TYPICAL.strong_share:
             continue
         scores = _scores(past, c, _left_out_factors(past, c))

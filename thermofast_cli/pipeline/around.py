@@ -53,13 +53,13 @@ def calibrate_runs(started: Sequence[Started], method: "Method", how: Work | Non
     ------
     UsageError: fewer than two runs that are complete.
     """
-    from ..analysis.calibration import Past, learn, past_run
+    from ..analysis.calibration import Past, learn, past_run, to_choose
     from ..records import CalibrateRecord
 
     past, left_out = [], []
     advance = (how or Work()).advance
     for one in started:
-        found = past_run(one, method)
+        found = past_run(one, method, to_choose(len(started)))
         advance(1)
         if isinstance(found, Past):
             past.append(found)
