@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
+import thermofast as tf
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs
 
@@ -935,3 +936,46 @@ def test_words_for_no_reading(tmp_path, word):
     cells = [word if i % 9 == 4 else v for i, v in enumerate(values(FRONT))]
     (run,) = read_runs(written(tmp_path, table("time_min;front;rear", MINUTES, cells, values(REAR), delimiter=";")))
     assert np.flatnonzero(np.isnan(run.channels["front"])).tolist() == list(range(4, N, 9))
+
+
+@pytest.mark.parametrize("name", ["coolant_temp", "oil_temp", "T_coolant", "coolant [degC]"])
+def test_what_flows_past_a_machine_says_nothing_of_its_codes(name):
+    """S1 and S2 begin where the coolant does: with its temperature named they were dropped, and it was the only sensor."""
+    time = np.arange(0.0, 60.0)
+    table = {"time_min": time, "S1": 20.1 + 8.0 * -np.expm1(-time / 30.0), "S2": 20.1 + 5.0 * -np.expm1(-time / 35.0)}
+    run = tf.read({**table, name: 19.3 + 0.02 * time})
+    assert list(run.channels) == ["S1", "S2", name]
+    far = tf.read({**table, "S1": 200.0 + time / 7.0, name: 19.3 + 0.02 * time})  # a pressure may begin anywhere
+    assert list(far.channels) == [name]
+    beside = tf.read({**table, "spindle [degC]": 20.3 + 0.1 * time, name: 19.3 + 0.02 * time})
+    assert list(beside.channels) == ["spindle [degC]", name]
+
+
+def test_the_unit_of_an_input_is_taken_as_told():
+    time = np.arange(0.0, 60.0)
+    table = {"time_min": time, "S1": 68.0 + 0.1 * time, "S2": 68.2 + 0.05 * time, "coolant": 68.0 + 0.0 * time + 0.01 * time}
+    plain, told = tf.read(table), tf.read(table, units="coolant=F")
+    assert list(told.inputs) == ["coolant"]
+    assert plain.inputs["coolant"][0] == 68.0
+    assert told.inputs["coolant"][0] == pytest.approx(20.0)
+    assert told.channels["S1"][0] == plain.channels["S1"][0]
+
+
+def test_a_coolant_without_a_unit_is_asked_for():
+    """Its heat was not tried without a word, and the way out that was told led nowhere."""
+    time, rng = np.arange(0.0, 240.0), np.random.default_rng(2)
+    coolant = 20.0 + 2.0 * (time > 120.0)
+    late = np.zeros(240)
+    for k in range(1, 240):
+        late[k] = late[k - 1] + 0.02 * (coolant[k - 1] - 20.0 - late[k - 1])
+    lines = {
+        f"S{i}": 20.0 + rise * -np.expm1(-0.02 * time) + late + 0.02 * rng.standard_normal(240) for i, rise in ((1, 9.0), (2, 6.0))
+    }
+    table = {"time_min": time, **lines, "coolant": coolant}
+    plain = tf.compare(table)
+    assert all("coolant has no unit and counts as no temperature: --units coolant=C if it is one" in r.message for r in plain)
+    (refused,) = tf.diagnose(table, effects="coolant_heat")
+    assert "say which input is a temperature: --units COLUMN=C" in refused.message
+    told = tf.diagnose(tf.read(table, units="coolant=C"), effects="coolant_heat")
+    assert {r.verdict for r in told} == {"coolant_heat"}
+    assert not any("counts as no temperature" in r.message for r in told)

@@ -146,7 +146,8 @@ class Criterion:
         whole = (at - 0.5 * wide >= time[0]) & (at + 0.5 * wide <= time[-1])
         k = np.arange(len(at))
         before, after = np.maximum(k - POINTS // 2, 0), np.minimum(k + POINTS // 2, len(at) - 1)
-        slope = (plain[after] - plain[before]) / (at[after] - at[before])
+        around = np.interp(at, time, reading)
+        slope = (around[after] - around[before]) / (at[after] - at[before])
         mean = np.where(whole, mean + off * slope, plain)
         mean[self.unread(time, at)] = np.nan
         return at, mean

@@ -129,8 +129,15 @@ def check_inputs(effects: list[Effect], whole: Observations) -> None:
             raise UsageError(
                 f"{whole.name}: the effect {effect.id!r} needs {effect.needs or 'an input that this run does not log'}",
                 found=f"inputs: {', '.join(have) or 'none'}; sensors: {', '.join(whole.channels[:8])}",
-                do="leave the effect out" + ("" if "sensor" in effect.needs else ", or name the column with --ambient or --inputs"),
+                do="leave the effect out" + _way(effect.needs),
             )
+
+
+def _way(needs: str) -> str:
+    """How a run comes to have what an effect needs."""
+    if "temperature" in needs:
+        return ", or say which input is a temperature: --units COLUMN=C"
+    return "" if "sensor" in needs else ", or name the column with --ambient or --inputs"
 
 
 def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:

@@ -1,7 +1,7 @@
 """A run made ready for a joint fit: all sensors on one grid, thinned where that loses nothing, noise and rounding told apart."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from ..estimation.sensor import logger_step, saturated
 from ..reading import Run
 from ..reading.signs import sign_of
 from ..reading.units import parse_unit
-from ..reading.vocabulary import COOLING, HEATING, words
+from ..reading.vocabulary import COOLING, HEATING, MEDIA, words
 
 Array = NDArray[np.float64]
 
@@ -102,6 +102,8 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
     heats, cools = _sides(run, [n for n in inputs if n not in warm])
     seen = replace(seen, temperatures=warm, heats=heats, cools=cools)
     notes += _without_rise(seen)
+    unsaid = "has no unit and counts as no temperature: --units"
+    notes += [Note(None, f"{n} {unsaid} {n}=C if it is one") for n in _unsaid(run, inputs, warm)]
     if drive is not None:
         seen = _driven(seen, drive, until_min)
     return Observed(seen, tuple(refused), tuple(notes), len(time))
@@ -177,6 +179,12 @@ def _warm(run: Run, inputs: Mapping[str, Array]) -> tuple[str, ...]:
     told = () if run.seen is None else run.seen.columns
     units = {c.name: parse_unit(c.unit) for c in told if c.name in inputs}
     return tuple(n for n, unit in units.items() if (unit.temperature if unit is not None else sign_of(n, "").temperature))
+
+
+def _unsaid(run: Run, inputs: Collection[str], warm: Collection[str]) -> list[str]:
+    """Names of inputs that are what flows past the machine, of which nothing says whether they are its temperature."""
+    units = {c.name: c.unit for c in (() if run.seen is None else run.seen.columns)}
+    return [n for n in inputs if n not in warm and not units.get(n) and set(words(n)) <= MEDIA]
 
 
 def _sides(run: Run, inputs: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

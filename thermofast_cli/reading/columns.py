@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -20,6 +20,7 @@ from .vocabulary import (
     EXTREMES,
     LABELS,
     MEANS,
+    MEDIA,
     REFERENCE,
     SPREADS,
     words,
@@ -30,6 +31,8 @@ HOTTEST = 1000.0
 #: Signs of speed, power, current, voltage, torque, force, flow, humidity and place beside temperatures that are called T1, T2.
 _ANY_EXTREME = re.compile("|".join(sorted(EXTREMES | SPREADS, key=len, reverse=True)), re.I)
 _QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
+#: A machine and what flows past it begin within this much of each other [K].
+BEGIN_ALIKE = 10.0
 #: What an instrument says of its state; constant, it says nothing.
 SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
 
@@ -133,7 +136,8 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     signs = {n: sign_of(own, units.get(n, "")) for n, own in _beyond_place(names).items()}
     signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names), *_bands(names, values))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
-    said_somewhere = origin != "long" and any(s.kind == "sensor" and s.temperature and not _bare(n, s) for n, s in signs.items())
+    saying = [n for n, s in signs.items() if s.kind == "sensor" and s.temperature and not _bare(n, s)]
+    said_somewhere = origin != "long" and bool(saying) and not _of_media_alone(saying, signs, values)
     # A room with its unit says nothing of places without one.
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature and s.kind != "ambient" for s in signs.values())
     quantities = {n for n in names if signs[n].unit is None and _QUANTITY.fullmatch(n)}
@@ -162,6 +166,20 @@ def _other_quantities(options: Options, signs: Mapping[str, Sign], told: Collect
         return ()
     way = "export degC (--resistance R0,T0 reads a winding), or say --units COLUMN=C if the name is wrong"
     return (Guess("unit", f"taken for degC, as asked: {'; '.join(odd[:3])}", way),)
+
+
+def _of_media_alone(saying: Sequence[str], signs: Mapping[str, Sign], values: Mapping[str, Array]) -> bool:
+    """Whether the columns that say that they are temperatures are a coolant's or an oil's, beside a numbered series of codes (S1,
+    S2, S3) that begins where they do: that is the machine.
+    """
+    if not all(MEDIA.intersection(words(n)) for n in saying):
+        return False
+    codes = [n for n, s in signs.items() if s.kind == "nameless" and re.fullmatch(r"[^\W\d_]{1,3}_?\d{1,2}", n)]
+    stems = {re.sub(r"\d", "", n) for n in codes}
+    if len(stems) != 1 or len(codes) < 2 or any(_whole(values[n]) for n in codes):
+        return False
+    began = [float(_finite(values[n])[0]) for n in (*codes, *saying) if len(_finite(values[n]))]
+    return len(began) > len(codes) and max(began) - min(began) <= BEGIN_ALIKE
 
 
 def _beyond_place(names: list[str]) -> dict[str, str]:

@@ -43,7 +43,7 @@ from .tables.packed import is_workbook, unpacked
 from .tables.text import read_text
 from .tables.workbook import sheet_text
 from .units import parse_unit, unit_changes
-from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, winding
+from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, warm_inputs, winding
 from .values.faults import without_faults, without_impossible
 from .values.marks import good_readings
 from .vocabulary import UNITS
@@ -307,7 +307,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     used = (*roles.sensors, *roles.ambient, *roles.inputs, *roles.displacements)
     degrees, channel_notes = Temperatures(table, units, options, (*roles.sensors, *roles.ambient)), {}
     columns = {n: numbers[n] for n in used}
-    for n in (*roles.sensors, *roles.ambient, *[n for n in roles.inputs if sign_of(n, units.get(n, "")).temperature]):
+    for n in (*roles.sensors, *roles.ambient, *warm_inputs(roles.inputs, units, options, table)):
         columns[n], impossible = without_impossible(degrees.of(n, numbers[n], n in roles.inputs))
         if impossible:
             channel_notes[n] = f"{impossible} overload or impossible reading{'s' if impossible > 1 else ''} left out"
@@ -375,8 +375,8 @@ def _seen(
     for n in (*table.names, *table.clocks[1:]):
         role = of.get(n, "ignored")
         unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
-        if role in ("sensor", "ambient"):
-            unit = unit_told(n, options, table) or unit
+        if role in ("sensor", "ambient", "input"):
+            unit = unit_told(n, options, table, by_name=role == "input") or unit
         columns.append(SeenColumn(n, role, unit, _why(n, role, table, roles, spare, options)))
     d = table.dialect if table.dialect is None or not table.dialect.joined else replace(table.dialect, delimiter="", decimal="")
     return Seen(

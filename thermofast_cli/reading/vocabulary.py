@@ -61,6 +61,11 @@ COOLING = _set(
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
 WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
+#: What flows past the machine: its temperature says nothing of the columns beside it.
+MEDIA = _set(
+    "coolant oil öl oel water wasser kühlmittel kuehlmittel kühlwasser kuehlwasser emulsion chiller fluid eau acqua agua huile "
+    "olio aceite supply return inlet outlet vorlauf rücklauf ruecklauf"
+)
 #: Those of them that are a quantity where they end a name that speaks of no temperature: Motor load.
 QUANTITIES = _set("flow load last")
 #: A temperature that is asked for, or that the instrument needs for itself, is logged but no sensor of the machine.

@@ -63,11 +63,15 @@ def _errors(run: PastRun, past: Past, prior: Imperfection) -> list[float]:
             found.append(np.nan)
             continue
         known = [replace(p, known=past.known([c])) for p, c in zip(cut, names, strict=True)]
-        at = settle(known, tau, past.prior(prior), [when]).at[:, 0]
+        told = settle(known, tau, past.prior(prior), [when])
+        at, limit = told.at[:, 0], told.steady
         # What the logged room did later is no error: the limit that is promised is that of the room at the last reading.
         later = [_by_room(p, when, r) - _by_room(c, when, r) for p, c, r in zip(parts, cut, rates, strict=True)]
         off = at[:, 1] + np.array(later) - ends
-        half = np.where(off > 0.0, at[:, 1] - at[:, 0], at[:, 2] - at[:, 1])
+        # The limit's own half-width, in which what room and load may do later has no part; unlogged, the room's part stays.
+        logged = np.array([p.room is not None for p in parts])
+        of = np.where(logged[:, None], limit, at)
+        half = np.where(off > 0.0, of[:, 1] - of[:, 0], of[:, 2] - of[:, 1])
         found.append(float(np.mean((1.96 * off / half) ** 2)))
     return found
 

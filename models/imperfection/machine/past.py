@@ -38,6 +38,8 @@ BLOCKS = 24
 #: Sizes of the disturbances that are compared, against the typical.
 SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS, ROUNDS_NEAR = 4, 2
+#: The rate of a shape is that of the fits within so much of its logarithm: a point far from the heat has hardly one of its own.
+FROM_FIT = 0.7
 #: Times what the law has alone of a rise that it may have beside modes, or its reciprocal.
 MOST_RISE = 3.0
 #: What modes leave of the rise after the longest run, relative to it, beside what the law leaves: mean and deviation, which that
@@ -260,6 +262,7 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
     names = list(dict.fromkeys(c for run in runs for c in run.channels))
     scatter, spread, stretches = SCATTER, SPREAD, np.zeros(len(runs))
     log_rate = {c: float(np.mean([r.log_rates[r.channels.index(c)] for r in runs if c in r.channels])) for c in names}
+    first = log_rate.copy()
     if near is not None:
         scatter, spread, log_rate = near.scatter, near.spread, {c: near.shapes[c].log_rate for c in names}
     scales = SCALES if near is None else SCALES[np.argsort(np.abs(np.log(SCALES / near.scale)))[:NEAR]]
@@ -275,7 +278,7 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         rises = {c: weight @ one.rise for c, one in found.items()}
         at = np.array([weight @ one.stretch for one in found.values()])  # (sensors, runs)
         for c, mine in zip(names, at, strict=True):
-            log_rate[c] += float(np.nanmean(mine))
+            log_rate[c] = float(np.clip(log_rate[c] + np.nanmean(mine), first[c] - FROM_FIT, first[c] + FROM_FIT))
         at = at - np.nanmean(at, axis=1, keepdims=True)
         stretches = np.nan_to_num(np.nanmean(at, axis=0))
         own = np.nanmean((at - stretches) ** 2, axis=0).sum()

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -237,11 +237,16 @@ def _told(units: tuple[str, ...], table: Table) -> tuple[Unit | None, dict[str, 
     return whole, own
 
 
-def unit_told(name: str, options: Options, table: Table) -> str:
-    """The unit that the user says a column of temperatures has, if any."""
+def unit_told(name: str, options: Options, table: Table, by_name: bool = False) -> str:
+    """The unit that the user says a column of temperatures has, if any; `by_name`: of that column, and not of all."""
     whole, own = _told(options.units, table)
-    unit = own.get(name, whole)
+    unit = own.get(name, None if by_name else whole)
     return unit.symbol if unit is not None else ""
+
+
+def warm_inputs(inputs: Sequence[str], units: Mapping[str, str], options: Options, table: Table) -> list[str]:
+    """Those of the inputs that are temperatures, by unit, name, or as the user says."""
+    return [n for n in inputs if sign_of(n, units.get(n, "")).temperature or unit_told(n, options, table, by_name=True)]
 
 
 def winding(ohms: Array, column: str, table: Table, options: Options) -> Array:

@@ -1,0 +1,139 @@
+"""What a change between runs is made of: sizes, kinds, rooms, probes and warm starts, by normal laws."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from thermofast.models.uncertainty import changes as changed
+
+
+def test_a_mixed_size_has_the_spread_of_its_ways():
+    """Halves of 0.1 and 0.3 with deviations of 0.1: the root of 0.01 and 0.01; none where the likeliest way has none."""
+    found = changed._mixed(np.array([0.6, 0.4]), [(1, 0.1, 0.1), (2, 0.3, 0.1)])
+    assert found == (1, pytest.approx(0.18), pytest.approx(math.sqrt(0.01 + 0.6 * 0.08**2 + 0.4 * 0.12**2)))
+    assert changed._mixed(np.array([0.6, 0.4]), [None, (2, 0.3, 0.1)]) == (None, None, None)
+
+
+def test_another_room_has_the_part_of_nothing_that_it_takes():
+    """The likeliest stands first."""
+    found = [changed.Change("nothing", None, 0.8), changed.Change("heat", None, 0.2, 0.1, 0.02)]
+    told = [(c.kind, pytest.approx(c.probability)) for c in changed.with_room(found, 0.7, 4.0, 0.5)]
+    assert [(c.kind, c.probability) for c in changed.with_room(found, 0.7, 4.0, 0.5)] == told
+    assert [k for k, _ in told] == ["room", "nothing", "heat"]
+    assert [c.probability for c in changed.with_room(found, 0.7, 4.0, 0.5)] == pytest.approx([0.56, 0.24, 0.2])
+
+
+def test_sensors_begin_beside_each_other_less_the_middle_of_all_or_of_the_others():
+    """One that began 5 K higher in the new run is off by 5 K of the others, by 5 K of all as well."""
+    starts = np.array([[20.0, 21.0, 22.0], [20.0, 21.0, 22.0], [21.0, 27.0, 23.0]])
+    of_all, of_others = changed.begun_beside(starts, 2)
+    assert of_all[2].tolist() == [0.0, 5.0, 0.0]
+    assert of_others[2].tolist() == [1.0 - 3.5, 5.0, 1.0 - 3.5]
+    assert (of_all[:2] == 0.0).all()
+
+
+def test_rooms_are_others_by_three_kelvin_or_three_deviations():
+    """Half likely there, by the error of both means."""
+    old, new = np.array([20.0, 20.0]), np.array([23.0])
+    assert changed.other_room(old, new, 0.2) == pytest.approx(0.5)
+    assert changed.other_room(old, new + 0.3, 0.2) == pytest.approx(stats.norm.cdf(0.3 / (0.2 * math.sqrt(1.5))))
+    wide = np.array([17.0, 20.0, 23.0])
+    assert changed.other_room(wide, np.array([29.0]), 0.2) == pytest.approx(0.5)
+    assert changed.other_room(wide, np.array([11.0]), 0.2) == pytest.approx(0.5)
+
+
+def test_a_size_is_the_posterior_mean_of_a_normal_prior():
+    """Heat moves both rises by 0.2, known to 0.1 each, beside a prior of 0.4: 0.2 times 16 / 16.5 of the precision."""
+    noise = np.diag([0.01, 0.01, 0.01, 0.01])
+    heat = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
+    found = changed._size("heat", heat, 0.4, np.array([0.0, 0.0, 0.2, 0.2]), noise)
+    assert found == (None, pytest.approx(0.2 * 200.0 / 206.25), pytest.approx(1.0 / math.sqrt(206.25)))
+    assert changed._size("nothing", heat, 0.4, np.zeros(4), noise) is None
+    most = changed._size("contact", np.eye(4), 0.2, np.array([0.0, 0.3, 0.1, 0.0]), noise)
+    assert most == (1, pytest.approx(0.0), pytest.approx(1.0 / math.sqrt(125.0)))
+
+
+def test_scatter_is_the_usual_one_scaled_by_what_like_runs_show():
+    """Two runs beside each other add one run's degrees of freedom to the three that are assumed."""
+    usual_ = changed.scatter(1, [])
+    assert usual_ == pytest.approx(np.array([[0.06**2 + 0.015**2, -0.5 * 0.06 * 0.05], [-0.5 * 0.06 * 0.05, 0.05**2 + 0.015**2]]))
+    off = np.array([0.05, -0.02])
+    runs = [changed.RunNumbers(s * off, np.zeros((2, 2))) for s in (1.0, -1.0)]
+    square = 2.0 * off @ np.linalg.solve(usual_, off)
+    assert changed.scatter(1, [runs]) == pytest.approx(usual_ * (6.0 + square) / (6.0 + 2.0))
+    assert changed.scatter(1, [runs[:1]]) == pytest.approx(usual_)
+
+
+def test_kinds_of_change_move_what_physics_has_them_move():
+    """Heat the rises, heat capacity the rates down, loss rates up and rises down, a sensor its own two; of one none of these."""
+    told = changed._hypotheses(2)
+    assert [(k, s) for k, s, *_ in told] == [
+        ("nothing", None),
+        ("heat", None),
+        ("heat capacity", None),
+        ("loss", None),
+        ("sensor", 0),
+        ("sensor", 1),
+        ("contact", None),
+    ]
+    assert [d[:, 0].tolist() for _, _, d, *_ in told[1:4]] == [[0, 0, 1, 1], [-1, -1, 0, 0], [1, 1, -1, -1]]
+    assert told[5][2].tolist() == [[0, 0], [0, 1], [0, 0], [1, 0]]
+    assert sum(p for *_, p in told) == pytest.approx(1.0)
+    assert [size for *_, size, _ in told] == [0.0, 0.4, 0.4, 0.4, 0.2, 0.2, 0.2]
+    assert len(changed._hypotheses(1)) == 4
+
+
+def test_kinds_of_change_are_weighed_by_their_marginal_likelihoods():
+    """Of one sensor whose rise is 0.3 larger in the logarithm, by scipy's normal densities; a heat that changed is likeliest."""
+    old = [changed.RunNumbers(np.zeros(2), 1e-4 * np.eye(2))]
+    new = [changed.RunNumbers(np.array([0.0, 0.3]), 1e-4 * np.eye(2))]
+    found = changed.changes(old, new)
+    noise = 2.0 * (changed.scatter(1, []) + 1e-4 * np.eye(2))
+    difference, weights = np.array([0.0, 0.3]), []
+    for kind, _, direction, size, prior in changed._hypotheses(1):
+        own = changed._size(kind, direction, size, difference, noise)
+        unlike = (0.1 * own[1]) ** 2 * np.eye(2) if own else 0.0
+        covariance = noise + size**2 * direction @ direction.T + unlike
+        weights.append(prior * stats.multivariate_normal.pdf(difference, np.zeros(2), covariance))
+    told = {c.kind: c.probability for c in found.changes}
+    assert [told[k] for k in ("nothing", "heat", "heat capacity", "loss")] == pytest.approx(np.array(weights) / np.sum(weights))
+    assert found.changes[0].kind in ("heat", "nothing")
+    assert found.difference == pytest.approx(difference)
+    assert found.noise == pytest.approx(noise)
+    with pytest.raises(ValueError, match="no runs"):
+        changed.changes(old, [])
+
+
+def test_a_run_that_began_warmer_was_warm_or_in_another_room():
+    """Another room moves all alike, to 0.3 K; a warm machine would have risen by as much more."""
+    begun = changed.Begun(np.array([2.0, 2.0]), np.array([8.0, 4.0]), warm=0.2, room=0.7)
+    (room, _, beside), (warm, shift, unsure) = begun.ways()
+    assert room - warm == pytest.approx(math.log(0.8 / 0.2) - math.log(0.3 / math.hypot(0.3, 1.0)))
+    assert shift == pytest.approx([0.0, 0.0, -math.log(1.25), -math.log(1.5)])
+    assert beside == pytest.approx(0.3 * np.array([0.0, 0.0, 0.1, 1.0 / 6.0]))
+    assert unsure == pytest.approx(0.7 * np.array([0.0, 0.0, 0.1, 1.0 / 6.0]))
+    apart = changed.Begun(np.array([1.0, 3.0]), np.array([8.0, 4.0]), warm=0.2)
+    lower = apart.ways()[0][0] - room
+    assert lower == pytest.approx(-0.5 * 2.0 / 0.09)
+
+
+def test_a_probe_that_is_off_begins_elsewhere_and_rises_as_before():
+    """By 4 K in the new run; one that rises by 4 K less was warm, and of two sensors nobody knows which is off."""
+    starts = np.array([[20.0, 20.0, 20.0, 20.0], [20.0, 20.0, 20.0, 20.0], [20.0, 24.0, 20.0, 20.0]])
+    rises, errors = np.full((3, 4), 10.0), np.full(4, 0.02)
+    nothing = [changed.Change("nothing", None, 1.0)]
+    probe, rest = changed.with_offset(nothing, starts, rises, 2, errors)
+    assert (probe.kind, probe.sensor, probe.kelvin) == ("sensor", 1, True)
+    assert probe.probability > 0.95
+    assert probe.probability + rest.probability == pytest.approx(1.0)
+    variance = 0.09 * 4 / 8 * (0.5 + 1.0)
+    assert probe.size == pytest.approx(4.0 * 4.0 / (4.0 + variance))
+    assert probe.deviation == pytest.approx(math.sqrt(4.0 * variance / (4.0 + variance)))
+    rises[2, 1] = 6.0
+    warm = changed.with_offset(nothing, starts, rises, 2, errors)
+    assert next(c for c in warm if c.kind == "sensor").probability < 0.5
+    assert changed.with_offset(nothing, starts[:, :2], rises[:, :2], 2, errors[:2]) == nothing
+    assert changed.with_offset(nothing, starts[1:], rises[1:], 1, errors) == nothing
+    assert len(changed.with_offset(nothing, starts[1:], rises[1:], 1, errors, stands_for=2)) == 2
