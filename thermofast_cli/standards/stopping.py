@@ -97,7 +97,7 @@ def trips_of(
     downwards = missing[:, 1] < 0.0
     far, near = (np.isnan(np.where(downwards, steady[:, a], steady[:, b])) for a, b in ((0, 2), (2, 0)))
     trips[far, 2], trips[near, 0] = np.nan, np.nan
-    missing[np.isnan(steady)[:, [0, 1, 2]]] = np.nan
+    missing[np.isnan(steady)] = np.nan
     hidden = np.zeros(len(seen), dtype=bool) if foretold is None else foretold[2]
     shown = np.isfinite(seen) & ~hidden
     trips[shown] = np.nan

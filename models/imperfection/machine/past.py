@@ -262,7 +262,7 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
     names = list(dict.fromkeys(c for run in runs for c in run.channels))
     scatter, spread, stretches = SCATTER, SPREAD, np.zeros(len(runs))
     log_rate = {c: float(np.mean([r.log_rates[r.channels.index(c)] for r in runs if c in r.channels])) for c in names}
-    first = log_rate.copy()
+    fitted = log_rate.copy()
     if near is not None:
         scatter, spread, log_rate = near.scatter, near.spread, {c: near.shapes[c].log_rate for c in names}
     scales = SCALES if near is None else SCALES[np.argsort(np.abs(np.log(SCALES / near.scale)))[:NEAR]]
@@ -278,7 +278,7 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         rises = {c: weight @ one.rise for c, one in found.items()}
         at = np.array([weight @ one.stretch for one in found.values()])  # (sensors, runs)
         for c, mine in zip(names, at, strict=True):
-            log_rate[c] = float(np.clip(log_rate[c] + np.nanmean(mine), first[c] - FROM_FIT, first[c] + FROM_FIT))
+            log_rate[c] = float(np.clip(log_rate[c] + np.nanmean(mine), fitted[c] - FROM_FIT, fitted[c] + FROM_FIT))
         at = at - np.nanmean(at, axis=1, keepdims=True)
         stretches = np.nan_to_num(np.nanmean(at, axis=0))
         own = np.nanmean((at - stretches) ** 2, axis=0).sum()
