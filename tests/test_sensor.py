@@ -5,7 +5,8 @@ import pytest
 from simulator import lump, spindle
 
 from thermofast.estimation.measured import measured_equilibrium
-from thermofast.estimation.sensor import logger_step, prepare, rise_start, run_start, saturated
+from thermofast.estimation.sensor import prepare, rise_start, run_start, saturated
+from thermofast.models.noise.spikes import logger_step
 
 
 def test_the_loggers_step_is_seen_where_there_is_one():

@@ -1,11 +1,12 @@
 """Is it said rightly what changed in a machine between two tests?
 
-python -m benchmarks.analysis.changed [--each 20] [--seed 760000] [--least 0.08] [--most 0.42] compares one or three old runs of
-simulated machines, or the model that `improve` learns from them, with one new run in which the heat, the heat capacity, the loss
-or one sensor's rise is 8 to 40 % more or less, or each sensor's (by 20 %, deviation), or the room is 4 to 8 K warmer or colder,
-which no room column tells, or nothing is: the machine's own curve, transformed (a heat capacity stretches time, a loss stretches
-time and shrinks the rise). With ../shared/data the pots of one, two and three litres and their repeats too, and the laptop at
-five coolings.
+python -m benchmarks.analysis.changed [--each 20] [--seed 760000] [--least 0.08] [--most 0.42] [--probe] compares one or three old
+runs of simulated machines, or the model that `improve` learns from them, with one new run in which the heat, the heat capacity, the
+loss or one sensor's rise is 8 to 40 % more or less, or each sensor's (by 20 %, deviation), or the room is 4 to 8 K warmer or
+colder, which no room column tells, or nothing is: the machine's own curve, transformed (a heat capacity stretches time, a loss
+stretches time and shrinks the rise). With ../shared/data the pots of one, two and three litres and their repeats too, and the
+laptop at five coolings. --probe: one probe alone, the middle one, tells 2 to 5 K more or less from beginning to end; right is the right
+sensor with an interval that holds.
 """
 
 import argparse
@@ -43,6 +44,8 @@ def changed(run: Run, record: Record, kind: str, rng: np.random.Generator, facto
         rise[int(rng.integers(len(rise)))] *= factor
     if kind == "contact":
         rise *= np.exp(0.2 * rng.standard_normal(len(rise)))[:, None]
+    if kind == "probe":
+        rise[len(rise) // 2] += factor
     if kind == "room":
         rise = rise + room - record.room[0] + float(rng.choice([-1.0, 1.0]) * rng.uniform(4.0, 8.0))
     keep = time * quick <= time[-1]
@@ -61,8 +64,21 @@ def judge(job: tuple[str, str, int, int, tuple[float, float]]) -> tuple[str, str
     rng = np.random.default_rng([seed, 5])
     room = float(np.mean([r.room[0] for r in machine.runs[:-1]]))
     new = changed(runs[-1], machine.runs[-1], kind, rng, factor_of(rng, sizes), room)
+    if kind == "probe":
+        off = float(rng.choice([-1.0, 1.0]) * rng.uniform(2.0, 5.0))
+        new = changed(runs[-1], machine.runs[-1], kind, rng, off, room)
     told = tf.changed(bare, new) if asked > 0 else tf.changed(new=new, model=tf.improve(bare, together=count > 1).model)
     said = told.verdict.split(" or ")
+    if kind == "probe":
+        first = told[0]
+        which = first.channel == list(new.channels)[len(new.channels) // 2]
+        held = first.difference_lo_k is not None and first.difference_lo_k <= off <= first.difference_hi_k
+        verdict = (
+            f"{told.verdict}{'' if which else ' elsewhere'}{'' if held else ', size wrong'}"
+            if told.verdict == "sensor"
+            else told.verdict
+        )
+        return simulator, kind, asked, verdict, told.verdict == "sensor" and which and held
     # Of some repeats the simulator draws another room.
     moved = kind == "nothing" and "room" in said and abs(machine.runs[-1].room[0] - room) > 2.5
     return simulator, kind, asked, told.verdict, kind in said or moved
@@ -75,21 +91,23 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=760_000)
     parser.add_argument("--least", type=float, default=0.08, help="least change, as a share")
     parser.add_argument("--most", type=float, default=0.42)
+    parser.add_argument("--probe", action="store_true")
     given = parser.parse_args()
+    kinds = ("nothing", "probe") if given.probe else KINDS
     print("| machines | old runs | changed | of | right | said |")
     print("| --- | ---: | --- | ---: | ---: | --- |")
     for simulator in ("bar", "network"):
         for count in (1, 3, -1, -3):
-            seeds = [(k, given.seed + 1000 * k + i) for k in range(len(KINDS)) for i in range(given.each)]
-            jobs = [(simulator, KINDS[k], count, seed, (given.least, given.most)) for k, seed in seeds]
+            seeds = [(k, given.seed + 1000 * k + i) for k in range(len(kinds)) for i in range(given.each)]
+            jobs = [(simulator, kinds[k], count, seed, (given.least, given.most)) for k, seed in seeds]
             with ProcessPoolExecutor() as pool:
                 found = list(pool.map(judge, jobs))
-            for kind in KINDS:
+            for kind in kinds:
                 some = [f for f in found if f[1] == kind]
                 said = ", ".join(f"{v} {n}" for v, n in Counter(f[3] for f in some).most_common())
                 right, old = 100 * np.mean([f[4] for f in some]), count if count > 0 else f"model of {-count}"
                 print(f"| {simulator} | {old} | {kind} | {len(some)} | {right:.0f} % | {said} |", flush=True)
-    if POTS.is_dir():
+    if POTS.is_dir() and not given.probe:
         _pots()
         _laptop()
 

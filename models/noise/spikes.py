@@ -1,4 +1,4 @@
-"""Outliers: those that leave their two neighbours on one side and come straight back; and the noise of a record."""
+"""Outliers: those that leave their two neighbours on one side and come straight back; the noise of a record, and its logger's step."""
 
 import math
 from typing import Any
@@ -73,3 +73,23 @@ def bridged(time: Array, reading: Array, out: Any) -> Array:
         if gone.any() and not gone.all():
             line[gone] = np.interp(time[gone], time[~gone], line[~gone])
     return found
+
+
+def logger_steps(reading: Array) -> Array:
+    """The step [K] that all readings of a row (S, n) are multiples of, or 0 where none shows; (S,)."""
+    if reading.shape[1] < 2:
+        return np.zeros(len(reading))
+    ordered = np.round(reading, 9)
+    ordered.sort(axis=1)
+    gaps = ordered[:, 1:] - ordered[:, :-1]
+    step = np.where(gaps > 0.0, gaps, np.inf).min(axis=1)
+    known = np.isfinite(step) & (step >= 1e-6)
+    gaps /= np.where(known, step, 1.0)[:, None]
+    gaps -= np.rint(gaps)
+    known &= np.maximum(gaps.max(axis=1), -gaps.min(axis=1)) <= 0.02
+    return np.where(known, step, 0.0)
+
+
+def logger_step(reading: Array) -> float:
+    """As :func:`logger_steps` for one record (n,)."""
+    return float(logger_steps(reading[None])[0])

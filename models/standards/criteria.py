@@ -138,7 +138,8 @@ class Criterion:
         sums, moments = (np.concatenate([[0.0], np.cumsum(column)]) for column in (reading, time))
         first, beyond = np.searchsorted(time, at - 0.5 * wide, "left"), np.searchsorted(time, at + 0.5 * wide, "right")
         # Readings that lie further apart than that are joined by straight lines.
-        plain = np.interp(at, time, reading, right=np.nan)
+        between = np.interp(at, time, reading)
+        plain = np.where(at <= time[-1], between, np.nan)
         with np.errstate(all="ignore"):
             mean = np.where(beyond - first >= 2, (sums[beyond] - sums[first]) / (beyond - first), plain)
             # Few readings in a tenth of a window lie off its middle: carried there by the slope over half a window to either side.
@@ -146,8 +147,7 @@ class Criterion:
         whole = (at - 0.5 * wide >= time[0]) & (at + 0.5 * wide <= time[-1])
         k = np.arange(len(at))
         before, after = np.maximum(k - POINTS // 2, 0), np.minimum(k + POINTS // 2, len(at) - 1)
-        around = np.interp(at, time, reading)
-        slope = (around[after] - around[before]) / (at[after] - at[before])
+        slope = (between[after] - between[before]) / (at[after] - at[before])
         mean = np.where(whole, mean + off * slope, plain)
         mean[self.unread(time, at)] = np.nan
         return at, mean

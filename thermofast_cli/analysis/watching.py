@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import spike_weights
+from thermofast.models.noise.spikes import logger_step
 
 from ..errors import rounded
-from ..estimation.sensor import logger_step
 from ..reading import Run
 from ..reading.run import stretch
 from ..records import IdentifyRecord

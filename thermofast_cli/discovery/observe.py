@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from thermofast.models import Observations, averaging_window, fit_decay, spike_weights, third_difference_noise
 from thermofast.models.joint import fit_model
 from thermofast.models.noise.chain import came_off, originals
+from thermofast.models.noise.spikes import logger_step
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import rounded
-from ..estimation.sensor import logger_step, saturated
+from ..estimation.sensor import saturated
 from ..reading import Run
 from ..reading.signs import sign_of
 from ..reading.units import parse_unit

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import difference_noise
+from thermofast.models.noise.spikes import logger_step, logger_steps
 
 from .rules import RULES
 
@@ -147,26 +148,6 @@ def _alike(good: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
     for i, row in enumerate(good):
         groups.setdefault(row.tobytes(), []).append(i)
     return [np.array(rows, dtype=np.intp) for rows in groups.values()]
-
-
-def logger_steps(reading: Array) -> Array:
-    """The step [K] that all readings of a row (S, n) are multiples of, or 0 where none shows; (S,)."""
-    if reading.shape[1] < 2:
-        return np.zeros(len(reading))
-    ordered = np.round(reading, 9)
-    ordered.sort(axis=1)
-    gaps = ordered[:, 1:] - ordered[:, :-1]
-    step = np.where(gaps > 0.0, gaps, np.inf).min(axis=1)
-    known = np.isfinite(step) & (step >= 1e-6)
-    gaps /= np.where(known, step, 1.0)[:, None]
-    gaps -= np.rint(gaps)
-    known &= np.maximum(gaps.max(axis=1), -gaps.min(axis=1)) <= 0.02
-    return np.where(known, step, 0.0)
-
-
-def logger_step(reading: Array) -> float:
-    """As :func:`logger_steps` for one record (n,)."""
-    return float(logger_steps(reading[None])[0])
 
 
 def _maybe_saturated(reading: Array) -> NDArray[np.intp]:

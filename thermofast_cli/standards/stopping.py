@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import bridged, spike_weights, t_quantile, third_difference_noise
 from thermofast.models.core.tails import f_tail
 from thermofast.models.imperfection import Drawn
+from thermofast.models.noise.spikes import logger_steps
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
 from ..errors import rounded
@@ -137,19 +138,12 @@ def seen_trips(rule: Rule, time: Array, reading: Array) -> tuple[Array, Array, A
 def hides(criterion: Criterion, time: Array, reading: Array) -> NDArray[np.bool_]:
     """Whether the noise or the step of readings (S, n) without outliers hides the change that a rule asks for (S,)."""
     noise = np.array([third_difference_noise(line) for line in reading])
-    return criterion.hidden(time, noise, steps_of(reading))
-
-
-def steps_of(reading: Array) -> Array:
-    """The logger's steps (S,) [K]: the least difference between readings (S, n) that differ; nought where they do not."""
-    least = np.array([np.min(np.diff(np.unique(line)), initial=np.inf) for line in reading])
-    found: Array = np.where(np.isfinite(least), least, 0.0)
-    return found
+    return criterion.hidden(time, noise, logger_steps(reading))
 
 
 def _without_spikes(time: Array, reading: Array) -> Array:
     """Readings (S, n) with what their neighbours say in place of an outlier: one wild reading keeps no test going."""
-    wild = spike_weights(np.ascontiguousarray(reading), steps_of(reading)) == 0.0
+    wild = spike_weights(np.ascontiguousarray(reading), logger_steps(reading)) == 0.0
     return bridged(time, reading, wild)
 
 

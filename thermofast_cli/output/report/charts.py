@@ -77,20 +77,24 @@ def drawn_of(result: Any) -> list[Any]:
     curves = [c for c in result.curves if c is not None]
     if len(curves) <= MOST:
         return curves
-    rows = {(r.run, r.channel): r for r in result.records}
-    mine: list[Any] = [rows[c.run, c.channel] for c in curves]
+    rows = _rows_of(result)
+    mine = [rows[c.run, c.channel] for c in curves]
     first = {k for k, r in enumerate(mine) if r.trip_last}
     for name, best in (("steady_state_c", max), ("t95_min", max), ("margin_k", min)):
         told = [k for k, r in enumerate(mine) if getattr(r, name) is not None]
         sure = [k for k in told if mine[k].status == "ok"]
         first |= {best(some, key=lambda k: getattr(mine[k], name)) for some in (told, sure) if some}
-    doubted = [k for k, r in enumerate(mine) if k not in first and r.status != "ok"]
-    rest = [k for k in range(len(curves)) if k not in first and k not in set(doubted)]
-    return [curves[k] for k in sorted([*sorted(first), *doubted, *rest][:MOST])]
+    by_interest = sorted(range(len(curves)), key=lambda k: (k not in first, mine[k].status == "ok"))
+    return [curves[k] for k in sorted(by_interest[:MOST])]
+
+
+def _rows_of(result: Any) -> dict[tuple[str, str], Any]:
+    """The records of a result by run and channel."""
+    return {(r.run, r.channel): r for r in result.records}
 
 
 def _prediction(result: Any) -> list[Chart]:
-    found, rows = [], {(r.run, r.channel): r for r in result.records}
+    found, rows = [], _rows_of(result)
     for c in drawn_of(result):
         marks = [(c.until, "mark", "identification time")]
         marks += [(c.t95, "done", "95 % of the rise")] if c.t95 is not None else []
