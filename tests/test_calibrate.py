@@ -10,7 +10,7 @@ from scipy.stats import t as student
 import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from benchmarks.machines import bar
-from thermofast.analysis.calibration import CANDIDATES, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn
+from thermofast.analysis.calibration import CANDIDATES, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn, to_choose
 from thermofast.machine.lab import read_imperfection
 from thermofast.models.imperfection import TYPICAL
 
@@ -148,3 +148,8 @@ def test_machines_with_a_slow_mass_each_are_not_said_to_have_none():
     assert not lab.prior.rarely_strong
     assert "strong effects are common in these machines" in lab.records[0].message
     assert "improve --together" in lab.records[0].message
+
+
+def test_few_runs_choose_among_no_priors():
+    assert to_choose(3) == (TYPICAL,)
+    assert to_choose(4) == CANDIDATES

@@ -617,3 +617,12 @@ def test_a_heat_that_comes_and_goes_as_it_likes_is_no_exponential():
     assert found.status == "model_doubtful"
     assert "one exponential does not describe these readings (6.1 K rms)" in found.message
     assert "did not move" not in found.message
+
+
+def test_a_side_below_absolute_zero_is_open():
+    """A load stepped up half-way: the law's interval reached down to -360 degC."""
+    time = np.arange(0.0, 900.0)
+    later = np.maximum(time - 450.0, 0.0)
+    rise = 20.0 * -np.expm1(-np.minimum(time, 450.0) / 60.0) + 25.0 * -np.expm1(-later / 60.0)
+    (found,) = tf.identify({"time_min": time, "T": 22.0 + rise + 0.03 * np.random.default_rng(0).standard_normal(900)})
+    assert (found.status, found.steady_state_lo_c) == ("not_determined", None)

@@ -3,6 +3,7 @@
 import json
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -27,6 +28,7 @@ from thermofast.models.imperfection import (
     to_the_limit,
     widths_left_out,
 )
+from thermofast.models.imperfection.machine import left_out
 from thermofast.models.imperfection.machine.known import Known, modes
 from thermofast.models.imperfection.machine.past import BESIDE_KNOWN, GRID
 from thermofast.models.imperfection.shapes import loss_bend
@@ -391,3 +393,25 @@ def test_what_a_logged_room_did_later_is_no_error_of_the_past():
         runs.append(PastRun(("a", "b"), tuple(parts), np.log(RATES)))
     factors = widths_left_out(learn_past(runs, TYPICAL), runs, TYPICAL).factors
     assert max(factor for _, factor in factors) < 1.3
+
+
+def test_runs_in_logged_rooms_are_judged_by_the_limits_half_width(monkeypatch):
+    """0.2 K off: two deviations of a limit known to 0.2 K, one of a temperature at the end that the room leaves open by 0.4 K."""
+    flat = np.full((1, len(TIME)), 30.0)
+    told = SimpleNamespace(at=np.array([[[29.8, 30.2, 30.6]]] * 2), steady=np.array([[30.0, 30.2, 30.4]] * 2))
+    monkeypatch.setattr(left_out, "settle", lambda *given: told)
+    parts = [Part(TIME, flat, np.full(1, 0.02), np.zeros(1), room) for room in (np.full(len(TIME), 20.0), None)]
+    past = learn_past([past_run(machine_run(np.random.default_rng(0))[0])], TYPICAL)
+    found = left_out._errors(PastRun(("a", "b"), tuple(parts), np.log(RATES)), past, TYPICAL)
+    logged, unlogged = (1.96 * 0.2 / 0.2) ** 2, (1.96 * 0.2 / 0.4) ** 2
+    assert found[-1] == pytest.approx(0.5 * (logged + unlogged))
+
+
+def test_the_rate_of_a_point_that_the_heat_hardly_reaches_does_not_run_away():
+    """It follows a room that drifts on, and nothing else: as slow as one likes."""
+    rng = np.random.default_rng(2)
+    runs = []
+    for k in range(3):
+        line = 20.0 + 0.002 * TIME * (1.0 + 0.2 * k) + 0.02 * rng.standard_normal((1, len(TIME)))
+        runs.append(PastRun(("far",), (Part(TIME, line, np.full(1, 0.02), np.zeros(1)),), np.log(RATES[:1])))
+    assert learn_past(runs, TYPICAL).shapes["far"].log_rate == pytest.approx(np.log(RATES[0]), abs=0.7 + 1e-9)

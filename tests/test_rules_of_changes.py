@@ -137,3 +137,34 @@ def test_a_probe_that_is_off_begins_elsewhere_and_rises_as_before():
     assert changed.with_offset(nothing, starts[:, :2], rises[:, :2], 2, errors[:2]) == nothing
     assert changed.with_offset(nothing, starts[1:], rises[1:], 1, errors) == nothing
     assert len(changed.with_offset(nothing, starts[1:], rises[1:], 1, errors, stands_for=2)) == 2
+
+
+def test_where_a_sensor_began_beside_the_others():
+    """Each beside where it began before, less the middle of all; less that of the others alone for the one that is off."""
+    starts = np.array([[20.0, 21.0, 22.0], [21.0, 22.0, 23.0], [20.6, 24.5, 22.7]])  # the middle one passes the last
+    beside, alone = changed.begun_beside(starts, 2)
+    np.testing.assert_allclose(beside, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-0.1, 2.8, 0.0]], atol=1e-12)
+    assert alone[2, 1] == pytest.approx(3.0 - 0.15)
+    rises = np.array([[9.0, 7.0, 5.0]] * 3)
+    found = changed.with_offset([changed.Change("nothing", None, 1.0)], starts, rises, 2, np.full(3, 0.01))
+    variance = changed.BESIDE**2 / 2.0 * (1.0 / 2.0 + 1.0)  # of two old runs without scatter of their own and a new one
+    shrunk = changed.PROBE**2 / (changed.PROBE**2 + variance)
+    assert (found[0].kind, found[0].sensor, found[0].kelvin) == ("sensor", 1, True)
+    assert found[0].size == pytest.approx(2.85 * shrunk)
+    assert (
+        changed.with_offset([changed.Change("nothing", None, 1.0)], starts[1:], rises[1:], 1, np.full(3, 0.01))[0].kind == "nothing"
+    )
+    told = changed.with_offset([changed.Change("nothing", None, 1.0)], starts[1:], rises[1:], 1, np.full(3, 0.01), 2)
+    assert (told[0].kind, told[0].sensor) == ("sensor", 1)
+
+
+def test_a_large_change_is_not_one_factor_on_every_point():
+    """Points differ by a tenth of its logarithm: over six numbers a factor of two is open by 2.8 % more, a hundredth by nothing."""
+
+    def deviation(log):
+        old = [changed.RunNumbers(np.zeros(6), np.eye(6) * 1e-10) for _ in range(40)]
+        new = [changed.RunNumbers(np.concatenate([np.full(3, log), np.full(3, -log)]), np.eye(6) * 1e-10) for _ in range(40)]
+        return next(c for c in changed.changes(old, new).changes if c.kind == "loss").deviation
+
+    large, small = deviation(np.log(2.0)), deviation(0.01)
+    assert np.sqrt(large**2 - small**2) == pytest.approx(changed.UNLIKE * np.log(2.0) / np.sqrt(6.0), rel=0.1)

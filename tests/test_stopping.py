@@ -15,8 +15,9 @@ from simulator import lump
 import thermofast as tf
 from benchmarks.analysis.criterion import trial
 from thermofast.models import third_difference_noise
-from thermofast.models.imperfection import TYPICAL, Part, pilot, settle
+from thermofast.models.imperfection import TYPICAL, Drawn, Part, pilot, settle
 from thermofast.models.standards import PRESETS, criterion_from, three_point
+from thermofast.standards.stopping import foretold_trips
 
 SPINDLE = ROOT / "sample_runs" / "spindle.csv"
 TAU, RISE = 65.0, 9.0
@@ -404,3 +405,19 @@ def test_the_chance_above_a_limit_is_that_of_rare_large_things_beyond_the_interv
             assert found.over_limit_p == pytest.approx(stats.norm.sf(deviations), rel=1e-6)
         else:
             assert found.over_limit_p > 0.5
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_late_side_of_what_is_foretold_is_stretched_by_its_own_factor(side):
+    """Of 200 exponentials with other limits: the far side of the trip and of what is missing twice as far, the near one as it is."""
+    criterion, at = criterion_from("1K/h"), np.linspace(0.0, 900.0, 60)
+    rises = side * np.random.default_rng(0).uniform(8.0, 12.0, (1, 200))
+    rate = np.full((1, 200), 1.0 / 60.0)
+    curve = 20.0 + rises[..., None] * -np.expm1(-at / 60.0)
+    plain, late = (
+        foretold_trips(criterion, Drawn(curve, 20.0 + rises, rate, np.array([factor])), at, 60.0, np.zeros(1, dtype=bool))
+        for factor in ((1.0, 1.0), (1.0, 2.0))
+    )
+    for one, other, far in ((plain[0][0], late[0][0], 2), (plain[1][0], late[1][0], 2 if side > 0.0 else 0)):
+        assert other[far] - other[1] == pytest.approx(2.0 * (one[far] - one[1]))
+        assert other[2 - far] == pytest.approx(one[2 - far])

@@ -62,3 +62,17 @@ def test_what_swings_more_or_is_known_leaves_nothing_more_open():
     )
     half = [r.steady_state_hi_c - r.steady_state_c for r in (bare, small, few)]
     assert half[0] < half[1] < half[2] < usual.steady[0, 2] - usual.steady[0, 1]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_is_foretold_and_drawn_reaches_to_the_side_of_the_rise_too(side):
+    """Of a machine that is known to be quiet."""
+    part = [Part(TIME, reading(0.0, 1.0, side)[None], np.array([NOISE]), np.zeros(1))]
+    quiet = replace(TYPICAL, scales=(0.03,), strong=(), strong_weights=(), strong_share=0.0)
+    found = settle(part, 60.0, quiet, [900.0], draws=20)
+    for low, middle, high in (found.steady[0], found.at[0, 0]):
+        near, far = (abs(end - middle) for end in (low, high)[:: int(side)])
+        assert far > 1.5 * near
+    early, late = found.drawn.factor[0]
+    assert early == pytest.approx(1.0, abs=0.1)
+    assert late > 1.5

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.analysis.watching import HOLDS, TOGETHER, Watch, first_readings, thinned
+from thermofast.analysis.watching import HOLDS, TOGETHER, Look, Watch, first_readings, thinned
 from thermofast.errors import InputError
 from thermofast.pipeline.methods import choose
 from thermofast.pipeline.watching import events_before, speed_of, watch_run
@@ -283,7 +283,6 @@ def test_standard_input_is_followed_to_its_end():
 
 
 def test_a_stop_is_withdrawn_in_words_and_a_second_test_is_told_anew(tmp_path, capsys):
-    from thermofast.analysis.watching import Look
     from thermofast.shell.live import shown
 
     marker = tmp_path / "fired"
@@ -396,4 +395,14 @@ def test_watch_and_plan_take_the_machine_from_the_settings_too(tool, tmp_path, m
 def test_a_tolerance_that_the_machine_forbids_is_told(tool):
     watched = tool("watch", "sample_runs/spindle.csv", "--replay", "max", "--to", 100, "--channels", "T3,T4", "--tolerance", 0.1)
     assert ", by the readings alone +-" in watched.err
-    assert "K: the machine is the limit" in watched.err
+    assert "K: the machine is the limit (past runs make that less: calibrate, or --model)" in watched.err
+
+
+def test_past_runs_are_advised_where_none_are_counted():
+    row = IdentifyRecord(
+        "run", "T1", "afukf", steady_state_c=30.0, steady_state_lo_c=29.5, steady_state_hi_c=30.5, reading_half_width_c=0.01
+    )
+    for known, advised in ((False, True), (True, False)):
+        said = Look(60.0, (row,), (False,), False, tolerance_c=0.1, known=known).words
+        assert "the machine is the limit" in said
+        assert ("calibrate, or --model" in said) == advised

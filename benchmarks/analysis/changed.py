@@ -5,8 +5,8 @@ runs of simulated machines, or the model that `improve` learns from them, with o
 loss or one sensor's rise is 8 to 40 % more or less, or each sensor's (by 20 %, deviation), or the room is 4 to 8 K warmer or
 colder, which no room column tells, or nothing is: the machine's own curve, transformed (a heat capacity stretches time, a loss
 stretches time and shrinks the rise). With ../shared/data the pots of one, two and three litres and their repeats too, and the
-laptop at five coolings. --probe: one probe alone, the middle one, tells 2 to 5 K more or less from beginning to end; right is the right
-sensor with an interval that holds.
+laptop at five coolings. --probe: one probe alone, the middle one, tells 2 to 5 K more or less from beginning to end; right is the
+right sensor with an interval that holds.
 """
 
 import argparse
