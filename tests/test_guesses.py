@@ -959,6 +959,8 @@ def test_the_unit_of_an_input_is_taken_as_told():
     assert plain.inputs["coolant"][0] == 68.0
     assert told.inputs["coolant"][0] == pytest.approx(20.0)
     assert told.channels["S1"][0] == plain.channels["S1"][0]
+    every = tf.read(table, units="F")  # of all sensors, and of no input that nobody calls a temperature
+    assert (every.inputs["coolant"][0], every.channels["S1"][0]) == (68.0, pytest.approx(20.0))
 
 
 def test_a_coolant_without_a_unit_is_asked_for():

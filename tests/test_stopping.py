@@ -409,15 +409,16 @@ def test_the_chance_above_a_limit_is_that_of_rare_large_things_beyond_the_interv
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_late_side_of_what_is_foretold_is_stretched_by_its_own_factor(side):
-    """Of 200 exponentials with other limits: the far side of the trip and of what is missing twice as far, the near one as it is."""
+    """Of 200 exponentials with other limits and rates: the far side of the trip and of what is missing twice as far, the near one as it is."""
     criterion, at = criterion_from("1K/h"), np.linspace(0.0, 900.0, 60)
-    rises = side * np.random.default_rng(0).uniform(8.0, 12.0, (1, 200))
-    rate = np.full((1, 200), 1.0 / 60.0)
-    curve = 20.0 + rises[..., None] * -np.expm1(-at / 60.0)
+    rng = np.random.default_rng(0)
+    rises, rate = side * rng.uniform(8.0, 12.0, (1, 200)), 1.0 / rng.uniform(50.0, 75.0, (1, 200))
+    curve = 20.0 + rises[..., None] * -np.expm1(-rate[..., None] * at)
     plain, late = (
         foretold_trips(criterion, Drawn(curve, 20.0 + rises, rate, np.array([factor])), at, 60.0, np.zeros(1, dtype=bool))
         for factor in ((1.0, 1.0), (1.0, 2.0))
     )
     for one, other, far in ((plain[0][0], late[0][0], 2), (plain[1][0], late[1][0], 2 if side > 0.0 else 0)):
+        assert abs(one[far] - one[1]) > 0.05
         assert other[far] - other[1] == pytest.approx(2.0 * (one[far] - one[1]))
         assert other[2 - far] == pytest.approx(one[2 - far])

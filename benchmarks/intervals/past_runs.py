@@ -21,6 +21,7 @@ import numpy as np
 
 import thermofast as tf
 from benchmarks.intervals.imperfect import score
+from thermofast.models.noise.spikes import logger_step
 
 LAB = Path(__file__).parents[3] / "shared" / "cases" / "lab"
 TIMES = (12.0, 30.0, 45.0, 90.0)
@@ -71,16 +72,18 @@ def logged(seed: int, simulator: str) -> Told:
         good = np.isfinite(record.reading).all(axis=0)
         time, rate = record.time[good], 1.0 / 60.0
         # A room on top of the simulator's own, which every point follows through its lag.
-        more = 0.4 * (np.sin(2.0 * np.pi * time / 900.0 + k) - np.sin(k))
+        swing = 0.4 * (np.sin(2.0 * np.pi * time / 900.0 + k) - np.sin(k))
         step = np.diff(time, prepend=time[0])
         late = np.zeros(len(time))
         for i in range(1, len(time)):
-            late[i] = late[i - 1] + (more[i] - late[i - 1]) * -np.expm1(-rate * step[i])
-        columns = {f"T{i}": line + late for i, line in enumerate(record.reading[:, good])}
-        room = record.room[good] + more + 0.02 * rng.standard_normal(len(time))
+            late[i] = late[i - 1] + (swing[i] - late[i - 1]) * -np.expm1(-rate * step[i])
+        steps = [logger_step(line) for line in record.reading[:, good]]  # what is added is rounded as the readings are
+        added = [late if step == 0.0 else np.round(late / step) * step for step in steps]
+        columns = {f"T{i}": line + more for i, (line, more) in enumerate(zip(record.reading[:, good], added, strict=True))}
+        room = record.room[good] + swing + 0.02 * rng.standard_normal(len(time))
         runs.append(tf.read({"time_min": time, "ambient": room} | columns, name=f"run {k}"))
         if k == 0:
-            limits = {f"T{i}": (time, line[good] + more) for i, line in enumerate(record.limit)}
+            limits = {f"T{i}": (time, line[good] + swing) for i, line in enumerate(record.limit)}
     found: Told = defaultdict(list)
     for count in COUNTS:
         some = runs[1 : 1 + count]

@@ -39,7 +39,7 @@ BLOCKS = 24
 SCALES = np.geomspace(0.08, 4.0, 12)
 ROUNDS, ROUNDS_NEAR = 4, 2
 #: The rate of a shape is that of the fits within so much of its logarithm: a point far from the heat has hardly one of its own.
-FROM_FIT = 0.7
+FROM_FIT = 0.3
 #: Times what the law has alone of a rise that it may have beside modes, or its reciprocal.
 MOST_RISE = 3.0
 #: What modes leave of the rise after the longest run, relative to it, beside what the law leaves: mean and deviation, which that
