@@ -1,4 +1,4 @@
-"""Outliers: those that leave their two neighbours on one side and come straight back; the noise of a record, and its logger's step."""
+"""Outliers: those that leave their two neighbours on one side and come straight back; a record's noise and its logger's step."""
 
 import math
 from typing import Any
