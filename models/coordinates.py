@@ -74,14 +74,17 @@ class SearchSpace:
         own, all_ = self.columns.own[:, sensor], self.columns.shared[:, sensor]
         return curve, np.einsum("rm,mrn->rn", local[:, self.kl :], own) + np.einsum("k,krn->rn", shared[self.ks :], all_)
 
-    def slopes(self, local: Array, shared: Array, sensor: Any, curve: Array) -> tuple[Array, Array]:
-        """Derivatives by all local (a, R, N) and by all shared (b, R, N) coordinates, where the model is `curve` (R, N)."""
+    def slopes(self, local: Array, shared: Array, sensor: Any, curve: Array, by_shared: bool = True) -> tuple[Array, Array]:
+        """Derivatives by all local (a, R, N) and by all shared (b, R, N) coordinates, where the model is `curve` (R, N).
+
+        Without `by_shared` those by parameters of the model that sensors share are not worked out, but 0.
+        """
         common = np.broadcast_to(shared[: self.ks], (len(local), self.ks))
-        _, by_local, by_shared = self.model.with_jacobian(local[:, : self.kl], common, sensor, curve)
+        _, of_own, of_all = self.model.with_jacobian(local[:, : self.kl], common, sensor, curve, by_shared)
         if not len(self.columns.own) and not len(self.columns.shared):
-            return by_local, by_shared
+            return of_own, of_all
         own, all_ = self.columns.own[:, sensor], self.columns.shared[:, sensor]
-        return np.concatenate([by_local, own]), np.concatenate([by_shared, all_])
+        return np.concatenate([of_own, own]), np.concatenate([of_all, all_])
 
 
 def _beside(precision: Array, more: int) -> Array:

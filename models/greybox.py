@@ -164,8 +164,13 @@ class Model:
         null = parameter.null * (self.run.span if parameter.share else 1.0)
         return np.where(part.concerns(self.run.sensors)[sensor][:, None], values, null)
 
-    def with_jacobian(self, local: Array, shared: Array, sensor: Any, curve: Array | None = None) -> tuple[Array, Array, Array]:
-        """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters); `curve` where it is known."""
+    def with_jacobian(
+        self, local: Array, shared: Array, sensor: Any, curve: Array | None = None, by_shared: bool = True
+    ) -> tuple[Array, Array, Array]:
+        """(model (R, N), its derivatives by local (kl, R, N) and by shared (ks, R, N) parameters); `curve` where it is known.
+
+        What is not searched in a sensor has no derivative there: it is 0. Without `by_shared` the second ones are 0 too.
+        """
         rows, kl, ks = len(sensor), len(self.local), len(self.shared)
         step_l = self._steps(local, self.low_local, self.high_local, self.log_local)
         step_s = self._steps(shared, self.low_shared, self.high_shared, self.log_shared)
@@ -177,14 +182,19 @@ class Model:
             many_l[:, first + j, j] += step_l[:, j]
         for j in range(ks):
             many_s[:, first + kl + j, j] += step_s[:, j]
-        several = rows * (first + kl + ks)
-        curves = self.forward(many_l.reshape(several, kl), many_s.reshape(several, ks), np.repeat(sensor, first + kl + ks))
-        curves = curves.reshape(rows, first + kl + ks, -1).swapaxes(0, 1)
-        curve = curves[0] if curve is None else curve
-        by = curves[first:] - curve
-        by[:kl] /= step_l.T[:, :, None]
-        by[kl:] /= step_s.T[:, :, None]
-        return curve, by[:kl], by[kl:]
+        wanted = np.ones((rows, first + kl + ks), dtype=bool)
+        wanted[:, first : first + kl] = self.active[sensor]
+        wanted[:, first + kl :] = by_shared
+        found = self.forward(many_l[wanted], many_s[wanted], np.repeat(sensor, wanted.sum(axis=1)))
+        row, at = np.nonzero(wanted)
+        by = np.zeros((first + kl + ks, rows, found.shape[1]))
+        if curve is None:
+            curve = found[at == 0]
+        moved = at >= first
+        row, at, found = row[moved], at[moved], found[moved]
+        steps = np.concatenate([step_l, step_s], axis=1)[row, at - first]
+        by[at, row] = (found - curve[row]) / steps[:, None]
+        return curve, by[first : first + kl], by[first + kl :]
 
     @staticmethod
     def _steps(values: Array, low: Array, high: Array, log: NDArray[np.bool_]) -> Array:

@@ -369,17 +369,17 @@ def search(
     dl, ds = (np.empty((k, *curve.shape)) for k in (local.shape[1], len(shared)))
     stale = np.ones(rows, dtype=bool)
 
-    def differentiate(who: NDArray[np.int_]) -> bool:
+    def differentiate(who: NDArray[np.int_], by_shared: bool = True) -> bool:
         if len(who):
             with np.errstate(all="ignore"):
-                dl[:, who], ds[:, who] = whole.slopes(local[who], shared, sensor[who], curve[who])
+                dl[:, who], ds[:, who] = whole.slopes(local[who], shared, sensor[who], curve[who], by_shared)
             stale[who] = False
         return len(who) > 0
 
     local, damping, live, converged = local.copy(), np.full(rows, 1e-3), np.ones(rows, dtype=bool), False
     for _ in range(most):
         here, may_move = local[on], active[on]
-        if differentiate(on[stale[on]]) or not together:
+        if differentiate(on[stale[on]], not hold_shared) or not together:
             slopes = finite_slopes(dl[:, on]), finite_slopes(ds[:, on])
             parts = assemble(*slopes, residual[on], weight[on], may_move, prior, here, shared)
         blocks, border, corner, right, right_shared = parts
@@ -413,7 +413,7 @@ def search(
         if not together and prior is None:
             on = np.flatnonzero(live)
     everyone = np.arange(rows)
-    differentiate(everyone[stale])
+    differentiate(everyone[stale | (hold_shared and len(shared) > 0)])
     for _ in range(polish):
         parts = assemble(dl, ds, residual, weight, active, prior, local, shared)
         still, none = ~active, np.zeros(len(shared), dtype=bool)

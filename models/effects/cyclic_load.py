@@ -81,12 +81,13 @@ class CyclicLoad(Effect):
         length = np.maximum(np.diff(run.time, prepend=run.time[0] - run.step), 1e-12)
         # All sensors share the wave: it is worked out once for each set of values, not for each row.
         values = np.concatenate([np.broadcast_to(v, p.depth.shape) for v in (p.period, p.phase, p.duty)], axis=1)
-        own, row = np.unique(values, axis=0, return_inverse=True)
-        period, phase, duty = own.T[:, :, None]
+        places: dict[tuple[float, ...], int] = {}
+        row = [places.setdefault(tuple(v), len(places)) for v in values.tolist()]
+        period, phase, duty = np.array(list(places)).T[:, :, None]
         edges = np.concatenate([run.time[:1] - run.step, run.time]) / period - phase
         area: Array = -np.cos(2 * np.pi * edges) / (2 * np.pi) if p.wave == "sine" else _square_area(edges, duty)
         whole = np.diff(area, axis=1) * (period / length)
-        drive.heat = heated(drive, p.depth * whole[row.reshape(-1)], p)
+        drive.heat = heated(drive, p.depth * whole[row], p)
 
 
 def _square_area(x: Array, duty: Any) -> Array:

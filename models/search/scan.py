@@ -50,7 +50,9 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     n = run.sensors
     root = np.sqrt(run.weight / (fit.noise if noise is None else noise)[:, None] ** 2)
     seen = np.flatnonzero(run.used.any(axis=0))
-    residual = (fit.residual * root)[:, seen]
+    residual = fit.residual * root
+    # Readings beside the directions in which the fit can move, each weighted once more, for curves that are not weighted themselves.
+    beside = [_beside(fit.directions[i], residual[i, seen]) * root[i, seen, None] for i in range(n)]
     per = max(2, CHUNK // (n * len(run.time)) // 2 * 2)
     along, size = np.empty((len(points), n)), np.empty((len(points), n))
     rate, rise = fit.values[RATE], fit.values[LEVEL] - fit.model.sink_guess
@@ -60,15 +62,19 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
         change = _changes(model, *middle, at, some) if known is None else None
         for i in range(n):
             if known is not None:
-                h = (known[i % len(known)] * root[i])[:, seen]
+                h = known[i % len(known)]
             else:
                 assert change is not None
-                h = np.nan_to_num(((change[:, i] - fit.curve[i]) * (root[i] / nudge))[:, seen])
-            h[~(np.abs(h).max(axis=1) < WILD)] = 0.0
-            whole = (h * h).sum(axis=1)
-            h = h - (h @ fit.directions[i]) @ fit.directions[i].T
-            along[first : first + len(some), i] = h @ residual[i]
-            own = (h * h).sum(axis=1)
+                h = (change[:, i] - fit.curve[i]) / nudge
+            h = h if len(seen) == h.shape[1] else h[:, seen]
+            with np.errstate(all="ignore"):
+                whole = (h * h) @ root[i, seen] ** 2
+            if not whole.max(initial=0.0) < WILD:
+                h = np.where((whole < WILD)[:, None], h, 0.0)
+                whole = (h * h) @ root[i, seen] ** 2
+            onto = h @ beside[i]
+            along[first : first + len(some), i] = onto[:, -1]
+            own = whole - (onto[:, :-1] ** 2).sum(axis=1)
             # What the fit imitates to the last digits is no direction of its own.
             size[first : first + len(some), i] = np.where(own > 1e-9 * whole, own, 0.0)
     low, high = (b - main.null for b in main.bounds(run))
@@ -77,7 +83,15 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
         together = np.clip(np.nan_to_num(along.sum(axis=1) / size.sum(axis=1)), 0.9 * low, 0.9 * high)
     gain = np.maximum(2.0 * amplitude * along - amplitude**2 * size, 0.0)
     shared_gain = np.maximum(2.0 * together * along.sum(axis=1) - together**2 * size.sum(axis=1), 0.0)
-    return Scan(points, amplitude + main.null, gain, together + main.null, shared_gain, size, (residual**2).sum(axis=1), fit)
+    return Scan(
+        points, amplitude + main.null, gain, together + main.null, shared_gain, size, (residual[:, seen] ** 2).sum(axis=1), fit
+    )
+
+
+def _beside(directions: Array, residual: Array) -> Array:
+    """Orthonormal directions (n, m), and the residual (n,) without what lies in them: (n, m + 1)."""
+    left = residual - directions @ (directions.T @ residual)
+    return np.column_stack([directions, left])
 
 
 def _changes(model: Model, local: Array, shared: Array, at: int, some: list[dict[str, float]]) -> Array:
