@@ -10,7 +10,9 @@ from simulator import held_response
 
 import thermofast as tf
 from benchmarks.analysis.unknown_heat import power_trial, powered, trial
-from thermofast.models.uncertainty.unknown_heat import POWERS, Lump, followed_column, shapes_of, smooth_heat
+from thermofast.analysis.unknown_heat import possible_rates, probed, told_heat
+from thermofast.models.uncertainty.lump_heat import Lump, following_rate, smooth_heat
+from thermofast.models.uncertainty.unknown_heat import POWERS, followed_column, shapes_of
 
 
 def written(path, speed="speed", seed=3, second=0.0):
@@ -64,6 +66,53 @@ def test_the_band_holds_the_heat_and_only_a_column_that_it_follows_is_claimed(ki
     assert np.mean([held for held, _ in told]) >= 0.9
     said = [w for _, w in told]
     assert said.count("right") >= 5 if kind == "column" else said.count("") >= 5
+
+
+def test_a_model_of_another_run_tells_the_rate_that_a_moving_heat_would_bend():
+    """A heat that doubles looks like a machine four times as slow; the rate of a run at constant heat is the machine's."""
+    time = np.linspace(0.0, 400.0, 401)
+    heat = 0.3 * (1.0 + np.clip((time - 150.0) / 100.0, 0.0, 1.0))
+    rng = np.random.default_rng(5)
+
+    def run(acting):
+        rise = solve_ivp(lambda t, y: np.interp(t, time, acting) - 0.025 * y, (0.0, 400.0), [0.0], t_eval=time, max_step=1.0).y[0]
+        return {"time_min": time, "T1": 20.0 + rise + rng.normal(0.0, 0.02, 401), "ambient": np.full(401, 20.0)}
+
+    model = tf.improve([run(np.full(401, 0.3))]).model
+    told = tf.compare(run(heat), model=model, unknown_heat=True)[0].unknown_heat
+    at, low, high = (np.array([row[n] for row in told]) for n in ("time_min", "lo_k_per_min", "hi_k_per_min"))
+    true = np.interp(at, time, heat)
+    assert np.mean((low <= true) & (true <= high)) > 0.9
+    assert np.median(high - low) < 0.2 * heat.mean()
+
+
+def test_the_lag_of_a_probe_is_no_heat_and_no_other_rate():
+    """Speed squared in steps, read by a probe that is 0.9 min late: by scipy's solver, at two readings a minute."""
+    time = np.linspace(0.0, 300.0, 601)
+    column = np.array([0.4, 1.0, 0.6, 0.9, 0.5])[np.minimum((time // 60.0).astype(int), 4)]
+
+    def law(t, y):
+        return [0.4 * np.interp(t, time, column) ** 2 - 0.03 * y[0], (y[0] - y[1]) / 0.9]
+
+    read = solve_ivp(law, (0.0, 300.0), [0.0, 0.0], t_eval=time, max_step=0.25, rtol=1e-8, atol=1e-9).y[1]
+    lump = Lump(time, 20.0 + read + np.random.default_rng(2).normal(0.0, 0.02, 601), np.full(601, 0.02), np.full(601, 20.0))
+    (late,), follows = probed([lump], [possible_rates(lump)], {"speed": column}, time)
+    # About a step a lag of less than a minute is a delay as well.
+    assert late.lag + follows[0].delay_min == pytest.approx(0.9, abs=0.25)
+    assert (follows[0].column, follows[0].power) == ("speed", 2.0)
+    told = told_heat(late, 0, follows, time)
+    assert told.rate == pytest.approx(0.03, rel=0.03)
+    true = np.interp(told.time, time, 0.4 * column**2)
+    assert np.mean(np.abs(told.heat - true) <= 1.96 * told.deviation) > 0.9
+
+
+def test_a_rate_that_nothing_tells_is_told_with_its_whole_spread():
+    """Readings that are all noise: every rate within the widest look is as likely, and the spread is not that of the first look."""
+    time = np.linspace(0.0, 200.0, 101)
+    reading = 20.0 + np.random.default_rng(3).normal(0.0, 0.05, 101)
+    lump = Lump(time, reading, np.full(101, 0.05), np.full(101, 20.0))
+    shape = np.sin(time / 20.0)[None]
+    assert following_rate(lump, 0.03, 0.02, shape, time)[1] > 0.2
 
 
 def test_compare_tells_the_heat_and_the_column_that_it_follows(tmp_path):

@@ -152,8 +152,8 @@ def _rosenbrock(k: int, dt: float, T: Array, parts: tuple[Array, ...], moves: An
     """One interval by an exponential rule of fourth order: what is linear where a piece begins, however fast, is exact.
 
     T' = f(t, T) = J (T - T0) + v (t - t0) + f0 + the rest, that J and v leave: with the phi functions of J h and its value at
-    3/4 of the piece. V. T. Luan, "Fourth-order two-stage explicit exponential integrators for time-dependent PDEs", Applied Numerical
-    Mathematics 112 (2017) 91.
+    3/4 of the piece. V. T. Luan, "Fourth-order two-stage explicit exponential integrators for time-dependent PDEs", Applied
+    Numerical Mathematics 112 (2017) 91.
     """
     rate, loss, exponent, _, _, links, sink, linked, _ = parts
     ds, dq = (sink[:, k] - sink[:, k - 1]) / dt, (linked[:, k] - linked[:, k - 1]) / dt

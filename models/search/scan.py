@@ -51,7 +51,7 @@ def scan(fit: Fit, effect: Effect, choice: Choice, noise: Array | None = None) -
     root = np.sqrt(run.weight / (fit.noise if noise is None else noise)[:, None] ** 2)
     seen = np.flatnonzero(run.used.any(axis=0))
     residual = fit.residual * root
-    # Readings beside the directions in which the fit can move, each weighted once more, for curves that are not weighted themselves.
+    # What curves are compared with, weighted once more: the curves themselves are not.
     beside = [_beside(fit.directions[i], residual[i, seen]) * root[i, seen, None] for i in range(n)]
     per = max(2, CHUNK // (n * len(run.time)) // 2 * 2)
     along, size = np.empty((len(points), n)), np.empty((len(points), n))

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from ..core.kernel import Array
-from .unknown_heat import KNOTS, NODES, SHARES, TEST_BENDS, TEST_KNOTS, TEST_WALKS, Lump, between_readings, moments, posteriors
+from .lump_heat import KNOTS, NODES, SHARES, TEST_BENDS, TEST_KNOTS, TEST_WALKS, Lump, posteriors
+from .unknown_heat import between_readings, moments
 
 #: Deviations from nothing of 60 / C from which watts are told.
 DETERMINED = 4.0

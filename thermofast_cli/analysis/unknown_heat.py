@@ -9,18 +9,10 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.core.kernel import Array
 from thermofast.models.greybox import RATE, Model
-from thermofast.models.joint import Fit
+from thermofast.models.joint import Fit, at_rates
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts, heat_in_watts
-from thermofast.models.uncertainty.unknown_heat import (
-    Follows,
-    Lump,
-    UnknownHeat,
-    claims,
-    following_rate,
-    moments,
-    simplest_rate,
-    smooth_heat,
-)
+from thermofast.models.uncertainty.lump_heat import Lump, UnknownHeat, following_rate, simplest_rate, smooth_heat
+from thermofast.models.uncertainty.unknown_heat import NEARLY, RULES, Follows, claims, moments, with_lag
 
 from ..errors import rounded
 from .power import Constants, most_watts
@@ -30,6 +22,9 @@ if TYPE_CHECKING:
 
 #: The logarithm of a rate is known no better than this, and a worse one is told as this.
 LEAST_DEVIATION, MOST_DEVIATION = 0.03, 0.7
+#: Nor is that of a rate at which heat follows a column: a load that flutters by a per cent, a probe's lag that stands beside an
+#: unknown instant of a step.
+LEAST_FOLLOWING = 0.02
 FEWEST_READINGS = 24
 #: Rates that a column may come with where no other run tells them, times the length of the record.
 POSSIBLE = np.geomspace(0.5, 40.0, 19)
@@ -64,7 +59,7 @@ def needed_of(task: "LoopTask", fit: Fit, whole: Observations) -> NeededHeat:
 
 
 def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns: dict[str, Any], power: Any = None) -> NeededHeat:
-    """Heat that each sensor of a run needs at the rates of a fit; those of `learnt` sensors come from other runs, not this record.
+    """Heat that each sensor of a run needs at the rates of a fit, of `learnt` sensors at those that other runs told.
 
     columns are logged columns (N,) of the run that the heat might follow, by name; power (N,) [W] is the logged part
     of the heat.
@@ -72,7 +67,9 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     moved = any(part.effect.follows_ambient for part in fit.model.parts)
     sink: Any = fit.model.sink_guess if moved or not whole.ambient else next(iter(whole.ambient.values()))
     base = Model(whole, ())
-    rates, errors = fit.values[RATE], fit.deviations[RATE]
+    rates, errors = _rates(fit, [c in learnt for c in whole.channels])
+    if learnt:  # this record's own fit bends its rates by the very heat that is looked for
+        fit = at_rates(fit, rates)
     local = np.stack([fit.local[:, fit.model.column(c.key)] for c in base.local], axis=1)
     shared = np.full((whole.sensors, len(base.shared)), fit.model.sink_guess)
     effects = fit.curve - base.forward(local, shared, np.arange(whole.sensors)) if fit.model.parts else np.zeros_like(fit.curve)
@@ -89,7 +86,9 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     may = {i: possible_rates(lump) if own[i] else [float(rates[i])] for i, lump in known.items()}
     # Between the times of the file a column is drawn in straight lines, which is for the claim to judge.
     told = whole.logged if whole.logged is not None else np.ones(len(whole.time), dtype=bool)
-    follows = claims(list(known.values()), list(may.values()), {n: c[told] for n, c in columns.items()}, whole.time[told])
+    logged = {n: c[told] for n, c in columns.items()}
+    late, follows = probed(list(known.values()), list(may.values()), logged, whole.time[told])
+    known = dict(zip(known, late, strict=True))
     heats: list[UnknownHeat | None] = [None] * whole.sensors
     watts: list[HeatInWatts | None] = [None] * whole.sensors
     for place, (i, lump) in enumerate(known.items()):
@@ -105,23 +104,39 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     return NeededHeat(tuple(heats), tuple(follows), any(own), tuple(watts))
 
 
+def _rates(fit: Fit, learnt: Sequence[bool]) -> tuple[Array, Array]:
+    """Rates (S,) [1/min] and the deviations of their logarithms: where they are learnt those that the fit began with."""
+    rates, errors = fit.values[RATE].copy(), fit.deviations[RATE].copy()
+    at, prior = fit.model.column(RATE), fit.prior
+    for i in np.flatnonzero(learnt).tolist():
+        if prior is not None and prior.local_precision[i, at, at] > 0.0:
+            told = np.flatnonzero(np.diagonal(prior.local_precision[i]) > 0.0)
+            covariance = np.linalg.inv(prior.local_precision[i][np.ix_(told, told)])
+            rates[i] = np.exp(prior.local[i, at])
+            errors[i] = np.sqrt(covariance[told == at, told == at][0])
+    return rates, errors
+
+
+def probed(lumps: list[Lump], rates: list[list[float]], columns: dict[str, Any], time: Array) -> tuple[list[Lump], list[Follows]]:
+    """Lumps with the lags of their probes, and the columns (N,) logged at `time` that their heats follow at some of `rates`."""
+    follows = claims(lumps, rates, columns, time)
+    late = [with_lag(lump, may, follows, k, time) for k, (lump, may) in enumerate(zip(lumps, rates, strict=True))]
+    return late, claims(late, rates, columns, time) if any(lump.lag > 0.0 for lump in late) else follows
+
+
 def possible_rates(lump: Lump) -> list[float]:
     """Rates [1/min] that a record of this length may show."""
     return (POSSIBLE / float(lump.time[-1] - lump.time[0])).tolist()  # type: ignore[no-any-return]
 
 
-#: A rate at which the heat follows a column is known to such a factor before it is told, in logarithms.
-NEARLY = 0.02
-
-
 def told_heat(lump: Lump, place: int, follows: Sequence[Follows], time: Array, sink_deviation: float = 0.0) -> UnknownHeat:
     """The heat that a record alone tells: at the rate at which it follows columns, logged at `time`, or at which it is simplest."""
-    if not follows:
+    if not follows or follows[-1].correlation < RULES.sharp:
         rate, unsure = simplest_rate(lump, possible_rates(lump))
         return smooth_heat(lump, rate, min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION), sink_deviation)
     shapes, grid = np.array([f.shape for f in follows]), moments(time)
     rate, unsure = following_rate(lump, follows[-1].rates[place], NEARLY, shapes, grid)
-    return smooth_heat(lump, rate, unsure, sink_deviation, shapes, grid)
+    return smooth_heat(lump, rate, max(unsure, LEAST_FOLLOWING), sink_deviation, shapes, grid)
 
 
 #: What a reader of a heat must know where the rate comes from the same record.

@@ -16,7 +16,7 @@ from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import rounded_residual, sensor_p_values, widening
 from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts
-from thermofast.models.uncertainty.unknown_heat import UnknownHeat
+from thermofast.models.uncertainty.lump_heat import UnknownHeat
 
 from ..analysis.denoise import Denoised, denoised
 from ..analysis.power import Constants, most_watts, thermal_constants
