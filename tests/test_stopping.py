@@ -325,6 +325,36 @@ def test_a_rule_is_foretold_with_the_power_held_and_not_beside_other_paces():
             tf.identify(run, until=90, **{name: value})
 
 
+def test_a_rule_changes_nothing_of_a_row_but_when_it_holds():
+    """A load that is turned down after the readings used: the log goes on, and the temperature then follows it."""
+    time = np.arange(0.0, 301.0)
+    load = np.where(time < 40.0, 60.0, np.where(time < 140.0, 100.0, 40.0))
+    rise = lfilter([1.0 / 30.0], [1.0, -(1.0 - 1.0 / 30.0)], 12.0 * load / 100.0)
+    table = {"time_min": time, "T1": 20.0 + rise + np.random.default_rng(3).normal(0.0, 0.02, 301), "load": load}
+    plain = tf.identify(table, until=120, drive="load", at=280)[0]
+    ruled = tf.identify(table, until=120, drive="load", at=280, criterion="2K/h")[0]
+    same = [
+        n
+        for n in vars(plain)
+        if n not in ("criterion", "message", "three_point_c") and not n.startswith(("trip_", "missing_", "reckoned"))
+    ]
+    assert [getattr(ruled, n) for n in same] == [getattr(plain, n) for n in same]
+    assert plain.at_c == pytest.approx(20.0 + rise[280], abs=0.3)
+    # The rule is foretold with the load as it is: the temperature goes on to 32 degC.
+    alone = tf.identify({n: c[:121] for n, c in table.items()}, drive="load", criterion="2K/h")[0]
+    assert ruled.trip_min == pytest.approx(alone.trip_min, rel=0.01)
+    assert 0.0 < ruled.missing_k < 2.0
+
+
+def test_readings_that_begin_after_the_time_asked_for_are_too_few_for_a_drive(tool, tmp_path):
+    time = np.arange(0.0, 301.0)
+    rows = [f"{t:g},{20.0 + 8.0 * -math.expm1(-t / 30.0):.3f},{50 if t < 60 else 100}" for t in time]
+    (tmp_path / "run.csv").write_text("\n".join(["time_min,T1 [degC],load", *rows]) + "\n")
+    done = tool("identify", tmp_path / "run.csv", "--until", "110", "--switch-off-at", "200", "--drive", "load")
+    assert "too_short" in done.out
+    assert "0 readings in the first 110 min" in done.out
+
+
 def lagged(time, taus, rise):
     """A rise through masses in a row, by scipy's filter on a grid ten times as fine."""
     fine = np.arange(0.0, time[-1] + 0.1, 0.1)

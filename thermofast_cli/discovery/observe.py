@@ -204,6 +204,8 @@ def _driven(whole: Observations, drive: str, until_min: float | None) -> Observa
     Else, where the column jumps, the readings about the largest jumps decide: farther away the effects that a fit lacks would.
     """
     endings, seen = (0.5, 0.0, 1.0), whole.until(until_min)
+    if int(seen.used.sum(axis=1).min()) < FEWEST_READINGS:
+        return whole.driven_by(drive, endings[0])  # too little is read to tell, or to judge anything
     ways = [seen.driven_by(drive, ending) for ending in endings]
     fits = [fit_model(way) for way in ways]
     column = seen.inputs[drive]

@@ -217,8 +217,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     last = end if first.until_min is None else min(first.until_min, end)
     times = times_asked(last, end, at_min, drawn, bool(method.past and method.past.rises))
     given = method.imperfection, method.rates
-    criterion = None if first.rule is None else first.rule.criterion
-    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past, criterion)
+    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past, first.rule)
     for i, one in zip(live, found_all, strict=True):
         claimed[i] = one
     return claimed

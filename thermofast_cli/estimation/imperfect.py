@@ -18,7 +18,7 @@ from thermofast.models.uncertainty.companions import faster, moved_since
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
-from ..standards.stopping import DRAWS, asked_ahead, foretold_trips, hides
+from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
 from .estimate import Estimates
 from .rules import RULES
 from .sensor import Sensors
@@ -133,13 +133,18 @@ def claims(
     rates: Rates,
     name: Callable[[int], str],
     past: Past | None = None,
-    criterion: Criterion | None = None,
+    rule: Rule | None = None,
 ) -> list[Claims]:
     """Of all blocks of a task, by groups of its run's columns; temperatures as :func:`times_asked`; `name` names a column.
 
-    past: what complete runs of this machine say of its sensors, by name; let go where the readings contradict it. criterion: a
+    past: what complete runs of this machine say of its sensors, by name; let go where the readings contradict it. rule: a
     stopping rule, to be foretold too.
     """
+    criterion = None if rule is None else rule.criterion
+    if rule is not None and rule.held is not None:
+        held = claims(closed, asked, prior, rates, name, rule.held, Rule(rule.criterion))
+        whole = claims(closed, asked, prior, rates, name, past)
+        return [replace(one, trips=h.trips, missing=h.missing, hidden=h.hidden) for one, h in zip(whole, held, strict=True)]
     empty = [_empty(c, *asked, prior) for c in closed]
     together = together_of(rates)
     groups = sorted({int(row) // together for c in closed for row in c.sensors.rows})

@@ -5,6 +5,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
@@ -16,7 +18,7 @@ from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_t
 from ..machine.jumps import uncounted
 from ..output.columns import Records
 from ..reading.names import named_as
-from ..reading.run import ends_before, said_short, stretch
+from ..reading.run import Run, ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping
 from ..standards.stopping import Rule, with_last, with_limit
@@ -119,22 +121,23 @@ def identify_runs(
     if switch_off_min is not None:
         started = [(run, after_switch_off(run, start, switch_off_min)) for run, start in started]
     told: dict[str, Knowledge] = {}
+    held: dict[str, Knowledge] = {}
     if beyond:
-        from ..machine.past import knowledge, knowledge_lost
-        from .loop import loop_tasks
-
-        silent = replace(how, advance=lambda _steps: None)
-        # A rule is foretold with what is logged held as it is, not as it was to be later.
-        held = [(stretch(run, None, until_min) if criterion is not None else run, start) for run, start in started]
-        tasks = loop_tasks(held, until_min=until_min, model=model, drive=drive, auto=auto)
-        by_run, stopped = over_runs(knowledge, tasks, knowledge_lost, silent)
+        asked = until_min, model, drive, auto, how
+        by_run, stopped = _known(started, *asked)
+        told = {one.run: one for one in by_run}
+        if criterion is not None and not stopped:
+            # A rule is foretold with what is logged held as it is, not as it was to be later.
+            later = [(stretch(run, None, until_min), start) for run, start in started if _goes_on(told[run.name], run, until_min)]
+            by_run, stopped = _known(later, *asked) if later else ([], False)
+            held = {one.run: one for one in by_run}
         if stopped:
             return Identification((), tuple(run for run, _ in started), True)
-        told = {one.run: one for one in by_run}
     failed = [one for one in told.values() if one.failed]
     able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
 
     rules = {run.name: Rule.of(criterion, run, start, until_min) for run, start in able} if criterion is not None else {}
+    rules |= {name: replace(rules[name], held=one.past) for name, one in held.items() if name in rules}
     changed = {run.name: uncounted(run, start, until_min, drive) for run, start in able} if not model else {}
 
     def make(
@@ -196,6 +199,26 @@ def identify_runs(
         tuple(curves for _, curves in whole.details if curves is not None),
         tuple(trace for trace, _ in whole.details),
     )
+
+
+def _known(
+    started: Sequence[Started], until_min: float | None, model: "Model | None", drive: str | None, auto: bool, how: Work
+) -> tuple[list["Knowledge"], bool]:
+    """What is known of each run's machine beforehand, and whether the work was broken off."""
+    from ..machine.past import knowledge, knowledge_lost
+    from .loop import loop_tasks
+
+    tasks = loop_tasks(started, until_min=until_min, model=model, drive=drive, auto=auto)
+    return over_runs(knowledge, tasks, knowledge_lost, replace(how, advance=lambda _steps: None))
+
+
+def _goes_on(known: "Knowledge", run: Run, until_min: float | None) -> bool:
+    """Whether what is known of a run counts something logged that moves after the time up to which the run is read."""
+    if until_min is None or known.past is None or not known.past.rises:
+        return False
+    since = int(np.searchsorted(run.time_s / 60.0, until_min * (1.0 + 1e-12) + 1e-9)) - 1
+    ahead = [c[since:][np.isfinite(c[since:])] for c in (*run.inputs.values(), *run.ambient.values())]
+    return any(len(c) > 1 and float(np.ptp(c)) > 0.0 for c in ahead)
 
 
 def _with_doubt(

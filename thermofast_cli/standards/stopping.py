@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import bridged, spike_weights, t_quantile, third_difference_noise
 from thermofast.models.core.tails import f_tail
-from thermofast.models.imperfection import Drawn
+from thermofast.models.imperfection import Drawn, Past
 from thermofast.models.noise.spikes import logger_steps
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
@@ -58,10 +58,14 @@ class Trips:
 
 @dataclass(frozen=True)
 class Rule:
-    """A stopping rule as it is asked of one run; together_min [min of the run]: when all its sensors first kept to it, or None."""
+    """A stopping rule as it is asked of one run; together_min [min of the run]: when all its sensors first kept to it, or None.
+
+    held: what is known of the machine with all that is logged held as at the last reading used, where it goes on otherwise.
+    """
 
     criterion: Criterion
     together_min: float | None = None
+    held: Past | None = None
 
     @classmethod
     def of(cls, criterion: Criterion, run: Run, start: float, until_min: float | None) -> "Rule":

@@ -36,9 +36,11 @@ def after_switch_off(run: Run, start_min: float, at_min: float) -> float:
 
 def _rises(reading: np.ndarray) -> bool:
     """Whether readings (n,) [degC] as a whole rise by far more than their noise: their last tenth above the first."""
+    if len(reading) <= FEWEST:
+        return False
     some = max(len(reading) // 10, 1)
     gone = float(np.median(reading[-some:]) - np.median(reading[:some]))
-    return len(reading) > FEWEST and gone > RISES * third_difference_noise(reading)
+    return gone > RISES * third_difference_noise(reading)
 
 
 def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: float | None) -> IdentifyRecord:
