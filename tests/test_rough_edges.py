@@ -119,6 +119,20 @@ def test_reading_starts_no_threads_that_could_abort_a_refusal(kind, more, tmp_pa
     assert after <= before + more  # a thread of the import itself may already be there
 
 
+def test_a_library_call_takes_one_thread_for_a_product_and_leaves_the_callers_own():
+    """Small products on a busy machine took forty times as long by several threads; the caller's own go on as they were."""
+    code = """
+from threadpoolctl import threadpool_info
+import numpy, thermofast as tf, thermofast.judging as judging
+count = lambda: sorted({pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})
+from thermofast.given import checked
+print(count(), checked(lambda: count())(), count())
+"""
+    free = {n: v for n, v in os.environ.items() if not n.endswith("_NUM_THREADS")} | {"OPENBLAS_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=free)
+    assert done.stdout.split() == ["[2]", "[1]", "[2]"]
+
+
 # --- tables ---------------------------------------------------------------------------------------------------------------------------
 
 

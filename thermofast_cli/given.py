@@ -17,6 +17,7 @@ from .errors import ThermofastError, UsageError, nearest
 from .reading import Run, read_runs
 from .reading_options import SPOKEN, Options, options_from
 from .workers.engine import Started, Work, with_start
+from .workers.threads import one_thread
 
 if TYPE_CHECKING:
     from .machine.model import Model
@@ -134,7 +135,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                     raise UsageError(f"{name}: not understood", found=repr(value)[:60], allowed=allowed)
                 bound.arguments[name] = used
         try:
-            return function(*bound.args, **bound.kwargs)
+            with one_thread():
+                return function(*bound.args, **bound.kwargs)
         except ThermofastError as error:
             raise _as_called(error, {n: p.default for n, p in signature.parameters.items()}) from None
 

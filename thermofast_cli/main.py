@@ -1,6 +1,5 @@
 """The command group. Commands are imported when they are called, so that ``--help`` is quick."""
 
-import os
 import signal
 import sys
 from contextlib import suppress
@@ -14,10 +13,9 @@ from .errors import ThermofastError, nearest, visible
 from .output.pipe import Kept, with_streams
 from .output.whole import written_together
 from .shell.made import ARGUMENTS
+from .workers.threads import set_before_loading
 
-# The matrices are small and the cores go to whole tasks: threads within one product would only wait for each other.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+set_before_loading()
 
 #: Commands by task, each with one line.
 TASKS = {

@@ -6,6 +6,9 @@ import signal
 import sys
 from types import TracebackType
 
+from .threads import set_before_loading
+
+set_before_loading()
 _usual = sys.excepthook
 
 
