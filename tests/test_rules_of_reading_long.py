@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import thermofast as tf
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import long
 from thermofast.reading.moments.times import Time
@@ -273,3 +274,16 @@ def test_readings_that_are_marked_as_bad_are_left_out():
         _wide(sensor=NAMES, value=["x"] * 20)
     with pytest.raises(UsageError, match="5001 sensors in sensor"):
         _wide(seconds=np.zeros(5001), sensor=[str(k) for k in range(5001)], value=np.zeros(5001))
+
+
+def test_rows_without_a_number_beside_what_tells_words_are_counted(tmp_path):
+    """`open` may be a word for no reading: that another word stood among a sensor's numbers is told, by how many rows."""
+    rows = []
+    for k in range(60):
+        rows.append(f"2024-05-01 10:{k:02d}:00,front,{'hot' if k == 30 else f'{20 + 0.05 * k:.2f}'}")
+        rows.append(f"2024-05-01 10:{k:02d}:00,door,{'open' if k % 3 else 'shut'}")
+    path = tmp_path / "run.csv"
+    path.write_text("time,sensor,value [degC]\n" + "\n".join(rows) + "\n")
+    notes = tf.read(path).notes
+    assert "what tells words left out: door" in notes
+    assert "1 rows of the others hold no number" in notes

@@ -5,6 +5,7 @@ from datetime import datetime
 import numpy as np
 import pytest
 
+import thermofast as tf
 from thermofast.errors import InputError, UsageError
 from thermofast.reading.moments import times
 from thermofast.reading.moments.times import find_time, is_time_name, unit_of
@@ -297,3 +298,12 @@ def test_a_clock_without_signs_is_told_as_a_guess():
         found = _found(**{name: numbers, "T": TEMPERATURE[:5]})
         assert found.seconds.tolist() == [0.0, 30.0, 60.0, 90.0, 120.0]
         assert found.guesses[0].text == f"{name!r} read as a clock without signs (080530 is 08:05:30)"
+
+
+def test_minutes_and_seconds_that_cannot_be_are_minutes_with_decimals(tmp_path):
+    """Under `min.sec` 0.75 is no minute and 75 seconds: read as minutes, and told as a guess."""
+    path = tmp_path / "run.csv"
+    path.write_text("Time [min.sec],T1 [degC]\n" + "".join(f"{0.75 * k:.2f},{20 + 0.01 * k:.2f}\n" for k in range(160)))
+    run = tf.read(path)
+    assert run.time_s[:3].tolist() == [0.0, 45.0, 90.0]
+    assert any("minutes, with decimals" in guess.text for guess in run.guesses)

@@ -216,12 +216,15 @@ def without_switches(table: Table) -> Table:
     rows = np.flatnonzero(keep).tolist()
     columns = {n: c[keep] if isinstance(c, np.ndarray) else [c[i] for i in rows] for n, c in table.columns.items()}
     others = dict.fromkeys(label for label, k in zip(labels[0], keep, strict=True) if not k)
+    # Some of the words may stand for no reading anywhere: what the rest of them were among the numbers nobody can tell.
+    empty = int((~np.isfinite(value[keep])).sum())
+    among = [f"{empty} rows of the others hold no number"] if empty and count else []
     return replace(
         table,
         columns=columns | {told[0]: value[keep]},
         lines=[table.lines[i] for i in rows],
         faults={n: f for n, f in table.faults.items() if n != told[0]},
-        notes=(*table.notes, f"what tells words left out: {listed(others, 6)}"),
+        notes=(*table.notes, f"what tells words left out: {listed(others, 6)}", *among),
     )
 
 

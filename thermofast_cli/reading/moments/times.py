@@ -370,6 +370,8 @@ def _counted(name: str, column: Array) -> Time | None:
         seconds, said, guessed = column * size * UNITS[unit], f"steps of {size:g} {unit}", size != 1.0
     elif _MINUTES_SECONDS.search(name) and (column - minutes < 0.5999).all():
         seconds, said, guessed = 60.0 * minutes + np.round(100.0 * (column - minutes), 3), "minutes and seconds", True
+    elif _MINUTES_SECONDS.search(name):  # 0.75 is no minute and 75 seconds
+        seconds, said, guessed = 60.0 * column, "minutes, with decimals", True
     else:
         return None
     guess = (Guess("time", f"{name!r} read in {said}", "--time-unit says otherwise"),) if guessed else ()
