@@ -473,3 +473,35 @@ def test_other_packages_and_folders_called_filters_and_models_do_not_matter(tmp_
     for command in (["filters"], ["identify", str(SPINDLE), "--channels", "T5", "-q"]):
         done = subprocess.run([*TOOL, *command], capture_output=True, text=True, env=environment, cwd=tmp_path, check=False)
         assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_key_of_a_hidden_effect_tells_where_the_readings_come_to(tool, tmp_path):
+    """The limit by its closed form: heat and bent loss are equal, and a load that stepped carries its rise with it."""
+
+    def key(effect):
+        assert (
+            tool("simulate", "--effects", effect, "--seed", "5", "-o", tmp_path / "a.csv", "--key", tmp_path / "a.json").code == 0
+        )
+        return json.loads((tmp_path / "a.json").read_text())
+
+    def numbers(found):
+        sensor = found["sensors"][0]
+        return sensor, sensor["lump"], found["effects"][0]["parameters"]
+
+    sensor, lump, told = numbers(key("nonlinear_loss"))
+    rise = lump["steady_state_c"] - sensor["initial_c"]
+    e = told["exponent"]
+    assert sensor["steady_state_c"] == pytest.approx(sensor["initial_c"] + (rise * 40.0**e) ** (1.0 / (1.0 + e)), abs=0.01)
+    sensor, lump, told = numbers(key("load_step"))
+    assert sensor["steady_state_c"] == pytest.approx(sensor["initial_c"] + rise * (1.0 + told["change"]), abs=0.02)
+    assert sensor["t95_min"] > lump["t95_min"] > 0.0
+    drifts = key("sensor_drift")["sensors"]
+    assert [s["steady_state_c"] is None for s in drifts].count(True) == 1
+
+
+def test_an_effect_of_heat_is_not_hidden_where_there_is_none(tool, tmp_path):
+    done = tool("simulate", "--cooling", "--effects", "load_step", "-o", tmp_path / "a.csv", "--key", tmp_path / "a.json")
+    assert done.code == 2
+    assert "effect 'load_step' changes nothing in this record" in done.err
+    assert "a machine that cools has no heat" in done.err
+    assert not (tmp_path / "a.csv").exists()

@@ -140,9 +140,35 @@ def drawn(count: int, seed: int) -> list[Mutant]:
     return [rng.choice(place) for place in rng.sample(every, count)]
 
 
+def once_loaded(file: str, line: int) -> Iterator[tuple[str, int]]:
+    """Where what stands outside functions acts, (file, line): within its function or class, and wherever its name is used.
+
+    A table, a default or a decorator is worked out when its module is loaded, under no test.
+    """
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    of_line = [n for n in ast.walk(tree) if isinstance(n, ast.stmt) and n.lineno <= line <= (n.end_lineno or n.lineno)]
+    headed = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.decorator_list]
+    of_line += [n for n in headed if n.decorator_list[0].lineno <= line < n.lineno]
+    names: set[str] = set()
+    for node in of_line:
+        if isinstance(node, ast.FunctionDef):
+            yield from ((file, at) for at in range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        elif isinstance(node, ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names |= {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
+    for path in (p for folder in MUTATED for p in (ROOT / folder).rglob("*.py")):
+        for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if (isinstance(n, ast.Name) and n.id in names) or (isinstance(n, ast.Attribute) and n.attr in names):
+                yield str(path.relative_to(ROOT)), n.lineno
+
+
 def chosen(suite: Suite, mutant: Mutant, most: float) -> list[str]:
     """The tests that pass the line, for so many seconds: those first that pass little besides, and are quick."""
     tests = suite.passing.get((mutant.file, mutant.line), set())
+    if not tests:
+        tests = set().union(*(suite.passing.get(place, set()) for place in set(once_loaded(mutant.file, mutant.line))))
     ordered = sorted(tests, key=lambda t: (suite.reach[t] * (0.05 + suite.seconds[t]), t))
     kept, total = [], 0.0
     for test in ordered:

@@ -73,7 +73,8 @@ def command(
 ) -> int:
     """Write a record of the base model, or one with hidden effects, with probe noise and a logger's step, and the truth behind it.
 
-    With --effects the sizes are drawn from the seed, and the key tells them.
+    With --effects the sizes are drawn from the seed, and the key tells them. Its steady_state_c and t95_min are then those of the
+    readings, all being as at the record's end; `lump` has those of the machine without the effects.
     """
     from ..errors import UsageError
     from ..output.files import check_target

@@ -17,6 +17,12 @@ from .simulation import Probe, Simulation, sampled
 
 Array = NDArray[np.float64]
 
+#: An effect that changes no reading by more is none [K].
+UNSEEN_K = 1e-6
+#: How far ahead is looked for where readings come to, in time constants of the slowest lump; by so many times; and by what share of
+#: the rise the last two fifths of that may differ where they have come to it.
+FAR, AHEAD, SETTLED = 60.0, 3000, 0.002
+
 #: The input of which effects may draw heat.
 COOLANT = "coolant_degC"
 
@@ -83,15 +89,63 @@ def simulate_hidden(
             truth["source"] = run.channels[int(np.asarray(source)[i])]
         drawn.append({"id": effect.id, "channels": who, "acts": choice.label, "parameters": truth})
 
+    curves = _read(run, parts, {**values, **named})
+    for k, effect in enumerate(effects):
+        others = [p for i, p in enumerate(parts) if i != k]
+        left = {Key(key.part - (key.part > k), key.name): v for key, v in named.items() if key.part != k}
+        if float(np.abs(curves - _read(run, others, {**values, **left})).max()) < UNSEEN_K:
+            raise UsageError(
+                f"effect {effect.id!r} changes nothing in this record",
+                found="a machine that cools has no heat" if (values[LEVEL] <= values[START]).all() else "",
+                do="leave it out, or simulate a machine that warms",
+            )
+    found = sampled(probes, curves, seconds, room, step, seed, drawn, duration_min, interval_s, ambient, run.inputs)
+    return replace(found, truth=found.truth | {"sensors": _settling(found.truth["sensors"], run, parts, {**values, **named})})
+
+
+def _read(run: Observations, parts: list[Part], values: dict[Key, Any]) -> Array:
+    """Noiseless readings (S, N) [degC] of a run, a sensor that warms another being as it is, not as it would be alone."""
+
     def beside(curves: Array) -> Array:
         model = Model(replace(run, reading=curves), parts)
-        local, shared = model.vector({**values, **named})
-        return model.forward(local, np.broadcast_to(shared, (n, len(shared))), np.arange(n))
+        local, shared = model.vector(values)
+        return model.forward(local, np.broadcast_to(shared, (run.sensors, len(shared))), np.arange(run.sensors))
 
-    curves = beside(clean)
-    if any(e.reads_sensors for e in effects):
-        curves = relaxed(curves, beside)  # a neighbour that warms is the sensor as it is, not as it would be alone
-    return sampled(probes, curves, seconds, room, step, seed, drawn, duration_min, interval_s, ambient, run.inputs)
+    curves = beside(run.reading)
+    return relaxed(curves, beside) if any(p.effect.reads_sensors for p in parts) else curves
+
+
+def _settling(told: list[dict[str, Any]], run: Observations, parts: list[Part], values: dict[Key, Any]) -> list[dict[str, Any]]:
+    """The sensors' truth with what their readings come to and when, all being as at the record's end; the lump's own beside.
+
+    None where they come to nothing: a probe that drifts. Of a load that goes up and down the mean.
+    """
+    time = np.concatenate([run.time, run.time[-1] + np.arange(1.0, AHEAD + 1.0) * FAR / AHEAD / float(values[RATE].min())])
+    n = len(time)
+
+    def held(values: Array) -> Array:
+        return np.concatenate([values, np.full(n - len(run.time), values[-1])])
+
+    blank = np.ones((run.sensors, n))
+    longer = replace(
+        run,
+        time=time,
+        reading=np.array([held(row) for row in run.reading]),
+        weight=blank,
+        ambient={name: held(c) for name, c in run.ambient.items()},
+        inputs={name: held(c) for name, c in run.inputs.items()},
+    )
+    curves, found = _read(longer, parts, values), []
+    for one, curve in zip(told, curves, strict=True):
+        lump = {name: one[name] for name in ("steady_state_c", "t95_min")}
+        last, before = curve[-AHEAD // 5 :], curve[-2 * (AHEAD // 5) : -AHEAD // 5]
+        end, rise = float(last.mean()), float(last.mean() - curve[0])
+        settled = abs(end - float(before.mean())) < SETTLED * max(abs(rise), 1e-9)
+        off = np.flatnonzero(np.abs(curve - end) > 0.05 * abs(rise) + 0.5 * float(np.ptp(last)))
+        t95 = float(time[min(off[-1] + 1, n - 1)]) if len(off) else 0.0
+        now = {"steady_state_c": round(end, 4), "t95_min": round(t95, 1)} if settled else dict.fromkeys(lump)
+        found.append(one | now | {"lump": lump})
+    return found
 
 
 def _coolant(time: Array, ambient: float, rng: np.random.Generator) -> Array:
