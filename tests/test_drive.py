@@ -142,3 +142,22 @@ def test_a_heat_that_was_switched_off_leaves_no_rise_of_which_95_per_cent_could_
     assert "settles where it began" in row.message
     (on,) = tf.identify(frame, until=90, drive="power_W").records
     assert on.t95_min is not None
+
+
+def test_a_heat_that_goes_on_and_off_swings_about_what_is_foretold_beyond_its_log():
+    """Ten minutes on, ten off: a lump of 30 min swings by more than a kelvin about the mean that is foretold."""
+    time = np.arange(0.0, 301.0)
+    load = np.where(time % 20.0 < 10.0, 100.0, 0.0)
+    rise = np.zeros(301)
+    for k in range(1, 301):
+        rise[k] = rise[k - 1] + (16.0 * load[k - 1] / 100.0 - rise[k - 1]) * -np.expm1(-1.0 / 30.0)
+    reading = 20.0 + rise + np.random.default_rng(1).normal(0.0, 0.02, 301)
+    seen = {"time_min": time[:141], "T1": reading[:141], "load": load[:141]}
+    for at in (250, 255, 260, 265):
+        told = tf.identify(seen, drive="load", at=at)[0]
+        assert told.at_lo_c < reading[at] < told.at_hi_c
+        assert told.at_hi_c - told.at_lo_c < 6.0
+    # As far as the log goes it tells where in its cycle the heat is.
+    told = tf.identify({"time_min": time, "T1": reading, "load": load}, until=140, drive="load", at=250)[0]
+    assert told.at_c == pytest.approx(reading[250], abs=0.3)
+    assert told.at_hi_c - told.at_lo_c < 1.0

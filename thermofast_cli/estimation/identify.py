@@ -31,6 +31,7 @@ from .measured import (
     outside_band,
     room_at,
     steadied,
+    swinging,
     until_then,
     with_claims,
 )
@@ -167,7 +168,8 @@ def identify_sensors(
         if keep.any():
             block = block if keep.all() else block.some(keep)
             logged = room_at(time_min, room, block.time, float(block.time[block.until(until_min) - 1]))
-            blocks.append(steadied(block, until_min, together_of(method.rates), logged) if method.steadies else block)
+            told, goes_on = (until_min, together_of(method.rates)), method.past is not None and method.past.cycles
+            blocks.append(steadied(block, *told, logged) if method.steadies else swinging(block, *told) if goes_on else block)
     shared = (
         tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
     )
@@ -410,7 +412,7 @@ class _Block:
         at = np.full((len(self.sensors), 3), np.nan)
         time = (self.at_min or 0.0) + self.start_min
         if self.at_min is not None and claimed is not None:
-            at = claimed.at[:, int(np.abs(claimed.times - time).argmin())] + self.sensors.swing_ends()
+            at = claimed.at[:, int(np.abs(claimed.times - time).argmin())] + self.sensors.swing_ends(time)
             if self.surroundings is not None:
                 then, room = self.sensors.time[: self.count], self.surroundings[: self.count]
                 at, said = until_then(at, then, room, claimed.rate[:, 1], time, self.method.imperfection.background.logged)

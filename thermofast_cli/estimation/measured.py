@@ -57,6 +57,11 @@ def steadied(sensors: Sensors, until_min: float | None, together: int, room: Arr
     return replace(sensors, reading=sensors.reading - swung, swung=swung, swing=swing, notes=tuple(notes))
 
 
+def swinging(sensors: Sensors, until_min: float | None, together: int) -> Sensors:
+    """Sensors as they are, with the ends of the swing that readings of the first `until_min` show, where a mean is foretold."""
+    return replace(sensors, swing=steadied(sensors, until_min, together, None).swing)
+
+
 def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
     """(steady states [degC], settling times [min] after the first reading), each (S,), of records (S, n) that reached equilibrium.
 

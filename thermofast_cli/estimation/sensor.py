@@ -68,10 +68,13 @@ class Sensors:
         found: Array = self.reading[i] if self.swung is None else self.reading[i] + self.swung[i]
         return found
 
-    def swing_ends(self) -> Array:
-        """How far temperatures (S, 3) [K], low, middle, high, are from their mean over a cycle."""
+    def swing_ends(self, at: float) -> Array:
+        """How far temperatures (S, 3) [K] at a time, low, middle, high, are from their mean over a cycle.
+
+        Where a logged heat goes on and off the log tells where in its cycle it is, as far as it goes.
+        """
         found = np.zeros((len(self), 3))
-        if self.swing is not None:
+        if self.swing is not None and (self.swung is not None or at > float(self.time[-1])):
             found[:, ::2] = self.swing
         return found
 

@@ -58,6 +58,13 @@ def last_level(time: Array, column: Array, tau: float) -> float:
     return float(np.mean(column[max([first, *recent[-1:].tolist()]) :]))
 
 
+def cycles(time: Array, column: Array, tau: float) -> bool:
+    """Whether a logged column (n,) switches on and off within tau [min] at its end."""
+    jumps = _jumps(column, JUMP * float(np.ptp(column)))
+    recent = jumps[time[jumps] > time[-1] - tau]
+    return _first_turn(column, recent) < len(recent)
+
+
 def longest_stay(time: Array, column: Array) -> float:
     """Minutes that a logged column (n,) which climbs, or falls, in stages stayed where it was, at most; inf where it does not.
 

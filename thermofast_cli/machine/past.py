@@ -35,7 +35,7 @@ from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, rounded
 from ..plugins.effects import chosen_effects
-from .jumps import last_change, longest_stay
+from .jumps import cycles, last_change, longest_stay
 from .learnt import carry, changed_files
 from .model import Model
 from .modelfile import ModelFile, past_of
@@ -186,6 +186,7 @@ def _guessed(task: LoopTask) -> Knowledge:
         searched=searched,
         stayed_min=stayed,
         changed_min=_changed(fit, task.start_min),
+        cycles=any(cycles(fit.run.time[: len(c)], c, 1.0 / float(np.median(fit.values[RATE]))) for c in _heats(fit)),
     )
     return Knowledge(name, past, tuple(notes), _follows_room(fit), strange=tuple(strange), found=len(fit.model.parts))
 

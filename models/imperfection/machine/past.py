@@ -146,7 +146,7 @@ class Past:
     pattern: its effects stand for what is missing in it, too, and are others in another run. searched: the rises are of effects
     that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
     a machine's usual disturbance does. stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
-    changed_min: when it jumped last [min of the run].
+    changed_min: when it jumped last [min of the run]. cycles: it goes on and off, and what lies beyond the log is for its mean.
     """
 
     shapes: dict[str, SensorShape]
@@ -163,6 +163,7 @@ class Past:
     searched: Searched = ""
     stayed_min: float = np.inf
     changed_min: float = -np.inf
+    cycles: bool = False
 
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt.
