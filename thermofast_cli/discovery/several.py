@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 READ = 1.0 / 3.0
 #: How far apart logarithms of rates are, in the median sensor and of sensors against each other, where runs are of two machines.
 ALL_FASTER, OUT_OF_STEP = 0.7, 0.35
+#: So many of the models nearest to a run are looked at, beside the base model and what is named.
+LIKELY = 6
 #: Why nothing is named then.
 TWO_MACHINES = "two machines"
 
@@ -83,22 +85,42 @@ def common_runs(runs: list[OneOf]) -> tuple[list[OneOf], list[str]]:
 
 
 def two_machines(found: Sequence[Discovery], names: Sequence[str]) -> str:
-    """What to say of runs whose rates lie so far apart, without effects and with those named, that they are of two machines."""
-    base = [d.base for d in found]
-    best = [d.base if d.named is None else d.named.fit for d in found]
+    """What to say of runs whose rates lie so far apart that they are of two machines, whatever of what explains each is taken.
+
+    An event in one of them bends its rate without it: a run with a load that rose looks like one of a machine four times as slow.
+    """
+    may = [_may_be(d) for d in found]
     for k, name in enumerate(names[1:], 1):
-        off, other = (_log_rates(fits[k]) - _log_rates(fits[0]) for fits in (base, best))
-        faster, rest = float(np.median(off)), off - np.median(off)
-        if abs(faster) > ALL_FASTER and float(np.median(other)) * np.sign(faster) > ALL_FASTER:
-            how = f"{name} is {rounded(float(np.exp(abs(faster))))} times as {'fast' if faster > 0.0 else 'slow'} as {names[0]}"
-        elif len(off) > 2 and min(_size(rest), _size(other - np.median(other))) > OUT_OF_STEP:
-            sensor = int(np.argmax(np.abs(rest)))
-            times = rounded(float(np.exp(abs(rest[sensor]))))
-            how = f"beside the other sensors {base[0].run.channels[sensor]} is {times} times out of step in {name}"
+        pairs = [(may[k][ids], may[0][ids]) for ids in may[k] if ids in may[0]]
+        # What one run alone has of events stands against the other without.
+        pairs += [(fit, may[0][()]) for ids, fit in may[k].items() if ids not in may[0] and _events(fit)]
+        pairs += [(may[k][()], fit) for ids, fit in may[0].items() if ids not in may[k] and _events(fit)]
+        apart = [_log_rates(own) - _log_rates(other) for own, other in pairs]
+        faster = [float(np.median(off)) for off in apart]
+        nearest = float(np.min(np.abs(faster)))
+        rests = [off - middle for off, middle in zip(apart, faster, strict=True)]
+        if nearest > ALL_FASTER and len(set(np.sign(faster))) == 1:
+            how = f"{name} is {rounded(float(np.exp(nearest)))} times as {'fast' if faster[0] > 0.0 else 'slow'} as {names[0]}"
+        elif len(apart[0]) > 2 and min(map(_size, rests)) > OUT_OF_STEP:
+            sensor = int(np.argmax(np.abs(rests[0])))
+            times = rounded(float(np.exp(abs(rests[0][sensor]))))
+            how = f"beside the other sensors {found[0].base.run.channels[sensor]} is {times} times out of step in {name}"
         else:
             continue
         return f"these runs look like those of two machines ({how})"
     return ""
+
+
+def _may_be(found: Discovery) -> dict[tuple[str, ...], Fit]:
+    """Fits of a run by their effects: none, those named, and an event that takes away half of the misfit or more."""
+    cost = float((found.base.rss / found.base.run.noise**2).sum())
+    likely = (*found.also, *found.singles)[:LIKELY]
+    half = {c.ids: c.fit for c in likely if _events(c.fit) and float((c.fit.rss / c.fit.run.noise**2).sum()) < 0.5 * cost}
+    return {(): found.base} | half | ({} if found.named is None else {found.named.ids: found.named.fit})
+
+
+def _events(fit: Fit) -> bool:
+    return all(part.effect.event for part in fit.model.parts)
 
 
 def _log_rates(fit: Fit) -> Array:

@@ -61,13 +61,14 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     runs, notes = common_runs(runs)
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]
+    own: dict[int, list[str]] = {}
     if first.auto:
-        stopped, stages = _auto(runs, stages[0], spread)
+        stopped, stages, own = _auto(runs, stages[0], spread)
     elif first.names:
         stopped, stages = _added(runs, stages[0], chosen_effects(first.names, first.extra))
     else:
         stopped = "the base model was asked for"
-    return [*_told(runs, stages, stopped, notes), *failed]
+    return [*_told(runs, stages, stopped, notes, own), *failed]
 
 
 def _stage(runs: Sequence[OneOf], fits: Sequence[Fit]) -> Stage:
@@ -130,17 +131,23 @@ def _added(runs: Sequence[OneOf], base: Stage, effects: Sequence[Effect]) -> tup
     return "the effects asked for are in" + ("; a pattern remains: see thermofast diagnose" if left else ""), stages
 
 
-def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list[Stage]]:
-    """Effects that the search names, as long as the runs left out are foretold better."""
+def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list[Stage], dict[int, list[str]]]:
+    """Effects that the search names, as long as the runs left out are foretold better; and by its number each run's own events."""
     named: dict[str, tuple[Effect, int]] = {}
     found = search_together(runs, spread)
     if found.another:
-        return found.another, [base]
-    for one in found.discoveries if any(d.named is not None for d in found.discoveries) else _each(runs, spread):
+        return found.another, [base], {}
+    discoveries = found.discoveries if any(d.named is not None for d in found.discoveries) else _each(runs, spread)
+    for one in discoveries:
         for part in one.named.parts if one.named is not None else ():
             named[part.id] = part.effect, named.get(part.id, (part.effect, 0))[1] + 1
     if not named:
-        return "the search names no effect in any run", [base]
+        return "the search names no effect in any run", [base], {}
+    own: dict[int, list[str]] = {}
+    for k, one in enumerate(discoveries):
+        for part in one.named.parts if one.named is not None else ():
+            if part.effect.event and named[part.id][1] == 1:
+                own.setdefault(k, []).append(part.id)
     stages, said = [base], []
     why = {name: (effect, f"{name} named in {count} of {len(runs)} runs") for name, (effect, count) in named.items()}
     order = [why[name] for name in sorted(named, key=lambda name: -named[name][1])]
@@ -154,7 +161,7 @@ def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list
             said.append(f"{told}, and runs left out are foretold better with it")
         elif effect.id in named:
             said.append(f"{told}, but runs left out are foretold no better with it")
-    return "; ".join(said), stages
+    return "; ".join(said), stages, own
 
 
 def _each(runs: Sequence[OneOf], spread: Spread) -> list[Discovery]:
@@ -169,25 +176,35 @@ def _scattering(past: Past) -> str:
     return f"{told}; {rounded(100.0 * past.scatter)} % is counted on, as machines mostly do, until more runs are known"
 
 
-def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: list[str]) -> list[Improved]:
+def _told(
+    runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: list[str], alone: dict[int, list[str]]
+) -> list[Improved]:
     last, first = stages[-1], runs[0]
-    past = learnt_past([run_learnt_from(f, r.prepared.whole) for f, r in zip(last.fits, runs, strict=True)])
+    # A run with an event of its own, which the others have not, says nothing of how the machine goes without.
+    plain = [k for k in range(len(runs)) if k not in alone or len(alone) == len(runs)]
+    plain = plain if len(plain) > 1 else list(range(len(runs)))
+    notes = [
+        *notes,
+        *(f"{' and '.join(ids)}: an event of {runs[k].task.run.name} alone{_left(k, plain)}" for k, ids in alone.items()),
+    ]
+    of_past = plain if len(stages) == 1 else range(len(runs))
+    past = learnt_past([run_learnt_from(last.fits[k], runs[k].prepared.whole) for k in of_past])
     task = first.task
     files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
     origins = [learnt_from(r.prepared.seen, r.task.run.name, r.prepared.readings, r.task.until_min) for r in runs]
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
     if len(stages) > 1:
-        plain = [run_learnt_from(f, r.prepared.whole) for f, r in zip(stages[0].fits, runs, strict=True)]
-        by = from_first_part(learnt, [r.task for r in runs], plain)
-        kept = learnt_past(plain) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
+        bare = [run_learnt_from(stages[0].fits[k], runs[k].prepared.whole) for k in plain]
+        by = from_first_part(learnt, [runs[k].task for k in plain], bare)
+        kept = learnt_past(bare) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
         learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape))
         told = "the shape of the other runs foretells a run better from its first part than the effects: identify uses it"
         notes = [*notes, told] if by.shape else notes
     notes = [
         *notes,
         _scattering(past),
-        *_stretched(past, runs),
+        *_stretched(past, [runs[k] for k in of_past]),
         *_differing(last, runs),
     ]
     found = []
@@ -226,6 +243,10 @@ def _told(runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: l
         name, seen = run.task.run.name, run.prepared.seen
         found.append(Improved(own, learnt if k == 0 else None, labels, fit_errors, ahead_errors, seen.noise, name, seen.channels))
     return found
+
+
+def _left(run: int, plain: Sequence[int]) -> str:
+    return "" if run in plain else ", and its course is left out of the machine's"
 
 
 def _stretched(past: Past, runs: Sequence[OneOf]) -> list[str]:

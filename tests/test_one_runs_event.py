@@ -1,0 +1,56 @@
+"""What happens in one run of several only: the machine that is learnt from them is not that run's."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import thermofast as tf
+
+TAUS, RISES = (40.0, 46.0, 52.0), (8.0, 10.0, 7.0)
+
+
+def run(seed, load=1.0, step=None):
+    """Three lumps by scipy's solver, their heat half as large again from `step` on."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 361.0)
+    table = {"time_min": time}
+    for i, (tau, rise) in enumerate(zip(TAUS, RISES, strict=True)):
+
+        def law(t, y, tau=tau, rise=rise):
+            return (load * rise * (1.5 if step is not None and t > step else 1.0) - y) / tau
+
+        whole = solve_ivp(law, (0.0, 360.0), [0.0], t_eval=time, max_step=1.0, rtol=1e-8)
+        table[f"T{i}"] = 20.0 + whole.y[0] + rng.normal(0.0, 0.02, len(time))
+    return table
+
+
+@pytest.fixture(scope="module")
+def learnt():
+    runs = [run(1), run(2, 1.05, step=150.0), run(3, 0.95)]
+    return runs, tf.improve(runs, together=True, auto=True)
+
+
+def test_a_step_of_one_run_is_told_and_left_out_of_the_machines_course(learnt):
+    said = {r.message for r in learnt[1].records}
+    assert any("load_step: an event of" in m and "alone, and its course is left out of the machine's" in m for m in said)
+    assert len(learnt[1].model.file.past.stretches) == 2
+
+
+def test_the_next_run_is_foretold_as_if_the_step_had_never_been(learnt):
+    new = {n: c[:46] for n, c in run(4).items()}
+    told = tf.identify(new, model=learnt[1].model)
+    for one, rise in zip(told, RISES, strict=True):
+        assert one.steady_state_lo_c < 20.0 + rise < one.steady_state_hi_c
+        assert one.steady_state_c == pytest.approx(20.0 + rise, abs=0.15)
+
+
+def test_runs_of_one_machine_are_not_of_two_for_a_step_in_one(learnt):
+    slow = [dict(table) for table in learnt[0]]
+    for table in slow:  # and a second mass, five times as slow, in all of them
+        for name in ("T0", "T1", "T2"):
+            rise = table[name] - 20.0
+            late = np.zeros_like(rise)
+            for k in range(1, len(late)):
+                late[k] = late[k - 1] + (rise[k] - late[k - 1]) / 200.0
+            table[name] = 20.0 + rise + 0.4 * late
+    told = tf.diagnose(slow, together=True, effects=["second_mode", "load_step"])
+    assert not any("two machines" in r.message for r in told)
