@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
-from thermofast.models.imperfection import SCATTER, Past
+from thermofast.models.imperfection import SCATTER, Past, PastRun
 from thermofast.models.joint import Fit, Part, fit_model, with_parts
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Discovery, Spread
@@ -23,12 +23,12 @@ from ..errors import rounded
 from ..machine.foretold import from_first_part
 from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
 from ..machine.past import learnt_past, run_learnt_from
-from ..machine.rise import together
+from ..machine.rise import free_runs, together
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved
-from .loop import LoopTask, check_inputs, ids_of, parameters_of, pooled
+from .loop import LoopTask, Ready, check_inputs, ids_of, parameters_of, pooled
 from .several import OneOf, common_runs, ready_runs
 
 Array = NDArray[np.float64]
@@ -195,7 +195,7 @@ def _told(
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
     if len(stages) > 1:
-        bare = [run_learnt_from(stages[0].fits[k], runs[k].prepared.whole) for k in plain]
+        bare = [_of_the_machine(stages[0].fits[k], last.fits[k], runs[k].prepared) for k in plain]
         by = from_first_part(learnt, [runs[k].task for k in plain], bare)
         kept = learnt_past(bare) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
         learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape))
@@ -243,6 +243,18 @@ def _told(
         name, seen = run.task.run.name, run.prepared.seen
         found.append(Improved(own, learnt if k == 0 else None, labels, fit_errors, ahead_errors, seen.noise, name, seen.channels))
     return found
+
+
+def _of_the_machine(base: Fit, fit: Fit, prepared: Ready) -> PastRun:
+    """A run as the base model has it, without what probes of a `fit` show that is not their object's: a drift, a jump."""
+    keep = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
+    if len(keep) == len(fit.model.parts):
+        return run_learnt_from(base, prepared.whole)
+    sensors = np.arange(fit.run.sensors)
+    shared = np.tile(fit.shared, (len(sensors), 1))
+    shown = fit.curve - free_runs(fit, fit.run, fit.local, shared, sensors, keep)
+    seen, whole = (replace(run, reading=run.reading - shown) for run in (prepared.seen, prepared.whole))
+    return run_learnt_from(fit_model(seen), whole)
 
 
 def _left(run: int, plain: Sequence[int]) -> str:
