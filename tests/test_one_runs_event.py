@@ -67,5 +67,5 @@ def test_what_a_probe_that_drifts_shows_is_not_learnt_as_the_machines_course(mon
 
     monkeypatch.setattr("thermofast.discovery.together.from_first_part", lambda *_: Foretold(True))
     found = tf.improve([drifting(1), drifting(2, 1.05), drifting(3, 0.95)], together=True, add=["sensor_drift"])
-    rates = {shape.channel: float(np.exp(shape.log_rate)) for shape in found.model.file.past.shapes}
+    rates = {shape.channel: shape.rate_per_min for shape in found.model.file.past.shapes}
     assert [1.0 / rates[name] for name in ("T0", "T1", "T2")] == pytest.approx(TAUS, rel=0.02)
