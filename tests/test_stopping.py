@@ -346,6 +346,21 @@ def test_a_rule_changes_nothing_of_a_row_but_when_it_holds():
     assert 0.0 < ruled.missing_k < 2.0
 
 
+def test_what_was_missing_when_a_rule_held_was_so_for_the_room_of_then():
+    """A logged room that goes up by 0.6 K an hour: at the trip the limit is that of the room then, not of the room hours later."""
+    time = np.arange(0.0, 421.0)
+    room = 20.0 + 0.01 * time
+    # A lump follows heat and ramp: 9 K above a room that it is 30 min x 0.01 K/min behind.
+    rise = 9.0 * -np.expm1(-time / 30.0) - 0.3 * -np.expm1(-time / 30.0)
+    rng = np.random.default_rng(2)
+    table = {"time_min": time, "T1": room + rise + rng.normal(0.0, 0.02, 421), "ambient": room}
+    found = tf.identify(table, criterion="2K/h")[0]
+    assert found.trip_from == "readings"
+    trip = int(round(found.trip_min))
+    assert found.missing_lo_k < 9.0 - rise[trip] < found.missing_hi_k
+    assert found.missing_k == pytest.approx(9.0 - rise[trip], abs=0.25)
+
+
 def test_readings_that_begin_after_the_time_asked_for_are_too_few_for_a_drive(tool, tmp_path):
     time = np.arange(0.0, 301.0)
     rows = [f"{t:g},{20.0 + 8.0 * -math.expm1(-t / 30.0):.3f},{50 if t < 60 else 100}" for t in time]

@@ -428,7 +428,8 @@ class _Block:
             return None
         n, steady = self.count, np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
         foretold = (claimed.trips, claimed.missing, claimed.hidden) if claimed is not None else None
-        return trips_of(self.rule, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold)
+        room = self.surroundings
+        return trips_of(self.rule, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold, room)
 
     def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
         """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""

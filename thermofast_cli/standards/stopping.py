@@ -88,11 +88,18 @@ class Rule:
 
 
 def trips_of(
-    rule: Rule, time: Array, reading: Array, steady: Array, start: float, foretold: tuple[Array, Array, NDArray[np.bool_]] | None
+    rule: Rule,
+    time: Array,
+    reading: Array,
+    steady: Array,
+    start: float,
+    foretold: tuple[Array, Array, NDArray[np.bool_]] | None,
+    room: Array | None = None,
 ) -> Trips:
     """What readings (S, n) [degC] at time (n,) [min] show of a rule, and where they do not yet, what is foretold, as in claims.
 
     steady (S, 3) [degC] is where the sensors settle, a side of which is nan where it is open; start [min] when the rise begins.
+    room (>= n,) [degC]: surroundings that are counted, as logged; where a sensor settles is for what they are at the last reading.
     """
     criterion = rule.criterion
     seen, there, doubt = seen_trips(rule, time, reading)
@@ -107,10 +114,21 @@ def trips_of(
     shown = np.isfinite(seen) & ~hidden
     trips[shown] = np.nan
     trips[shown, 1] = seen[shown] - start
+    if room is not None:  # what was missing then was so for the room of then
+        then = np.array(
+            [_about(time, room[: len(time)], float(t), 0.05 * criterion.window_min) for t in np.where(shown, seen, time[-1])]
+        )
+        steady = steady + (then - _about(time, room[: len(time)], float(time[-1]), 0.05 * criterion.window_min))[:, None]
     missing[shown] = _missing(criterion, steady - there[:, None], doubt)[shown]
     gaps = time[:-1][np.diff(time) > LONGEST_GAP * criterion.window_min]
     late = np.array([bool((gaps < trip).any()) for trip in seen]) & shown
     return Trips(trips, missing, shown, reckoned_from_three(time, reading), late, hidden)
+
+
+def _about(time: Array, line: Array, at: float, near: float) -> float:
+    """Mean of a line (n,) at times (n,) within `near` of a time; there itself where none are."""
+    some = np.abs(time - at) <= near
+    return float(line[some].mean()) if some.any() else float(np.interp(at, time, line))
 
 
 def _missing(criterion: Criterion, away: Array, doubt: Array) -> Array:
