@@ -69,3 +69,10 @@ def test_what_a_probe_that_drifts_shows_is_not_learnt_as_the_machines_course(mon
     found = tf.improve([drifting(1), drifting(2, 1.05), drifting(3, 0.95)], together=True, add=["sensor_drift"])
     rates = {shape.channel: shape.rate_per_min for shape in found.model.file.past.shapes}
     assert [1.0 / rates[name] for name in ("T0", "T1", "T2")] == pytest.approx(TAUS, rel=0.02)
+
+
+def test_why_too_few_runs_can_be_used_is_told():
+    short = {n: c[:16] for n, c in run(2).items()}
+    for ask in (tf.improve, tf.diagnose):
+        with pytest.raises(tf.UsageError, match="1 that can be used; .*16 readings; at least 24 are needed"):
+            ask([run(1), short], together=True)

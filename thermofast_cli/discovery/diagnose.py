@@ -155,7 +155,7 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     """
     runs, failed = ready_runs(tasks, DiagnoseRecord)
     refuse_copies((one.task.run.name, one.prepared.whole) for one in runs)
-    runs, notes = common_runs(runs)
+    runs, notes = common_runs(runs, failed)
     told = search_together(runs, spread)
     names = [r.task.run.name for r in runs]
     said = (*([told.another] if told.another else _who_shows(told.discoveries, names)), *notes, *told.broken)

@@ -59,12 +59,13 @@ def ready_runs(tasks: Sequence[LoopTask], kind: type[Record]) -> tuple[list[OneO
     return runs, failed
 
 
-def common_runs(runs: list[OneOf]) -> tuple[list[OneOf], list[str]]:
-    """The runs with the sensors that all of them have, and what was left out."""
+def common_runs(runs: list[OneOf], failed: Sequence[Sequence[Any]] = ()) -> tuple[list[OneOf], list[str]]:
+    """The runs with the sensors that all of them have, and what was left out; failed: records of those that cannot be used."""
     if len(runs) < 2:
+        why = [f"{some[0].run}: {some[0].message}" for some in failed if some]
         raise UsageError(
             "--together learns from several runs of one machine",
-            found=f"{len(runs)} that can be used",
+            found="; ".join([f"{len(runs)} that can be used", *why[:3]]),
             allowed="two or more",
             do="name more runs, or leave --together out",
         )

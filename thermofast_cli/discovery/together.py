@@ -58,7 +58,7 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     runs, rest = ready_runs(tasks, ImproveRecord)
     failed = [Improved(records) for records in rest]
     refuse_copies((one.task.run.name, one.prepared.whole) for one in runs)
-    runs, notes = common_runs(runs)
+    runs, notes = common_runs(runs, rest)
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]
     own: dict[int, list[str]] = {}
