@@ -60,7 +60,9 @@ class Law:
     def forward(self, local: Array, shared: Array, sensor: Array) -> Array:
         return self.with_jacobian(local, shared, sensor)[0]
 
-    def with_jacobian(self, local: Array, shared: Array, sensor: Array, _: Array | None = None) -> tuple[Array, Array, Array]:
+    def with_jacobian(
+        self, local: Array, shared: Array, sensor: Array, _: Array | None = None, by_shared: bool = True
+    ) -> tuple[Array, Array, Array]:
         x, rows = self.run.time, len(local)
         curve, by = np.zeros((rows, len(x))), np.zeros((len(self.local), rows, len(x)))
         for place in self.constant:
