@@ -74,5 +74,5 @@ def test_what_a_probe_that_drifts_shows_is_not_learnt_as_the_machines_course(mon
 def test_why_too_few_runs_can_be_used_is_told():
     short = {n: c[:16] for n, c in run(2).items()}
     for ask in (tf.improve, tf.diagnose):
-        with pytest.raises(tf.UsageError, match="1 that can be used; .*16 readings; at least 24 are needed"):
+        with pytest.raises(tf.UsageError, match=r"1 that can be used; .*16 readings; at least 24 are needed"):
             ask([run(1), short], together=True)

@@ -356,7 +356,7 @@ def test_what_was_missing_when_a_rule_held_was_so_for_the_room_of_then():
     table = {"time_min": time, "T1": room + rise + rng.normal(0.0, 0.02, 421), "ambient": room}
     found = tf.identify(table, criterion="2K/h")[0]
     assert found.trip_from == "readings"
-    trip = int(round(found.trip_min))
+    trip = round(found.trip_min)
     assert found.missing_lo_k < 9.0 - rise[trip] < found.missing_hi_k
     assert found.missing_k == pytest.approx(9.0 - rise[trip], abs=0.25)
 
