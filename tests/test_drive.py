@@ -161,3 +161,20 @@ def test_a_heat_that_goes_on_and_off_swings_about_what_is_foretold_beyond_its_lo
     told = tf.identify({"time_min": time, "T1": reading, "load": load}, until=140, drive="load", at=250)[0]
     assert told.at_c == pytest.approx(reading[250], abs=0.3)
     assert told.at_hi_c - told.at_lo_c < 1.0
+
+
+def test_readings_after_a_logged_change_do_not_contradict_what_was_foretold_before_it():
+    """Switched off two hours after the readings used, and the log says so: what was foretold is for a machine that stays on."""
+    time = np.arange(0.0, 301.0)
+    rise = np.where(time < 180.0, 10.0 * -np.expm1(-time / 40.0), 10.0 * -np.expm1(-180.0 / 40.0) * np.exp(-(time - 180.0) / 40.0))
+    table = {"time_min": time, "T1": 20.0 + rise + np.random.default_rng(4).normal(0.0, 0.02, 301)}
+    logged = table | {"load": np.where(time < 180.0, 100.0, 0.0)}
+    for more in ({}, {"drive": "load"}):
+        told = tf.identify(logged, until=90, **more)[0]
+        assert told.status == "ok"
+        assert told.rmse_ahead_c < 0.2
+        assert "load changes at 180 min: readings from then on are not compared" in told.message
+    assert tf.identify(table, until=90)[0].status == "model_doubtful"  # nothing says why they fall
+    # What goes on and off all the time is no such change.
+    humming = table | {"pump": np.where(time % 6.0 < 3.0, 1.0, 0.0)}
+    assert "not compared" not in tf.identify(humming, until=90)[0].message

@@ -47,7 +47,7 @@ class Method:
     """What every sensor of a run is treated with.
 
     paces: how the rate will change after the last reading used; imperfection: how far the machine may leave the law; rates: what
-    sensors tell each other; past: what complete runs of this machine say; changed_min: when what is logged, uncounted, last jumped.
+    sensors tell each other; past: what complete runs say; changed_min, jumps_min: when what is logged jumped before, and after.
     """
 
     model: Model
@@ -57,6 +57,7 @@ class Method:
     rates: Rates = "auto"
     past: Past | None = None
     changed_min: float | None = None
+    jumps_min: float = np.inf
 
     @property
     def widens(self) -> bool:
@@ -426,9 +427,8 @@ class _Block:
         """When the stopping rule asked for holds: on the readings used, else foretold."""
         if self.rule is None:
             return None
-        n, steady = self.count, np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
+        n, room, steady = self.count, self.surroundings, np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
         foretold = (claimed.trips, claimed.missing, claimed.hidden) if claimed is not None else None
-        room = self.surroundings
         return trips_of(self.rule, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold, room)
 
     def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
@@ -439,7 +439,7 @@ class _Block:
         if n == len(sensors.time) or not told.any():
             return ahead, {}
         later = sensors.time[n:]
-        kept = spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0
+        kept = (spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0) & (later < self.method.jumps_min)
         low, curve, high = claimed.curves(later) if claimed is not None else (None, found.free_run(later), None)
         if claimed is not None and low is not None and high is not None:
             logged = self.room if self.surroundings is not None else None
@@ -451,9 +451,9 @@ class _Block:
         ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
         against = {}
         if claimed is not None and low is not None and high is not None:
-            half = np.where(error > 0.0, high - curve, curve - low)
-            for k in np.flatnonzero(told & contradicts(error, half, found.noise, RULES.claimed_factor)).tolist():
-                against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], RULES.claimed_factor)]).max())
+            half, wide = np.where(error > 0.0, high - curve, curve - low), RULES.claimed_factor
+            for k in np.flatnonzero(told & contradicts(error, half, found.noise, wide)).tolist():
+                against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], wide)]).max())
             return ahead, against
         half = found.band_from_tangent(later)
         # The covariance alone costs little; what it finds is looked at again with the curved band of draws.

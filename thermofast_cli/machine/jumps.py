@@ -37,6 +37,25 @@ def uncounted(run: Run, start_min: float, until_min: float | None, drive: str | 
     return "; ".join(said), max(last, default=None)
 
 
+def jumps_after(run: Run, until_min: float | None) -> tuple[str, float]:
+    """What to say of the first jump of a logged column after the readings used, and when [min of the run] it is; inf: none is.
+
+    What jumps all the time, a heat that goes on and off, is none of those.
+    """
+    if until_min is None:
+        return "", np.inf
+    found = []
+    for name, column in run.inputs.items():
+        known = np.isfinite(column)
+        level, minutes = column[known], run.time_s[known] / 60.0
+        jumps = minutes[_jumps(level, UNCOUNTED * float(np.abs(level).max(initial=0.0)))] if len(level) > 2 else minutes[:0]
+        found += [(float(t), name) for t in jumps[jumps > until_min][:1] if len(jumps) <= FEW]
+    if not found:
+        return "", np.inf
+    when, name = min(found)
+    return f"{name} changes at {when:.4g} min: readings from then on are not compared with what is foretold", when
+
+
 def last_change(time: Array, column: Array) -> float:
     """When [min] a logged column (n,) jumped last; -inf where it does not, or goes on and off all the time."""
     jumps = _jumps(column, STAGE * float(np.ptp(column)))

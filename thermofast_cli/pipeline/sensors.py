@@ -15,7 +15,7 @@ from ..estimation.identify import Found, Identified, Method
 from ..estimation.imperfect import GROUP, NOT_FOLLOWED
 from ..estimation.sweep import SweptBlock, with_trips
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
-from ..machine.jumps import uncounted
+from ..machine.jumps import jumps_after, uncounted
 from ..output.columns import Records
 from ..reading.names import named_as
 from ..reading.run import Run, ends_before, said_short, stretch
@@ -128,8 +128,8 @@ def identify_runs(
         told = {one.run: one for one in by_run}
         if criterion is not None and not stopped:
             # A rule is foretold with what is logged held as it is, not as it was to be later.
-            later = [(stretch(run, None, until_min), start) for run, start in started if _goes_on(told[run.name], run, until_min)]
-            by_run, stopped = _known(later, *asked) if later else ([], False)
+            going = [(stretch(run, None, until_min), start) for run, start in started if _goes_on(told[run.name], run, until_min)]
+            by_run, stopped = _known(going, *asked) if going else ([], False)
             held = {one.run: one for one in by_run}
         if stopped:
             return Identification((), tuple(run for run, _ in started), True)
@@ -138,6 +138,7 @@ def identify_runs(
 
     rules = {run.name: Rule.of(criterion, run, start, until_min) for run, start in able} if criterion is not None else {}
     rules |= {name: replace(rules[name], held=one.past) for name, one in held.items() if name in rules}
+    later = {run.name: jumps_after(run, until_min) for run, _ in able}
     changed = {run.name: uncounted(run, start, until_min, drive) for run, start in able} if not model else {}
 
     def make(
@@ -149,6 +150,10 @@ def identify_runs(
             of_run = replace(of_run, changed_min=last)
             counted = known.past.shapes if known is not None and known.past is not None else {}
             notes = tuple(note if c in counted else _and((note,), changes) for c, note in zip(part, notes, strict=True))
+        if known is None or known.past is None or not known.past.rises:
+            said, jumps = later.get(name, ("", np.inf))
+            of_run = replace(of_run, jumps_min=jumps)
+            notes = tuple(_and((said,) if said else (), note) for note in notes)
         if known is not None and known.past is None:
             notes = tuple(_and(known.notes, note) for note in notes)
         if known is not None and known.uses_room and room_c is not None:
