@@ -115,6 +115,8 @@ def shapes_of(
     """Shapes (C, G) at :func:`moments` of a column (N,) to powers and delays, each of range 1, and their (power, delay [min])."""
     if float(column.min()) < 0.0 or len(np.unique(column)) == 2:  # what is on or off has no power
         powers = (1.0,)
+    if int((np.abs(np.diff(column)) > JUMPS * float(np.ptp(column))).sum()) == 1:
+        delays = delays[:1]  # one step alone follows one that came before it as well as chance has it
     rows, told, grid = [], [], moments(time)
     for way, power, delay in itertools.product(between_readings(column, time), powers, delays):
         shape = way(grid - delay) ** power

@@ -41,7 +41,12 @@ if TYPE_CHECKING:
     metavar="MIN",
     help="Use the first MIN minutes only; the rest shows the error ahead.",
 )
-@click.option("--at", type=Finite(0, min_open=True), metavar="MIN", help="Say the temperature MIN minutes after the start too.")
+@click.option(
+    "--at",
+    type=Finite(0, min_open=True),
+    metavar="MIN",
+    help="Say the temperature MIN minutes after the rise begins (column start_min; with --drive the record) too.",
+)
 @click.option("--room", type=Finite(-100, 500), metavar="DEGC", help="Say the steady state in such a room too; needs its column.")
 @criterion_option
 @click.option("--limit", type=Finite(-100, 5000), metavar="DEGC", help="Say how far the steady state stays below a limit.")
