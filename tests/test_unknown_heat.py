@@ -306,10 +306,10 @@ def test_columns_are_told_by_what_each_gains_over_none():
 
 def test_one_step_is_the_cause_of_none_that_came_later():
     """A column that stepped half an hour before the heat did, once each: that says nothing; at the same minute it does."""
-    time = np.linspace(0.0, 400.0, 401)
+    time = np.linspace(0.0, 480.0, 481)
     heat = np.where(time < 180.0, 0.2, 0.35)
-    rise = solve_ivp(lambda t, y: np.interp(t, time, heat) - 0.02 * y, (0.0, 400.0), [0.0], t_eval=time, max_step=0.5).y[0]
-    lump = Lump(time, 20.0 + rise + np.random.default_rng(6).normal(0.0, 0.02, 401), np.full(401, 0.02), np.full(401, 20.0))
-    for when, claimed in ((150.0, []), (180.0, ["flow"])):
+    rise = solve_ivp(lambda t, y: np.interp(t, time, heat) - 0.02 * y, (0.0, 480.0), [0.0], t_eval=time, max_step=0.5).y[0]
+    lump = Lump(time, 20.0 + rise + np.random.default_rng(6).normal(0.0, 0.02, 481), np.full(481, 0.02), np.full(481, 20.0))
+    for when, claimed in ((149.5, []), (180.0, ["flow"])):
         follows = probed([lump], [possible_rates(lump)], {"flow": np.where(time < when, 3.0, 5.0)}, time)[1]
         assert [f.column for f in follows] == claimed
