@@ -151,8 +151,7 @@ def _one(time: Array, columns: dict[str, Array], name: str, at_lines: Sequence[i
         if not mixed:
             backwards = "newest first" if (step <= 0).all() else _rows_back(int((step < 0).sum()))
             notes.append(f"{backwards}: sorted by time")
-        order = np.argsort(time[::-1], kind="stable")[::1] if (step <= 0).all() else np.argsort(time, kind="stable")
-        order = len(time) - 1 - order if (step <= 0).all() else order
+        order = np.arange(len(time))[::-1] if (step <= 0).all() else np.argsort(time, kind="stable")
         time, columns, lines = time[order], {n: c[order] for n, c in columns.items()}, lines[order]
         step = np.diff(time)
     if (step == 0).any():

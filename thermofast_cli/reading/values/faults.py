@@ -12,7 +12,7 @@ from ..run import Array
 HOTTEST_C = 5000.0
 COLDEST_C = -273.15
 #: What probes and their inputs write where they are broken: DS18B20, sixteen bits of tenths and hundredths, all nines.
-FAULTS_C = (-127.0, 3276.7, 3276.8, -3276.8, 655.35, 999.9, 999.99, -99.9, -99.99)
+FAULTS_C = (-127.0, 3276.7, 3276.8, 655.35, 999.9, 999.99, -99.9, -99.99)
 #: The same, that may be temperatures too and are none where the readings jump to and from them: a range's end (Pt100, types K, T,
 #: S and B), a display with all segments on, no reading, a DS18B20 that was just switched on.
 CODES_C = (
