@@ -1,12 +1,15 @@
 """A load in steps that is logged: do limits hold with `--drive` where a machine is not one body?
 
-python -m benchmarks.intervals.driven
+python -m benchmarks.intervals.driven [--each 60] [--seed 4000] [--cycles]
 
 Machines of one or two exponentials (exact steps), the faster or slower one with 0, 5, 10 or 20 % of the rise at a third to a
 twentieth of the other's time constant; two to four loads before the last reading used, the last change half a time constant
 before it or earlier; or a warm-up in four stages, each of a tenth to a third of a time constant, the last one read for a quarter
 to a whole one. Printed of sensors whose status is `ok`: what the 95 % intervals of the limit at the last load hold, and
 their width over the rise; beside it the same machines at a constant load.
+
+--cycles: a load that goes on and off all the time, read for three to five time constants; of `ok` rows how many temperatures
+between half a time constant and two after the end of the log lie in the interval of `--at`.
 """
 
 import argparse
@@ -57,11 +60,56 @@ def judged(job: tuple[int, float, str, float]) -> tuple[float, str, float, str, 
     return share, load_is, power, r.status, low <= limit <= high, (high - low) / rise
 
 
+def cycling(seed: int, share: float, load_is: str, power: float) -> list[tuple[str, bool, float]]:
+    """Status, whether the interval holds, its width over the swing's, of four temperatures after the end of a record's log."""
+    rng = np.random.default_rng([seed, int(100 * share), 8])
+    tau, times = rng.uniform(25.0, 60.0), rng.uniform(3.0, 10.0)
+    taus, parts = np.array([tau, tau / times]), np.array([1.0 - share, share])
+    period, duty = tau * rng.uniform(0.2, 0.7), rng.uniform(0.3, 0.7)
+    end, heat, room = tau * rng.uniform(3.0, 5.0), rng.uniform(10.0, 25.0), rng.uniform(18.0, 25.0)
+    time = np.arange(0.0, end + 2.0 * tau, STEP)
+    on = np.arange(0.0, time[-1], period)
+    starts = np.sort(np.concatenate([on, on + duty * period]))
+    since = np.maximum(time[:, None] - starts, 0.0)
+    body = (parts * -np.expm1(-since[..., None] / taus)).sum(axis=-1) @ np.where(np.arange(len(starts)) % 2, -1.0, 1.0)
+    load = ((time % period) < duty * period).astype(float)
+    seen = time <= end
+    reading = np.round(room + heat * body + NOISE * rng.standard_normal(len(time)), 2)
+    run = tf.read({"time_min": time[seen], "T1 [°C]": reading[seen], "load": load[seen]}, inputs=("load",))
+    found, swing = [], float(np.ptp(heat * body[time > end - period]))
+    for at in end + tau * np.array([0.5, 0.9, 1.4, 1.9]):
+        r = tf.identify(run, drive=None if load_is == "constant" else "load", at=float(at), jobs=1).records[0]
+        true = room + float(np.interp(at, time, heat * body))
+        low, high = (np.nan if v is None else v for v in (r.at_lo_c, r.at_hi_c))
+        found.append((r.status, bool(low <= true <= high), (high - low) / swing))
+    return found
+
+
+def cycles(each: int, seed: int) -> None:
+    """Print the table of loads that go on and off."""
+    print("| share of the second part | `--drive` | `ok` | temperatures held | median width over that of the swing |")
+    print("| --- | --- | ---: | ---: | ---: |")
+    for share in SHARES[:3]:
+        for told in ("cycles", "constant"):
+            with ProcessPoolExecutor() as pool:
+                every = pool.map(cycling, *zip(*[(seed + k, share, told, 1.0) for k in range(each)], strict=True))
+                rows = [row for some in every for row in some]
+            ok = [r for r in rows if r[0] == "ok"]
+            held = f"{100 * np.mean([r[1] for r in ok]):.0f} % | {np.median([r[2] for r in ok]):.2f}" if ok else "- | -"
+            print(
+                f"| {100 * share:.0f} % | {'yes' if told == 'cycles' else 'no'} | {len(ok)} of {len(rows)} | {held} |", flush=True
+            )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=60)
     parser.add_argument("--seed", type=int, default=4000)
+    parser.add_argument("--cycles", action="store_true")
     given = parser.parse_args()
+    if given.cycles:
+        cycles(given.each, given.seed)
+        return
     kinds = [("steps", 1.0), *(("steps", power) for power in POWERS), ("stages", 1.0), ("stages", POWERS[0]), ("constant", 1.0)]
     jobs = [(given.seed + k, s, c, p) for c, p in kinds for s in SHARES for k in range(given.each)]
     with ProcessPoolExecutor() as pool:

@@ -1,5 +1,7 @@
 """A logged column that jumps: a load in stages, one that is switched on and off, one that nothing counts."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,40 +22,31 @@ def uncounted(run: Run, start_min: float, until_min: float | None, drive: str | 
     """Where a logged column jumped a few times within the readings used [min], that nothing counts it, else empty; and when [min of
     the run] the last of all did so. drive: the column that was asked to be counted.
     """
-    said: list[str] = []
-    last: list[float] = []
     used = (run.time_s >= 60.0 * start_min) & (run.time_s <= (np.inf if until_min is None else 60.0 * until_min))
-    for name, column in run.inputs.items():
-        known = used & np.isfinite(column)
-        level, minutes = column[known], run.time_s[known] / 60.0
-        if len(level) < 3:
-            continue
-        jumps = _jumps(level, UNCOUNTED * float(np.abs(level).max()))
-        if 0 < len(jumps) <= FEW:
-            when = listed([f"{t:.4g}" for t in minutes[jumps]], 3)
-            way = f": --drive {name!r} counts it" if drive is None else ""
-            said.append(f"{name} changed at {when} min, which is not counted{way}")
-            last.append(float(minutes[jumps[-1]]))
-    return "; ".join(said), max(last, default=None)
+    changes = list(_changes(run, used))
+    way = ": --drive {!r} counts it" if drive is None else ""
+    said = [f"{n} changed at {listed([f'{t:.4g}' for t in at], 3)} min, which is not counted{way.format(n)}" for n, at in changes]
+    return "; ".join(said), max((float(at[-1]) for _, at in changes), default=None)
 
 
 def jumps_after(run: Run, until_min: float | None) -> tuple[str, float]:
-    """What to say of the first jump of a logged column after the readings used, and when [min of the run] it is; inf: none is.
-
-    What jumps all the time, a heat that goes on and off, is none of those.
-    """
-    if until_min is None:
-        return "", np.inf
-    found = []
-    for name, column in run.inputs.items():
-        known = np.isfinite(column)
-        level, minutes = column[known], run.time_s[known] / 60.0
-        jumps = minutes[_jumps(level, UNCOUNTED * float(np.abs(level).max(initial=0.0)))] if len(level) > 2 else minutes[:0]
-        found += [(float(t), name) for t in jumps[jumps > until_min][:1] if len(jumps) <= FEW]
+    """What to say of the first jump of a logged column after the readings used, and when [min of the run] it is; inf: none is."""
+    last = np.inf if until_min is None else until_min
+    found = [(float(at[at > last][0]), n) for n, at in _changes(run, np.isfinite(run.time_s)) if (at > last).any()]
     if not found:
         return "", np.inf
     when, name = min(found)
     return f"{name} changes at {when:.4g} min: readings from then on are not compared with what is foretold", when
+
+
+def _changes(run: Run, within: NDArray[np.bool_]) -> Iterator[tuple[str, Array]]:
+    """Logged columns that jump a few times `within` some readings (N,), and when [min]; what does all the time is left out."""
+    for name, column in run.inputs.items():
+        known = within & np.isfinite(column)
+        level, minutes = column[known], run.time_s[known] / 60.0
+        at = minutes[_jumps(level, UNCOUNTED * float(np.abs(level).max()))] if len(level) > 2 else minutes[:0]
+        if 0 < len(at) <= FEW:
+            yield name, at
 
 
 def last_change(time: Array, column: Array) -> float:
@@ -69,9 +62,7 @@ def last_level(time: Array, column: Array, tau: float) -> float:
     direction, and however fast it is climbed only its last step counts.
     """
     first = len(column) - max(1, len(column) // 20)
-    jumps = _jumps(column, JUMP * float(np.ptp(column)))
-    recent = jumps[time[jumps] > time[-1] - tau]
-    cycle = recent[_first_turn(column, recent) :].tolist()
+    recent, cycle = _recent(time, column, tau)
     if cycle:  # over whole ones
         return float(np.mean(column[cycle[(len(cycle) - 1) % 2] : cycle[-1]]))
     return float(np.mean(column[max([first, *recent[-1:].tolist()]) :]))
@@ -79,9 +70,14 @@ def last_level(time: Array, column: Array, tau: float) -> float:
 
 def cycles(time: Array, column: Array, tau: float) -> bool:
     """Whether a logged column (n,) switches on and off within tau [min] at its end."""
+    return bool(_recent(time, column, tau)[1])
+
+
+def _recent(time: Array, column: Array, tau: float) -> tuple[NDArray[np.intp], list[int]]:
+    """Readings at which a logged column (n,) jumped within the last tau [min], and those of them from which on it cycles."""
     jumps = _jumps(column, JUMP * float(np.ptp(column)))
     recent = jumps[time[jumps] > time[-1] - tau]
-    return _first_turn(column, recent) < len(recent)
+    return recent, recent[_first_turn(column, recent) :].tolist()
 
 
 def longest_stay(time: Array, column: Array) -> float:
