@@ -10,7 +10,7 @@ import pytest
 
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
-from thermofast.models.joint import LEVEL, RATE, START, Key, Model, Part, fit_model
+from thermofast.models.joint import LEVEL, RATE, START, Key, Model, Part, at_rates, fit_model
 from thermofast.plugins.effects import load_effect
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -136,6 +136,18 @@ def test_effects_add_up_in_either_order():
 
 
 COLUMNS = {"rate", "event", "gain", "power", "duty", "exponent", "lag", "delay"}
+
+
+def test_a_search_that_holds_what_is_shared_ends_with_all_derivatives():
+    """On the way those by shared parameters are not worked out; at its end they are those of the model there."""
+    run = record()
+    step = next(kind() for kind in BUILT_IN if kind.id == "load_step")
+    fit = fit_model(run, [Part(step, step.choices(run)[0])])
+    held = at_rates(fit, 1.5 * fit.values[RATE])
+    rows = np.arange(3)
+    _, _, by_shared = fit.model.with_jacobian(held.local, np.broadcast_to(held.shared, (3, len(held.shared))), rows)
+    assert np.abs(by_shared).max() > 1e-3
+    assert held.by_shared == pytest.approx(by_shared, abs=1e-9)
 
 
 def test_no_rule_asks_for_an_effect_or_a_parameter_by_name():

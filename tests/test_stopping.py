@@ -328,7 +328,7 @@ def test_a_rule_is_foretold_with_the_power_held_and_not_beside_other_paces():
 def test_a_rule_changes_nothing_of_a_row_but_when_it_holds():
     """A load that is turned down after the readings used: the log goes on, and the temperature then follows it."""
     time = np.arange(0.0, 301.0)
-    load = np.where(time < 40.0, 60.0, np.where(time < 140.0, 100.0, 40.0))
+    load = np.where(time < 40.0, 60.0, np.where(time < 125.0, 100.0, 40.0))
     rise = lfilter([1.0 / 30.0], [1.0, -(1.0 - 1.0 / 30.0)], 12.0 * load / 100.0)
     table = {"time_min": time, "T1": 20.0 + rise + np.random.default_rng(3).normal(0.0, 0.02, 301), "load": load}
     plain = tf.identify(table, until=120, drive="load", at=280)[0]

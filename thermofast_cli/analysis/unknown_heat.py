@@ -1,20 +1,21 @@
 """The heat that a model would need to follow its record, sensor by sensor, and the logged columns that this heat follows."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermofast.models import Observations
 from thermofast.models.core.kernel import Array
-from thermofast.models.greybox import RATE, Model
-from thermofast.models.joint import Fit, at_rates
+from thermofast.models.greybox import RATE
+from thermofast.models.joint import Fit
 from thermofast.models.uncertainty.heat_in_watts import HeatInWatts, heat_in_watts
 from thermofast.models.uncertainty.lump_heat import Lump, UnknownHeat, following_rate, simplest_rate, smooth_heat
 from thermofast.models.uncertainty.unknown_heat import NEARLY, RULES, Follows, claims, moments, with_lag
 
 from ..errors import rounded
+from ..machine.rise import free_runs
 from .power import Constants, most_watts
 
 if TYPE_CHECKING:
@@ -61,18 +62,19 @@ def needed_of(task: "LoopTask", fit: Fit, whole: Observations) -> NeededHeat:
 def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns: dict[str, Any], power: Any = None) -> NeededHeat:
     """Heat that each sensor of a run needs at the rates of a fit, of `learnt` sensors at those that other runs told.
 
+    It is what its lump needs, dT/dt + b (T - sink): what flows to a hidden mass or from a neighbour is in it. A model's effects are
+    taken off where they do not depend on the heat themselves: a room that moves, a probe that drifts.
+
     columns are logged columns (N,) of the run that the heat might follow, by name; power (N,) [W] is the logged part
     of the heat.
     """
     moved = any(part.effect.follows_ambient for part in fit.model.parts)
     sink: Any = fit.model.sink_guess if moved or not whole.ambient else next(iter(whole.ambient.values()))
-    base = Model(whole, ())
-    rates, errors = _rates(fit, [c in learnt for c in whole.channels])
-    if learnt:  # this record's own fit bends its rates by the very heat that is looked for
-        fit = at_rates(fit, rates)
-    local = np.stack([fit.local[:, fit.model.column(c.key)] for c in base.local], axis=1)
-    shared = np.full((whole.sensors, len(base.shared)), fit.model.sink_guess)
-    effects = fit.curve - base.forward(local, shared, np.arange(whole.sensors)) if fit.model.parts else np.zeros_like(fit.curve)
+    fit, errors = _as_learnt(fit, [c in learnt for c in whole.channels])
+    rates, sensors = fit.values[RATE], np.arange(whole.sensors)
+    shared = np.tile(fit.shared, (whole.sensors, 1))
+    with_, without = (free_runs(fit, whole, fit.local, shared, sensors, keep) for keep in (heat_apart(fit), []))
+    effects = with_ - without
     lumps: list[Lump | None] = []
     for i in range(whole.sensors):
         good = whole.used[i]
@@ -104,17 +106,30 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
     return NeededHeat(tuple(heats), tuple(follows), any(own), tuple(watts))
 
 
-def _rates(fit: Fit, learnt: Sequence[bool]) -> tuple[Array, Array]:
-    """Rates (S,) [1/min] and the deviations of their logarithms: where they are learnt those that the fit began with."""
-    rates, errors = fit.values[RATE].copy(), fit.deviations[RATE].copy()
-    at, prior = fit.model.column(RATE), fit.prior
+def heat_apart(fit: Fit) -> list[int]:
+    """Places of a model's parts that do the same under any heat: surroundings, and what a probe shows that is not its object's."""
+    effects = [part.effect for part in fit.model.parts]
+    return [k for k, effect in enumerate(effects) if effect.follows_ambient or effect.scope == "one"]
+
+
+def _as_learnt(fit: Fit, learnt: Sequence[bool]) -> tuple[Fit, Array]:
+    """A fit with what it was told beforehand as it was told, and deviations (S,) of the logarithms of its rates.
+
+    The run's own fit bends the constants of a machine by the very heat that is looked for.
+    """
+    local, shared, errors = fit.local.copy(), fit.shared.copy(), fit.deviations[RATE].copy()
+    if fit.prior is None or not any(learnt):
+        return fit, errors
+    at = fit.model.column(RATE)
     for i in np.flatnonzero(learnt).tolist():
-        if prior is not None and prior.local_precision[i, at, at] > 0.0:
-            told = np.flatnonzero(np.diagonal(prior.local_precision[i]) > 0.0)
-            covariance = np.linalg.inv(prior.local_precision[i][np.ix_(told, told)])
-            rates[i] = np.exp(prior.local[i, at])
+        told = np.flatnonzero(np.diagonal(fit.prior.local_precision[i])[: local.shape[1]] > 0.0)
+        local[i, told] = fit.prior.local[i, told]
+        if at in told:
+            covariance = np.linalg.inv(fit.prior.local_precision[i][np.ix_(told, told)])
             errors[i] = np.sqrt(covariance[told == at, told == at][0])
-    return rates, errors
+    together = np.flatnonzero(np.diagonal(fit.prior.shared_precision)[: len(shared)] > 0.0)
+    shared[together] = fit.prior.shared[together]
+    return replace(fit, local=local, shared=shared), errors
 
 
 def probed(lumps: list[Lump], rates: list[list[float]], columns: dict[str, Any], time: Array) -> tuple[list[Lump], list[Follows]]:
@@ -144,6 +159,13 @@ OWN_RATE = (
     "the unknown heat is told at the rate at which it follows a column or moves least, which the same readings gave: with --model, "
     "learnt on another run of the machine, it is surer"
 )
+
+
+def of_effects(fit: Fit) -> str:
+    """What to say of effects that a model has and the heat counts."""
+    apart = heat_apart(fit)
+    counted = [part.id for k, part in enumerate(fit.model.parts) if k not in apart]
+    return f"the heat is what the part itself needs: what {' and '.join(counted)} brings or takes is in it" if counted else ""
 
 
 def in_words(follows: tuple[Follows, ...]) -> str:

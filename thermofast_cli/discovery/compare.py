@@ -20,7 +20,7 @@ from thermofast.models.uncertainty.lump_heat import UnknownHeat
 
 from ..analysis.denoise import Denoised, denoised
 from ..analysis.power import Constants, most_watts, thermal_constants
-from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of
+from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of, of_effects
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
 from .colour import colour_of
@@ -190,7 +190,8 @@ def _needed(task: LoopTask, fit: Fit, whole: Observations) -> tuple[NeededHeat |
     logged = bool(whole.ambient or whole.inputs or whole.drive)
     power = most_watts(whole.drive, task.run.inputs) is not None
     watts = NO_WATTS if power and not any(found.in_watts) else ""
-    return found, [in_words(found.follows) or NO_COLUMN if logged else "", watts, OWN_RATE if found.own_rate else ""]
+    said = [in_words(found.follows) or NO_COLUMN if logged else "", watts, OWN_RATE if found.own_rate else ""]
+    return found, [*said, of_effects(fit)]
 
 
 def drive_of(task: LoopTask, whole: Observations) -> dict[str, Array]:
