@@ -75,7 +75,7 @@ def test_one_sensor_is_weighed_by_bayes_rule():
     joint = evidence + run.log_prior + (run.log_rate_prior(RATES) + np.log(cells(RATES)))[..., None]
     joint[np.isnan(joint)] = -np.inf
     assert np.exp(found - logsumexp(found)) == pytest.approx(np.exp(joint - logsumexp(joint)))
-    run._known = evidence, None
+    run._known = evidence
     assert run.evidence_of(RATES) == pytest.approx([logsumexp(joint)])
 
 

@@ -6,7 +6,7 @@ where their rates agree, the rate.
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ FEW, FINE, MORE = 24, 28, 3
 ANCHORS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 #: Every so many nodes the first look over all rates takes.
 COARSE = 3
+#: Sensors that are worked out at once.
+AT_ONCE = 8
 #: Of a record that is hardly bent the time constant is a guess, and its discrepancies are counted by its own length.
 LONGEST_UNIT = 1.0
 #: A record that is nearly straight has a pilot that is too fast: towards slower rates the prior is so many times as wide.
@@ -44,6 +46,17 @@ AROUND_KNOWN, AROUND_GUESSED = 6.0, 4.0
 KNOWN_FREE, KNOWN_REACH, KNOWN_COARSE = 3.0, 0.5, 24
 #: Log evidence of one sensor that counts with others, at most: a probe that fell off says much, and nothing of its neighbours.
 MOST_SAID = 20.0
+
+
+class Foretold(NamedTuple):
+    """Of one sensor at its n rates and hypotheses that are active, rates in order and hypotheses within.
+
+    Mean and variance (n, asked) of what is asked for, and the squares (n,) of the readings that are left.
+    """
+
+    mean: Array
+    variance: Array
+    squares: Array
 
 
 class Run:
@@ -91,7 +104,7 @@ class Run:
         self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, b.spread, a) for k, b, a in there]
         law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
-        self._known = np.zeros(0), np.zeros(0)
+        self._known = np.zeros(0)
 
     def log_rate_prior(self, off: Array, sensor: int | None = None) -> Array:
         """Log prior, up to a constant that all have, of log rates (S, F) less the centres; of one sensor, (F,)."""
@@ -107,46 +120,58 @@ class Run:
 
     def evaluate(
         self, log_rate: Array, active: NDArray[np.bool_], asked: int, wrong: Sequence[tuple[Array, Array]] | None = None
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """evidence, squares (S, F, H), mean, variance (S, F, H, asked) and signed rise (S, F) at log rates (S, F); where any
-        temperature is asked for of those hypotheses alone, in their order, that are active anywhere. wrong: in place of the parts'.
+    ) -> tuple[Array, Array, list[Foretold]]:
+        """Evidence (S, F, H), nan where not active, and signed rise (S, F) at log rates (S, F); where any temperature is asked for,
+        what is foretold of each sensor. wrong: in place of the parts'.
         """
-        some_of = active.any(axis=(0, 1)) if asked else np.ones(len(self.kind), dtype=bool)
-        active = active[..., some_of]
-        evidence, squares = (np.full(active.shape, np.nan) for _ in range(2))
-        mean, variance = (np.zeros((*active.shape, asked)) for _ in range(2))
-        rise = np.empty(log_rate.shape)
+        evidence, rise = np.full(active.shape, np.nan), np.empty(log_rate.shape)
+        foretold: list[Foretold] = []
         for i, blocks in enumerate(self.blocks):
-            rows, m = slice(self.rows[i], self.rows[i + 1]), len(blocks.time)
-            some = log_rate[rows]
+            first, behind, m = int(self.rows[i]), int(self.rows[i + 1]), len(blocks.time)
+            some = log_rate[first:behind]
             of_law, node, share, known = self.rows_of(i, some)
             reading = blocks.mean[:, None] - known[..., :m]
-            rise[rows] = law_slope(blocks, reading, of_law[..., :m]) / np.exp(some)
-            found = [np.ascontiguousarray(a[rows]) for a in (evidence, squares, mean, variance)]
-            core.mixture(
-                np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))),
-                np.ascontiguousarray(blocks.noise),
-                constant(blocks.time, self.asked[i]),
-                of_law,
-                self.slow_of(i, some),
-                self.leans[some_of],
-                node,
-                share,
-                self.covariance[i],
-                self.relative,
-                self.absolute,
-                np.ascontiguousarray((self.moved[i] * rise[rows]) ** 2),
-                *(self.wrong if wrong is None else wrong)[i],
-                self.kind[some_of],
-                self.scale[some_of],
-                self.under[some_of],
-                np.ascontiguousarray(active[rows], dtype=np.uint8),
-                asked,
-                *found,
-            )
-            found[2] += known[:, :, None, m : m + asked]
-            evidence[rows], squares[rows], mean[rows], variance[rows] = found
-        return evidence, squares, mean, variance, rise
+            rise[first:behind] = law_slope(blocks, reading, of_law[..., :m]) / np.exp(some)
+            reading, slow = np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))), self.slow_of(i, some)
+            known = np.broadcast_to(known, of_law.shape)
+            doubts = (self.wrong if wrong is None else wrong)[i]
+            # Of all hypotheses of all sensors at once what is foretold would take many times what the readings do.
+            for begin in range(0, len(some), AT_ONCE):
+                own = slice(begin, min(begin + AT_ONCE, len(some)))
+                rows = slice(first + own.start, first + own.stop)
+                of = active[rows].any(axis=(0, 1))
+                there = np.ascontiguousarray(active[rows][..., of])
+                found = np.empty(there.shape), np.empty(there.shape)
+                mean, variance = (np.zeros((*there.shape, asked)) for _ in range(2))
+                core.mixture(
+                    reading[own],
+                    np.ascontiguousarray(blocks.noise[own]),
+                    constant(blocks.time, self.asked[i]),
+                    of_law[own],
+                    slow[own],
+                    self.leans[of],
+                    node[own],
+                    share[own],
+                    self.covariance[i],
+                    self.relative,
+                    self.absolute,
+                    np.ascontiguousarray((self.moved[i][own] * rise[rows]) ** 2),
+                    *(d[own] for d in doubts),
+                    self.kind[of],
+                    self.scale[of],
+                    self.under[of],
+                    there.view(np.uint8),
+                    asked,
+                    *found,
+                    mean,
+                    variance,
+                )
+                evidence[rows][..., of] = found[0]
+                if asked:
+                    mean += known[own][:, :, None, m : m + asked]
+                    each = zip(mean, variance, found[1], there, strict=True)
+                    foretold += [Foretold(mu[a], v[a], left[a]) for mu, v, left, a in each]
+        return evidence, rise, foretold
 
     def rows_of(self, part: int, log_rate: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
         """Of a part's sensors at log rates (s, F): the law's rows (s, F, m + k), nodes and shares (s, F), what is known beside."""
@@ -177,10 +202,8 @@ class Run:
         """Log posterior (S, F, H) up to a constant: evidence, priors, and what other sensors say of size and kind."""
         prior, count = self.prior, self.count
         cell = np.log(np.maximum(cells(log_rate), 1e-12))
-        own = (
-            np.where(np.isnan(evidence), -np.inf, evidence)
-            + (self.log_rate_prior(log_rate - self.centre[:, None]) + cell)[..., None]
-        )
+        own: Array = np.where(np.isnan(evidence), -np.inf, evidence)
+        own += (self.log_rate_prior(log_rate - self.centre[:, None]) + cell)[..., None]
         own -= own.max(axis=(1, 2), keepdims=True)
         kinds = log_sum(own, 1)
         background = self.log_prior[self.base] - np.log1p(-prior.strong_share)
@@ -191,14 +214,15 @@ class Run:
         weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
         said = np.clip(relative, -MOST_SAID, MOST_SAID)
         weight += counted * (said.sum(axis=0) - said)
-        found: Array = own + weight[:, None]
-        return found
+        own += weight[:, None]
+        return own
 
     def evidence_of(self, log_rate: Array) -> Array:
         """Log evidence (S,) of what was worked out last at log rates (S, F)."""
         of_rate = self.log_rate_prior(log_rate - self.centre[:, None]) + np.log(np.maximum(cells(log_rate), 1e-12))
-        each = np.where(np.isnan(self._known[0]), -np.inf, self._known[0])
-        return log_sum(log_sum(each + self.log_prior, 2) + of_rate, 1)
+        each: Array = np.where(np.isnan(self._known), -np.inf, self._known)
+        each += self.log_prior
+        return log_sum(log_sum(each, 2) + of_rate, 1)
 
     def told(self, log_rate: Array, marginal: Array, plain: Array) -> tuple[Array, Array, Array]:
         """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing.
@@ -250,8 +274,8 @@ class Run:
             found[i, i] = False
         return found
 
-    def posterior(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Log rates (S, F), weights and squares (S, F, H) and who agrees with whom (S, S).
+    def posterior(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Log rates (S, F), weights (S, F, H) and who agrees with whom (S, S).
 
         A coarse look over all rates, then passes that close in.
         """
@@ -268,18 +292,20 @@ class Run:
         marginal = self._looked(first, np.ones(self.count, dtype=bool), few)[1]
         low, high = within_depth(first, marginal, 9.0, 1.0)
         log_rate, open_ = self.spread(low, high, FINE), np.ones(self.count, dtype=bool)
-        posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
+        posterior, marginal, dense, agreeing = self._looked(log_rate, open_)
         for _ in range(MORE):
             closer = within_depth(log_rate, marginal, 9.0, 1.0)
             open_ = (closer[1] - closer[0]) < 0.6 * (log_rate[:, -1] - log_rate[:, 0])
             if not open_.any():
                 break
+            del posterior  # before another one is made: of fifty sensors it is the largest of all that is held
             log_rate = np.where(open_[:, None], self.spread(*closer, FINE), log_rate)
-            posterior, marginal, squares, dense, agreeing = self._looked(log_rate, open_)
+            posterior, marginal, dense, agreeing = self._looked(log_rate, open_)
         agrees = self.agrees(log_rate, marginal, dense, agreeing)
-        weight = np.exp(posterior - posterior.max(axis=(1, 2), keepdims=True))
+        posterior -= posterior.max(axis=(1, 2), keepdims=True)
+        weight = np.exp(posterior, out=posterior)
         weight /= weight.sum(axis=(1, 2), keepdims=True)
-        return log_rate, weight, squares, agrees
+        return log_rate, weight, agrees
 
     def spread(self, low: Array, high: Array, count: int) -> Array:
         """Log rates (S, F) from low to high (S,), evenly, and those about the law's own."""
@@ -289,22 +315,23 @@ class Run:
 
     def _looked(
         self, log_rate: Array, anew: NDArray[np.bool_], which: NDArray[np.bool_] | bool = True
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Log posterior (S, F, H), marginal, squares and what ``told`` says of agreement.
+    ) -> tuple[Array, Array, Array, Array]:
+        """Log posterior (S, F, H), marginal and what ``told`` says of agreement.
 
         Worked out for sensors `anew` (S,) and hypotheses `which` (H,) only.
         """
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
         active = np.broadcast_to(stands[..., None] & which, (*log_rate.shape, len(self.kind)))
-        evidence, squares, *_ = self.evaluate(log_rate, active, 0)
+        evidence = self.evaluate(log_rate, active, 0)[0]
         if not anew.all():
-            evidence[~anew], squares[~anew] = self._known[0][~anew], self._known[1][~anew]
-        self._known = evidence, squares
+            evidence[~anew] = self._known[~anew]
+        self._known = evidence
         posterior = self.weighed(log_rate, evidence)
         marginal, plain = log_sum(posterior, 2), log_sum(posterior[..., self.base], 2)
         said, dense, agreeing = self.told(log_rate, marginal, plain)
-        return posterior + said[..., None], marginal + said, squares, dense, agreeing
+        posterior += said[..., None]
+        return posterior, marginal + said, dense, agreeing
 
     def settles(self, sensor: int, log_rate: Array) -> tuple[Array | float, Array | float]:
         """Time constants until 95 % are done and how fast the rest falls then, at log rates (F,)."""

@@ -77,7 +77,8 @@ def log_sum(values: Array, axis: int) -> Array:
     top = values.max(axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(all="ignore"):
-        found: Array = np.squeeze(top, axis) + np.log(np.exp(values - top).sum(axis=axis))
+        off = values - top
+        found: Array = np.squeeze(top, axis) + np.log(np.exp(off, out=off).sum(axis=axis))
     return found
 
 

@@ -69,17 +69,17 @@ def settle(
     draws: so many curves over `at` are drawn beside.
     """
     run = Run(parts, tau, prior, np.asarray(at, dtype=float), rates)
-    log_rate, weight, squares, agrees = run.posterior()
-    return _predicted(run, log_rate, weight, squares, agrees, draws)
+    log_rate, weight, agrees = run.posterior()
+    return _predicted(run, log_rate, weight, agrees, draws)
 
 
-def _predicted(run: Run, log_rate: Array, weight: Array, squares: Array, agrees: NDArray[np.bool_], draws: int) -> Settled:
+def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool_], draws: int) -> Settled:
     asked = run.asked[0].count
     active = weight > LEAST_WEIGHT
     for mine, w in zip(active, weight, strict=True):
         mine &= w > negligible(w[mine])
-    _, _, mean, variance, rise = run.evaluate(log_rate, active, asked)
-    count, of_active = run.count, np.cumsum(active.any(axis=(0, 1))) - 1
+    rise, foretold = run.evaluate(log_rate, active, asked)[1:]
+    count = run.count
     steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
     at = np.full((count, run.times, 3), np.nan)
     spread_of_rate, check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(5))
@@ -96,8 +96,7 @@ def _predicted(run: Run, log_rate: Array, weight: Array, squares: Array, agrees:
         if not len(places):
             continue
         w = weight[i, places, hypotheses]
-        own = i, places, of_active[hypotheses]
-        mu, sd = mean[own], np.sqrt(variance[own])
+        mu, sd = foretold[i].mean, np.sqrt(foretold[i].variance)
         steady[i] = quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
         b, r = np.exp(log_rate[i, places]), rise[i, places]
         late, spread = settled_after(b, r, mu[:, SETTLING], sd[:, SETTLING], *run.settles(i, log_rate[i, places]))
@@ -117,7 +116,7 @@ def _predicted(run: Run, log_rate: Array, weight: Array, squares: Array, agrees:
         rate[i] = np.exp(quantiles(of_rate, log_rate[i], 0.5 * cell))
         strong[i] = weight[i][:, lasting].sum()
         m = len(run.blocks_of(i).time)
-        left = squares[i, places, hypotheses]
+        left = foretold[i].squares
         if m > 2:  # else no reading is left over to contradict
             check[i] = w @ np.nan_to_num(f_tail(m - 2, ENDLESS, left / (m - 2))) / w.sum()
         # Readings beyond what the prior holds: as elsewhere in statistics, the spread makes room for what is left.

@@ -261,7 +261,7 @@ def _differences(values: Array, m: int) -> Array:
 
 
 #: Designs whose covariances are kept, and rows up to which they are: a plan, or a trial, looks at many records of one.
-KEPT, KEPT_ROWS = 16, 20
+KEPT, KEPT_ROWS = 2, 20
 
 
 def kept_covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None, turns: float) -> Array:

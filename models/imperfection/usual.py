@@ -42,17 +42,18 @@ def deviations(run: Run, log_rate: Array, weight: Array) -> tuple[Array, Array] 
         likely = _likely(run, grid, run.evaluate(grid, _stands(grid, one), 0, wrong)[0])
         grid = run.spread(*within_depth(grid, likely, depth, 1.0), count)
     active = _stands(grid, one)
-    evidence, _, mean, variance, rise = run.evaluate(grid, active, run.asked[0].count, wrong)
+    evidence, rise, foretold = run.evaluate(grid, active, run.asked[0].count, wrong)
     share = np.exp(_likely(run, grid, evidence))
     share /= share.sum(axis=1, keepdims=True)
-    # One hypothesis a sensor is active: the others add nothing.
-    mean, variance = (np.where(active[:, :, one.any(axis=0), None], v, 0.0).sum(axis=2) for v in (mean, variance))
-    asked, t95 = np.zeros(mean[:, 0].shape), np.zeros(run.count)
+    asked, t95 = np.zeros((run.count, run.asked[0].count)), np.zeros(run.count)
     for i in np.flatnonzero(quiet).tolist():
-        asked[i] = _deviation(share[i, :, None], mean[i], variance[i])
-        ahead, open_ = mean[i, :, SETTLING], np.sqrt(variance[i, :, SETTLING])
-        late, spread = settled_after(np.exp(grid[i]), rise[i], ahead, open_, *run.settles(i, grid[i]))
-        t95[i] = _deviation(share[i], late, spread**2)
+        there = active[i].any(axis=1)  # one hypothesis of a sensor is looked at, at some rates
+        own, at = share[i, there], grid[i, there]
+        mean, variance, _ = foretold[i]
+        asked[i] = _deviation(own[:, None], mean, variance)
+        ahead, open_ = mean[:, SETTLING], np.sqrt(variance[:, SETTLING])
+        late, spread = settled_after(np.exp(at), rise[i, there], ahead, open_, *run.settles(i, at))
+        t95[i] = _deviation(own, late, spread**2)
     return asked, t95
 
 

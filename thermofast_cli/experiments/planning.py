@@ -226,12 +226,12 @@ def _curve(option: Option) -> Curve:
         known, prior = replace(past, shapes=own, rises={}).known(tuple(own)), past.prior(prior)
         shape = known.curve[:, 0] + np.expm1(-known.x)
     half = np.full((DRAWS, len(TURNS)), np.nan)
-    for d in range(DRAWS):
-        for k, turn in enumerate(TURNS):
-            span = turn * design.tau_min
-            count = span * 60.0 / design.interval_s + 1.0
-            if count < 6.0:
-                continue
+    for k, turn in enumerate(TURNS):
+        span = turn * design.tau_min
+        count = span * 60.0 / design.interval_s + 1.0
+        if count < 6.0:
+            continue
+        for d in range(DRAWS):
             # So many readings of other noise say the same as all of them, and every alternative meets the same machines.
             rng = np.random.default_rng([7, d, k])
             noise = np.full(sensors, design.noise_c * math.sqrt(READINGS / count))
