@@ -16,7 +16,8 @@ from thermofast.models.imperfection import TYPICAL, Imperfection
 
 from ..errors import rounded
 from ..estimation.identify import Method, identify_sensors
-from ..records import CalibrateRecord
+from ..estimation.measured import moved_by_room
+from ..records import CalibrateRecord, IdentifyRecord
 from ..workers.engine import Started
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 #: When a past run is read, in time constants; a run counts as complete from the last of COMPLETE on.
 TURNS = (0.4, 0.6, 0.8, 1.0, 1.4, 2.0, 3.0)
 COMPLETE = 3.5
+#: Time constants between a reading and the end of its run from which the end tells the limit.
+APART = 1.5
 #: Readings whose mean is the end of a run.
 LAST = 20
 #: Runs that "as wide as the prior says" counts for, and "as wide as at the other times" at each of them.
@@ -100,12 +103,34 @@ def past_run(started: Started, method: Method, priors: Sequence[Imperfection] = 
         of_prior = replace(method, imperfection=prior)
         for t, turn in enumerate(TURNS):
             until = start + turn * tau
-            found = identify_sensors(run.name, channels, minutes, values, of_prior, until, start, at_min=at)
-            for s, r in enumerate(found.records):
-                if r.at_lo_c is not None and r.at_c is not None and r.at_hi_c is not None and r.status != "not_determined":
+            found = identify_sensors(run.name, channels, minutes, values, of_prior, until, start, at_min=at, room=run.room)
+            told = [r if r.status != "not_determined" else None for r in found.records]
+            ahead = start + at - until
+            if run.room is not None and ahead >= APART * tau:
+                foretold[c, t] = _limits(told, minutes, run.room, until, ahead)
+                continue
+            for s, r in enumerate(told):
+                if r is not None and r.at_lo_c is not None and r.at_c is not None and r.at_hi_c is not None:
                     foretold[c, t, s] = r.at_lo_c, r.at_c, r.at_hi_c
     good = np.isfinite(end) & np.isfinite(foretold).all(axis=3).any(axis=(0, 1))
     return Past(run.name, foretold[:, :, good], end[good]) if good.any() else "nothing was foretold of it at any time"
+
+
+def _limits(told: Sequence[IdentifyRecord | None], minutes: Array, room: Array, until: float, ahead: float) -> Array:
+    """Intervals of the limit (S, 3) [degC], as of the end `ahead` [min] after `until`: what the logged room did since is added.
+
+    Where the room is logged the interval of the limit does not count what the room may do later, and that of a temperature does:
+    the end of a run says whether the limit's held.
+    """
+    found = np.full((len(told), 3), np.nan)
+    for s, r in enumerate(told):
+        if r is None or r.steady_state_c is None or r.initial_c is None or r.rate_per_min is None:
+            continue
+        moved = moved_by_room(minutes, room, np.array([r.rate_per_min]), until, np.array([until + ahead]))[0, 0]
+        left = (r.steady_state_c - r.initial_c) * np.exp(-r.rate_per_min * (until + ahead - (r.start_min or 0.0)))
+        for k, side in enumerate((r.steady_state_lo_c, r.steady_state_c, r.steady_state_hi_c)):
+            found[s, k] = np.nan if side is None else side + moved - left
+    return found
 
 
 def learn(past: Sequence[Past]) -> Lab:

@@ -25,6 +25,7 @@ from .imperfect import Claims, Closed, claims, said_of_slow, times_asked, togeth
 from .measured import (
     comes_back,
     contradicts,
+    counted_to,
     in_room,
     measured_equilibria,
     moved_by_room,
@@ -105,8 +106,7 @@ class Found(Sequence[Identified]):
         if not found:
             return cls(Records.of(IdentifyRecord, []))
         asked = any(one.details for one in found)
-        nothing = (None, None)
-        details = tuple(d for one in found for d in (one.details or (nothing,) * len(one))) if asked else ()
+        details = tuple(d for one in found for d in (one.details or ((None, None),) * len(one))) if asked else ()
         return cls(Records.joined([one.records for one in found]), details)
 
     def taken(self, order: NDArray[np.intp]) -> "Found":
@@ -317,9 +317,8 @@ class _Block:
 
     def _diverged(self, i: int, why: str) -> IdentifyRecord:
         row = self.sensors.rows[i]
-        message = _joined([why, self.notes[row]])
-        blank = IdentifyRecord(self.run, self.channels[row], self.filter, self.until_min, self.count, self.start_min)
-        return replace(blank, status="diverged", message=message)
+        told = self.run, self.channels[row], self.filter, self.until_min, self.count, self.start_min
+        return IdentifyRecord(*told, status="diverged", message=_joined([why, self.notes[row]]))
 
     def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> Records:
         sensors, n = self.sensors, self.count
@@ -334,7 +333,8 @@ class _Block:
             known = self.method.past, self.method.changed_min
             status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
         late = max(float(sensors.time[0]) - self.start_min, 0.0)  # of sensors whose readings begin after the others'
-        elapsed = max(found.time - self.start_min - late, 0.0)
+        last, silent = counted_to(sensors.time[:n], self.time_min, self.until_min)
+        elapsed = max(last - self.start_min - late, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
         faded = found.faded if claimed is None else np.zeros_like(found.faded)
         for k in np.flatnonzero(faded if not self.method.paces else np.isfinite(found.t95)).tolist():
@@ -383,7 +383,7 @@ class _Block:
             rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
             columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
             columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]
-        said = [self._said(i, (*messages.get(i, ()), *of_room), claimed, tripped) for i in range(len(sensors))]
+        said = [self._said(i, (*messages.get(i, ()), *silent, *of_room), claimed, tripped) for i in range(len(sensors))]
         for i, why in broken.items():
             status[i], said[i] = "diverged", _joined([why, self.notes[sensors.rows[i]]])
         told: dict[str, Column] = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}

@@ -66,7 +66,8 @@ class Claims:
     averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
     out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
     did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
-    (S,) [K]: so far it has moved since it settled by the law; else nan.
+    (S,) [K]: so far it has moved since it settled by the law; else nan. alone (S, 3) [degC]: as steady, by the readings without
+    the past that is counted.
     """
 
     steady: Array
@@ -94,6 +95,7 @@ class Claims:
     behind: Array
     faster: Array
     moved: Array
+    alone: Array
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -256,6 +258,7 @@ def _let_go(
     together = sum(float(f.sum()) for f in for_none)
     whole = together > -RULES.searched if past.searched else not past.guessed and together > RULES.contradicted
     for one, other, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
+        one.alone[m] = other.steady[m]
         plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
         # Beyond all it allows, by chance too: without it they must be likelier, or nothing is won by letting it go.
         one.let_go[:] |= odd & (plain | (~(one.check_p >= RULES.unfit) & (likelier > 0.0)))
@@ -417,7 +420,7 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
         n: np.full(count, np.nan)
         for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence", "behind", "faster", "moved")
     }
-    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing")}
+    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing", "alone")}
     return Claims(
         **numbers,
         **threes,

@@ -4,13 +4,14 @@ as it was logged.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import difference_noise, spike_weights
+from thermofast.models import bridged, difference_noise, spike_weights
 from thermofast.models.imperfection import lagged
 from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 
 #: Share of an interval's width, and size [K], from which what the room may do until the time asked for is told.
 TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
+#: Times the 95 % interval of a mean within which the last of many that lie outside a band is found.
+SURELY = 1.7
 
 
 def steadied(sensors: Sensors, until_min: float | None, together: int, room: Array | None) -> Sensors:
@@ -62,6 +65,19 @@ def swinging(sensors: Sensors, until_min: float | None, together: int) -> Sensor
     return replace(sensors, swing=steadied(sensors, until_min, together, None).swing)
 
 
+def counted_to(time: Array, run_time: Array, until_min: float | None) -> tuple[float, tuple[str, ...]]:
+    """Time [min] from which what is left counts: the last of a sensor's readings used, at time (n,); the run's, and what to say of
+    it, where that goes on for longer than several of the sensor's readings, and than a share of all it had read: a probe that died.
+    """
+    own = float(time[-1])
+    read = len(run_time) if until_min is None else int(np.searchsorted(run_time, until_min + 1e-9))
+    last = float(run_time[max(read - 1, 0)])
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else math.inf
+    if last - own <= max(RULES.silent_readings * usual, RULES.silent_share * (own - float(time[0]))):
+        return own, ()
+    return last, (f"no reading after {own:.4g} min, the run goes on to {last:.4g}: check the probe",)
+
+
 def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
     """(steady states [degC], settling times [min] after the first reading), each (S,), of records (S, n) that reached equilibrium.
 
@@ -76,7 +92,7 @@ def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
         return steady, settled
     tail = n - max(int(n * RULES.drift_share), 6)
     level = reading[:, n - max(int(n * RULES.last_share), 3) :].mean(axis=1)
-    rise = np.abs(level - np.sort(reading[:, :3], axis=1)[:, 1])
+    rise = np.abs(level - _first_of(reading))
     at = time[tail:] - time[tail:].mean()
     values = reading[:, tail:] - reading[:, tail:].mean(axis=1, keepdims=True)
     slope = values @ at / float(at @ at)
@@ -96,6 +112,14 @@ def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
         last = np.where(outside.any(axis=1), outside.shape[1] - 1 - outside[:, ::-1].argmax(axis=1) + wide // 2, 0)
         settled[rows] = time[last + 1] - time[0]
     return steady, settled
+
+
+def _first_of(reading: Array) -> Array:
+    """Where records (S, n) begin (S,) [degC]: at the first reading if the next two go on from it, else in the middle of three."""
+    first = reading[:, :3]
+    steps = np.diff(first, axis=1)
+    found: Array = np.where((steps[:, 0] * steps[:, 1]) > 0.0, first[:, 0], np.sort(first, axis=1)[:, 1])
+    return found
 
 
 def measured_equilibrium(time: Array, reading: Array) -> tuple[float, float | None] | None:
@@ -212,9 +236,10 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     open_ = claimed.unknown_rate | np.isfinite(claimed.behind)
     steady[open_ & rises, 2] = np.nan
     steady[open_ & ~rises, 0] = np.nan
-    t95[open_, 2] = np.nan
     least = np.where(rises, steady[:, 0], steady[:, 2])  # that which leaves the least to be done
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, least, sensors)), None, t95[:, 1])
+    _as_read(t95, law, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise)
+    t95[open_, 2] = np.nan
     t95[back] = np.nan
     _to_the_beginning(steady, law, sensors)
     steady[steady[:, 0] < ABSOLUTE_ZERO_C, 0] = np.nan  # as far as nobody can go is no bound
@@ -276,3 +301,112 @@ def _not_done_before(law: "Estimates", least: Array, sensors: Sensors) -> Array:
     first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
     found: Array = time[first] - time[0]
     return found
+
+
+def began(law: "Estimates", sensors: Sensors) -> Array:
+    """Where the rise of each sensor begins (S,) [degC]: where the law's does; at the first reading, where the law passes it by.
+
+    A part that is warm within minutes has risen before the exponential of the others begins. One reading alone may be an outlier:
+    the second must lie on the same side.
+    """
+    time, reading = sensors.time[:2] - sensors.time[0], sensors.reading[:, :2]
+    with np.errstate(all="ignore"):
+        rise = law.steady_state - law.initial
+        off = reading - (law.initial[:, None] - rise[:, None] * np.expm1(-law.rate[:, None] * time))
+        far = np.abs(off) > np.stack([np.maximum(6.0 * law.noise, RULES.begins * np.abs(rise)), 3.0 * law.noise], axis=1)
+        early = far.all(axis=1) & (off.prod(axis=1) > 0.0)
+    found: Array = np.where(early, reading[:, 0], law.initial)
+    return found
+
+
+def _as_read(t95: Array, law: "Estimates", limits: Array, rate: Array, sensors: Sensors, which: NDArray[np.bool_]) -> None:
+    """Puts settling times (S, 3) [min after the first reading] right, in place, where the readings used contradict the middle one.
+
+    limits (S, 3) [degC]: those claimed, that which is reached first, the middle, that which is reached last; rate (S, 3) [1/min];
+    which (S,): those whose rise is one exponential's, and does not go on and off.
+    What was read is no matter of a model: where 95 % of the rise to the limit had been done for good, the time of that stands;
+    where they had not, though the model says so, the way from the last readings on.
+    """
+    used = sensors.time <= law.time
+    time, reading = sensors.time[used] - sensors.time[0], sensors.reading[:, used]
+    start, middle, elapsed = began(law, sensors), limits[:, 1], float(time[-1])
+    with np.errstate(all="ignore"):
+        rise, of_law = middle - start, middle - law.initial
+        width = np.ceil((6.0 * law.noise / (0.05 * np.abs(rise))) ** 2)
+        # What is done before the law's exponential begins need not be done by it.
+        sooner = np.where(start != law.initial, np.log(np.abs(rise / of_law)) / rate[:, 1], 0.0)
+    looked = which & (len(time) >= RULES.fewest_complete) & np.isfinite(t95[:, 1]) & (width <= len(time) // 10) & (rise != 0.0)
+    out = outlying(law, sensors)
+    for i in np.flatnonzero(looked).tolist():
+        wide = int(max(width[i], 3.0)) | 1
+        if abs(middle[i] - reading[i, -wide:].mean()) > 0.05 * abs(rise[i]) and t95[i, 1] >= elapsed:
+            # On its way, and not said to have come.
+            t95[i, :2] = np.maximum(t95[i, :2] - np.nan_to_num(sooner[i]), np.minimum(t95[i, :2], elapsed))
+            continue
+        line = bridged(time, reading[i][None], out[i][None])[0] if out[i].any() else reading[i]
+        error = 1.96 * float(law.noise[i]) / math.sqrt(wide)
+        passing = _Passing(time, line - start[i], wide, error, bool(start[i] != law.initial[i]))
+        passing.correct(t95[i], limits[i] - start[i], rate[i])
+
+
+@dataclass(frozen=True)
+class _Passing:
+    """When one record passed 95 % of rises [K]: its readings (n,) [K] off where it began, at time (n,) [min] after that.
+
+    wide: readings of the running mean that is looked at, an odd number; error [K]: half-width of that mean's own interval; early:
+    whether it had risen before the law's exponential begins.
+    """
+
+    time: Array
+    line: Array
+    wide: int
+    error: float
+    early: bool
+
+    @cached_property
+    def mean(self) -> Array:
+        """The running mean (n - wide + 1,)."""
+        sums = np.concatenate([[0.0], np.cumsum(self.line)])
+        found: Array = (sums[self.wide :] - sums[: -self.wide]) / self.wide
+        return found
+
+    def passed(self, rise: float, more: float = 0.0, both: bool = False) -> tuple[float, float] | None:
+        """The last time outside, and the first from which 95 % of a rise, and `more` [K], is done for good; None if it is not.
+
+        both: done is within 5 % on either side.
+        """
+        if not math.isfinite(rise):
+            return None
+        there = math.copysign(1.0, rise) * self.mean
+        outside = there < 0.95 * abs(rise) + more
+        if both:
+            outside |= there > 1.05 * abs(rise) + more
+        if outside[-1]:
+            return None
+        at = len(outside) - int(outside[::-1].argmax()) if outside.any() else 0
+        middle = self.wide // 2
+        return float(self.time[max(at - 1, 0) + middle]), float(self.time[at + middle])
+
+    def correct(self, t95: Array, rises: Array, rate: Array) -> None:
+        """Settling times (3,) put right in place; rises (3,) [K], the least, the middle and the largest; rate (3,) [1/min]."""
+        elapsed, blur = float(self.time[-1]), float(self.time[self.wide // 2 + 1])
+        read, least = self.passed(float(rises[1]), both=True), self.passed(float(rises[0]), -self.error)
+        most = self.passed(float(rises[2]), self.error)
+        # From here on to a limit that was not reached: at the rate in the middle, to the largest rise at the least rate.
+        ends = [elapsed + self._left(float(r)) / b for r, b in zip(rises[1:], rate[1::-1].tolist(), strict=True)]
+        latest = max(t95[2], *ends) if math.isfinite(rises[2]) else math.nan
+        if read is not None:
+            early, late = (self.passed(float(rises[1]), side * SURELY * self.error, both=True) for side in (-1.0, 1.0))
+            begin, end = early[0] if early else read[0], late[1] if late else elapsed
+            inside = t95[0] - blur <= read[1] and not t95[2] < read[0] - blur
+            if inside or (not self.early and begin - blur <= t95[1] <= end + blur):  # as exact as the readings tell
+                return
+            low, high = min(least[0] if least else read[0], read[0]), most[1] if most else None
+            t95[:] = low, 0.5 * (read[0] + read[1]), latest if high is None else max(high, read[1])
+        elif t95[1] < elapsed - blur:
+            t95[:] = min(least[0] if least else elapsed, ends[0]), ends[0], latest
+
+    def _left(self, rise: float) -> float:
+        """Time constants from the last readings on until 95 % of a rise are done."""
+        share = abs(rise - float(self.mean[-1])) / (0.05 * abs(rise)) if rise else 1.0
+        return math.log(max(share, 1.0)) if math.isfinite(share) else 0.0

@@ -55,6 +55,11 @@ class EstimationRules:
         "residuals of the law, in a pattern, from which one exponential is no word about the record",
         "benchmarks.intervals.imperfect: what rows that are `ok` leave at most, with a dominant effect too",
     )
+    silent_readings: float = rule(5.0, "of its readings", "that a sensor misses at the end, at which its row says so", BY_HAND)
+    silent_share: float = rule(0.05, "of what it read", "the same, at least", BY_HAND)
+    begins: float = rule(
+        0.02, "of the rise", "from the law, at which the first reading tells where a rise begins", "2 % move t95 by 0.7 %"
+    )
     back: float = rule(
         0.03, "1", "share of the way seen: a limit nearer than that to the beginning is a return, with no rise", BY_HAND
     )

@@ -295,9 +295,17 @@ def _noted(case: _Case) -> list[Reason]:
         then = rounded(1.0 / claimed.rate[i, 1])
         return f"the machine is taken to be as it was: a change of its cooling may not show before {then} min"
 
+    low, _, high = claimed.alone.T
+    with np.errstate(invalid="ignore"):
+        beyond = claimed.known & ((claimed.steady[:, 1] < low) | (claimed.steady[:, 1] > high))
+
+    def stands_on_it(i: int) -> str:
+        return f"by its own readings {low[i]:.2f}..{high[i]:.2f} degC: that it settles beyond stands on the past runs alone"
+
     averaged = np.asarray(claimed.averaged > 1)
     return [
         Reason(believed, as_it_was),
+        Reason(np.asarray(beyond), stands_on_it),
         Reason(averaged, lambda i: f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts"),
     ]
 
