@@ -200,9 +200,8 @@ def _joined(message: str, guesses: str) -> str:
 def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
     """The figure, saved where a path is given."""
     if path is not None and figure is None:
-        raise UsageError(
-            f"{path}: nothing to draw", found="a result without curves", do="ask for details=True where there are many sensors"
-        )
+        way = "see the status of each record; of many sensors identify, sweep and compare keep curves with details=True"
+        raise UsageError(f"{path}: nothing to draw", found="a result without curves", do=way)
     if path is not None and figure is not None:
         from .output.pictures.plots import save_figure
 

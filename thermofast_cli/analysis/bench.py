@@ -33,10 +33,11 @@ DEFAULT = "afukf"
 
 @dataclass(frozen=True)
 class Trial:
-    """A filter's record and its error ahead on each sensor (S,) [K]."""
+    """A filter's record and its error ahead on each sensor (S,) [K]; closes: whether ``identify`` counts the machine beside it."""
 
     record: BenchRecord
     ahead: Array
+    closes: bool = True
 
 
 def bench_run(
@@ -115,13 +116,13 @@ def _bench(blank: BenchRecord, method: Filter, sensors: list[Sensor], until: flo
     by_sensor[[i for i, e in enumerate(estimates) if e is not None]] = [
         math.sqrt(float(np.mean(e**2))) if len(e) else np.nan for e in ahead
     ]
-    return Trial(told, by_sensor)
+    return Trial(told, by_sensor, method.closing != "never")
 
 
 def _error(estimate: Estimate, sensor: Sensor, first: int, last: int) -> Array:
-    """Free run minus readings first..last [K], outliers left out; empty where the estimate has no rate."""
+    """Free run minus readings first..last [K], outliers left out; empty where the estimate tells no steady state."""
     kept = spike_weights(sensor.reading, sensor.resolution)[first:last] > 0.0
-    if not kept.any() or not np.isfinite(estimate.state).all():
+    if not kept.any() or not np.isfinite(estimate.state).all() or estimate.steady_state is None:
         return np.empty(0)
     return np.asarray(estimate.free_run(sensor.time[first:last])[kept] - sensor.reading[first:last][kept])
 
@@ -149,9 +150,9 @@ def choose_among(trials: list[Trial]) -> list[BenchRecord]:
     if DEFAULT in sound:
         base = sound[DEFAULT]
         level = ALARM / max(1, len(sound) - 1)
-        better = [t for t in sound.values() if clearly_better(t.ahead, base.ahead, level) or FAR * _size(t) < _size(base)]
+        better = [t for t in sound.values() if clearly_better(t.ahead, base.ahead, level) or _far_below(t.ahead, base.ahead)]
         best = min(better, key=_size) if better else base
-        why = f"use it here: error ahead {_size(best):.3g} K"
+        why = f"use it here: error ahead of its own curve {_size(best):.3g} K"
         why += (
             f", clearly below that of {DEFAULT} ({_size(base):.3g} K)"
             if better
@@ -159,10 +160,14 @@ def choose_among(trials: list[Trial]) -> list[BenchRecord]:
         )
     else:
         best = min(sound.values(), key=_size)
-        why = f"use it here: error ahead {_size(best):.3g} K, the least of those that came through; {DEFAULT} broke"
+        why = (
+            f"use it here: error ahead of its own curve {_size(best):.3g} K, the least of those that came through; {DEFAULT} broke"
+        )
     others = [t.record.filter for t in sound.values() if t is not best and abs(_size(t) / _size(best) - 1.0) <= AS_GOOD]
     if others:
         why += f"; within {100 * AS_GOOD:.0f} %: {', '.join(others)}"
+    if best.record.filter != DEFAULT and best.closes:
+        why += f"; identify counts the machine beside the curve: what it says differs little from that of {DEFAULT}"
     if best.record.filter == DEFAULT:
         why += "; it also leaves outliers out and tells when the model fails"
     return [replace(t.record, chosen=True, message=why) if t is best else t.record for t in trials]
@@ -170,6 +175,12 @@ def choose_among(trials: list[Trial]) -> list[BenchRecord]:
 
 def _size(trial: Trial) -> float:
     return trial.record.rmse_ahead_c if trial.record.rmse_ahead_c is not None else math.inf
+
+
+def _far_below(own: Array, other: Array) -> bool:
+    """Whether errors own (S,) are far below those of another filter, over the sensors of which both tell where they settle."""
+    both = np.isfinite(own) & np.isfinite(other)
+    return bool(both.any() and FAR * math.sqrt(float(np.mean(own[both] ** 2))) < math.sqrt(float(np.mean(other[both] ** 2))))
 
 
 def clearly_better(own: Array, other: Array, level: float) -> bool:

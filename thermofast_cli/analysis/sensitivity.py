@@ -5,6 +5,7 @@ results gives the share of each (Sobol indices). What is changed are the reading
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -122,7 +123,10 @@ def _plain(task: SensitivityTask) -> list[SensitivityRecord]:
 
 def _sensor_records(task: SensitivityTask, run: str, channel: str, sensor: Sensor) -> list[SensitivityRecord]:
     until = task.loop.until_min if task.loop.until_min is not None else float(sensor.time[-1])
-    centre = _estimate(task.method, sensor.time, sensor.reading, until, sensor.resolution)
+    try:
+        centre = _estimated(task.method, sensor.time, sensor.reading, until, sensor.resolution)
+    except FilterError as error:
+        return [SensitivityRecord(run, channel, status="diverged", message=str(error))]
     if centre is None or centre.steady_state is None or centre.t95 is None or not np.isfinite(centre.covariance).all():
         why = "the steady state is not determined by these readings: nothing to vary around; measure longer"
         return [SensitivityRecord(run, channel, status="not_determined", message=why)]
@@ -142,15 +146,18 @@ def _sensor_records(task: SensitivityTask, run: str, channel: str, sensor: Senso
 
 
 def _estimate(method: Method, time: Array, reading: Array, until: float, resolution: float) -> Estimate | None:
+    with suppress(FilterError):
+        return _estimated(method, time, reading, until, resolution)
+    return None
+
+
+def _estimated(method: Method, time: Array, reading: Array, until: float, resolution: float) -> Estimate | None:
     count = int(np.searchsorted(time, until + 1e-9, "right"))
     if count < 6:
         return None
-    try:
-        track = track_of(method.filter, method.model, time[:count], reading[:count], resolution)
-    except FilterError:
-        return None
+    track = track_of(method.filter, method.model, time[:count], reading[:count], resolution)
     if track.diverged_at is not None:
-        return None
+        raise FilterError(f"the filter diverged at reading {track.diverged_at + 1}, {time[track.diverged_at]:.4g} min")
     return estimate_at(method.model, method.filter, track, time[:count], reading[:count], count - 1, resolution)
 
 

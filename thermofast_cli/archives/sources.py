@@ -1,6 +1,7 @@
 """Which files an archive holds: those named, those of folders, those of patterns."""
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -42,6 +43,21 @@ class SourceFile:
 def is_pattern(text: str) -> bool:
     """Whether a RUN is a pattern, and not a file that is called so."""
     return bool(WILD & set(text)) and not Path(text).exists()
+
+
+def named_by(given: Sequence[str]) -> tuple[str, ...]:
+    """Files named one by one, those of a pattern (a shell leaves one in quotes as it is) in the order of their names.
+
+    Raises
+    ------
+    InputError: a pattern that no file matches.
+    """
+    found: list[str] = []
+    for one in given:
+        bare = re.sub(r"#\d+$", "", one)  # the second record of a file
+        several = sources_of([one]) if is_pattern(one) and is_pattern(bare) else []
+        found += [s.path if Path(s.path).is_file() else s.at for s in several] or [one]
+    return tuple(found)
 
 
 def sources_of(given: Sequence[str], aside: str | None = None) -> list[SourceFile]:

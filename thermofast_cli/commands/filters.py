@@ -93,8 +93,9 @@ def bench(
 ) -> int:
     """Run every filter on each RUN and say which one to use there, and why.
 
-    One record per filter: errors inside and ahead over all sensors, the median width of the 95 % interval that the readings alone
-    give, readings filtered per second on this machine in one process, and on how many sensors the filter broke.
+    One record per filter: errors of its own curve inside, and ahead over the sensors of which it tells where they settle, the
+    median width of the 95 % interval that the readings alone give, readings filtered per second on this machine in one process, and
+    on how many sensors the filter broke. What identify says counts the machine beside, and hardly depends on the filter.
     """
     from ..output.screen import number, text
     from ..pipeline.around import bench_runs

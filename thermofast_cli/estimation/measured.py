@@ -398,11 +398,11 @@ class _Passing:
         if read is not None:
             early, late = (self.passed(float(rises[1]), side * SURELY * self.error, both=True) for side in (-1.0, 1.0))
             begin, end = early[0] if early else read[0], late[1] if late else elapsed
+            low, high = min(least[0] if least else read[0], read[0]), latest if most is None else max(most[1], read[1])
             inside = t95[0] - blur <= read[1] and not t95[2] < read[0] - blur
-            if inside or (not self.early and begin - blur <= t95[1] <= end + blur):  # as exact as the readings tell
-                return
-            low, high = min(least[0] if least else read[0], read[0]), most[1] if most else None
-            t95[:] = low, 0.5 * (read[0] + read[1]), latest if high is None else max(high, read[1])
+            agree = inside or (not self.early and begin - blur <= t95[1] <= end + blur)
+            if not agree or high - low < t95[2] - t95[0]:  # else the model is the more exact
+                t95[:] = low, 0.5 * (read[0] + read[1]), high
         elif t95[1] < elapsed - blur:
             t95[:] = min(least[0] if least else elapsed, ends[0]), ends[0], latest
 

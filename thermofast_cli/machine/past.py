@@ -55,6 +55,8 @@ LEAST_HEAT = 0.1
 DRIVEN, RESTLESS, AT_EVENTS = 0.03, 0.15, 0.1
 STAYED = 2.0
 SINK_KEY = Key(-1, SINK.name)
+#: Time constants from which on a run tells what slower masses do.
+COMPLETE = 3.5
 
 
 @dataclass(frozen=True)
@@ -293,7 +295,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
             do="use a model of this machine, or give its sensors the model's names: --rename COLUMN=NAME",
         )
     past = past_of_model(task.model)
-    notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *changed_files(file)]
+    more = [*_said_of_length(file, past), *changed_files(file)]
+    notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *more]
     if task.drive is None and (not file.effects or (file.past is not None and file.past.without_effects)):
         if file.effects:
             left_out = "its effects are left out here: from their first part its runs were foretold better by their shape"
@@ -303,7 +306,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
     if prepared is None or _too_few(prepared):
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
-    notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *carried.notes]
+    notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *_said_of_length(file, past), *carried.notes]
     if past.unexplained:
         notes.append(
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
@@ -330,6 +333,16 @@ def past_of_model(model: Model) -> Past:
 def _said(effects: Sequence[str], source: str, runs: int) -> str:
     learnt = f", learnt from {runs} runs" if runs > 1 and source != f"{runs} runs" else ""
     return f"with {', '.join(effects)} of {source}{learnt}" if effects else f"by {source}{learnt}"
+
+
+def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:
+    """That the runs a model was learnt from ended early, if they did: a mass slower than they were long is not in it."""
+    longest = max(one.length_min for one in (file.learnt_from, *file.also_from))
+    rates = [s.log_rate for s in past.shapes.values()]
+    turns = longest * float(np.exp(np.median(rates))) if rates else np.inf
+    if turns >= COMPLETE:
+        return ()
+    return (f"learnt from no more than {rounded(turns, 2)} time constants: what slower masses bring later is not in it",)
 
 
 def _old(file: ModelFile) -> Past:

@@ -4,6 +4,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -119,29 +120,37 @@ def watch_run(
     follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
     name = "stdin" if source == "-" else source
     last: tuple[Look, Run] | None = None
-    clock, trouble, told = _Clock(time.monotonic()), "", set[str]()
+    clock, trouble, told, seen = _Clock(time.monotonic()), "", set[str](), 0
+
+    def looked(data: bytes, at_end: bool) -> bool:
+        """Reads what there is, and looks where that is worth it; whether the watch may be left."""
+        nonlocal last, trouble, seen
+        try:
+            run, trouble = read_growing(data, options, name), ""
+        except ThermofastError as error:
+            before, trouble = trouble, str(error)  # a heading alone is no record yet
+            if last is not None and trouble != before:
+                tell(None, (f"cannot be read since {rounded(last[1].time_s[-1] / 60.0)} min: {trouble}",))
+            return False
+        if not _begun(run, begin) or not _worth(watch, run, at_end):
+            return False
+        clock.interval = float(np.median(np.diff(run.time_s)))
+        follower.notes += [n for n in run.notes if (CUT_ROW in n or BAD_ROW in n) and n not in told]
+        told.update(run.notes)
+        last, seen = (watch.look(run), run), len(data)
+        tell(last[0], tuple(follower.notes))
+        follower.notes.clear()
+        return leave and last[0].stop
+
+    given_up = False
     try:
-        while True:
+        while not given_up:
             ended = isinstance(follower, Piped) and follower.ended  # asked before what there is, so that no last line is lost
             data = follower.poll()
             if data is not None:
                 clock.seen, clock.said = time.monotonic(), False
-                try:
-                    run = read_growing(data, options, name)
-                    trouble = ""
-                except ThermofastError as error:
-                    run, before, trouble = None, trouble, str(error)  # a heading alone is no record yet
-                    if last is not None and trouble != before:
-                        tell(None, (f"cannot be read since {rounded(last[1].time_s[-1] / 60.0)} min: {trouble}",))
-                if run is not None and _begun(run, begin) and _worth(watch, run, follower):
-                    clock.interval = float(np.median(np.diff(run.time_s)))
-                    follower.notes += [n for n in run.notes if (CUT_ROW in n or BAD_ROW in n) and n not in told]
-                    told |= set(run.notes)
-                    last = watch.look(run), run
-                    tell(last[0], tuple(follower.notes))
-                    follower.notes.clear()
-                    if leave and last[0].stop:
-                        return last
+                if looked(data, isinstance(follower, Piped) and follower.ended) and last is not None:
+                    return last
             elif ended:
                 break
             silent = time.monotonic() - clock.seen
@@ -150,11 +159,16 @@ def watch_run(
                 gone = isinstance(follower, Follower) and last is not None and not follower.path.exists()
                 there = ": the file is no longer there" if gone else ""
                 tell(None, (trouble or f"no reading since {rounded(silent / 60.0)} min{there}",))
-            if give_up_min is not None and silent > 60.0 * give_up_min:
-                break
-            time.sleep(poll_s)
+            given_up = give_up_min is not None and silent > 60.0 * give_up_min
+            if not given_up:
+                time.sleep(poll_s)
     except KeyboardInterrupt:
         pass
+    # What came since the last look is not lost: an hour's readings are a hundred times what a look waits for.
+    with suppress(KeyboardInterrupt):
+        data = follower.rest() if given_up and isinstance(follower, Follower) else follower.text
+        if data and len(data) != seen:
+            looked(data, True)
     if last is None:
         never = isinstance(follower, Follower) and not follower.path.exists()
         found = "the file never appeared" if never else trouble
@@ -167,10 +181,10 @@ def _begun(run: Run, start_min: float | None) -> bool:
     return int((run.time_s / 60.0 >= (start_min or 0.0)).sum()) >= FEWEST
 
 
-def _worth(watch: Watch, run: Run, follower: "Follower | Piped") -> bool:
-    """Whether to look: the record has grown, another has begun, or the input has ended."""
+def _worth(watch: Watch, run: Run, at_end: bool) -> bool:
+    """Whether to look: the record has grown, another has begun, or the input has ended and something has come since."""
     minutes = float(run.time_s[-1]) / 60.0
-    return watch.due(minutes) or minutes < watch.last_min or (isinstance(follower, Piped) and follower.ended)
+    return watch.due(minutes) or minutes < watch.last_min or (at_end and minutes != watch.last_min)
 
 
 def _replayed(

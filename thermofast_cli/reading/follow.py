@@ -2,6 +2,7 @@
 
 import os
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -42,6 +43,19 @@ class Follower:
             raise InputError(f"{self.path}: a folder", allowed="a file that a logger writes") from None
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read", found=str(error.strerror), do="check the permissions") from None
+
+    def rest(self) -> bytes | None:
+        """All that there is, the last line whether or not it has an end; None where no line has come since the last call.
+
+        For the end of a watch: nobody goes on writing that line.
+        """
+        more = self.poll()
+        with suppress(OSError), self.path.open("rb") as file:
+            file.seek(len(self.now))
+            open_ = file.read()
+            if open_.strip() and (more or self.now) and self._same(file, os.fstat(file.fileno()).st_size):
+                return self.text + open_
+        return more
 
     def _read(self, file: BinaryIO) -> bytes | None:
         told = os.fstat(file.fileno())
@@ -106,13 +120,18 @@ class Piped:
 
     def poll(self) -> bytes | None:
         """All whole lines so far, and at the end all there is; None where there are no new ones since the last call."""
-        with self._lock:
-            ended, held = self.ended, self._held
-        whole = held if ended else whole_lines(held, held[:2])
+        whole = self.text
         if len(whole) <= self._told:
             return None
         self._told = len(whole)
         return whole
+
+    @property
+    def text(self) -> bytes:
+        """All whole lines so far, and at the end all there is."""
+        with self._lock:
+            ended, held = self.ended, self._held
+        return held if ended else whole_lines(held, held[:2])
 
 
 def _same_heading(before: bytes, now: bytes) -> int:

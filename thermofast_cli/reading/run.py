@@ -102,7 +102,15 @@ class Run:
     seen: Seen | None = None
 
     def __post_init__(self) -> None:
-        self.__dict__["time_s"] = self._numbers("time_s", self.time_s)
+        time = self.__dict__["time_s"] = self._numbers("time_s", self.time_s)
+        if not (np.diff(time) > 0.0).all():  # nan does not ascend either
+            row = int(np.flatnonzero(~(np.diff(time) > 0.0))[0])
+            raise InputError(
+                f"{self.name}: time_s does not ascend",
+                found=f"{time[row + 1]:g} after {time[row]:g} s, row {row + 2}",
+                allowed="ascending seconds",
+                do="read it with tf.read, which puts readings in order",
+            )
         for group in ("channels", "ambient", "inputs", "displacements"):
             self.__dict__[group] = {name: self._numbers(name, column) for name, column in getattr(self, group).items()}
 

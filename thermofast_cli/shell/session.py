@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from ..archives.sources import named_by
 from ..errors import InputError, ThermofastError, UsageError
 from ..output.files import REPORT_SUFFIXES, TABLE_SUFFIXES, check_target, check_targets
 from ..output.screen import chosen_format, progress, say, show_records
@@ -71,7 +72,7 @@ def read_all(
     ------
     ThermofastError: there is one run and it cannot be read, or none of several can.
     """
-    sources = choose_sources(runs)
+    sources = named_by(choose_sources(runs))
     check_targets([*targets, *more_outputs()], sources)
     if not sources:
         context = click.get_current_context(silent=True)

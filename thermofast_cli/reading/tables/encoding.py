@@ -17,6 +17,11 @@ KINDS: tuple[tuple[bytes, str, str], ...] = (
     (b"BZh", "a bzip2 archive", "unpack it first"),
     (b"SQLite format 3", "an SQLite database", "export the table as CSV"),
     (b"%PDF", "a PDF document", "export the record as CSV from the logger's software"),
+    (
+        b"PAR1",
+        "a Parquet file, which is read whole and not line by line",
+        "watch it with --replay; save it again if damaged",
+    ),
     (b"ARROW1", "an Arrow (Feather) file", "save it as Parquet"),
 )
 
@@ -43,7 +48,7 @@ def binary(name: str, data: bytes = b"") -> InputError:
     return InputError(
         f"{name}: {kind[0] if kind else 'not a text table'}",
         found="" if kind else "binary data",
-        allowed="CSV text, or Parquet",
+        allowed="CSV text" if data.startswith(b"PAR1") else "CSV text, or Parquet",
         do=kind[1] if kind else "export the record as CSV from the logger's software",
     )
 

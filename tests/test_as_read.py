@@ -1,0 +1,192 @@
+"""Settling times are those that the readings show, where they show them; a probe that died, and what stands on the past alone, are told."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import thermofast as tf
+from thermofast.analysis.bench import Trial, choose_among
+from thermofast.analysis.calibration import past_run
+from thermofast.estimation.measured import _Passing, counted_to, measured_equilibria
+from thermofast.pipeline.methods import choose
+from thermofast.records import BenchRecord
+
+
+def source_and_body(seed: int, end: float = 600.0, share: float = 0.35) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """A source of two minutes on a body of 45 to 60: time, readings of 20 mK, limit and the time of 95 % of all the rise."""
+    rng = np.random.default_rng(seed)
+    fast, slow, rise = rng.uniform(1.5, 3.0), rng.uniform(45.0, 60.0), rng.uniform(8.0, 14.0)
+    time = np.arange(0.0, end + 1.0)
+
+    def done(t):
+        return 1.0 - share * np.exp(-np.asarray(t) / fast) - (1.0 - share) * np.exp(-np.asarray(t) / slow)
+
+    settled = brentq(lambda t: float(done(t)) - 0.95, 1.0, 2000.0)
+    return time, 20.0 + rise * done(time) + rng.normal(0.0, 0.02, len(time)), 20.0 + rise, settled
+
+
+@pytest.mark.parametrize("until", [None, 300.0, 120.0])
+def test_what_is_done_before_the_exponential_begins_need_not_be_done_by_it(until):
+    """The law of such a record begins a third of the way up: 95 % of its own rise came 15 to 30 minutes later than of all of it."""
+    held, late = [], []
+    for seed in range(12):
+        time, reading, limit, settled = source_and_body(9100 + seed)
+        (row,) = tf.identify({"time_min": time, "T1": reading}, until=until)
+        if row.t95_min is None:
+            continue
+        assert row.steady_state_lo_c <= limit <= row.steady_state_hi_c
+        held.append(row.t95_lo_min <= settled <= row.t95_hi_min)
+        late.append(row.t95_min - settled)
+    assert len(held) >= 10
+    assert np.mean(held) >= 0.9
+    if until != 120.0:  # it had come by then
+        assert -5.0 < float(np.median(late)) < 20.0
+
+
+def test_the_law_stays_as_exact_as_it_is_where_the_readings_agree():
+    """A settling time that is read errs by minutes, one by the law by seconds."""
+    time = np.arange(0.0, 401.0)
+    for seed in range(6):
+        reading = 20.0 + 9.0 * -np.expm1(-time / 60.0) + np.random.default_rng(seed).normal(0.0, 0.02, len(time))
+        (row,) = tf.identify({"time_min": time, "T1": reading})
+        assert row.t95_min == pytest.approx(60.0 * math.log(20.0), abs=1.0)
+
+
+def _passing(line, error: float = 0.05, early: bool = False) -> _Passing:
+    return _Passing(np.arange(float(len(line))), np.asarray(line, dtype=float), 3, error, early)
+
+
+def test_a_rise_is_done_when_it_stays_done():
+    """To 10 K in ten minutes, open for four, and back: 95 % of it for good is at the way back."""
+    line = np.concatenate([np.arange(11.0), np.full(10, 10.0), np.full(4, 5.0), np.full(20, 10.0)])
+    assert _passing(line).passed(10.0) == (25.0, 26.0)
+    assert _passing(line[:20]).passed(10.0) == (9.0, 10.0)
+    assert _passing(line[:24]).passed(10.0) is None
+    assert _passing(-line).passed(-10.0) == (25.0, 26.0)
+    assert _passing(line).passed(math.nan) is None
+    assert _passing(1.2 * line).passed(10.0, both=True) is None
+    assert _passing(1.2 * line).passed(10.0) == (24.0, 25.0)
+
+
+def test_a_time_that_the_readings_contradict_is_read():
+    """Said to be 100 minutes, or 3, where 95 % were done at 9 to 10; within the readings' own doubt it stands."""
+    line = np.concatenate([np.arange(11.0), np.full(190, 10.0)])
+    for said in ([90.0, 100.0, 110.0], [2.0, 3.0, 4.0]):
+        t95 = np.array(said)
+        _passing(line).correct(t95, np.array([9.9, 10.0, 10.1]), np.array([0.05, 0.06, 0.07]))
+        assert t95[1] == pytest.approx(9.5)
+        assert 7.0 <= t95[0] <= 9.5 <= t95[2] <= 12.0
+    t95 = np.array([9.0, 9.1, 9.2])
+    _passing(line).correct(t95, np.array([9.9, 10.0, 10.1]), np.array([0.05, 0.06, 0.07]))
+    assert t95.tolist() == [9.0, 9.1, 9.2]
+
+
+def test_a_time_that_has_passed_and_has_not_come_is_ahead():
+    """Said to be 30 minutes, while at 99, of which the last three readings are the mean, 1.023 K of 10 are missing: 50 ln 2.047 more."""
+    line = 10.0 * -np.expm1(-np.arange(101.0) / (100.0 / math.log(10.0)))
+    t95 = np.array([29.0, 30.0, 31.0])
+    _passing(line).correct(t95, np.array([9.9, 10.0, 10.5]), np.array([0.01, 0.02, 0.04]))
+    assert t95[1] == pytest.approx(100.0 + 50.0 * math.log(1.0233 / 0.5), abs=0.1)
+    assert t95[0] == 100.0
+    assert t95[2] == pytest.approx(100.0 + 100.0 * math.log((0.5 + 1.0233) / 0.525), abs=0.1)
+
+
+def test_a_record_begins_at_its_first_reading_where_the_next_go_on_from_it():
+    """The middle of three is for a first reading that is off."""
+    time = np.arange(0.0, 600.0)
+    line = 20.0 + 4.0 * -np.expm1(-time / 2.0) + 6.0 * -np.expm1(-time / 50.0)
+    settled = brentq(lambda t: 4.0 * math.exp(-t / 2.0) + 6.0 * math.exp(-t / 50.0) - 0.5, 1.0, 500.0)
+    assert measured_equilibria(time, line[None])[1][0] == pytest.approx(settled, abs=1.5)
+    off = line.copy()
+    off[0] = 35.0
+    assert measured_equilibria(time, off[None])[1][0] == pytest.approx(settled + 50.0 * math.log(10.0 / 7.2), abs=3.0)
+
+
+def test_a_probe_that_died_is_told_and_what_is_left_counts_from_the_run():
+    """Its readings end at 44 of 400 minutes: 150 minutes to go were told, at a time when all had long been done."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 401.0)
+    columns = {f"T{k}": 20.0 + 9.0 * -np.expm1(-time / 60.0) + rng.normal(0.0, 0.02, len(time)) for k in range(3)}
+    columns["T1"][45:] = np.nan
+    columns["T2"][-3:] = np.nan
+    alive, dead, nearly = tf.identify({"time_min": time, **columns})
+    assert "no reading after 44 min, the run goes on to 400: check the probe" in dead.message
+    assert dead.time_to_go_min == 0.0
+    assert "no reading" not in alive.message + nearly.message
+    (_, still, _) = tf.identify({"time_min": time, **columns}, until=60.0)
+    assert still.time_to_go_min == pytest.approx(still.t95_min - 60.0)
+
+
+def test_readings_end_with_the_run_or_well_before_it():
+    """Five of a sensor's own readings, and a twentieth of what it read."""
+    own = np.arange(0.0, 101.0)
+    assert counted_to(own, np.arange(0.0, 106.0), None) == (100.0, ())
+    assert counted_to(own, np.arange(0.0, 107.0), None)[0] == 106.0
+    assert counted_to(own, np.arange(0.0, 401.0), 103.0) == (100.0, ())
+    assert counted_to(own[::10], np.arange(0.0, 141.0), None) == (100.0, ())
+    assert counted_to(own[::10], np.arange(0.0, 161.0), None)[0] == 160.0
+
+
+def test_a_limit_that_only_the_past_tells_is_said_to_be_so():
+    """A model of a machine with a slow wall, used on one that has none: an hour says nothing of walls, and the row says what does."""
+    time, rng = np.arange(0.0, 901.0), np.random.default_rng(11)
+
+    def run(wall: float, end: float, name: str) -> tf.Run:
+        line = 20.0 + 9.0 * -np.expm1(-time / 40.0) + wall * -np.expm1(-time / 200.0)
+        kept = time <= end
+        return tf.read({"time_min": time[kept], "T1": (line + rng.normal(0.0, 0.02, len(time)))[kept]}, name=name)
+
+    model = tf.improve([run(4.0, 900.0, "a"), run(4.0, 900.0, "b")], together=True).model
+    (other,) = tf.identify(run(0.0, 100.0, "c"), model=model)
+    (own,) = tf.identify(run(0.0, 100.0, "d"))
+    if other.status == "ok" and not own.steady_state_lo_c <= other.steady_state_c <= own.steady_state_hi_c:
+        said = f"by its own readings {own.steady_state_lo_c:.1f}"
+        assert said in other.message
+        assert "stands on the past runs alone" in other.message
+    (same,) = tf.identify(run(0.0, 100.0, "e"), model=tf.improve([run(0.0, 900.0, "f"), run(0.0, 900.0, "g")], together=True).model)
+    assert "stands on the past" not in same.message
+
+
+def test_calibrate_judges_the_limit_where_the_room_is_logged():
+    """What the room may do later has no part in it: ends of walls lay in its band, and intervals of the limit missed them."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 1600.0, 2.0)
+    line = 20.0 + 9.0 * -np.expm1(-time / 40.0) + 3.0 * -np.expm1(-time / 240.0)
+    columns = {"time_min": time, "T1": line + rng.normal(0.0, 0.02, len(time))}
+    logged = tf.read({**columns, "ambient": np.full(len(time), 20.0) + rng.normal(0.0, 0.02, len(time))})
+    method = choose("afukf", None, ())
+    with_room, without = (past_run((run, 0.0), method, (method.imperfection,)) for run in (logged, tf.read(columns)))
+    ends = [found.end[0] - found.foretold[0, 3, 0] for found in (with_room, without)]
+    said = tf.identify(logged, until=_turn(logged))[0]
+    assert with_room.foretold[0, 3, 0] == pytest.approx(
+        [said.steady_state_lo_c, said.steady_state_c, said.steady_state_hi_c], abs=0.15
+    )
+    assert ends[0][2] > 0.0  # beyond the limit's interval
+
+
+def _turn(run: tf.Run) -> float:
+    return 1.0 / tf.identify(run)[0].rate_per_min
+
+
+def test_a_filter_is_advised_by_what_it_foretells():
+    """A curve without a limit runs off: it foretells nothing, and says nothing of another filter."""
+    blank = BenchRecord("run", "", until_min=60.0, sensors=4)
+    ahead = {"afukf": np.array([0.1, 0.1, 0.1, np.nan]), "ast_cqkf": np.array([0.1, 0.1, 0.1, 2.0])}
+    trials = [Trial(replace(blank, filter=name, rmse_ahead_c=float(np.sqrt(np.nanmean(e**2)))), e) for name, e in ahead.items()]
+    assert [r.filter for r in choose_among(trials) if r.chosen] == ["afukf"]
+    ahead["afukf"][:3] = 0.5
+    trials = [Trial(replace(blank, filter=name, rmse_ahead_c=float(np.sqrt(np.nanmean(e**2)))), e) for name, e in ahead.items()]
+    (chosen,) = [r for r in choose_among(trials) if r.chosen]
+    assert chosen.filter == "ast_cqkf"
+    assert "differs little from that of afukf" in chosen.message
+
+
+@pytest.mark.parametrize("order", ["twice", "back"])
+def test_a_run_ascends(order):
+    """Else a fit has no two times, and what came last came first."""
+    time = np.repeat(np.arange(50.0), 2) if order == "twice" else np.arange(100.0)[::-1]
+    with pytest.raises(tf.InputError, match="time_s does not ascend"):
+        tf.Run("x", 60.0 * time, {"A": np.linspace(20.0, 25.0, 100)})
