@@ -5,7 +5,8 @@ draws machines of two exponentials a sensor (three sensors, 20 mK, a reading a m
 --still: it does not) and prints, for records of so many time constants of the
 fast mass: rows that are `ok`, limits held, the median width of the interval and how far below the limit the estimate lies; alone,
 with one complete run of the same machine (`improve --together` of it and another), and with the room logged. --drive: half of the
-load for the first fast time constant, then all of it, logged and told (`--drive`); without the rows of past runs.
+load for the first fast time constant, then all of it, logged and told (`--drive`); without the rows of past runs. --calibrated:
+with the room logged, after `calibrate` on complete runs of ten other such machines, too.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import numpy as np
 import thermofast as tf
 
 TURNS = (1.5, 3.0, 4.5, 7.0)
+CALIBRATED = "room logged, after calibrate on ten others"
 
 
 def machine(
@@ -57,8 +59,16 @@ def main() -> None:
     parser.add_argument("--slower", type=float, nargs=2, default=(4.0, 10.0))
     parser.add_argument("--still", action="store_true")
     parser.add_argument("--drive", action="store_true")
+    parser.add_argument("--calibrated", action="store_true")
     asked = parser.parse_args()
     kinds = ("alone", "room logged", "after two complete runs of it")[: 2 if asked.drive else 3]
+    lab = None
+    if asked.calibrated:
+        kinds = (*kinds, CALIBRATED)
+        others = [machine(asked.seed + 500_000 + k, 1, asked.share, asked.slower, asked.still, asked.drive)[1] for k in range(10)]
+        found = tf.calibrate([tf.read(one[0][0], name=f"past {k}") for k, one in enumerate(others)])
+        lab = found.prior
+        print(found.records[0].message or "calibrate says nothing of strong effects")
     rows: dict[tuple[str, float], list[tuple[bool, bool, float, float]]] = {(k, t): [] for k in kinds for t in TURNS}
     for seed in range(asked.seed, asked.seed + asked.machines):
         tau, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive)
@@ -69,9 +79,12 @@ def main() -> None:
         for turns in TURNS:
             kept = columns["time_min"] <= turns * tau
             now = limit[:, int(kept.sum()) - 1]
-            for kind, source, learnt in zip(kinds, (bare[0], columns, bare[0]), (None, None, model), strict=False):
-                drive = "load_kW" if asked.drive else None
-                said = tf.identify({n: c[kept] for n, c in source.items()}, model=learnt, drive=drive).records
+            told = {"alone": bare[0], "room logged": columns, CALIBRATED: columns}
+            for kind in kinds:
+                source, learnt = told.get(kind, bare[0]), None if kind in told else model
+                drive, prior = "load_kW" if asked.drive else None, lab if kind == CALIBRATED else None
+                record = {n: c[kept] for n, c in source.items()}
+                said = tf.identify(record, model=learnt, drive=drive, imperfection=prior or "typical").records
                 for r, truth in zip(said, now, strict=True):
                     low = -np.inf if r.steady_state_lo_c is None else r.steady_state_lo_c
                     high = np.inf if r.steady_state_hi_c is None else r.steady_state_hi_c

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
 #: Times the 95 % interval of a mean within which the last of many that lie outside a band is found.
 SURELY = 1.7
+#: Share of a settling time over which readings are averaged to find it: the bend within moves it by a few ten-thousandths.
+WINDOW = 0.05
 
 
 def steadied(sensors: Sensors, until_min: float | None, together: int, room: Array | None) -> Sensors:
@@ -336,15 +338,15 @@ def _as_read(t95: Array, law: "Estimates", limits: Array, rate: Array, sensors: 
         # What is done before the law's exponential begins need not be done by it.
         sooner = np.where(start != law.initial, np.log(np.abs(rise / of_law)) / rate[:, 1], 0.0)
     looked = which & (len(time) >= RULES.fewest_complete) & np.isfinite(t95[:, 1]) & (width <= len(time) // 10) & (rise != 0.0)
-    out = outlying(law, sensors)
+    out, step = outlying(law, sensors), elapsed / max(len(time) - 1, 1)
     for i in np.flatnonzero(looked).tolist():
-        wide = int(max(width[i], 3.0)) | 1
+        wide = int(np.clip(WINDOW * t95[i, 1] / step, max(width[i], 3.0), max(len(time) // 10, 3))) | 1
         if abs(middle[i] - reading[i, -wide:].mean()) > 0.05 * abs(rise[i]) and t95[i, 1] >= elapsed:
             # On its way, and not said to have come.
             t95[i, :2] = np.maximum(t95[i, :2] - np.nan_to_num(sooner[i]), np.minimum(t95[i, :2], elapsed))
             continue
         line = bridged(time, reading[i][None], out[i][None])[0] if out[i].any() else reading[i]
-        error = 1.96 * float(law.noise[i]) / math.sqrt(wide)
+        error = 1.96 * min(float(law.noise[i]), float(difference_noise(line))) / math.sqrt(wide)
         passing = _Passing(time, line - start[i], wide, error, bool(start[i] != law.initial[i]))
         passing.correct(t95[i], limits[i] - start[i], rate[i])
 
@@ -389,12 +391,13 @@ class _Passing:
 
     def correct(self, t95: Array, rises: Array, rate: Array) -> None:
         """Settling times (3,) put right in place; rises (3,) [K], the least, the middle and the largest; rate (3,) [1/min]."""
-        elapsed, blur = float(self.time[-1]), float(self.time[self.wide // 2 + 1])
+        elapsed, blur = float(self.time[-1]), float(self.time[1])
         read, least = self.passed(float(rises[1]), both=True), self.passed(float(rises[0]), -self.error)
         most = self.passed(float(rises[2]), self.error)
-        # From here on to a limit that was not reached: at the rate in the middle, to the largest rise at the least rate.
-        ends = [elapsed + self._left(float(r)) / b for r, b in zip(rises[1:], rate[1::-1].tolist(), strict=True)]
-        latest = max(t95[2], *ends) if math.isfinite(rises[2]) else math.nan
+        # From here on to a limit that was not reached: at the rate in the middle, and to each of them at the least rate.
+        ahead = elapsed + self._left(float(rises[1])) / float(rate[1])
+        slowest = max(self._left(float(r)) for r in rises) / float(rate[0])
+        latest = max(t95[2], ahead, elapsed + slowest) if math.isfinite(rises[2]) else math.nan
         if read is not None:
             early, late = (self.passed(float(rises[1]), side * SURELY * self.error, both=True) for side in (-1.0, 1.0))
             begin, end = early[0] if early else read[0], late[1] if late else elapsed
@@ -404,7 +407,7 @@ class _Passing:
             if not agree or high - low < t95[2] - t95[0]:  # else the model is the more exact
                 t95[:] = low, 0.5 * (read[0] + read[1]), high
         elif t95[1] < elapsed - blur:
-            t95[:] = min(least[0] if least else elapsed, ends[0]), ends[0], latest
+            t95[:] = min(least[0] if least else elapsed, ahead), ahead, latest
 
     def _left(self, rise: float) -> float:
         """Time constants from the last readings on until 95 % of a rise are done."""

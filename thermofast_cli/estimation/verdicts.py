@@ -300,7 +300,7 @@ def _noted(case: _Case) -> list[Reason]:
         beyond = claimed.known & ((claimed.steady[:, 1] < low) | (claimed.steady[:, 1] > high))
 
     def stands_on_it(i: int) -> str:
-        return f"by its own readings {low[i]:.2f}..{high[i]:.2f} degC: that it settles beyond stands on the past runs alone"
+        return f"its own readings alone say {low[i]:.2f}..{high[i]:.2f} degC: a limit beyond stands on the past runs"
 
     averaged = np.asarray(claimed.averaged > 1)
     return [
