@@ -10,7 +10,9 @@ from scipy.optimize import brentq
 import thermofast as tf
 from thermofast.analysis.bench import Trial, choose_among
 from thermofast.analysis.calibration import past_run
-from thermofast.estimation.measured import _Passing, counted_to, measured_equilibria
+from thermofast.estimation.measured import counted_to, measured_equilibria
+from thermofast.estimation.sensor import frozen
+from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.pipeline.methods import choose
 from thermofast.records import BenchRecord
 
@@ -55,8 +57,8 @@ def test_the_law_stays_as_exact_as_it_is_where_the_readings_agree():
         assert row.t95_min == pytest.approx(60.0 * math.log(20.0), abs=1.0)
 
 
-def _passing(line, error: float = 0.05, early: bool = False) -> _Passing:
-    return _Passing(np.arange(float(len(line))), np.asarray(line, dtype=float), 3, error, early)
+def _passing(line, error: float = 0.05, early: bool = False) -> Passing:
+    return Passing(np.arange(float(len(line))), np.asarray(line, dtype=float), 3, error, early)
 
 
 def test_a_rise_is_done_when_it_stays_done():
@@ -123,11 +125,14 @@ def test_a_probe_that_died_is_told_and_what_is_left_counts_from_the_run():
 def test_readings_end_with_the_run_or_well_before_it():
     """Five of a sensor's own readings, and a twentieth of what it read."""
     own = np.arange(0.0, 101.0)
-    assert counted_to(own, np.arange(0.0, 106.0), None) == (100.0, ())
-    assert counted_to(own, np.arange(0.0, 107.0), None)[0] == 106.0
-    assert counted_to(own, np.arange(0.0, 401.0), 103.0) == (100.0, ())
-    assert counted_to(own[::10], np.arange(0.0, 141.0), None) == (100.0, ())
-    assert counted_to(own[::10], np.arange(0.0, 161.0), None)[0] == 160.0
+    assert counted_to(own, np.arange(0.0, 106.0), None, 0.0) == (100.0, ())
+    assert counted_to(own, np.arange(0.0, 107.0), None, 0.0)[0] == 106.0
+    assert counted_to(own, np.arange(0.0, 401.0), 103.0, 0.0) == (100.0, ())
+    assert counted_to(own[::10], np.arange(0.0, 141.0), None, 0.0) == (100.0, ())
+    assert counted_to(own[::10], np.arange(0.0, 161.0), None, 0.0)[0] == 160.0
+    assert counted_to(own + 5.0, np.arange(0.0, 106.0), None, 0.0) == (105.0, ())
+    late = counted_to(own + 60.0, np.arange(0.0, 161.0), None, 0.0)
+    assert late == (160.0, ("its readings begin at 60 min, from which on its rise is counted",))
 
 
 def test_a_limit_that_only_the_past_tells_is_said_to_be_so():
@@ -189,3 +194,71 @@ def test_a_run_ascends(order):
     time = np.repeat(np.arange(50.0), 2) if order == "twice" else np.arange(100.0)[::-1]
     with pytest.raises(tf.InputError, match="time_s does not ascend"):
         tf.Run("x", 60.0 * time, {"A": np.linspace(20.0, 25.0, 100)})
+
+
+def _lump(end: float = 301.0, seed: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    time = np.arange(0.0, end)
+    clean = 20.0 + 10.0 * -np.expm1(-time / 55.0)
+    return time, np.round(clean + np.random.default_rng(seed).normal(0.0, 0.02, len(time)), 2)
+
+
+@pytest.mark.parametrize(
+    "stray", [{-1: -5.0}, {-1: 20.0}, {-1: -0.5}, {-2: 3.0, -1: 3.0}, {200: 20.0, 201: 20.0}, {250: 1.5, 251: 1.5, 252: 1.5}]
+)
+def test_strays_settle_nothing(stray):
+    """One bad last reading, or three in a row, and 95 % stay done when they were."""
+    time, reading = _lump()
+    for at, size in stray.items():
+        reading[at] += size
+    (row,) = tf.identify({"time_min": time, "T1": reading})
+    assert row.t95_min == pytest.approx(55.0 * math.log(20.0), abs=4.0)
+    assert row.t95_lo_min <= 55.0 * math.log(20.0) <= row.t95_hi_min
+    assert row.time_to_go_min == 0.0
+
+
+def test_strays_are_put_back_and_edges_are_not():
+    """A rise within minutes, a step that stays, and the noise are as they were."""
+    line = np.concatenate([5.0 * -np.expm1(-np.arange(30.0) / 2.0), np.full(20, 8.0)])
+    assert without_strays(line, 0.02).tolist() == line.tolist()
+    strayed = line.copy()
+    strayed[[20, 21, 22, -1]] += [9.0, -9.0, 9.0, 4.0]
+    assert without_strays(strayed, 0.02) == pytest.approx(line, abs=0.01)
+    assert without_strays(np.array([0.0, 9.0, 0.0]), 0.02).tolist() == [0.0, 9.0, 0.0]
+
+
+def test_where_nobody_read_nobody_knows():
+    """Nothing logged from 110 to 210 min: 95 % came in between, and were said to have come within a minute of its end."""
+    time, reading = _lump(401.0)
+    kept = (time < 110.0) | (time > 210.0)
+    line = (reading - 20.0)[kept]
+    gap = Passing(time[kept], line, 3, 0.02, False)
+    assert gap.passed(10.0) == (109.0, 212.0)
+    (row,) = tf.identify({"time_min": time[kept], "T1": reading[kept]})
+    assert row.t95_lo_min <= 55.0 * math.log(20.0) <= row.t95_hi_min
+    assert row.t95_measured_min is None
+
+
+def test_a_frozen_probe_is_left_out():
+    """Sixty readings alike, of a noise of two steps: taken for a machine that had settled."""
+    time, reading = _lump()
+    reading[120:] = reading[120]
+    (row,) = tf.identify({"time_min": time, "T1": reading})
+    assert "180 readings stuck at" in row.message
+    assert "from 121 min left out (the probe or the logger froze?)" in row.message
+    assert row.steady_state_lo_c <= 30.0 <= row.steady_state_hi_c
+    assert row.t95_measured_min is None
+    assert frozen(np.round(reading, 1), 0.1).sum() == 0  # of a coarser step nothing forbids it
+    assert frozen(reading[:130], 0.01).sum() == 0
+    assert frozen(reading[:140], 0.01).sum() == 19
+    quiet = np.concatenate([reading[:120], np.full(25, reading[119]), _lump(seed=5)[1][145:]])
+    assert frozen(quiet, 0.01).sum() == 25
+    assert frozen(np.tile(_lump(seed=6)[1], 2)[:600], 0.01).sum() == 0
+
+
+def test_a_band_of_one_step_of_the_logger_times_nothing():
+    """Readings in half degrees of a rise of 9.5 K cross the band when they are rounded across it."""
+    time = np.arange(0.0, 600.0)
+    line = 20.0 + 9.5 * -np.expm1(-time / 60.0)
+    coarse = np.round(2.0 * line) / 2.0
+    assert np.isnan(measured_equilibria(time, coarse[None], np.array([0.5]))[1][0])
+    assert measured_equilibria(time, line[None], np.array([0.1]))[1][0] == pytest.approx(180.0, abs=2.0)

@@ -15,7 +15,7 @@ from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import rounded
-from ..estimation.sensor import saturated
+from ..estimation.sensor import frozen, saturated
 from ..reading import Run
 from ..reading.signs import sign_of
 from ..reading.units import parse_unit
@@ -76,10 +76,12 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
         step = logger_step(reading[good])
         weight = good.astype(float)
         at = np.flatnonzero(good)
-        stuck = saturated(reading[good], step)
-        if stuck.any():
-            weight[at[stuck]] = 0.0
-            notes.append(Note(name, f"{int(stuck.sum())} readings stuck at the end of the range left out"))
+        ways = ("stuck at the end of the range", saturated), ("of a frozen probe or logger", frozen)
+        for said, found in ways:
+            stuck = found(reading[good], step)
+            if stuck.any():
+                weight[at[stuck]] = 0.0
+                notes.append(Note(name, f"{int(stuck.sum())} readings {said} left out"))
         weight[at] *= spike_weights(np.ascontiguousarray(reading[good]), step)
         channels.append(name)
         rows.append(reading)

@@ -322,7 +322,7 @@ class _Block:
 
     def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> Records:
         sensors, n = self.sensors, self.count
-        steady, settled = measured_equilibria(sensors.time, sensors.reading)
+        steady, settled = measured_equilibria(sensors.time, sensors.reading, sensors.resolution)
         ahead, against = self._ahead(law, claimed)
         found, until_used = law, float(sensors.time[n - 1])
         if claimed is None:
@@ -333,14 +333,14 @@ class _Block:
             known = self.method.past, self.method.changed_min
             status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
         late = max(float(sensors.time[0]) - self.start_min, 0.0)  # of sensors whose readings begin after the others'
-        last, silent = counted_to(sensors.time[:n], self.time_min, self.until_min)
+        last, silent = counted_to(sensors.time[:n], self.time_min, self.until_min, self.start_min)
         elapsed = max(last - self.start_min - late, 0.0)
         to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
         faded = found.faded if claimed is None else np.zeros_like(found.faded)
         for k in np.flatnonzero(faded if not self.method.paces else np.isfinite(found.t95)).tolist():
             left = remaining(found.one(k), elapsed, self.method.paces)
             for side, value in zip(to_go, (left.median, left.low, left.high), strict=True):
-                side[k] = math.nan if value is None else value
+                side[k] = math.nan if value is None else max(value, 0.0)
         for side in to_go:
             side[np.isnan(found.t95)] = math.nan
         at, of_room = self._at(claimed, found)

@@ -4,8 +4,7 @@ as it was logged.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import bridged, difference_noise, spike_weights
 from thermofast.models.imperfection import lagged
+from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
 
@@ -29,8 +29,6 @@ Array = NDArray[np.float64]
 
 #: Share of an interval's width, and size [K], from which what the room may do until the time asked for is told.
 TOLD_OF_ROOM, TOLD_FROM = 0.25, 0.2
-#: Times the 95 % interval of a mean within which the last of many that lie outside a band is found.
-SURELY = 1.7
 #: Share of a settling time over which readings are averaged to find it: the bend within moves it by a few ten-thousandths.
 WINDOW = 0.05
 
@@ -67,26 +65,29 @@ def swinging(sensors: Sensors, until_min: float | None, together: int) -> Sensor
     return replace(sensors, swing=steadied(sensors, until_min, together, None).swing)
 
 
-def counted_to(time: Array, run_time: Array, until_min: float | None) -> tuple[float, tuple[str, ...]]:
-    """Time [min] from which what is left counts: the last of a sensor's readings used, at time (n,); the run's, and what to say of
-    it, where that goes on for longer than several of the sensor's readings, and than a share of all it had read: a probe that died.
+def counted_to(time: Array, run_time: Array, until_min: float | None, start_min: float) -> tuple[float, tuple[str, ...]]:
+    """Time [min] from which what is left counts, and what to say of readings that begin late, or end long before the run.
+
+    It is the last of a sensor's readings used, at time (n,); the run's, where that goes on for longer than several of the sensor's
+    readings, and than a share of all it had read: a probe that died.
     """
-    own = float(time[-1])
+    own, usual = float(time[-1]), float(np.median(np.diff(time))) if len(time) > 1 else math.inf
     read = len(run_time) if until_min is None else int(np.searchsorted(run_time, until_min + 1e-9))
-    last = float(run_time[max(read - 1, 0)])
-    usual = float(np.median(np.diff(time))) if len(time) > 1 else math.inf
-    if last - own <= max(RULES.silent_readings * usual, RULES.silent_share * (own - float(time[0]))):
-        return own, ()
-    return last, (f"no reading after {own:.4g} min, the run goes on to {last:.4g}: check the probe",)
+    last, long = float(run_time[max(read - 1, 0)]), max(RULES.silent_readings * usual, RULES.silent_share * (own - float(time[0])))
+    late = float(time[0]) - start_min
+    said = (f"its readings begin at {float(time[0]):.4g} min, from which on its rise is counted",) if late > long else ()
+    if last - own <= long:
+        return own, said
+    return last, (*said, f"no reading after {own:.4g} min, the run goes on to {last:.4g}: check the probe")
 
 
-def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
+def measured_equilibria(time: Array, reading: Array, resolution: Array | float = 0.0) -> tuple[Array, Array]:
     """(steady states [degC], settling times [min] after the first reading), each (S,), of records (S, n) that reached equilibrium.
 
     Complete means that the last fifth drifts by less than 0.6 % of the whole rise. The steady state is the mean of
     the last tenth; settled is the moment from which a running mean stays within 5 % of the rise. The
     mean runs over as many readings as bring the noise well inside that band. nan where a record is not complete, a time also where
-    that mean would be too long.
+    that mean would be too long, where nobody read when it came, or where the logger's step (S,) [K] is as wide as the band.
     """
     sensors, n = reading.shape
     steady, settled = np.full(sensors, np.nan), np.full(sensors, np.nan)
@@ -104,7 +105,7 @@ def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
     steady[complete] = level[complete]
     with np.errstate(all="ignore"):
         width = np.maximum(3, np.ceil((6.0 * noise / (0.05 * rise)) ** 2))
-    some = np.flatnonzero(complete & (width <= n // 10))
+    some = np.flatnonzero(complete & (width <= n // 10) & (resolution < 0.05 * rise))
     odd = width[some].astype(int) | 1
     for wide in np.unique(odd[odd <= n // 10]).tolist():
         rows = some[odd == wide]
@@ -112,7 +113,9 @@ def measured_equilibria(time: Array, reading: Array) -> tuple[Array, Array]:
         np.cumsum(reading[rows] - level[rows, None], axis=1, out=sums[:, 1:])
         outside = np.abs(sums[:, wide:] - sums[:, :-wide]) > (0.05 * wide) * rise[rows, None]
         last = np.where(outside.any(axis=1), outside.shape[1] - 1 - outside[:, ::-1].argmax(axis=1) + wide // 2, 0)
-        settled[rows] = time[last + 1] - time[0]
+        before = np.maximum(last - wide // 2, 0)
+        gap = time[np.minimum(last + wide // 2 + 1, n - 1)] - time[before] - wide * float(np.median(np.diff(time)))
+        settled[rows] = np.where(gap <= 0.05 * (time[last + 1] - time[0]), time[last + 1] - time[0], np.nan)
     return steady, settled
 
 
@@ -294,13 +297,13 @@ def comes_back(law: "Estimates", steady: Array, sensors: Sensors) -> NDArray[np.
 
 
 def _not_done_before(law: "Estimates", least: Array, sensors: Sensors) -> Array:
-    """Minutes (S,) after the first reading before which 95 % of the least rise claimed had not been read."""
+    """Minutes (S,) after the first reading of the last one before 95 % of the least rise claimed had been read."""
     used = sensors.time <= law.time
     time, reading = sensors.time[used], sensors.reading[:, used]
     with np.errstate(all="ignore"):  # what does not rise is done where it begins
         done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
     done &= ~outlying(law, sensors)
-    first = np.where(done.any(axis=1), done.argmax(axis=1), len(time) - 1)
+    first = np.where(done.any(axis=1), np.maximum(done.argmax(axis=1) - 1, 0), len(time) - 1)
     found: Array = time[first] - time[0]
     return found
 
@@ -341,75 +344,12 @@ def _as_read(t95: Array, law: "Estimates", limits: Array, rate: Array, sensors: 
     out, step = outlying(law, sensors), elapsed / max(len(time) - 1, 1)
     for i in np.flatnonzero(looked).tolist():
         wide = int(np.clip(WINDOW * t95[i, 1] / step, max(width[i], 3.0), max(len(time) // 10, 3))) | 1
-        if abs(middle[i] - reading[i, -wide:].mean()) > 0.05 * abs(rise[i]) and t95[i, 1] >= elapsed:
+        if abs(middle[i] - np.median(reading[i, -wide:])) > 0.05 * abs(rise[i]) and t95[i, 1] >= elapsed:
             # On its way, and not said to have come.
             t95[i, :2] = np.maximum(t95[i, :2] - np.nan_to_num(sooner[i]), np.minimum(t95[i, :2], elapsed))
             continue
         line = bridged(time, reading[i][None], out[i][None])[0] if out[i].any() else reading[i]
-        error = 1.96 * min(float(law.noise[i]), float(difference_noise(line))) / math.sqrt(wide)
-        passing = _Passing(time, line - start[i], wide, error, bool(start[i] != law.initial[i]))
+        noise = min(float(law.noise[i]), float(difference_noise(line)))
+        line = without_strays(line, noise) - start[i]
+        passing = Passing(time, line, wide, 1.96 * noise / math.sqrt(wide), bool(start[i] != law.initial[i]))
         passing.correct(t95[i], limits[i] - start[i], rate[i])
-
-
-@dataclass(frozen=True)
-class _Passing:
-    """When one record passed 95 % of rises [K]: its readings (n,) [K] off where it began, at time (n,) [min] after that.
-
-    wide: readings of the running mean that is looked at, an odd number; error [K]: half-width of that mean's own interval; early:
-    whether it had risen before the law's exponential begins.
-    """
-
-    time: Array
-    line: Array
-    wide: int
-    error: float
-    early: bool
-
-    @cached_property
-    def mean(self) -> Array:
-        """The running mean (n - wide + 1,)."""
-        sums = np.concatenate([[0.0], np.cumsum(self.line)])
-        found: Array = (sums[self.wide :] - sums[: -self.wide]) / self.wide
-        return found
-
-    def passed(self, rise: float, more: float = 0.0, both: bool = False) -> tuple[float, float] | None:
-        """The last time outside, and the first from which 95 % of a rise, and `more` [K], is done for good; None if it is not.
-
-        both: done is within 5 % on either side.
-        """
-        if not math.isfinite(rise):
-            return None
-        there = math.copysign(1.0, rise) * self.mean
-        outside = there < 0.95 * abs(rise) + more
-        if both:
-            outside |= there > 1.05 * abs(rise) + more
-        if outside[-1]:
-            return None
-        at = len(outside) - int(outside[::-1].argmax()) if outside.any() else 0
-        middle = self.wide // 2
-        return float(self.time[max(at - 1, 0) + middle]), float(self.time[at + middle])
-
-    def correct(self, t95: Array, rises: Array, rate: Array) -> None:
-        """Settling times (3,) put right in place; rises (3,) [K], the least, the middle and the largest; rate (3,) [1/min]."""
-        elapsed, blur = float(self.time[-1]), float(self.time[1])
-        read, least = self.passed(float(rises[1]), both=True), self.passed(float(rises[0]), -self.error)
-        most = self.passed(float(rises[2]), self.error)
-        # From here on to a limit that was not reached: at the rate in the middle, and to each of them at the least rate.
-        ahead = elapsed + self._left(float(rises[1])) / float(rate[1])
-        slowest = max(self._left(float(r)) for r in rises) / float(rate[0])
-        latest = max(t95[2], ahead, elapsed + slowest) if math.isfinite(rises[2]) else math.nan
-        if read is not None:
-            early, late = (self.passed(float(rises[1]), side * SURELY * self.error, both=True) for side in (-1.0, 1.0))
-            begin, end = early[0] if early else read[0], late[1] if late else elapsed
-            low, high = min(least[0] if least else read[0], read[0]), latest if most is None else max(most[1], read[1])
-            inside = t95[0] - blur <= read[1] and not t95[2] < read[0] - blur
-            agree = inside or (not self.early and begin - blur <= t95[1] <= end + blur)
-            if not agree or high - low < t95[2] - t95[0]:  # else the model is the more exact
-                t95[:] = low, 0.5 * (read[0] + read[1]), high
-        elif t95[1] < elapsed - blur:
-            t95[:] = min(least[0] if least else elapsed, ahead), ahead, latest
-
-    def _left(self, rise: float) -> float:
-        """Time constants from the last readings on until 95 % of a rise are done."""
-        share = abs(rise - float(self.mean[-1])) / (0.05 * abs(rise)) if rise else 1.0
-        return math.log(max(share, 1.0)) if math.isfinite(share) else 0.0

@@ -128,6 +128,10 @@ class EstimationRules:
     complete: float = rule(0.006, "rise", "of drift over that end at most", BY_HAND)
     agreed_min: float = rule(5.0, "min", "between the identification times of the windows that agree", BY_HAND)
     saturated_readings: int = rule(8, "readings", "at the extreme in a row that may be the end of the instrument's range", BY_HAND)
+    frozen_readings: int = rule(
+        20, "readings", "alike in a row, of a noise of a step or more, that a frozen probe gives", "once in 1e10 by chance"
+    )
+    frozen_share: float = rule(0.1, "1", "of the readings before, at least: a machine that stands is quiet for a while", BY_HAND)
     fewest_of_room: int = rule(4, "readings", "of a logged room, within the time used", BY_HAND)
     room_gap: float = rule(0.25, "1", "share of the time used for which a room is not logged at most", BY_HAND)
     flat_readings: int = rule(5, "readings", "of a still beginning", BY_HAND)

@@ -112,14 +112,15 @@ def prepare_all(time_min: Array, values: Array, start_min: float) -> list[Sensor
         mask = good[rows[0]]
         time, reading = time_min[mask], values if len(rows) == len(values) and mask.all() else values[np.ix_(rows, mask)]
         resolution = logger_steps(reading)
-        stuck = {i: s for i in _maybe_saturated(reading) if (s := saturated(reading[i], float(resolution[i]))).any()}
+        ended = {i: s for i in _maybe_saturated(reading) if (s := saturated(reading[i], float(resolution[i]))).any()}
+        stuck = {i: s for i in _maybe_frozen(reading) if (s := frozen(reading[i], float(resolution[i]))).any()} | ended
         whole = np.array([i for i in range(len(rows)) if i not in stuck], dtype=np.intp)
         if len(whole):
             found.append(Sensors(rows[whole], time, reading[whole], resolution[whole], ((),) * len(whole)))
         for i, out in stuck.items():
             note = (
                 f"{int(out.sum())} readings stuck at {reading[i][out][0]:g} degC from {time[out][0]:.4g} min left out "
-                "(range ends there?)"
+                f"({'range ends there?' if i in ended else 'the probe or the logger froze?'})"
             )
             found.append(Sensors(rows[i : i + 1], time[~out], reading[i : i + 1, ~out], resolution[i : i + 1], ((note,),)))
     return found
@@ -192,6 +193,27 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
             )  # after an event it may rise faster, and settle
             if late > 0.5 * early and late > 4.0 * noise and not slows:
                 stuck[a:b] = True
+    return stuck
+
+
+def _maybe_frozen(reading: Array) -> NDArray[np.intp]:
+    """Rows in which :func:`frozen` may find something: half as many equal readings as it asks for, somewhere."""
+    half = RULES.frozen_readings // 2
+    m = (reading.shape[1] - 1) // half
+    if m < 2:
+        return np.empty(0, dtype=np.intp)
+    same = reading[:, 1 : m * half + 1] == reading[:, : m * half]
+    return np.flatnonzero(same.reshape(len(reading), m, half).all(axis=2).any(axis=1))
+
+
+def frozen(reading: Array, resolution: float) -> NDArray[np.bool_]:
+    """Readings that only repeat the one before (n,): long runs of them in a record whose noise, of a step at least, forbids it."""
+    stuck = np.zeros(len(reading), dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (np.diff(reading) == 0.0).astype(int), [0]])))
+    for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):  # readings a to b are equal
+        long = max(RULES.frozen_readings, RULES.frozen_share * a)
+        if b - a + 1 >= long and a >= RULES.frozen_readings and difference_noise(reading[:a]) > max(resolution, 1e-9):
+            stuck[a + 1 : b + 1] = True
     return stuck
 
 
