@@ -22,8 +22,11 @@ def without_strays(line: Array, noise: float) -> Array:
     """Readings (n,) [K], each that lies far from the median of those about it replaced by that; noise [K] is their deviation."""
     if len(line) < NEAR:
         return line
-    middle = np.median(sliding_window_view(np.pad(line, NEAR // 2, mode="reflect"), NEAR), axis=1)
-    found: Array = np.where(np.abs(line - middle) > STRAY * noise, middle, line)
+    about = sliding_window_view(np.pad(line, NEAR // 2, mode="reflect"), NEAR)
+    middle = np.median(about, axis=1)
+    # At the ends of a curve its own slope is no stray.
+    usual = np.sort(np.abs(np.diff(about, axis=1)), axis=1)[:, 1]
+    found: Array = np.where(np.abs(line - middle) > STRAY * noise + NEAR // 2 * usual, middle, line)
     return found
 
 
