@@ -17,11 +17,11 @@ from thermofast.errors import InputError, UsageError
 from thermofast.reading import Options, read_runs, wide
 from thermofast.reading import table as tables
 from thermofast.reading.moments.stamps import parse_stamps
-from thermofast.reading.moments.times import unit_of
 from thermofast.reading.tables import text
 from thermofast.reading.tables.limits import Limits, inflated
 from thermofast.reading.tables.text import read_text
 from thermofast.reading.tables.workbook import _cell
+from thermofast.reading.values.time_units import unit_of
 from thermofast.reading.vocabulary import words
 from thermofast.reading.wide import read_wide
 from thermofast.reading_options import options_from

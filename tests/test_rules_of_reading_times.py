@@ -8,8 +8,9 @@ import pytest
 import thermofast as tf
 from thermofast.errors import InputError, UsageError
 from thermofast.reading.moments import times
-from thermofast.reading.moments.times import find_time, is_time_name, unit_of
+from thermofast.reading.moments.times import find_time, is_time_name
 from thermofast.reading.table import Table
+from thermofast.reading.values.time_units import unit_of
 from thermofast.reading_options import Options
 
 TEMPERATURE = 20.0 + 0.1 * np.arange(12.0)

@@ -11,6 +11,7 @@ from .vocabulary import (
     AMBIENT_STEMS,
     BESIDE,
     CALENDAR,
+    CHANNELS,
     DERIVED,
     DISPLACEMENTS,
     FLAGS,
@@ -179,7 +180,8 @@ def _speaks_of_temperature(name: str, said: set[str]) -> bool:
 def _over_the_room(core: str) -> bool:
     """Whether a name is that of a difference to the surroundings: front - room, rise over ambient."""
     apart = re.split(r"\s*[-\u2013]\s*|\s+(?:over|above|minus)\s+", core.strip())
-    alone = set(words(apart[0])) <= TEMPERATURE | BESIDE  # T-Halle, as T hall
+    before = {w for w in words(apart[0]) if not w.isdigit()}
+    alone = before <= TEMPERATURE | BESIDE | CHANNELS  # T-Halle, as T hall; Channel 2 - Ambient
     return len(apart) == 2 and all(apart) and bool(set(words(apart[1])) & AMBIENT) and not alone
 
 

@@ -60,7 +60,7 @@ COOLING = _set(
     "valve ventil"
 )
 #: Inputs that have a temperature: T_flow_out and Coolant temp are sensors.
-WARM_INPUTS = _set("flow load coolant last fan heater pump battery batt batterie")
+WARM_INPUTS = _set("axis flow load coolant last fan heater heizung pump pumpe valve ventil door tür battery batt batterie")
 #: What flows past the machine: its temperature says nothing of the columns beside it.
 MEDIA = _set(
     "coolant oil öl oel water wasser kühlmittel kuehlmittel kühlwasser kuehlwasser emulsion chiller fluid eau acqua agua huile "
@@ -106,6 +106,8 @@ TEMPERATURE = _set(
     "dewpoint probe fühler 温度 temperatura temperaturas teplota lämpötila hőmérséklet sıcaklık температура"
 )
 #: Words that a name may have beside the one that decides, and is still that.
+#: What a channel is called before its number.
+CHANNELS = _set("channel chan kanal canal sensor probe fühler fuehler sonde capteur input eingang")
 BESIDE = _set("t tc ch c f k degc temp temps temperature temperatur avg ave average mean last max min inside indoor")
 #: Places on a machine, which have a temperature whatever stands beside them.
 PLACES = _set(

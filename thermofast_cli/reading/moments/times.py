@@ -15,6 +15,7 @@ from ..columns import check_names
 from ..run import Array, Guess
 from ..table import Table
 from ..units import unit_in_name
+from ..values.time_units import MINUTES_SECONDS, one_unit_alone, steps_of, unit_of
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 from .epochs import UNITS, epoch_of, is_date_number, of_archive, serial, ticks_of
 from .fractions import padded
@@ -24,9 +25,6 @@ from .stamps import DAY_S, below, looks_like_stamp, parse_stamps, plain, plausib
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
-#: Steps of a clock in brackets, as (100ms) and [x10 s]; minutes and seconds with a point between them.
-_STEPS = re.compile(r"[\[(]\s*[x×*]?\s*(\d+(?:[.,]\d+)?)\s*[x×*]?\s*(us|ms|s|sec|min|h)\s*[\])]", re.I)
-_MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)\.(?:sec|ss|s)\s*[\])]", re.I)
 #: The time of a curve, as panels write it beside its ValueY.
 _OF_A_CURVE = re.compile(r"(?i)\bvalue ?x( \(\d+\))?$")
 #: Words of a column that tells parts of the second of a stamp.
@@ -53,17 +51,6 @@ class Time:
     dated: bool = False
     #: Of numbers their unit, else ``stamp``, or ``interval`` where rows are evenly spaced as told.
     unit: str = ""
-
-
-def unit_of(name: str, unit_cell: str = "") -> str | None:
-    """Unit that a time column's name, or its cell in the unit line, tells: ``time_min`` -> ``min``."""
-    said = words(name)
-    said = said[: said.index("of")] if "of" in said else said  # seconds of the day are seconds
-    for word in [w.strip("[](){} ") for w in (unit_cell.lower(),)] + said[::-1]:
-        for unit, known in TIME_UNITS.items():
-            if word in known:
-                return unit
-    return "s" if name == "X_Value" else None  # a LabVIEW measurement file says so in its definition
 
 
 @lru_cache(maxsize=1 << 16)
@@ -319,8 +306,10 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
     if COUNTDOWN.intersection(words(name)) and (np.diff(column) <= 0.0).all():
         counting = _numeric(table, name, column.max() - column, options)
         return replace(counting, note=f"{counting.note}, counted down", dated=False)
-    if not options.time_unit and (counted := _counted(name, column)) is not None:
+    if not options.time_unit and (counted := _counted(name, column, table.units.get(name, ""))) is not None:
         return counted
+    if not options.time_unit:
+        one_unit_alone(table.name, name, table.units.get(name, ""))
     unit = options.time_unit or unit_of(name, table.units.get(name, ""))
     written = _written_moments(table, name, column) if not options.time_unit else None
     if written is not None:
@@ -360,17 +349,17 @@ def _clock_of(table: Table, name: str, column: Array, in_seconds: bool) -> Time 
     return Time(clock, frozenset({name}), f"time: {name!r}, a clock without signs", (guess,), unit="stamp")
 
 
-def _counted(name: str, column: Array) -> Time | None:
+def _counted(name: str, column: Array, unit_cell: str = "") -> Time | None:
     """Numbers that count otherwise than in one unit of time: steps, minutes.seconds, the clock of an archive."""
     minutes = np.floor(column + 1e-9)
     if words(name) == ["time", "ms"] and of_archive(column):
         seconds, said, guessed = np.round((column - column[0]) * DAY_S / 1e6, 3), "millionths of days, as archives have it", False
-    elif step := _STEPS.search(name):
-        size, unit = float(step[1].replace(",", ".")), unit_of(step[2]) or "s"
+    elif step := steps_of(name, unit_cell):
+        size, unit = step
         seconds, said, guessed = column * size * UNITS[unit], f"steps of {size:g} {unit}", size != 1.0
-    elif _MINUTES_SECONDS.search(name) and (column - minutes < 0.5999).all():
+    elif MINUTES_SECONDS.search(name) and (column - minutes < 0.5999).all():
         seconds, said, guessed = 60.0 * minutes + np.round(100.0 * (column - minutes), 3), "minutes and seconds", True
-    elif _MINUTES_SECONDS.search(name):  # 0.75 is no minute and 75 seconds
+    elif MINUTES_SECONDS.search(name):  # 0.75 is no minute and 75 seconds
         seconds, said, guessed = 60.0 * column, "minutes, with decimals", True
     else:
         return None

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...reading_options import Options
 from ..moments.stamps import DAY_S, parse_stamps
-from ..moments.times import is_time_name, unit_of
+from ..moments.times import is_time_name
 from ..run import Array
 from ..table import Table
+from ..values.time_units import unit_of
 from ..vocabulary import TIME, TIME_UNITS, words
 
 #: Clocks that are never further apart than this share of the record are one: a time constant is not known so well.

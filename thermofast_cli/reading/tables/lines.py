@@ -168,6 +168,8 @@ def _opens(line: bytes, mark: bytes) -> bool:
 def without_last(data: bytes, count: int) -> bytes:
     """Without so many lines at the end, empty ones not counted."""
     for _ in range(count):
+        if not data:
+            break
         data = data.rstrip(b"\r\n")
         data = data[: max(data.rfind(b"\n"), data.rfind(b"\r")) + 1]
     return data

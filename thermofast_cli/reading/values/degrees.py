@@ -33,6 +33,8 @@ OHMS = ((100.0, 130.0), (1000.0, 1300.0))
 BEFORE_KEY, LEAST_KEY = 3, 8.0
 #: A number with a decimal sign.
 DECIMALS = re.compile(r"[+-]?\d+[.,]\d+")
+#: Numbers from 1 to 10 with three digits behind the sign in a column that may be of thousands, at least.
+FEWEST_SMALL = 10
 #: A column without unit that begins above this [degC], or at a room in degF, is told.
 HOT_C = 120.0
 
@@ -51,6 +53,8 @@ class Temperatures:
         self._cold: list[str] = []
         self._overruled: dict[str, list[str]] = {}
         self._channels = frozenset(options.channels)
+        self._small: list[str] = []
+        self._sign_told = options.decimal is not None or table.dialect is None
         self._common = _common_letter(names)
         ends = [m for m in map(ENDS.fullmatch, table.names) if m is not None and m[2].upper() not in "FC"]
         self._places = {m[1].rstrip("0123456789") for m in ends}
@@ -62,6 +66,8 @@ class Temperatures:
         ------
         InputError: its unit cannot be told.
         """
+        if not is_input and not self._sign_told and _may_be_thousands(values, f"{self._table.name}, column {name!r}"):
+            self._small.append(name)
         told = self._own.get(name, self._all)
         symbol, scale = (told.symbol, told.scale) if told is not None else (None, 1.0)
         if symbol is not None:
@@ -158,6 +164,9 @@ class Temperatures:
             Guess("unit", f"{listed(who, 6)} read as {names[s]}, by the letter behind the name", "--units says otherwise")
             for s, who in self._by_letter.items()
         ]
+        if self._small:
+            text = f"{listed(self._small, 3)}: three digits behind the sign are decimals (1.205 is one and a fifth, not 1205)"
+            found.append(Guess("unit", text, "--decimal confirms it; export without a sign of thousands if it is one"))
         if self._cold:
             text = f"{listed(self._cold, 3)}: too cold for kelvin, read as degC"
             found.append(Guess("unit", text, "--exclude it if it is a rise or a difference, --units C confirms it"))
@@ -267,6 +276,29 @@ def winding(ohms: Array, column: str, table: Table, options: Options) -> Array:
             do=f"say R0 in {unit}" if unit else "check R0 and T0",
         )
     return found
+
+
+def _may_be_thousands(values: Array, where: str) -> bool:
+    """Whether all numbers lie from 1 to 10 and have three digits behind the sign, which may be one of thousands.
+
+    Raises
+    ------
+    InputError: whole numbers of three digits stand beside them, as 999 before 1.003.
+    """
+    good = np.abs(values[np.isfinite(values)])
+    odd, whole = good[good % 1.0 != 0.0], good[good % 1.0 == 0.0]
+    thousands = np.rint(1000.0 * odd)
+    small = len(odd) >= FEWEST_SMALL and bool(((odd >= 1.0) & (odd < 10.0) & (np.abs(1000.0 * odd - thousands) < 1e-6)).all())
+    if not small or not (thousands % 10.0 != 0.0).any():
+        return False
+    if len(whole) and 100.0 <= float(whole.max()) < 1000.0:
+        raise InputError(
+            f"{where}: a sign of thousands",
+            found=f"{whole.max():.0f} and {odd[0]:.3f}",
+            allowed="numbers without one",
+            do="export plain numbers; --decimal says which sign is the decimal one",
+        )
+    return not len(whole) or float(whole.max()) < 10.0
 
 
 def refuse_words(table: Table, column: str) -> None:
