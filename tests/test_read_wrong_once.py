@@ -95,7 +95,7 @@ def test_a_part_of_the_machine_is_one_whatever_stands_beside_it(name, kind, tmp_
 def test_a_footer_longer_than_the_file_is_none(tmp_path):
     """It took ten minutes and more to leave out a hundred thousand million lines."""
     path = _file(tmp_path, "time_s,T1", [f"{k},{20 + 0.1 * k:.2f}" for k in range(30)])
-    with pytest.raises(tf.UsageError, match="leaves no line"):
+    with pytest.raises(tf.InputError, match="leaves no line"):
         tf.read(path, skip_footer=99_999_999_999)
     assert options_from({"skip_footer": 3}).skip_footer == 3
     assert len(tf.read(path, skip_footer=3).time_s) == 27

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 
-from ...errors import InputError, UsageError, listed
+from ...errors import InputError, listed
 from ...reading_options import Options
 from ..moments.stamps import looks_like_stamp
 from ..names import names_and_units
@@ -65,7 +65,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     if options.skip_footer:
         data = without_last(data, options.skip_footer)
         if not data.strip():
-            raise UsageError(f"{name}: --skip-footer {options.skip_footer} leaves no line", do="leave fewer out")
+            raise InputError(f"{name}: --skip-footer {options.skip_footer} leaves no line", do="leave fewer out")
         notes.append(f"the last {options.skip_footer} lines left out, as told")
     refuse_markup(data, name)
     data, separator = without_separator_line(data)
