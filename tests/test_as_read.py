@@ -11,7 +11,7 @@ import thermofast as tf
 from thermofast.analysis.bench import Trial, choose_among
 from thermofast.analysis.calibration import past_run
 from thermofast.estimation.measured import counted_to, measured_equilibria
-from thermofast.estimation.sensor import frozen
+from thermofast.estimation.sensor import frozen, prepare_all, saturated
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.pipeline.methods import choose
 from thermofast.records import BenchRecord
@@ -169,6 +169,7 @@ def test_calibrate_judges_the_limit_where_the_room_is_logged():
         [said.steady_state_lo_c, said.steady_state_c, said.steady_state_hi_c], abs=0.15
     )
     assert ends[0][2] > 0.0  # beyond the limit's interval
+    assert ends[1][2] < 0.0  # and within that of the temperature, which counts what an unlogged room may do
 
 
 def _turn(run: tf.Run) -> float:
@@ -262,3 +263,30 @@ def test_a_band_of_one_step_of_the_logger_times_nothing():
     coarse = np.round(2.0 * line) / 2.0
     assert np.isnan(measured_equilibria(time, coarse[None], np.array([0.5]))[1][0])
     assert measured_equilibria(time, line[None], np.array([0.1]))[1][0] == pytest.approx(180.0, abs=2.0)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1, 0.5])
+@pytest.mark.parametrize("every", [0.2, 1.0, 5.0])
+def test_a_sensor_that_has_settled_is_not_frozen(step, every):
+    """Readings of a coarse step stand still by themselves, whatever the slope before; with noise of two steps none do."""
+    rng = np.random.default_rng(7)
+    for tau, rise in ((20.0, 3.0), (20.0, 10.0), (60.0, 40.0), (150.0, 3.0)):
+        time = np.arange(0.0, min(6.0 * tau, 3000.0 * every), every)
+        for size in (0.0, 0.2, 0.8):
+            line = 20.0 + rise * -np.expm1(-time / tau) + size * step * rng.standard_normal(len(time))
+            assert not frozen(np.round(np.round(line / step) * step, 6), step).any()
+        noisy = np.round(20.0 + rise * -np.expm1(-time / tau) + 2.0 * step * rng.standard_normal(len(time)), 6)
+        noisy[len(time) // 2 :] = noisy[len(time) // 2]
+        if len(time) >= 60:
+            assert frozen(noisy, step).sum() == len(time) - len(time) // 2 - 1
+
+
+def test_a_sensor_that_froze_and_met_the_end_of_its_range_is_without_both():
+    """One stretch had taken the place of the other."""
+    time, reading = _lump()
+    reading[60:100] = reading[60]
+    reading = np.minimum(reading, 29.0)
+    both = frozen(reading, 0.01) | saturated(reading, 0.01)
+    (found,) = prepare_all(time, reading[None], 0.0)
+    assert len(found.time) == len(time) - int(both.sum())
+    assert frozen(reading, 0.01)[61:100].all()

@@ -88,13 +88,15 @@ class Passing:
         slowest = max(self._left(float(r)) for r in rises) / float(rate[0])
         latest = max(t95[2], ahead, elapsed + slowest) if math.isfinite(rises[2]) else math.nan
         if read is not None:
-            early, late = (self.passed(float(rises[1]), side * SURELY * self.error, both=True) for side in (-1.0, 1.0))
-            begin, end = early[0] if early else read[0], late[1] if late else elapsed
+            sooner, later = (self.passed(float(rises[1]), side * SURELY * self.error, both=True) for side in (-1.0, 1.0))
+            begin, end = sooner[0] if sooner else read[0], later[1] if later else elapsed
             low, high = min(least[0] if least else read[0], read[0]), latest if most is None else max(most[1], read[1])
             inside = t95[0] - blur <= read[1] and not t95[2] < read[0] - blur
             agree = inside or (not self.early and begin - blur <= t95[1] <= end + blur)
-            if not agree or high - low < t95[2] - t95[0]:  # else the model is the more exact
+            if not agree or high - low < t95[2] - t95[0]:
                 t95[:] = low, 0.5 * (read[0] + read[1]), high
+            elif not inside:  # the model is the more exact, if it is right: its interval holds what may have been read, too
+                t95[0], t95[2] = min(t95[0], begin), max(t95[2], end)
         elif t95[1] < elapsed - blur:
             t95[:] = min(least[0] if least else elapsed, ahead), ahead, latest
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import bridged, difference_noise, spike_weights
+from thermofast.models import difference_noise, spike_weights
 from thermofast.models.imperfection import lagged
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.models.swing import swing_of
@@ -103,8 +103,7 @@ def measured_equilibria(time: Array, reading: Array, resolution: Array | float =
     noise = np.sqrt(np.maximum((values * values).sum(axis=1) - slope**2 * float(at @ at), 0.0) / len(at))
     complete = (rise > 0.0) & (drift <= RULES.complete * rise) & (noise * math.sqrt(12.0 / len(at)) <= RULES.complete * rise)
     steady[complete] = level[complete]
-    with np.errstate(all="ignore"):
-        width = np.maximum(3, np.ceil((6.0 * noise / (0.05 * rise)) ** 2))
+    width = _wide_enough(noise, rise)
     some = np.flatnonzero(complete & (width <= n // 10) & (resolution < 0.05 * rise))
     odd = width[some].astype(int) | 1
     for wide in np.unique(odd[odd <= n // 10]).tolist():
@@ -117,6 +116,13 @@ def measured_equilibria(time: Array, reading: Array, resolution: Array | float =
         gap = time[np.minimum(last + wide // 2 + 1, n - 1)] - time[before] - wide * float(np.median(np.diff(time)))
         settled[rows] = np.where(gap <= 0.05 * (time[last + 1] - time[0]), time[last + 1] - time[0], np.nan)
     return steady, settled
+
+
+def _wide_enough(noise: Array, rise: Array) -> Array:
+    """Readings (S,) whose mean has its noise [K] well within 5 % of a rise [K]; three at least."""
+    with np.errstate(all="ignore"):
+        found: Array = np.maximum(3.0, np.ceil((6.0 * noise / (0.05 * np.abs(rise))) ** 2))
+    return found
 
 
 def _first_of(reading: Array) -> Array:
@@ -242,8 +248,9 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     steady[open_ & rises, 2] = np.nan
     steady[open_ & ~rises, 0] = np.nan
     least = np.where(rises, steady[:, 0], steady[:, 2])  # that which leaves the least to be done
-    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, least, sensors)), None, t95[:, 1])
-    _as_read(t95, law, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise)
+    start = began(law, sensors)
+    t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, start, least, sensors)), None, t95[:, 1])
+    _as_read(t95, law, start, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise)
     t95[open_, 2] = np.nan
     t95[back] = np.nan
     _to_the_beginning(steady, law, sensors)
@@ -296,12 +303,12 @@ def comes_back(law: "Estimates", steady: Array, sensors: Sensors) -> NDArray[np.
     return near
 
 
-def _not_done_before(law: "Estimates", least: Array, sensors: Sensors) -> Array:
-    """Minutes (S,) after the first reading of the last one before 95 % of the least rise claimed had been read."""
+def _not_done_before(law: "Estimates", start: Array, least: Array, sensors: Sensors) -> Array:
+    """Minutes (S,) after the first reading of the last one before 95 % of the least rise claimed, from `start`, had been read."""
     used = sensors.time <= law.time
     time, reading = sensors.time[used], sensors.reading[:, used]
     with np.errstate(all="ignore"):  # what does not rise is done where it begins
-        done = (reading - law.initial[:, None]) / (least - law.initial)[:, None] >= 0.95
+        done = (reading - start[:, None]) / (least - start)[:, None] >= 0.95
     done &= ~outlying(law, sensors)
     first = np.where(done.any(axis=1), np.maximum(done.argmax(axis=1) - 1, 0), len(time) - 1)
     found: Array = time[first] - time[0]
@@ -324,32 +331,34 @@ def began(law: "Estimates", sensors: Sensors) -> Array:
     return found
 
 
-def _as_read(t95: Array, law: "Estimates", limits: Array, rate: Array, sensors: Sensors, which: NDArray[np.bool_]) -> None:
+def _as_read(
+    t95: Array, law: "Estimates", start: Array, limits: Array, rate: Array, sensors: Sensors, which: NDArray[np.bool_]
+) -> None:
     """Puts settling times (S, 3) [min after the first reading] right, in place, where the readings used contradict the middle one.
 
-    limits (S, 3) [degC]: those claimed, that which is reached first, the middle, that which is reached last; rate (S, 3) [1/min];
+    start (S,) [degC]: where each rise :func:`began`; limits (S, 3) [degC]: those claimed, that which is reached first, the middle,
+    that which is reached last; rate (S, 3) [1/min];
     which (S,): those whose rise is one exponential's, and does not go on and off.
     What was read is no matter of a model: where 95 % of the rise to the limit had been done for good, the time of that stands;
     where they had not, though the model says so, the way from the last readings on.
     """
     used = sensors.time <= law.time
     time, reading = sensors.time[used] - sensors.time[0], sensors.reading[:, used]
-    start, middle, elapsed = began(law, sensors), limits[:, 1], float(time[-1])
+    middle, elapsed = limits[:, 1], float(time[-1])
+    rise, of_law = middle - start, middle - law.initial
+    width = _wide_enough(law.noise, rise)
     with np.errstate(all="ignore"):
-        rise, of_law = middle - start, middle - law.initial
-        width = np.ceil((6.0 * law.noise / (0.05 * np.abs(rise))) ** 2)
         # What is done before the law's exponential begins need not be done by it.
         sooner = np.where(start != law.initial, np.log(np.abs(rise / of_law)) / rate[:, 1], 0.0)
     looked = which & (len(time) >= RULES.fewest_complete) & np.isfinite(t95[:, 1]) & (width <= len(time) // 10) & (rise != 0.0)
-    out, step = outlying(law, sensors), elapsed / max(len(time) - 1, 1)
+    step = elapsed / max(len(time) - 1, 1)
     for i in np.flatnonzero(looked).tolist():
-        wide = int(np.clip(WINDOW * t95[i, 1] / step, max(width[i], 3.0), max(len(time) // 10, 3))) | 1
+        wide = int(np.clip(WINDOW * t95[i, 1] / step, width[i], max(len(time) // 10, 3))) | 1
         if abs(middle[i] - np.median(reading[i, -wide:])) > 0.05 * abs(rise[i]) and t95[i, 1] >= elapsed:
             # On its way, and not said to have come.
             t95[i, :2] = np.maximum(t95[i, :2] - np.nan_to_num(sooner[i]), np.minimum(t95[i, :2], elapsed))
             continue
-        line = bridged(time, reading[i][None], out[i][None])[0] if out[i].any() else reading[i]
-        noise = min(float(law.noise[i]), float(difference_noise(line)))
-        line = without_strays(line, noise) - start[i]
+        noise = min(float(law.noise[i]), float(difference_noise(reading[i])))
+        line = without_strays(reading[i], noise) - start[i]
         passing = Passing(time, line, wide, 1.96 * noise / math.sqrt(wide), bool(start[i] != law.initial[i]))
         passing.correct(t95[i], limits[i] - start[i], rate[i])

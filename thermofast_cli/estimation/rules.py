@@ -131,6 +131,7 @@ class EstimationRules:
     frozen_readings: int = rule(
         20, "readings", "alike in a row, of a noise of a step or more, that a frozen probe gives", "once in 1e10 by chance"
     )
+    frozen_before: int = rule(60, "readings", "before them, whose noise is looked at", BY_HAND)
     frozen_share: float = rule(0.1, "1", "of the readings before, at least: a machine that stands is quiet for a while", BY_HAND)
     fewest_of_room: int = rule(4, "readings", "of a logged room, within the time used", BY_HAND)
     room_gap: float = rule(0.25, "1", "share of the time used for which a room is not logged at most", BY_HAND)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import difference_noise
+from thermofast.models import difference_noise, third_difference_noise
 from thermofast.models.noise.spikes import logger_step, logger_steps
 
 from .rules import RULES
@@ -113,7 +113,8 @@ def prepare_all(time_min: Array, values: Array, start_min: float) -> list[Sensor
         time, reading = time_min[mask], values if len(rows) == len(values) and mask.all() else values[np.ix_(rows, mask)]
         resolution = logger_steps(reading)
         ended = {i: s for i in _maybe_saturated(reading) if (s := saturated(reading[i], float(resolution[i]))).any()}
-        stuck = {i: s for i in _maybe_frozen(reading) if (s := frozen(reading[i], float(resolution[i]))).any()} | ended
+        froze = {i: s for i in _maybe_frozen(reading) if (s := frozen(reading[i], float(resolution[i]))).any()}
+        stuck = {i: np.any([which[i] for which in (ended, froze) if i in which], axis=0) for i in ended | froze}
         whole = np.array([i for i in range(len(rows)) if i not in stuck], dtype=np.intp)
         if len(whole):
             found.append(Sensors(rows[whole], time, reading[whole], resolution[whole], ((),) * len(whole)))
@@ -212,7 +213,10 @@ def frozen(reading: Array, resolution: float) -> NDArray[np.bool_]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], (np.diff(reading) == 0.0).astype(int), [0]])))
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):  # readings a to b are equal
         long = max(RULES.frozen_readings, RULES.frozen_share * a)
-        if b - a + 1 >= long and a >= RULES.frozen_readings and difference_noise(reading[:a]) > max(resolution, 1e-9):
+        if b - a + 1 < long or a < RULES.frozen_readings:
+            continue
+        # Rounding alone has third differences, too, of three tenths of a step.
+        if third_difference_noise(reading[max(0, a - RULES.frozen_before) : a]) > max(resolution, 1e-9):
             stuck[a + 1 : b + 1] = True
     return stuck
 
