@@ -2,19 +2,22 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import thermofast as tf
-from thermofast.analysis.bench import Trial, choose_among
-from thermofast.analysis.calibration import past_run
+from thermofast.analysis.bench import Trial, _error, choose_among
+from thermofast.analysis.calibration import _limits, past_run
+from thermofast.estimation.estimate import FilterError
 from thermofast.estimation.measured import counted_to, measured_equilibria
-from thermofast.estimation.sensor import frozen, prepare_all, saturated
+from thermofast.estimation.sensor import Sensor, frozen, prepare_all, saturated
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.pipeline.methods import choose
-from thermofast.records import BenchRecord
+from thermofast.reading.follow import Follower
+from thermofast.records import BenchRecord, IdentifyRecord
 
 
 def source_and_body(seed: int, end: float = 600.0, share: float = 0.35) -> tuple[np.ndarray, np.ndarray, float, float]:
@@ -283,10 +286,77 @@ def test_a_sensor_that_has_settled_is_not_frozen(step, every):
 
 def test_a_sensor_that_froze_and_met_the_end_of_its_range_is_without_both():
     """One stretch had taken the place of the other."""
-    time, reading = _lump()
-    reading[60:100] = reading[60]
-    reading = np.minimum(reading, 29.0)
-    both = frozen(reading, 0.01) | saturated(reading, 0.01)
+    time = np.arange(0.0, 301.0)
+    reading = np.round(20.0 + 0.05 * time + np.random.default_rng(2).normal(0.0, 0.02, len(time)), 2)
+    reading[20:45] = reading[20]
+    reading = np.minimum(reading, 30.0)
+    ended, froze = saturated(reading, 0.01), frozen(reading, 0.01)
+    assert ended.sum() > 90
+    assert froze[21:45].all()
     (found,) = prepare_all(time, reading[None], 0.0)
-    assert len(found.time) == len(time) - int(both.sum())
-    assert frozen(reading, 0.01)[61:100].all()
+    assert len(found.time) == len(time) - int((ended | froze).sum())
+
+
+def test_an_interval_of_the_model_holds_what_was_read():
+    """A minute to either side is told from a noise of 0.1 K at a slope of 0.008 K a minute by nobody: 185 may be right, and 180."""
+    line = 10.0 * -np.expm1(-np.arange(601.0) / 60.0)
+    t95 = np.array([185.0, 185.1, 185.2])
+    _passing(line, error=0.1).correct(t95, np.array([9.99, 10.0, 10.01]), np.array([0.015, 0.017, 0.019]))
+    assert t95[1] == 185.1
+    assert t95[0] < 60.0 * math.log(20.0) < t95[2]
+
+
+def test_a_model_from_short_runs_says_so():
+    """Two time constants tell nothing of a mass that is slower than they were long."""
+    time, reading = _lump(121.0)
+    late, whole = _lump(401.0, 8)
+    short = tf.improve(tf.read({"time_min": time, "T1": reading}, name="a")).model
+    long = tf.improve(tf.read({"time_min": late, "T1": whole}, name="b")).model
+    other = tf.read({"time_min": time[:80], "T1": _lump(81.0, 9)[1][:80]}, name="c")
+    said = "learnt from no more than 2.2 time constants: what slower masses bring later is not in it"
+    assert said in tf.identify(other, model=short)[0].message
+    assert "learnt from no more" not in tf.identify(other, model=long)[0].message
+
+
+def test_a_watch_looks_once_more_at_its_end(tmp_path):
+    """At all that came, a last line without an end too: nobody goes on writing it."""
+    time, reading = _lump(160.0)
+    path = tmp_path / "run.csv"
+    path.write_text("time_min,T1\n" + "\n".join(f"{t:g},{r:.2f}" for t, r in zip(time, reading, strict=True)))
+    look = tf.watch(str(path), tolerance=0.01, give_up=0.005, poll=0.05)
+    assert look.records[0].samples == 160
+    assert Follower(str(path)).rest() == path.read_bytes()
+
+
+def test_sensitivity_says_that_a_filter_broke(monkeypatch):
+    """Measure longer, it said, and that all was well."""
+
+    def breaks(*_arguments):
+        raise FilterError("mine raised ValueError: no")
+
+    monkeypatch.setattr("thermofast.analysis.sensitivity.track_of", breaks)
+    time, reading = _lump(160.0)
+    (row,) = tf.sensitivity(tf.read({"time_min": time, "T1": reading}), jobs=1)
+    assert (row.status, row.message) == ("diverged", "mine raised ValueError: no")
+
+
+def test_what_the_logged_room_did_since_is_no_error_of_a_limit():
+    """Two degrees warmer from the last reading on: after three time constants the limit is 1.9 K higher."""
+    row = IdentifyRecord(
+        "run", "T1", "afukf", 60.0, initial_c=20.0, steady_state_lo_c=29.0, steady_state_c=30.0, steady_state_hi_c=31.0
+    )
+    minutes = np.arange(0.0, 301.0)
+    room = np.where(minutes > 60.0, 22.0, 20.0)
+    found = _limits([replace(row, rate_per_min=1.0 / 60.0), None], minutes, room, 60.0, 180.0)
+    moved, left = 2.0 * (1.0 - math.exp(-3.0)), 10.0 * math.exp(-4.0)
+    assert found[0] == pytest.approx(np.array([29.0, 30.0, 31.0]) + moved - left, abs=0.03)
+    assert np.isnan(found[1]).all()
+
+
+def test_a_curve_without_a_limit_foretells_nothing():
+    """It runs off, by 1e11 K at the end of a record."""
+    time, reading = _lump(160.0)
+    estimate = SimpleNamespace(steady_state=None, state=np.array([25.0, 0.1, -0.05]), free_run=lambda t: 25.0 + 0.0 * t, time=80.0)
+    assert len(_error(estimate, Sensor(time, reading, 0.01, ()), 80, 160)) == 0
+    estimate.steady_state = 30.0
+    assert len(_error(estimate, Sensor(time, reading, 0.01, ()), 80, 160)) == 80
