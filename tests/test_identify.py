@@ -320,7 +320,8 @@ def test_an_outlier_is_not_the_time_at_which_a_rise_is_done():
     weights[0, 20] = 0.0
     law = SimpleNamespace(initial=np.array([20.0]), time=119.0, weights=weights)
     seen = SimpleNamespace(time=time, reading=reading[None], resolution=np.zeros(1))
-    assert _not_done_before(law, np.array([30.0]), seen) == pytest.approx(30.0 * np.log(20.0), abs=3.0)
+    assert _not_done_before(law, law.initial, np.array([30.0]), seen) == pytest.approx(30.0 * np.log(20.0), abs=3.0)
+    assert _not_done_before(law, np.array([10.0]), np.array([30.0]), seen) == pytest.approx(30.0 * np.log(10.0), abs=3.0)
 
 
 def test_an_interval_that_ends_just_short_of_where_a_sensor_began_reaches_it():
