@@ -161,7 +161,7 @@ def test_calibrate_judges_the_limit_where_the_room_is_logged():
     """What the room may do later has no part in it: ends of walls lay in its band, and intervals of the limit missed them."""
     rng = np.random.default_rng(3)
     time = np.arange(0.0, 1600.0, 2.0)
-    line = 20.0 + 9.0 * -np.expm1(-time / 40.0) + 3.0 * -np.expm1(-time / 240.0)
+    line = 20.0 + 9.0 * -np.expm1(-time / 40.0) + 4.0 * -np.expm1(-time / 240.0)
     columns = {"time_min": time, "T1": line + rng.normal(0.0, 0.02, len(time))}
     logged = tf.read({**columns, "ambient": np.full(len(time), 20.0) + rng.normal(0.0, 0.02, len(time))})
     method = choose("afukf", None, ())

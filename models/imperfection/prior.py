@@ -93,8 +93,9 @@ class Imperfection:
     background: what every machine has, times a scale that is estimated: one of `scales`, log-normal about 1 with deviation
     `scale_spread`; `clean` of all machines have the least. strong: effects one of which a record holds with probability
     `strong_share`, in shares as `strong_weights` (alike without), each times one of `strong_scales`, over a background times one
-    of `strong_over`; a slow mode is one of `SLOW`. evidence_power: to which the evidence for a strong effect counts, because its
-    shapes are caricatures; from_others: the share of another sensor's evidence that counts, because disturbances are common to a
+    of `strong_over`: below the usual, else a quiet record speaks against every effect, as of what lies beneath it; a slow mode is
+    one of `SLOW`. evidence_power: to which the evidence for a strong effect counts, because its shapes are caricatures;
+    from_others: the share of another sensor's evidence that counts, because disturbances are common to a
     run. rate_spread: deviation of the log rate between sensors of a machine that agree; apart: probability that one does not.
     log_rate_spread: prior deviation of the log rate about the pilot's. multiplier: of all sizes. lean: mean of a strong slow
     mode's amplitude over its root mean square, in the direction of the rise: a part that is still cold takes heat and gives none,
@@ -108,7 +109,7 @@ class Imperfection:
     strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
     strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
-    strong_over: tuple[float, ...] = (0.2, 1.0)
+    strong_over: tuple[float, ...] = (0.1, 0.6)
     scale_spread: float = 0.8
     clean: float = 0.1
     evidence_power: float = 0.5
