@@ -34,13 +34,14 @@ def _layout(seconds=EACH, options=Options(), header=True, units=None, faults=Non
 
 
 def test_the_columns_that_the_user_names_are_taken():
-    """Several joined by a plus; what is no column is refused, and named channels are a wide table's."""
+    """Several joined by a plus; what is no column is refused, and named columns are a wide table's, named sensors a long one's."""
     columns = {"a": NAMES, "b": NAMES, "v": VALUES}
     assert _layout(options=Options(long=("a+b", "v")), **columns) == (("a", "b"), "v")
     assert long.find_long(_table(time=EACH, **columns), _time(EACH), Options(long=("a", "v"))).guess is None
     with pytest.raises(UsageError, match="--long 'c' is no column"):
         _layout(options=Options(long=("a+c", "v")), **columns)
-    assert _layout(options=Options(channels=("v",)), sensor=NAMES, value=VALUES) is None
+    assert _layout(options=Options(channels=("value",)), sensor=NAMES, value=VALUES) is None
+    assert _layout(options=Options(channels=("v",)), sensor=NAMES, value=VALUES) == (("sensor",), "value")
 
 
 def test_words_under_a_name_of_sensors_and_one_column_of_readings():

@@ -17,6 +17,8 @@ DELIMITERS = {"tab": "\t", "\\t": "\t", "blank": " ", "space": " "}
 COLD = -60.0, 200.0
 #: Where the resistance of copper would be nothing, minus that in degC.
 COPPER = 235.0
+#: The same of any conductor, least and greatest.
+CONSTANT = 100.0, 1000.0
 #: Options that keep a file from filling the memory.
 LIMITS = ("max_bytes", "max_rows", "max_columns")
 #: Options of few values, texts, numbers with their least; names on the command line where they are others.
@@ -178,6 +180,13 @@ def _resistance(given: str | Iterable[float] | None) -> tuple[float, ...]:
             found=repr(given),
             allowed=f"T0 from {COLD[0]:g} to {COLD[1]:g} degC",
             do="say T0 in degC" if found[1] > COLD[1] else "",
+        )
+    if not CONSTANT[0] <= found[2] <= CONSTANT[1]:
+        raise UsageError(
+            f"--resistance: k of {found[2]:g} is no conductor's",
+            found=repr(given),
+            allowed=f"R0,T0,k with k from {CONSTANT[0]:g} to {CONSTANT[1]:g}: 235 for copper, 225 for aluminium",
+            do="write decimals with a point, as in 1.5,20" if isinstance(given, str) and given.count(",") > 1 else "",
         )
     return tuple(found)
 

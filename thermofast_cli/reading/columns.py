@@ -140,6 +140,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     said_somewhere = origin != "long" and bool(saying) and not _of_media_alone(saying, signs, values)
     # A room with its unit says nothing of places without one.
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature and s.kind != "ambient" for s in signs.values())
+    between = _range_of([values[n] for n in saying]) if said_somewhere else None
     quantities = {n for n in names if signs[n].unit is None and _QUANTITY.fullmatch(n)}
     quantities = quantities if origin != "long" and any(_bare(n, s) for n, s in signs.items()) else set()
     roles: dict[str, list[str]] = {
@@ -149,6 +150,8 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         if n in options.exclude:
             continue
         role = _role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)
+        if role == "sensor" and n not in (*options.channels, *told) and _is_setting(signs[n], values[n], between):
+            role = "constant"
         roles["silent" if role == "sensor" and n in quantities and n not in (*options.channels, *told) else role].append(n)
     found = _with_words(roles, signs, values, options, origin)
     return replace(found, guesses=(*found.guesses, *_other_quantities(options, signs, told)))
@@ -310,6 +313,19 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     if said_somewhere and count and not _finite(column).any():
         return "constant"
     return "sensor"
+
+
+def _range_of(columns: Sequence[Array]) -> tuple[float, float]:
+    """The least and the greatest reading of some columns."""
+    readings = np.concatenate([_finite(c) for c in columns])
+    return (float(readings.min()), float(readings.max())) if len(readings) else (-np.inf, np.inf)
+
+
+def _is_setting(sign: Sign, column: Array, between: tuple[float, float] | None) -> bool:
+    """Whether a column never changes, has no word of temperature, and is none that others beside it, which have, come to."""
+    if between is None or sign.temperature or sign.kind != "named" or np.count_nonzero(np.isfinite(column)) < 10:
+        return False
+    return _constant(column) and not between[0] <= float(_finite(column)[0]) <= between[1]
 
 
 def _finite(column: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
-from .columns import check_names
+from .columns import check_names, resolved
 from .moments.times import Time
 from .run import Array, Guess
 from .signs import sign_of
@@ -43,8 +43,8 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
         labels, told = tuple(options.long[0].split("+")), options.long[1]
         check_names([*labels, told], table.names, "--long", table.name)
         return Layout(labels, told, None)
-    if options.channels:
-        return None
+    if set(resolved(options, table.names, table.names).channels) & set(table.names):
+        return None  # columns by themselves
     words_of: dict[str, list[str] | None] = {n: _cells_of(table, n) for n in table.names if n not in time.used}
     repeated = [n for n, c in words_of.items() if c is not None and _repeats(c)]
     if not repeated:

@@ -111,6 +111,7 @@ def _told_apart(cells: list[str], head: list[str], dialect: Dialect) -> list[str
             found[i] = f"{label.strip()} {cells[i].strip()}"
     twice = _repeated(found)
     below = [split(line, dialect.delimiter) for line in head[header + 1 : dialect.data_line]] if twice else []
+    below += [["", *row[1:]] for row in above] if twice else []
     made = next((row for row in below if len(row) == len(cells) and is_process_line(row)), None)
     if made is not None:
         found = [f"{c} {m.strip()}" if c in twice and m.strip() else c for c, m in zip(found, made, strict=True)]

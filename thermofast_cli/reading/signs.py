@@ -76,7 +76,7 @@ def _sign(name: str, unit_cell: str) -> Sign:
         unit = None
     degrees = unit is not None and unit.temperature
     temperature = degrees or (spoken and unit is None)
-    if (said & FLAGS and unit is None) or name.strip().lower() in CALENDAR:
+    if (said & FLAGS and unit is None) or name.lower() in CALENDAR:
         kind = "other"
     elif (
         _wanted(name, first)

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
+import numpy as np
+
 from ..errors import InputError, listed
 from .run import Array
 from .vocabulary import UNIT_SUFFIXES
@@ -50,6 +52,10 @@ _PROBE = re.compile(r"(?i)(?:tc[ -]?)?(?:[kjtnsrbe][ -]?typ|[kjtnsrbe][ -]?type|
 _CYRILLIC = str.maketrans("СК", "CK")
 _BRACKET = re.compile(r"[\[(<{]([^\[\](){}<>]*)[\])>}]")
 _ANYWHERE = re.compile(r"[°º˚] ?([CFK])\b(?!\s*/)|(℃)|(℉)|(?i:(?<![a-z])deg[ _]?([CFK])(?![a-z]))|(?i:(celsius|kelvin|fahrenheit))")
+_RANKINE = re.compile(r"(?i)(?:°|º|deg(?:rees)?)[ _]?(?:r|rankine)|rankine")
+_PLATINUM = re.compile(r"(?i)pt[ -]?(100|500|1000)")
+#: Callendar and Van Dusen's coefficients of platinum (IEC 60751): R/R0 = 1 + A t + B t^2 + C (t - 100) t^3, the last below 0 degC.
+_CVD = 3.9083e-3, -5.775e-7, -4.183e-12
 _LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
 
 _UNIT_ABOVE = re.compile(r"(?i)\W*(?:temperature |temp\.? )?(?:units?|einheit)\W+?([^\s;,\"]+(?: [cfk])?)[\"\s;,]*$")
@@ -59,7 +65,10 @@ _SCALES = {"fahrenheit": "F", "celsius": "C", "kelvin": "K"} | {f"deg{b}{u}": u.
 
 @dataclass(frozen=True)
 class Unit:
-    """symbol is C, K or F where kind is ``temperature``. sure: said by a bracket, a degree sign or a unit line, not by a letter."""
+    """symbol is C, K, F, R (rankine) or Pt100 (ohms of such a probe) where kind is ``temperature``.
+
+    sure: said by a bracket, a degree sign or a unit line, not by a letter.
+    """
 
     symbol: str
     kind: str
@@ -87,6 +96,8 @@ def parse_unit(text: str) -> Unit | None:
     if marked:
         letter = marked.group(1).lower()
         return Unit(_LETTER.get(letter, letter.upper()), "temperature")
+    if _RANKINE.fullmatch(text):
+        return Unit("R", "temperature")
     kind = _EXACT.get(text) or _LOWER.get(text.lower())
     if kind:
         return Unit(text, kind)
@@ -181,10 +192,30 @@ def unit_above(lines: list[str]) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
+def platinum(text: str) -> Unit | None:
+    """The unit of a column of ohms, told as ``Pt100``; in the name of a column it is but the probe's kind."""
+    found = _PLATINUM.fullmatch(text.strip())
+    return Unit(f"Pt{found[1]}", "temperature") if found else None
+
+
 def to_celsius(values: Array, symbol: str, scale: float = 1.0) -> Array:
-    """Temperatures (n,) in the unit C, K or F, or `scale` parts of it, as degC."""
+    """Temperatures (n,) in the unit C, K, F or R, or `scale` parts of it, or resistances [ohm] of a Pt100, as degC."""
     if scale != 1.0:
         values = values * scale
-    if symbol == "K":
-        return values + ABSOLUTE_ZERO_C
+    if symbol.startswith("Pt"):
+        return _of_platinum(values / float(symbol[2:]))
+    if symbol in ("K", "R"):
+        return values / (1.8 if symbol == "R" else 1.0) + ABSOLUTE_ZERO_C
     return (values - 32.0) / 1.8 if symbol == "F" else values
+
+
+def _of_platinum(ratio: Array) -> Array:
+    """Temperatures (n,) [degC] at which platinum has `ratio` times its resistance at 0 degC (IEC 60751, -200 to 850 degC)."""
+    a, b, c = _CVD
+    with np.errstate(invalid="ignore"):  # what no temperature makes is no reading
+        found: Array = (np.sqrt(a * a - 4.0 * b * (1.0 - ratio)) - a) / (2.0 * b)
+        for _ in range(4):  # Newton: below 0 degC the fourth power counts
+            cold = np.where(found < 0.0, c, 0.0)
+            curve = 1.0 + found * (a + found * (b + cold * found * (found - 100.0)))
+            found = found - (curve - ratio) / (a + found * (2.0 * b + cold * found * (4.0 * found - 300.0)))
+    return np.where((found > -201.0) & (found < 851.0), found, np.nan)

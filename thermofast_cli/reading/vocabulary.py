@@ -99,7 +99,8 @@ OTHER = _set(
     "output index idx alm dio totalizer "
     "id serial status state code alarm flag error crc counter cycle cyc step rssi signal lat lon latitude longitude altitude "
     "depth seq sequence quality validity marker mode result table millisecond millitm msec position cell rack shelf test lot "
-    "batch tvoc voc tds type"
+    "batch tvoc voc tds type pid kp ki kd dwell ramp gain gateway firmware version confidence subsec "
+    "emissivity emissivität emissionsgrad transmissivity transmissivität transmission"
 )
 TEMPERATURE = _set(
     "temp temps temperature temperatures temperatur temperaturen tmp tc thermocouple thermo pt rtd ntc thermistor therm dewpt "
@@ -212,7 +213,8 @@ TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Secon
 
 #: Units that may follow a name after a blank or underline: single letters may be the front (V, vorn) or the rear of a machine.
 UNIT_SUFFIXES = _set(
-    "mv uv kv volts ohm ohms kohm ma kw watt watts kwh wh mah ah percent pct psi mbar bar hpa kpa rpm hz khz mhz lpm lux ppm kn %"
+    "mv uv kv volts ohm ohms kohm ma kw watt watts kwh wh mah ah percent pct psi mbar bar hpa kpa rpm hz khz mhz lpm lux ppm kn "
+    "dbm %"
 )
 
 #: Words for the units of time.

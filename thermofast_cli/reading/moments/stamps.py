@@ -204,11 +204,12 @@ def two_signs(cells: Sequence[str]) -> str:
 
 def two_decimal_signs(place: str, cell: str) -> InputError:
     """Numbers of a column with another decimal sign than the rest of the file, or with signs between thousands."""
+    clock = re.fullmatch(r"([01]?\d|2[0-3])[.,]([0-5]\d)", cell.strip())
     return InputError(
         f"{place}: numbers written in another way than in the rest of the file",
         found=f"{cell!r}, where '{'.' if ',' in cell else ','}' is the decimal sign elsewhere",
         allowed="one decimal sign in the whole file, and none between thousands",
-        do="export the record again so",
+        do="export the record again so" + (f"; a time of day is {clock[1]}:{clock[2]}" if clock else ""),
     )
 
 

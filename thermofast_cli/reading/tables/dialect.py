@@ -354,7 +354,9 @@ def _begins_as_data(cells: list[str], decimal: str) -> bool:
 def is_unit_line(cells: list[str]) -> bool:
     """Whether half of the cells of a line or more are units."""
     known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
-    return known >= 0.5 * len(cells) and any(c.strip() for c in cells)
+    if known < 0.5 * len(cells) or not any(c.strip() for c in cells):
+        return False
+    return not {"min", "max"} <= {c.strip().lower() for c in cells}  # the least and the greatest, no minutes
 
 
 def _repeats_units(cells: list[str], above: list[str]) -> bool:

@@ -284,6 +284,10 @@ def _with_times(data: bytes) -> tuple[bytes, list[str]]:
     return b"\n".join(rows), [f"no column of times: one row every {step:g} s, as Delta_X has it"] if told else []
 
 
+#: A time of day, of which no name of a column is made.
+_CLOCK = re.compile(rb"\b\d{1,2}:\d{2}:\d{2}\b")
+
+
 def united_headers(data: bytes, head: list[str], dialect: Dialect, name: str) -> tuple[bytes, list[str]]:
     """(text, notes) where the header stands again with other columns, or in another order: all rows under all names.
 
@@ -302,7 +306,9 @@ def united_headers(data: bytes, head: list[str], dialect: Dialect, name: str) ->
     if any(data.find(bytes([sign]), below) < 0 for sign in dict.fromkeys(begun)) or data.find(begun, below) < 0:
         return data, []  # to look for single bytes takes a tenth of the time of looking for a word, or of trying every line
     begins = re.compile(rb'(?m)^"?' + re.escape(first.encode()) + rb'"?' + re.escape(dialect.delimiter.encode()) + rb"[^\n]*")
-    found = {m[0].rstrip(b"\r"): data.count(b"\n", 0, m.start()) for m in begins.finditer(data)}
+    told = {m[0].rstrip(b"\r"): data.count(b"\n", 0, m.start()) for m in begins.finditer(data)}
+    # "Time<tab>20:38:07" in a preamble says when it began, and names no columns.
+    found = {line: at for line, at in told.items() if not _CLOCK.search(line)}
     if len(found) < 2:
         return data, []
     lines = [line.rstrip("\r") for line in data.decode("utf-8", errors="replace").split("\n")]

@@ -11,8 +11,8 @@ from ...reading_options import Options
 from ..run import Array, Guess
 from ..signs import sign_of
 from ..table import Table
-from ..tables.dialect import is_missing
-from ..units import Unit, parse_unit, to_celsius
+from ..tables.dialect import is_missing, number_within
+from ..units import Unit, parse_unit, platinum, to_celsius, unit_changes
 from ..vocabulary import words
 from .faults import HOTTEST_C
 
@@ -26,6 +26,8 @@ ROOM_TENTHS, MOST_MILLI = (130.0, 350.0), 200_000.0
 ROOM_F = (55.0, 95.0)
 #: A name and the letter that ends it, which may be a unit or a place.
 ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
+#: How what was turned into degC is called.
+TURNED = {"K": "kelvin", "F": "degF", "R": "degrees Rankine"} | {f"Pt{n}": f"ohms of a Pt{n} (IEC 60751)" for n in (100, 500, 1000)}
 #: Names and values of platinum resistors that were logged in ohms.
 RESISTORS = frozenset(["pt", "rtd"])
 OHMS = ((100.0, 130.0), (1000.0, 1300.0))
@@ -98,7 +100,7 @@ class Temperatures:
                 self._plausible(name, values, sign.kind == "ambient")
         if scale != 1.0:
             self._scaled.setdefault(scale, []).append(name)
-        if symbol in ("K", "F"):
+        if symbol in TURNED:
             self._turned.setdefault(symbol, []).append(name)
         return to_celsius(values, symbol or "C", scale)
 
@@ -124,7 +126,7 @@ class Temperatures:
         if not begins:
             return
         first = sorted(begins)[len(begins) // 2]
-        what = ""
+        what, way = "", "say --units K, F or C"
         if first > HOTTEST_C and first.is_integer() and first < MOST_MILLI:
             raise InputError(
                 f"{self._table.name}: the unit of column {name!r} cannot be told",
@@ -138,12 +140,13 @@ class Temperatures:
             what = "a room in degF or a hot chamber in degC"
         elif any(low <= first <= high for low, high in OHMS) and RESISTORS.intersection(words(name)):
             what = "ohms of a platinum resistor or something hot in degC"
+            way = f"say --units Pt{'100' if first < OHMS[1][0] else '1000'} for ohms, else C"
         if what:
             raise InputError(
                 f"{self._table.name}: the unit of column {name!r} cannot be told",
                 found=f"{first:g} to {values[np.isfinite(values)][-1]:g}, {what}",
                 allowed="a unit in the name, as in 'T [K]', or a unit line",
-                do="say --units K, F or C"
+                do=way
                 + ("" if self._table.header or self._channels else " (and --channels with the columns that are temperatures)"),
             )
         if first > HOT_C or ROOM_F[0] <= first <= ROOM_F[1]:
@@ -152,8 +155,7 @@ class Temperatures:
 
     def notes(self) -> list[str]:
         """What was turned into degC."""
-        names = {"K": "kelvin", "F": "degF"}
-        told = [f"{listed(who, 6)}: {names[s]}, turned into degC" for s, who in self._turned.items()]
+        told = [f"{listed(who, 6)}: {TURNED[s]}, turned into degC" for s, who in self._turned.items()]
         told += [f"{listed(who, 6)}: readings times {size:g}, as the unit says" for size, who in self._scaled.items()]
         return told + [f"--units {s} overrules what the file says of {listed(who, 6)}" for s, who in self._overruled.items()]
 
@@ -232,10 +234,11 @@ def _told(units: tuple[str, ...], table: Table) -> tuple[Unit | None, dict[str, 
     whole, own = None, dict[str, Unit]()
     for text in units:
         name, sign, letter = text.rpartition("=")
-        unit = parse_unit(letter)
+        unit = platinum(letter) or parse_unit(letter)
         if unit is None or not unit.temperature:
             raise UsageError(
-                f"--units: {letter!r} is no unit of temperature", allowed="C, K or F, m°C, '°C x10' for tenths, or COLUMN=C"
+                f"--units: {letter!r} is no unit of temperature",
+                allowed="C, K or F, degR, m°C, '°C x10' for tenths, Pt100 or Pt1000 for ohms, or COLUMN=C",
             )
         if not sign:
             whole = unit
@@ -309,6 +312,11 @@ def refuse_words(table: Table, column: str) -> None:
     cells = [c for c in table.columns[column] if isinstance(c, str) and not is_missing(c)]
     if not cells:
         return
+    decimal = table.dialect.decimal if table.dialect is not None else "."
+    within = [w[2] for c in dict.fromkeys(cells) if (w := number_within(c, decimal))]
+    told = {u.symbol: text for text in within if (u := parse_unit(text)) is not None and u.temperature}
+    if len(told) > 1:
+        raise unit_changes(f"{table.name}, column {column!r}", told.values())
     numbers = [c for c in cells if DECIMALS.fullmatch(c.strip())]
     other = next((c.strip() for c in numbers if ("," in c) == (table.dialect is None or table.dialect.decimal == ".")), None)
     if other is not None and 2 * len(numbers) > len(cells):
