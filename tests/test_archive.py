@@ -20,10 +20,12 @@ from conftest import ROOT
 
 import thermofast as tf
 from benchmarks.scale.killed import children_of, half_files, left_of, make_archive, same
-from thermofast.archives.blocks import Analysis
+from thermofast.archives.blocks import Analysis, Reading
+from thermofast.archives.settings import settings_of
 from thermofast.archives.sources import SourceFile, sources_of
 from thermofast.archives.stream import Progress
 from thermofast.output.arrow import types_of
+from thermofast.reading_options import Options
 from thermofast.records import IdentifyRecord
 
 
@@ -108,8 +110,8 @@ def test_a_folder_is_guarded(archive, tool, tmp_path):
     assert tool(*call, "-o", into).code == 0
     for more, what in (
         ((), "holds results already"),
-        (("--resume", "--until", "60"), "--until not given, now 60.0"),
-        (("--resume", "--interval", "60"), "--interval not given, now 60.0"),
+        (("--resume", "--until", "60"), "--until not given, now 60"),
+        (("--resume", "--interval", "60"), "--interval not given, now 60"),
     ):
         done = tool(*call, "-o", into, *more)
         assert done.code == 2
@@ -273,3 +275,104 @@ def test_what_could_not_be_read_is_told_again_when_the_call_is_taken_up(tool, tm
     first, again = (tool("identify", tmp_path / "in", "-o", f"{tmp_path}/r/", *more) for more in ((), ("--resume",)))
     assert (first.code, again.code) == (1, 1)
     assert "2 were there already (1 unreadable)" in again.err
+
+
+def _one_file(where: Path) -> Path:
+    where.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(ROOT / "sample_runs" / "cool_down.csv", where)
+    return where
+
+
+LONG = "Kunde Müller 13/Größe 84/Prüfstand Süd/Wärmeversuche 2026"
+
+
+@pytest.mark.parametrize("folder", ["主轴升温试验/二零二四年/第三季度", LONG, "rpm=3000/a=b", "007", "a" * 200])
+def test_any_folder_is_a_partition_that_others_read(folder, tmp_path):
+    """Cut in mid-character a name was none in UTF-8, and hid all other parts; with a sign of equality it was another column."""
+    _one_file(tmp_path / "in" / folder / "r.csv")
+    _one_file(tmp_path / "in" / "7" / "r.csv")
+    found = tf.archive("identify", str(tmp_path / "in"), str(tmp_path / "r"), until=60, jobs=1)
+    read = pads.dataset(tmp_path / "r", partitioning="hive").to_table().to_pandas()
+    told = found.to_frame()
+    assert len(read) == len(told) == 20
+    assert set(told["source"]) == {"7/r.csv", f"{folder}/r.csv"}
+    assert told["folder"].nunique() == 2
+    assert "7" in set(told["folder"])
+    if len(folder) <= 30 and folder.isascii():
+        assert set(told["folder"]) == {"7", folder}
+
+
+def test_resume_asks_for_what_is_in_the_files_named(tmp_path):
+    """From Python a model that was learnt anew, a prior or a filter that was changed, was not noticed."""
+    _one_file(tmp_path / "in" / "r.csv")
+    lab = tmp_path / "lab.toml"
+    lab.write_text('schema = "thermofast.lab/1"\n')
+    own = tmp_path / "mine.py"
+    own.write_text("# one\n")
+    before = settings_of({"imperfection": str(lab), "filter": f"{own}:Mine", "until": 45}, {})
+    assert settings_of({"imperfection": lab, "filter": f"{own}:Mine", "until": 45.0}, {}) == before
+    lab.write_text('schema = "thermofast.lab/1"\n\n')
+    own.write_text("# two\n")
+    after = settings_of({"imperfection": str(lab), "filter": f"{own}:Mine", "until": 45}, {})
+    assert {n for n in before if before[n] != after[n]} == {"imperfection", "filter"}
+
+
+def test_a_command_and_the_library_go_on_with_each_others_results(tool, tmp_path):
+    _one_file(tmp_path / "in" / "r.csv")
+    call = ("identify", str(tmp_path / "in"), str(tmp_path / "r"))
+    assert tf.archive(*call, until=45, rates="auto", channels=["T1", "T2"], jobs=1).done == 1
+    more = ("--until", 45, "--channels", "T1,T2", "--filter", "afukf", "--max-rows", 100_000, "--jobs", 1)
+    done = tool("identify", tmp_path / "in", "-o", f"{tmp_path}/r/", "--resume", *more)
+    assert (done.code, "1 were there already" in done.err) == (0, True)
+    assert tf.archive(*call, until=45.0, channels=("T1", "T2"), jobs=1, resume=True, start="auto").skipped == 1
+    with pytest.raises(tf.UsageError, match=r"until 45, now 46"):
+        tf.archive(*call, until=46, channels=["T1", "T2"], jobs=1, resume=True)
+
+
+def test_results_of_files_not_named_any_more_are_told_and_taken_out_where_asked(tool, tmp_path):
+    """Named two by two the base of two files is their folder, of three another: the first two stood there twice."""
+    files = [_one_file(tmp_path / "in" / m / f"r{k}.csv") for k, m in enumerate(("m0", "m0", "m1"))]
+    into = f"{tmp_path}/r/"
+    more = ("--until", 45, "--jobs", 1, "-o", into)
+    assert tool("identify", *files[:2], *more).code == 0
+    left = tool("identify", *files, *more, "--resume")
+    assert "2 parts are of files not named now; left, and count in every query: --resume --prune takes them out" in left.err
+    assert len(pd.read_parquet(into)) == 50
+    assert "taken out" in tool("identify", *files, *more, "--resume", "--prune").err
+    assert len(pd.read_parquet(into)) == 30
+    whole = tmp_path / "whole"
+    tool("identify", *files, "--until", 45, "--jobs", 1, "-o", f"{whole}/")
+    assert same(whole, Path(into))
+    refused = tool("identify", *files, *more, "--prune")
+    assert "--prune takes parts out of results that --resume goes on with" in refused.err
+
+
+def test_a_file_that_lacked_a_package_is_tried_again(tmp_path, monkeypatch):
+    """It would have stayed unreadable for ever."""
+    _one_file(tmp_path / "in" / "r.csv")
+    call = ("identify", str(tmp_path / "in"), str(tmp_path / "r"))
+
+    def lacks(self, path, data):
+        raise tf.InputError(f"{path}: needs a package", do="pip install 'thermofast[tdms]'")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Reading, "started", lacks)
+        assert tf.archive(*call, until=45, jobs=1).statuses == {"unreadable": 1}
+    again = tf.archive(*call, until=45, jobs=1, resume=True)
+    assert (again.done, again.skipped) == (1, 0)
+
+
+def test_a_folder_that_cannot_be_looked_into_is_called_so(tmp_path):
+    file = SourceFile("sub", "in/sub", str(tmp_path))
+    with pytest.raises(tf.InputError, match="a folder that cannot be read"):
+        file.content(Options())
+
+
+def test_an_empty_name_is_no_folder(tool, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = tool("identify", _one_file(tmp_path / "in" / "r.csv"), "-o", "")
+    assert (done.code, done.err) == (
+        2,
+        "Error: -o: empty\n  allowed: a file, or a folder as results/\n  do: name it, or leave -o out\n",
+    )
+    assert [p.name for p in tmp_path.iterdir()] == ["in"]

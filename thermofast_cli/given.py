@@ -75,6 +75,7 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
             "leave",
             "details",
             "resume",
+            "prune",
             "shared_files",
         ),
         (lambda v: v if isinstance(v, bool | np.bool_) else None, "True or False"),

@@ -11,7 +11,6 @@ from typing import Any
 from ..errors import ThermofastError, TooShortError, shown_name
 from ..output.arrow import to_arrow, types_of
 from ..reading import Options, Run, read_runs
-from ..reading.source import content_of
 from ..records import Record
 from ..results import Result
 from ..workers.engine import Work, with_start
@@ -132,7 +131,7 @@ def _of_file(analysis: Analysis, piece: WholeFile) -> Done:
 
     began, content = time.perf_counter(), ""
     try:
-        content, data = content_of(piece.file.at, piece.reading.options, piece.file.path)
+        content, data = piece.file.content(piece.reading.options)
         started = piece.reading.started(piece.file.path, data)
         del data
         table = pa.concat_tables([_work(analysis, one, Work(1)).table for one in cut(piece.source, started, 0, 0)])
@@ -157,7 +156,7 @@ def with_source(table: Any, source: SourceFile, content: str) -> Any:
 
 def read_pieces(piece: WholeFile) -> tuple[str, list[Piece]]:
     """(content, pieces) of a file, none where it is no record: what its worker began with."""
-    content, data = content_of(piece.file.at, piece.reading.options, piece.file.path)
+    content, data = piece.file.content(piece.reading.options)
     return content, cut(piece.source, piece.reading.started(piece.file.path, data), 0, 0)
 
 
@@ -210,7 +209,7 @@ def _lost_file(
         table = unreadable(analysis, piece.file.path, str(error))
     except (BrokenExecutor, TimeoutError, MemoryError):  # it cannot even be read
         with suppress(ThermofastError):
-            content = content_of(piece.file.at, piece.reading.options, piece.file.path)[0]
+            content = piece.file.content(piece.reading.options)[0]
         table = _told(analysis, analysis.failed(piece.file.path, "", "failed", why))
     finally:
         ended(reader)

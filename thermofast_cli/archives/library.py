@@ -16,6 +16,7 @@ from ..workers.cluster import crew_of, kernels
 from ..workers.flow import Crew
 from .blocks import Analysis, Reading
 from .parts import Manifest, opened
+from .settings import defaults_of, settings_of
 from .sources import sources_of
 from .stream import Progress, check_sources, stream
 
@@ -42,9 +43,14 @@ class Archived:
 
     def to_frame(self, columns: Sequence[str] | None = None) -> "pd.DataFrame":
         """The records of all parts, those of earlier calls too; `columns` of them."""
-        import pandas as pd
+        import pyarrow as pa
+        import pyarrow.dataset as pads
 
-        return pd.read_parquet(self.folder, columns=list(columns) if columns is not None else None)
+        # Folders called 7 and 007 are two: their names are text.
+        place = pads.partitioning(pa.schema([("folder", pa.string())]), flavor="hive")
+        table = pads.dataset(self.folder, format="parquet", partitioning=place).to_table(columns=columns and list(columns))
+        frame: pd.DataFrame = table.to_pandas()
+        return frame.astype({"folder": "category"}) if "folder" in frame else frame
 
 
 @checked
@@ -54,6 +60,7 @@ def archive(
     into: str,
     *,
     resume: bool = False,
+    prune: bool = False,
     jobs: int | None = None,
     executor: Executor | None = None,
     cluster: str | None = None,
@@ -65,7 +72,8 @@ def archive(
 ) -> Archived:
     """``identify``, ``sweep``, ``compare`` or ``diagnose`` over files, folders and patterns into a folder of Parquet parts.
 
-    options are those of the function of that name and of reading; resume goes on with what an earlier call left. executor is any
+    options are those of the function of that name and of reading; resume goes on with what an earlier call left, prune takes
+    parts of files out that are not named any more. executor is any
     of ``concurrent.futures``, cluster the address of a Dask scheduler, task_timeout [s] what a task may take. shared_files: the
     workers of an executor or a cluster see the files and the results under the same paths, and read and write them themselves.
 
@@ -93,14 +101,14 @@ def archive(
         partial(_called, work),
         0 if whole else GROUP,
         {"filter": options.get("filter", "afukf")} if of_sensors else {},
-        {name: str(value) for name, value in sorted((options | reading | {"start": start}).items())},
+        settings_of(options | reading | {"start": start}, defaults_of(getattr(api, command))),
         of_sensors and from_rise(model_of(options.get("model")), options.get("drive")),
     )
     named = [sources] if isinstance(sources, str) else list(sources)
     read = options_from(reading)
     crew = crew_of(jobs, cluster, False, executor)
     begins, near = None if start == "auto" else float(start), crew.near or shared_files
-    return into_folder(analysis, named, into, resume, crew, read, begins, task_timeout, near, progress)
+    return into_folder(analysis, named, into, resume, crew, read, begins, task_timeout, near, progress, prune)
 
 
 def _called(work: Callable[..., Result], started: Any, how: Any) -> Result:
@@ -120,6 +128,7 @@ def into_folder(
     limit_s: float | None,
     near: bool,
     told: Callable[[Progress], None] | None = None,
+    prune: bool = False,
 ) -> Archived:
     """Everything from the names given to the last part.
 
@@ -136,7 +145,7 @@ def into_folder(
         with opened(into, manifest, resume) as parts:
             reading = Reading(options, start_min, analysis.from_rise)
             found = stream(analysis, sources, parts, crew, reading, limit_s, near, told or (lambda _progress: None))
-            others = parts.others({s.name for s in sources})
+            others = parts.others({s.name for s in sources}, prune)
     finally:
         crew.close()
     return Archived(into, found.done, found.skipped, dict(found.statuses), others, dict(found.lost))

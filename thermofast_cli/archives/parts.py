@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
+
+import numpy as np
 
 from ..errors import UsageError
 from ..output.files import write_json
@@ -22,7 +25,9 @@ LAYOUT = 1
 LOCK = ".thermofast.lock"
 #: Characters of names in the folder, of a hash in them.
 LONGEST, SHORT = 80, 16
-#: Where a part says how many of its records have the status failed.
+#: In the message of a file that could not be read because of the machine it was tried on.
+WANTING = ("pip install", "out of memory")
+#: Where a part says how many of its records have the status failed, or would be read elsewhere.
 FAILED = b"thermofast.failed"
 #: Where it says how many have which of the statuses that are no result.
 LOST = b"thermofast.lost"
@@ -88,7 +93,7 @@ class Parts:
         told = {"layout": str(LAYOUT), "command": self.manifest.command, "version": self.manifest.version}
         marks = {f"thermofast.{name}": value for name, value in told.items()}
         statuses = Counter(table.column("status").to_pylist())
-        marks[FAILED.decode()] = str(statuses["failed"])
+        marks[FAILED.decode()] = str(statuses["failed"] + _may_be_better(table))
         marks[LOST.decode()] = json.dumps({status: statuses[status] for status in sorted(FAILURES & set(statuses))})
         table = table.replace_schema_metadata(marks)
         path = self.path(source, content)
@@ -101,10 +106,15 @@ class Parts:
             if old != path:
                 old.unlink(missing_ok=True)
 
-    def others(self, sources: "set[str]") -> int:
-        """Parts of files that are not among those (their names) any more."""
+    def others(self, sources: "set[str]", prune: bool = False) -> int:
+        """How many parts are of files that are not among those (their names) any more; they go where `prune` says so."""
         mine = {str(self._place(s) / self._stem(s)) for s in (SourceFile(n, n, n) for n in sources)}
-        return sum(str(p).rpartition("-")[0] not in mine for p in self.folder.glob("folder=*/*.parquet"))
+        others = [p for p in self.folder.glob("folder=*/*.parquet") if str(p).rpartition("-")[0] not in mine]
+        for path in others if prune else ():
+            path.unlink(missing_ok=True)
+            if not any(path.parent.iterdir()):
+                path.parent.rmdir()
+        return len(others)
 
     def _place(self, source: SourceFile) -> Path:
         return self.folder / f"folder={_named(source.folder)}"
@@ -115,10 +125,22 @@ class Parts:
         return f"{_named(base)}-{hashlib.sha256(source.name.encode(errors='surrogateescape')).hexdigest()[:8]}"
 
 
+def _may_be_better(table: Any) -> int:
+    """How many files could not be read for want of a package or of memory, which may be there the next time."""
+    rows = zip(table.column("status").to_pylist(), table.column("message").to_pylist(), strict=True)
+    return sum(status == "unreadable" and any(word in (said or "") for word in WANTING) for status, said in rows)
+
+
 def _named(text: str) -> str:
-    """A name for a file system: signs that some of them cannot have as %XX, cut short where it is long."""
-    told = quote(text, safe=" ()+,=@_-.", errors="backslashreplace")
-    told = told if len(told) <= LONGEST else f"{told[: LONGEST - 9]}~{hashlib.sha256(told.encode()).hexdigest()[:8]}"
+    """A name for a file system: signs that some of them cannot have as %XX, cut short where it is long.
+
+    A sign of equality would make a partition of its own of it; half a character would be none in any encoding.
+    """
+    signs = [quote(sign, safe=" ()+,@_-.", errors="backslashreplace") for sign in text]
+    told = "".join(signs)
+    if len(told) > LONGEST:
+        kept = int(np.searchsorted(np.cumsum([len(s) for s in signs]), LONGEST - 9, "right"))
+        told = f"{''.join(signs[:kept])}~{hashlib.sha256(told.encode()).hexdigest()[:8]}"
     return told.replace("..", "%2E%2E") if told != "." else told
 
 
@@ -144,8 +166,11 @@ def opened(folder: str, manifest: Manifest, resume: bool) -> Iterator[Parts]:
         if there is None:
             foreign = sorted(p.name for p in where.iterdir() if p.name != LOCK and not p.name.startswith(TEMPORARY))
             if foreign:
+                parts = any(name.startswith("folder=") for name in foreign)
                 raise UsageError(
-                    f"{folder}: not a folder of results", found=", ".join(foreign[:5]), do="name an empty or a new one"
+                    f"{folder}: not a folder of results" + (f": its {MANIFEST} is gone" if parts else ""),
+                    found=", ".join(foreign[:5]),
+                    do="name an empty or a new one",
                 )
         elif there is not None and not resume:
             raise UsageError(
@@ -181,7 +206,8 @@ def _check_same(folder: str, there: dict[str, Any], manifest: Manifest) -> None:
     if old == new:
         return
     names = sorted(set(old) | set(new))
-    differ = [f"{n} {old.get(n, 'not given')}, now {new.get(n, 'not given')}" for n in names if old.get(n) != new.get(n)]
+    said = {n: f"--{re.sub('_(s|min)$', '', n).replace('_', '-')}" for n in names}
+    differ = [f"{said[n]} {old.get(n, 'not given')}, now {new.get(n, 'not given')}" for n in names if old.get(n) != new.get(n)]
     raise UsageError(
         f"{folder}: its results were made with other settings",
         found="; ".join(differ)[:400],
@@ -197,7 +223,12 @@ def _locked(path: Path, folder: str) -> Iterator[None]:
     except ImportError:  # not there on Windows
         yield
         return
-    handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
+    try:
+        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
+    except OSError as error:
+        raise UsageError(
+            f"{folder}: cannot be written", found=str(error.strerror), allowed="a folder of yours", do="choose another place"
+        ) from None
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

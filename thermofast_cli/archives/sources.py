@@ -8,6 +8,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..errors import InputError, shown_name
+from ..reading.source import content_of
+from ..reading_options import Options
 
 #: What is taken from a folder by its suffix; a file that is named is read whatever it is called.
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".lvm", ".parquet", ".pq", ".xlsx", ".xlsm", ".xls", ".ods", ".tdms", ".mat")
@@ -31,6 +33,17 @@ class SourceFile:
     def folder(self) -> str:
         """The folder it lies in, below the one that was named; "." for that one itself."""
         return self.name.rpartition("/")[0] or "."
+
+    def content(self, options: Options) -> tuple[str, bytes]:
+        """(hash, bytes) of it.
+
+        Raises
+        ------
+        InputError: it cannot be read; a folder stands here only where it cannot be looked into.
+        """
+        if Path(self.at).is_dir():
+            raise InputError(f"{self.path}: a folder that cannot be read", found="no permission", do="check its permissions")
+        return content_of(self.at, options, self.path)
 
     def size(self) -> int:
         """Bytes; 0 where it has gone."""

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..errors import InputError, ThermofastError, UsageError
 from ..reading import Run
-from ..reading.source import content_of
 from ..workers.flow import NOT_TRIED, Crew, Flow
 from ..workers.pool import new_pool
 from .blocks import (
@@ -193,7 +192,7 @@ class _Stream:
                 continue
             content = ""
             try:
-                content, data = content_of(source.at, self.reading.options, source.path)
+                content, data = source.content(self.reading.options)
                 if (lost := self.parts.there(source, content)) is not None:
                     self.progress.there(size, lost)
                     continue

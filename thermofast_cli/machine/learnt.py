@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Effect
 from thermofast.models.greybox import Column
-from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, Prior, search, start_values
+from thermofast.models.joint import BASE, LEVEL, START, Fit, Key, Model, Part, Prior, search, start_values, with_parts
 from thermofast.models.relaxation import relaxed
 from thermofast.models.search.candidates import try_add
+from thermofast.models.search.judge import likelihood_ratios
 from thermofast.models.uncertainty.pooled import SCATTER
 
 from ..errors import UsageError, listed
@@ -77,13 +78,31 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
         notes.append(f"the run that the model was learnt from: {listed(known_events)} as it was there")
     for entry, part in events:
         # An event of the run learnt from need not happen in this one; where it does, its own readings must show it.
-        found = try_add(fit, part.effect)
-        if found is not None and found.gain > EVENT_GAIN and found.identifiable.ok:
-            fit = found.fit
+        found = _event(model, fit, entries, entry, part.effect)
+        if found is not None:
+            fit = found
+            entries.append(entry)
             notes.append(f"{entry.id}: found in this run too")
         else:
             notes.append(f"{entry.id}: an event of the run learnt from; not seen in the readings used here")
     return Carried(fit, tuple(notes))
+
+
+def _event(model: ModelFile, fit: Fit, entries: list[EffectEntry], entry: EffectEntry, effect: Effect) -> Fit | None:
+    """The fit with an event of the run learnt from in this one too, if its readings show it; the machine's constants stay as known.
+
+    Readings that are not as the constants say are nearer to nearly any event: it must explain more than other constants would.
+    """
+    found = try_add(fit, effect)
+    if found is None or not found.identifiable.ok:
+        return None
+    layout, at = found.fit.model, len(fit.model.parts)
+    start = with_parts(fit, layout.parts) | {key: v for key, v in found.fit.values.items() if key.part == at}
+    local, shared = layout.vector(start)
+    held = search(layout, local, shared, _prior(layout, model, [*entries, entry], _known(model, fit.run, entries)))
+    other = search(fit.model, fit.local, fit.shared)
+    gains = [float(likelihood_ratios(before, held).sum()) for before in (fit, other)]
+    return held if min(gains) > EVENT_GAIN else None
 
 
 def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str) -> Observations:
@@ -207,19 +226,15 @@ def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: li
     free = start_values(seen)
     told: dict[Key, object] = dict(free)
     n = seen.sensors
-    known: Known = {}
     for k, numbers in [(-1, model.base), *enumerate(e.parameters for e in entries)]:
         for name in {m.name for m in numbers}:
             mine = [m for m in numbers if m.name == name]
             value = np.array([_of(mine, c, "value") for c in seen.channels])
-            error = np.array([_of(mine, c, "standard_error") for c in seen.channels])
             start = np.where(np.isfinite(value), value, np.asarray(free.get(Key(k, name), np.nan)) * np.ones(n))
             is_run = mine[0].belongs == "run"
             if not (is_run and k < 0 and not same_run) and np.isfinite(start).all():
                 told[Key(k, name)] = start if mine[0].channel is not None else float(start[0])
-            if not is_run:
-                known[Key(k, name)] = value, error
-    prior = _prior(layout, model, entries, known)
+    prior = _prior(layout, model, entries, _known(model, seen, entries))
     best: Fit | None = None
     for phase in _phases(layout, same_run):
         at = {**told, **phase}
@@ -231,6 +246,17 @@ def _fitted(model: ModelFile, seen: Observations, parts: list[Part], entries: li
             best = fit
     assert best is not None
     return best
+
+
+def _known(model: ModelFile, seen: Observations, entries: list[EffectEntry]) -> Known:
+    """The machine's constants, of the base model and of effects, for the sensors of a run."""
+    known: Known = {}
+    for k, numbers in [(-1, model.base), *enumerate(e.parameters for e in entries)]:
+        for name in {m.name for m in numbers if m.belongs != "run"}:
+            mine = [m for m in numbers if m.name == name]
+            value, error = (np.array([_of(mine, c, what) for c in seen.channels]) for what in ("value", "standard_error"))
+            known[Key(k, name)] = value, error
+    return known
 
 
 def _of(numbers: list[Number], channel: str, what: str) -> float:

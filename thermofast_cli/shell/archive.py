@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Options that say nothing of what is worked out.
 ELSEWHERE = {"runs", "output", "form", "jobs", "quiet", "save_plot", "trace", "plot_trace"}
+#: Names of options whose name in the library is another one.
+IN_LIBRARY = {"filter_name": "filter", "interval": "interval_s", "input_ranges": "input_range"}
 #: Options that show a single run.
 NOT_HERE = {
     "save_plot": "--save-plot",
@@ -39,6 +41,10 @@ def names_folder(output: str | None) -> TypeGuard[str]:
             "--shared-files is for a folder of results made by a cluster",
             do="name both, -o results/ and --cluster, or leave it out",
         )
+    if scale.prune and not scale.resume:
+        raise UsageError("--prune takes parts out of results that --resume goes on with", do="name both, or leave it out")
+    if output is not None and not output.strip():
+        raise UsageError("-o: empty", allowed="a file, or a folder as results/", do="name it, or leave -o out")
     if output is None:
         if scale.resume:
             raise UsageError("--resume goes on with a folder of results", do="name it: -o results/")
@@ -97,6 +103,7 @@ def run_archive(
             limit,
             crew.near or scale.shared_files,
             lambda p: show(_line(p), p.done + p.skipped, p.files),
+            scale.prune,
         )
     if not quiet:
         sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
@@ -105,7 +112,9 @@ def run_archive(
         files = f"{found.done} file{'' if found.done == 1 else 's'}"
         say(f"{into}: {files} done{f' (sensors: {sensors})' if sensors else ''}{there}")
         if found.others:
-            say(f"{into}: {found.others} parts are of files that were not named now; they were left")
+            left = "taken out" if scale.prune else "left, and count in every query: --resume --prune takes them out"
+            parts = "1 part is of a file" if found.others == 1 else f"{found.others} parts are of files"
+            say(f"{into}: {parts} not named now; {left}")
     return 1 if FAILURES & {*found.statuses, *found.lost} else 0
 
 
@@ -122,24 +131,13 @@ def _span(seconds: float) -> str:
 
 
 def _settings(context: click.Context) -> dict[str, str]:
-    """What was told that a result depends on; files that are named with the hash of what is in them."""
-    told = {}
-    for option in context.command.params:
-        name = str(option.name)
-        if name in ELSEWHERE or name not in context.params:
-            continue
-        if context.get_parameter_source(name) in (ParameterSource.DEFAULT, None):
-            continue
-        value = context.params[name]
-        words = value if isinstance(value, tuple) else (value,)
-        told[option.opts[-1]] = " ".join(_with_content(str(word)) for word in words)
-    return told
+    """What was told that a result depends on."""
+    from .. import api
+    from ..archives.settings import defaults_of, settings_of
 
-
-def _with_content(word: str) -> str:
-    path = word.rpartition(":")[0] if ".py:" in word else word
-    if not Path(path).is_file():
-        return word
-    from ..reading.source import content_of
-
-    return f"{word} (sha256 {content_of(path)[0][:16]})"
+    told = {
+        name: value
+        for name, value in context.params.items()
+        if name not in ELSEWHERE and context.get_parameter_source(name) not in (ParameterSource.DEFAULT, None)
+    }
+    return settings_of({IN_LIBRARY.get(n, n): v for n, v in told.items()}, defaults_of(getattr(api, str(context.info_name))))

@@ -153,6 +153,7 @@ class Scale:
     """Who works, how long a task may take [s], and whether results that are there are gone on with."""
 
     resume: bool = False
+    prune: bool = False
     cluster: str | None = None
     mpi: bool = False
     shared_files: bool = False
@@ -213,6 +214,13 @@ scale_options = _together(
         expose_value=False,
         callback=_keep,
         help="Go on with the folder of results that -o names: docs/scale.md.",
+    ),
+    click.option(
+        "--prune",
+        is_flag=True,
+        expose_value=False,
+        callback=_keep,
+        help="With --resume: take results of files out that are not named any more.",
     ),
     click.option(
         "--cluster", metavar="ADDRESS", expose_value=False, callback=_keep, help="Work on a Dask cluster, as tcp://scheduler:8786."
