@@ -275,6 +275,42 @@ def test_a_warm_start_is_no_change_of_the_heat():
         tf.changed(warm([20.0] * 3, seed=1), warm([32.0, 38.0, 45.0], 0.0, seed=2))
 
 
+def chain(name, seed, cut=0.0):
+    """Four bodies in a row, heated at one end; the logger begins `cut` minutes late, in another room."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 361.0, 2.0)
+    flow = np.diag([-0.045, -0.06, -0.055, -0.035]) + 0.025 * (np.eye(4, k=1) + np.eye(4, k=-1))
+    limit = np.linalg.solve(-flow, [1.0, 0.1, 0.0, 0.0])
+    rise = np.array([limit - expm(flow * t) @ limit for t in time]) + 20.0 + rng.normal(0.0, 0.3)
+    noisy = (rise * (1.0 + 0.004 * rng.standard_normal()) + rng.normal(0.0, 0.03, rise.shape))[time >= cut]
+    return tf.read({"time_min": time[time >= cut] - cut} | {f"T{i}": noisy[:, i] for i in range(4)}, name=name)
+
+
+def test_a_logger_that_began_late_is_no_change_of_one_sensor():
+    """What each had warmed by then, each in its way, was called a probe that reads high, with 99 %."""
+    old = [chain(f"old {k}", k) for k in range(3)]
+    whole, late = tf.changed(old, chain("new", 7)), tf.changed(old, chain("late", 7, 30.0))
+    assert (whole.verdict, whole[0].status) == ("nothing", "ok")
+    assert late[0].status == "not_determined"
+    assert "up on their rise: as if logged late, or begun warm; compare runs that begin alike" in late[0].message
+
+
+def test_a_probe_is_said_to_show_where_it_would():
+    """Told from a place that was warm before, which needs more than where it begins."""
+    told = tf.changed([chain(f"old {k}", k) for k in range(3)], chain("new", 7))[0].message
+    size = float(re.search(r"one probe by ([\d.]+) K", told)[1])
+    old = [chain(f"old {k}", k) for k in range(3)]
+    assert size > 1.0
+    high = chain("new", 7)
+    read = {c: v + 1.2 * size * (c == "T2") for c, v in high.channels.items()}
+    assert tf.changed(old, tf.read({"time_min": high.time_s / 60.0} | read, name="high")).verdict == "sensor"
+
+
+def test_a_run_that_is_too_short_in_every_sensor_must_be_longer():
+    short = tf.read({"time_min": np.arange(4.0), "a": [20.0, 21.0, 21.5, 22.0]}, name="short")
+    with pytest.raises(tf.UsageError, match="give a longer run"):
+        tf.changed(chain("old", 1), short)
+
+
 @pytest.mark.parametrize(("what", "verdict", "size"), [("probe", "sensor", 0.75), ("loss", "loss", 1.3)])
 def test_a_model_of_sensors_that_warm_each_other_stands_for_the_old_machine(what, verdict, size):
     """The old side is what the model's bodies do to each other; the new run's neighbours are a part of what changed."""

@@ -168,3 +168,25 @@ def test_a_large_change_is_not_one_factor_on_every_point():
 
     large, small = deviation(np.log(2.0)), deviation(0.01)
     assert np.sqrt(large**2 - small**2) == pytest.approx(changed.UNLIKE * np.log(2.0) / np.sqrt(6.0), rel=0.1)
+
+
+def test_a_change_of_the_whole_machine_is_one_that_its_points_show():
+    """Errors that all have in common let least squares go beyond all that was measured, as in Peelle's puzzle; then it is none."""
+    n, size = 6, 0.11
+    errors = np.array([0.006, 0.006, 0.02, 0.02, 0.02, 0.02])
+    noise = np.kron(np.eye(2), 0.95 * np.outer(errors, errors) + np.diag(0.05 * errors**2))
+    of_heat = next(d for kind, _, d, *_ in changed._hypotheses(n) if kind == "heat")
+
+    def shown(rises, at=size):
+        return changed._of_every_point("heat", of_heat, (None, at, 0.02), np.concatenate([np.zeros(n), rises]), noise)
+
+    assert shown(np.full(n, size))
+    assert shown(np.array([0.15, 0.09, 0.12, 0.1, 0.11, 0.1]))
+    up_and_down = np.log([1.09, 1.11, 0.95, 0.95, 0.95, 0.95])
+    puzzle = changed._size("heat", of_heat, changed.SIZE, np.concatenate([np.zeros(n), up_and_down]), noise)
+    assert not -0.051 <= puzzle[1] <= 0.104  # beyond all of them, and none of both ways
+    assert not shown(up_and_down)
+    assert not shown(np.full(n, size), 2.0 * size)
+    assert shown(-np.full(n, size), -size)
+    assert changed._of_every_point("sensor", of_heat, (None, 9.0, 0.1), np.zeros(2 * n), noise)
+    assert changed._of_every_point("heat", of_heat[:2], (None, 9.0, 0.1), np.zeros(2), noise[:2, :2])

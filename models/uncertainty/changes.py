@@ -30,6 +30,8 @@ RUNS_ASSUMED = 3.0
 SIZE, LOCAL_SIZE = 0.4, 0.2
 #: Points do not all answer to a change alike, nor by nothing else: share of its size by which they differ.
 UNLIKE = 0.1
+#: Kinds of change that move every point.
+WHOLE = ("heat", "heat capacity", "loss")
 #: Prior probabilities: three tests in four are repeated without anything having changed.
 PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.035, "contact": 0.035}
 #: A room is another one from this difference [K] on, or from so many deviations of the old runs' rooms: labs hold them to 1 or 2 K.
@@ -123,7 +125,7 @@ class Change:
 
     size is the factor on heat, heat capacity or loss; of a sensor the factor on its rise; of the contacts that on the rise of the
     sensor that moved most; of the room the difference [K], not a logarithm; None for `nothing`. kelvin: of a sensor as well, whose
-    probe tells another temperature throughout.
+    probe tells another temperature throughout; shows: deviation [K] of what parts that from a place that was warm before.
     """
 
     kind: str
@@ -132,6 +134,7 @@ class Change:
     size: float | None = None
     deviation: float | None = None
     kelvin: bool = False
+    shows: float | None = None
 
 
 def scatter(n: int, runs: Sequence[Sequence[RunNumbers]]) -> Array:
@@ -188,6 +191,8 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
             sizes.append(_size(kind, directions, size, left, own + unlike))
             covariance = own + size**2 * directions @ directions.T + unlike
             sign, log = np.linalg.slogdet(covariance)
+            if not _of_every_point(kind, directions, sizes[-1], left, own + unlike):
+                sign = 0.0
             weight = np.log(prior) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
             weights.append(float(weight) if sign > 0 else -np.inf)
     shares = np.exp(np.array(weights) - max(weights))
@@ -199,6 +204,22 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
         listed.append(Change(kind, sensor if at is None else at, float(shares[k].sum()), value, deviation))
     same_start = float(shares[0, 0] / max(shares[0].sum(), 1e-300))
     return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, same_start)
+
+
+def _of_every_point(kind: str, directions: Array, found: tuple[int | None, float, float] | None, left: Array, noise: Array) -> bool:
+    """Whether a change of the whole machine is one that its points show: no larger than that of any, and of none the other way.
+
+    Where all errors have a part in common least squares may go beyond all that was measured (Peelle's puzzle); a coupling that
+    changed, which moves some points up and others down, was called a heat then.
+    """
+    if found is None or kind not in WHOLE or len(left) == 2:  # of one sensor there is nothing to go beyond
+        return True
+    moved = directions[:, 0] != 0.0
+    each = (left * directions[:, 0])[moved]
+    apart = np.eye(len(each)) - 1.0 / len(each)
+    tolerance = 2.0 * float(np.sqrt((apart @ noise[np.ix_(moved, moved)] @ apart).diagonal().max()))
+    size, each = abs(found[1]), each * np.sign(found[1])
+    return bool(size <= tolerance or (size <= each.max() + tolerance and each.min() >= -tolerance))
 
 
 def _mixed(shares: Array, sizes: Sequence[tuple[int | None, float, float] | None]) -> tuple[int | None, float | None, float | None]:
@@ -268,7 +289,8 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     share = float(odds[i] / (1.0 + odds[i]))
     others = [replace(c, probability=c.probability * (1.0 - share)) for c in found]
     size = float(alone[old:, i].mean() - alone[:old, i].mean()) * PROBE**2 / (PROBE**2 + variance)
-    probe = Change("sensor", i, share, size, float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), kelvin=True)
+    deviation, shows = float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), float(np.sqrt(variance + unsure[i]))
+    probe = Change("sensor", i, share, size, deviation, kelvin=True, shows=shows)
     return sorted([probe, *others], key=lambda c: -c.probability)
 
 

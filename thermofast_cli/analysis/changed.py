@@ -45,6 +45,9 @@ ROOM = 0.5
 LOGGED_DRIFT = 0.3
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
 APART = 1.0
+#: Share of their rise on which new runs are well up where they begin, beyond the old ones, and how uneven that is in a machine:
+#: another room moves all points alike.
+LATE, UNEVEN = 0.1, 0.1
 #: What is not known of a logged room's mean [K].
 ROOM_ERROR = 0.1
 #: Root mean square of the logarithms of rates and rises, new over old, at which two runs look like those of two machines.
@@ -56,7 +59,7 @@ WORDS = {
     "heat": "every point rises {more}, as fast as before: the heat",
     "heat capacity": "every point settles where it did, {slower}: the heat capacity",
     "loss": "every point rises {less} and settles {quicker}: the loss to the surroundings",
-    "sensor": "{sensor} alone tells another temperature or is in another place",
+    "sensor": "{sensor} alone tells another temperature, is in another place, or in another contact",
     "probe": "{sensor} tells {kelvin} K {higher} than it did beside the others, from beginning to end: its probe",
     "contact": "points differ each in its own way, {sensor} most, which rises {more}: a contact, a coupling, or several at once",
 }
@@ -133,7 +136,10 @@ def compare_runs(
     names = ", ".join(run.name for run, _ in new)
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
     apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
-    notes = [*(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
+    late = _late(warmer, rise) if verdict in ("sensor", "contact") else []
+    if late:  # what each sensor does by itself then is how the machine had warmed
+        verdict, status = "cannot tell", "not_determined"
+    notes = [*late, *(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -165,8 +171,11 @@ def _observed(one: Started) -> Observations:
     run, start = one
     seen = observe(run, start).seen
     if seen is None or int(seen.used.sum(axis=1).min()) < FEWEST_READINGS:
+        every = seen is None or int(seen.used.sum(axis=1).max()) < FEWEST_READINGS
         raise UsageError(
-            f"{run.name}: too few readings", allowed=f"{FEWEST_READINGS} or more in every sensor", do="choose --channels"
+            f"{run.name}: too few readings",
+            allowed=f"{FEWEST_READINGS} or more in every sensor",
+            do="give a longer run" if every else "choose --channels",
         )
     return seen
 
@@ -258,7 +267,7 @@ def _visible(found: Sequence[Change]) -> str:
         for c in found
         if c.kind in WHOLE and c.deviation is not None
     ]
-    sizes += [f"one probe by {rounded(SHOWS * c.deviation)} K" for c in found if c.kelvin and c.kind == "sensor" and c.deviation]
+    sizes += [f"one probe by {rounded(SHOWS * c.shows)} K" for c in found if c.kelvin and c.kind == "sensor" and c.shows]
     return f"would most likely have shown: {', '.join(sizes)}"
 
 
@@ -282,6 +291,16 @@ def _rooms(first: Array, old: int) -> list[str]:
     began = np.nanmedian(first, axis=1)
     before, after = float(np.mean(began[:old])), float(np.mean(began[old:]))
     return [f"they began at {after:.3g} degC, the old ones at {before:.3g}"] if abs(after - before) > ROOM else []
+
+
+def _late(warmer: Array, rise: Array) -> list[str]:
+    """What to say where the new runs begin well up on their rise, warmer (S,) [K] each in its way, with `rise` (S,) [K] to go."""
+    up = warmer * np.sign(rise)
+    share = np.sort(up / np.maximum(up + np.abs(rise), 1e-9))[-2:]  # of one sensor alone its probe may be off
+    if len(share) < 2 or share[0] < LATE or float(np.std(warmer)) < UNEVEN * float(np.mean(up)):
+        return []
+    most = rounded(float(up.max()))
+    return [f"the new runs begin up to {most} K up on their rise: as if logged late, or begun warm; compare runs that begin alike"]
 
 
 def _apart(first: Array, old: int, channels: Sequence[str]) -> list[str]:

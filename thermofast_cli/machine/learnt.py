@@ -91,7 +91,8 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
 def _event(model: ModelFile, fit: Fit, entries: list[EffectEntry], entry: EffectEntry, effect: Effect) -> Fit | None:
     """The fit with an event of the run learnt from in this one too, if its readings show it; the machine's constants stay as known.
 
-    Readings that are not as the constants say are nearer to nearly any event: it must explain more than other constants would.
+    Readings that are not as the constants say are nearer to nearly any event: it must explain more than other constants would, and
+    than these with any effect that is none (a slow mass bends a curve as a coolant does that was switched).
     """
     found = try_add(fit, effect)
     if found is None or not found.identifiable.ok:
@@ -101,8 +102,11 @@ def _event(model: ModelFile, fit: Fit, entries: list[EffectEntry], entry: Effect
     local, shared = layout.vector(start)
     held = search(layout, local, shared, _prior(layout, model, [*entries, entry], _known(model, fit.run, entries)))
     other = search(fit.model, fit.local, fit.shared)
-    gains = [float(likelihood_ratios(before, held).sum()) for before in (fit, other)]
-    return held if min(gains) > EVENT_GAIN else None
+    if any(float(likelihood_ratios(before, held).sum()) < EVENT_GAIN for before in (fit, other)):
+        return None
+    rivals = (e for e in known_effects(()).values() if not e.event and e.scope != "one" and e.choices(fit.run))
+    told = (try_add(other, e, quick=True) for e in rivals)
+    return None if any(c is not None and float(likelihood_ratios(c.fit, held).sum()) < EVENT_GAIN for c in told) else held
 
 
 def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str) -> Observations:

@@ -1,12 +1,13 @@
 """Past runs of a machine: learnt from fits of them, and made ready for a run at hand."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thermofast.models import Observations
 from thermofast.models.coloured import fit_disturbed
+from thermofast.models.effects.base import Effect
 from thermofast.models.effects.load_step import DriveLaw
 from thermofast.models.imperfection import (
     FAST_MODES,
@@ -33,10 +34,10 @@ from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
-from ..errors import ThermofastError, UsageError, rounded
+from ..errors import ThermofastError, UsageError, listed, rounded
 from ..plugins.effects import chosen_effects
 from .jumps import cycles, last_change, longest_stay
-from .learnt import carry, changed_files
+from .learnt import carry, changed_files, check_effects
 from .model import Model
 from .modelfile import ModelFile, past_of
 from .rise import rises_of
@@ -306,7 +307,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
     if prepared is None or _too_few(prepared):
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
-    notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *_said_of_length(file, past), *carried.notes]
+    about = (*_said_of_length(file, past), *_said_of_events(file, check_effects(file, task.model.source)))
+    notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *about, *carried.notes]
     if past.unexplained:
         notes.append(
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
@@ -333,6 +335,14 @@ def past_of_model(model: Model) -> Past:
 def _said(effects: Sequence[str], source: str, runs: int) -> str:
     learnt = f", learnt from {runs} runs" if runs > 1 and source != f"{runs} runs" else ""
     return f"with {', '.join(effects)} of {source}{learnt}" if effects else f"by {source}{learnt}"
+
+
+def _said_of_events(file: ModelFile, known: Mapping[str, Effect]) -> tuple[str, ...]:
+    """That something happened in the only run a model was learnt from, if so: a slow mass and an event may look alike there."""
+    events = [e.id for e in file.effects if (what := known[e.id].event) and what in e.searched]
+    if not events or file.also_from:
+        return ()
+    return (f"learnt from one run in which something happened ({listed(events)}): what slower masses do may be hidden in it",)
 
 
 def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:
