@@ -76,3 +76,30 @@ def test_why_too_few_runs_can_be_used_is_told():
     for ask in (tf.improve, tf.diagnose):
         with pytest.raises(tf.UsageError, match=r"1 that can be used; .*16 readings; at least 24 are needed"):
             ask([run(1), short], together=True)
+
+
+def _bodies(seed, load=1.0, slow=False, switched=None):
+    """Three bodies by Euler's steps, each with a slow mass of its own or none; the cooling grows by half at a minute."""
+    rng, sizes, n = np.random.default_rng(seed), np.random.default_rng(5), 3
+    rate, rise = 1.0 / sizes.uniform(30, 50, n), sizes.uniform(8, 15, n)
+    behind = sizes.uniform(140, 180, n)
+    warm, mass, found = np.zeros(n), np.zeros(n), []
+    for minute in np.arange(0.0, 300.1, 0.25):
+        found.append(warm)
+        more = 1.5 if switched is not None and minute >= switched else 1.0
+        flow = rate * rise * load - rate * more * warm - (0.35 * rate * (warm - mass) if slow else 0.0)
+        mass = mass + 0.25 * (warm - mass) / behind
+        warm = warm + 0.25 * flow
+    readings = np.array(found)[::4] + 20.0 + rng.normal(0.0, 0.03, (301, n))
+    return tf.read({"time_min": np.arange(301.0)} | {f"T{i}": readings[:, i] for i in range(n)}, name=f"run {seed}")
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_an_event_of_the_run_learnt_from_is_found_again_only_where_it_happened(slow):
+    """A curve that a slow mass bends is nearer to a cooling that was switched than the constants are, which were let go beside it."""
+    model = tf.improve(_bodies(1, slow=slow, switched=150.0), add="cooling_switch").model
+    without, again = (tf.identify(_bodies(2, 1.2, slow, at), model=model, until=120)[0].message for at in (None, 60.0))
+    assert "cooling_switch: found in this run too" in again
+    assert "found in this run too" not in without
+    assert "cooling_switch: an event of the run learnt from; not seen in the readings used here" in without
+    assert "learnt from one run in which something happened (cooling_switch): what slower masses do may be hidden in it" in without
