@@ -295,7 +295,7 @@ def _rounded(value: float, error: float) -> str:
     if not math.isfinite(error) or error <= 0.0:
         return f"{value:.4g}"
     digits = max(0, min(6, 1 - math.floor(math.log10(error))))
-    return f"{value:.{digits}f} ± {error:.1g}"
+    return f"{value:.{digits}f} ± {rounded(error, 1)}"
 
 
 def _listed(names: list[str]) -> str:

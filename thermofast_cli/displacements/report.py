@@ -88,7 +88,7 @@ def displacement_runs(
     name = started[0][0].name if len(started) == 1 else f"{len(started)} runs"
     report = Report([], [])
     if not columns:
-        why = "no displacement column: name one with um, or with --displacements"
+        why = "no displacement column: write um into its name, or say --channels with the temperatures and it, and --displacements"
         return Report([DisplacementRecord(name, "", status="no_data", message=why)], [])
     for column in dict.fromkeys(columns):
         sensors = [

@@ -252,7 +252,8 @@ def _let_go(
     looked = strange if past.guessed and not past.searched else mine
     if not any(m.any() for m in looked):
         return
-    alone = [_empty(c, e.times[:0], e.ahead[:0], prior) for c, e in zip(closed, told, strict=True)]
+    count = None if past.eventful else 0
+    alone = [_empty(c, e.times[:count], e.ahead[:count], prior) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)
     for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
     together = sum(float(f.sum()) for f in for_none)
@@ -270,6 +271,15 @@ def _let_go(
             one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
+        if past.eventful:
+            _at_least(one, other, m & one.known)
+
+
+def _at_least(one: Claims, other: Claims, members: NDArray[np.bool_]) -> None:
+    """Makes intervals of the members (S,) reach at least as far as others do to either side."""
+    for mine, own in ((one.steady, other.steady), (one.t95, other.t95), (one.at, other.at)):
+        mine[members, ..., 0] = np.minimum(mine[members, ..., 0], own[members, ..., 0])
+        mine[members, ..., 2] = np.maximum(mine[members, ..., 2], own[members, ..., 2])
 
 
 def _claim(

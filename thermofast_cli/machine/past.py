@@ -307,7 +307,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
     if prepared is None or _too_few(prepared):
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
-    about = (*_said_of_length(file, past), *_said_of_events(file, check_effects(file, task.model.source)))
+    eventful = () if file.learnt_from.is_of(name, prepared.seen) else _said_of_events(file, check_effects(file, task.model.source))
+    about = (*_said_of_length(file, past), *eventful)
     notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *about, *carried.notes]
     if past.unexplained:
         notes.append(
@@ -316,7 +317,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
     rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
-    return Knowledge(name, replace(past, shapes=known, rises=rises), tuple(notes), uses_room)
+    return Knowledge(name, replace(past, shapes=known, rises=rises, eventful=bool(eventful)), tuple(notes), uses_room)
 
 
 def past_of_model(model: Model) -> Past:
@@ -342,7 +343,8 @@ def _said_of_events(file: ModelFile, known: Mapping[str, Effect]) -> tuple[str, 
     events = [e.id for e in file.effects if (what := known[e.id].event) and what in e.searched]
     if not events or file.also_from:
         return ()
-    return (f"learnt from one run in which something happened ({listed(events)}): what slower masses do may be hidden in it",)
+    hidden = "what slower masses do may be hidden in it, and the interval is that of the readings alone at least"
+    return (f"learnt from one run in which something happened ({listed(events)}): {hidden}",)
 
 
 def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:

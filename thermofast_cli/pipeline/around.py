@@ -278,7 +278,11 @@ def displacement_runs(
         mine = columns or tuple(run.displacements)
         missing = [c for c in mine if c not in known]
         if missing:
-            raise UsageError(f"{run.name}: --displacements {missing[0]!r} is no column of this record", allowed=listed(known))
+            raise UsageError(
+                f"{run.name}: --displacements {missing[0]!r} is none of the columns that are used",
+                allowed=listed(known),
+                do="if it is one of the file, say --channels with the temperatures and it",
+            )
         chosen.append(mine)
     groups = [list(started)] if together and started else [[one] for one in started]
     common = tuple(c for c in chosen[0] if all(c in mine for mine in chosen)) if chosen else ()
