@@ -136,7 +136,8 @@ def compare_runs(
     names = ", ".join(run.name for run, _ in new)
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
     apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
-    late = _late(warmer, rise) if verdict in ("sensor", "contact") else []
+    others = np.arange(len(rise)) != (found[0].sensor if verdict == "sensor" else None)
+    late = _late(warmer[others], rise[others]) if verdict in ("sensor", "contact") else []
     if late:  # what each sensor does by itself then is how the machine had warmed
         verdict, status = "cannot tell", "not_determined"
     notes = [*late, *(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
@@ -296,7 +297,7 @@ def _rooms(first: Array, old: int) -> list[str]:
 def _late(warmer: Array, rise: Array) -> list[str]:
     """What to say where the new runs begin well up on their rise, warmer (S,) [K] each in its way, with `rise` (S,) [K] to go."""
     up = warmer * np.sign(rise)
-    share = np.sort(up / np.maximum(up + np.abs(rise), 1e-9))[-2:]  # of one sensor alone its probe may be off
+    share = np.sort(up / np.maximum(up + np.abs(rise), 1e-9))[-2:]
     if len(share) < 2 or share[0] < LATE or float(np.std(warmer)) < UNEVEN * float(np.mean(up)):
         return []
     most = rounded(float(up.max()))
