@@ -188,5 +188,6 @@ def test_a_change_of_the_whole_machine_is_one_that_its_points_show():
     assert not shown(up_and_down)
     assert not shown(np.full(n, size), 2.0 * size)
     assert shown(-np.full(n, size), -size)
+    assert shown(np.array([0.15, 0.09, 0.12, 0.1, 0.11, -0.5]))  # one of them is elsewhere
     assert changed._of_every_point("sensor", of_heat, (None, 9.0, 0.1), np.zeros(2 * n), noise)
     assert changed._of_every_point("heat", of_heat[:2], (None, 9.0, 0.1), np.zeros(2), noise[:2, :2])
