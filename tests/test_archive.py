@@ -315,6 +315,8 @@ def test_resume_asks_for_what_is_in_the_files_named(tmp_path):
     own.write_text("# two\n")
     after = settings_of({"imperfection": str(lab), "filter": f"{own}:Mine", "until": 45}, {})
     assert {n for n in before if before[n] != after[n]} == {"imperfection", "filter"}
+    assert settings_of({"auto": False, "until": None, "leave": True}, {"auto": False, "leave": True}) == {}
+    assert settings_of({"auto": True, "leave": False}, {"auto": False, "leave": True}) == {"auto": "yes", "leave": "no"}
 
 
 def test_a_command_and_the_library_go_on_with_each_others_results(tool, tmp_path):

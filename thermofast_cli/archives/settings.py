@@ -10,6 +10,8 @@ from typing import Any
 from ..reading.source import content_of
 from ..reading_options import LIMITS, SEVERAL, Options, options_from
 
+#: How an option that is off, or none, is told.
+NOT = "no"
 #: What decides whether a file is read at all, and not what is read in it; and where the results are.
 ASIDE = frozenset({*LIMITS, "details"})
 
@@ -19,7 +21,7 @@ def settings_of(told: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[st
     names = {n: getattr(options_from({n: v}), n) for n, v in told.items() if n in SEVERAL}  # as 'a,b', or as a list
     found = {name: _as_text(names.get(name, value)) for name, value in sorted(told.items()) if name not in ASIDE}
     usual = {name: _as_text(value) for name, value in defaults.items()}
-    return {name: text for name, text in found.items() if text and text != usual.get(name)}
+    return {name: text for name, text in found.items() if text != usual.get(name, NOT)}
 
 
 def defaults_of(function: Callable[..., Any]) -> dict[str, Any]:
@@ -31,7 +33,7 @@ def defaults_of(function: Callable[..., Any]) -> dict[str, Any]:
 
 def _as_text(value: Any) -> str:
     if value is None or isinstance(value, bool):
-        return "yes" if value else ""
+        return "yes" if value else NOT
     if isinstance(value, int | float):
         return f"{value:.15g}"
     if isinstance(value, Mapping):
