@@ -305,6 +305,15 @@ def test_a_probe_is_said_to_show_where_it_would():
     assert tf.changed(old, tf.read({"time_min": high.time_s / 60.0} | read, name="high")).verdict == "sensor"
 
 
+def test_a_probe_that_is_off_in_a_warmer_room_is_no_late_start():
+    """The room moves all alike; how far the one is off says nothing of where the others begin."""
+    old = [chain(f"old {k}", k) for k in range(3)]
+    new = chain("new", 7)
+    read = {c: v + 2.5 + 6.0 * (c == "T2") for c, v in new.channels.items()}
+    told = tf.changed(old, tf.read({"time_min": new.time_s / 60.0} | read, name="high"))
+    assert (told.verdict, told[0].channel, told[0].status) == ("sensor", "T2", "ok")
+
+
 def test_a_run_that_is_too_short_in_every_sensor_must_be_longer():
     short = tf.read({"time_min": np.arange(4.0), "a": [20.0, 21.0, 21.5, 22.0]}, name="short")
     with pytest.raises(tf.UsageError, match="give a longer run"):

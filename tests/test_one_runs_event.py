@@ -5,7 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
+from thermofast.discovery.observe import observe
 from thermofast.machine.foretold import Foretold
+from thermofast.machine.learnt import carry
+from thermofast.models.joint import RATE
 
 TAUS, RISES = (40.0, 46.0, 52.0), (8.0, 10.0, 7.0)
 
@@ -99,14 +102,15 @@ def test_an_event_of_the_run_learnt_from_is_found_again_only_where_it_happened(s
     """A curve that a slow mass bends is nearer to a cooling that was switched than the constants are, which were let go beside it."""
     model = tf.improve(_bodies(1, slow=slow, switched=150.0), add="cooling_switch").model
     second = _bodies(2, 1.2, slow)
-    plain, found = (tf.identify(second, model=known, until=120, at=200) for known in (None, model))
+    plain, found = (tf.identify(second, model=known, until=60, at=200) for known in (None, model))
     for alone, beside in zip(plain, found, strict=True):
         for name in ("steady_state_{}_c", "t95_{}_min", "at_{}_c"):
             (low, high), (mine, most) = ((getattr(r, name.format(side)) for side in ("lo", "hi")) for r in (alone, beside))
             least = 0.02 * (high - low)  # how fast the machine is sets the grid on which both are worked out
             assert mine <= low + least
             assert most >= high - least
-    without, again = found[0].message, tf.identify(_bodies(2, 1.2, slow, 60.0), model=model, until=120)[0].message
+    runs = (second, _bodies(2, 1.2, slow, 60.0))
+    without, again = (tf.identify(run, model=model, until=120)[0].message for run in runs)
     assert "cooling_switch: found in this run too" in again
     assert "found in this run too" not in without
     assert "cooling_switch: an event of the run learnt from; not seen in the readings used here" in without
@@ -114,3 +118,24 @@ def test_an_event_of_the_run_learnt_from_is_found_again_only_where_it_happened(s
         "learnt from one run in which something happened (cooling_switch): what slower masses do may be hidden in it, and"
         in without
     )
+
+
+def test_beside_an_event_that_happened_again_the_machine_stays_as_it_was_learnt():
+    """Twenty minutes after it the readings alone tell the rates three times less surely; its constants had been let go of."""
+    model = tf.improve(_bodies(1, switched=150.0), add="cooling_switch").model
+    learnt = np.array([n.value for n in model.file.base if n.name == "rate"])
+    for seed in (3, 4, 5):
+        carried = carry(model.file, observe(_bodies(seed, 1.2, switched=60.0), until_min=80.0).seen, "again", "model")
+        assert "cooling_switch: found in this run too" in carried.notes
+        assert carried.fit.values[RATE] == pytest.approx(learnt, rel=0.002)
+
+
+def test_what_may_hide_in_a_run_is_said_of_other_runs_and_of_one_alone():
+    """Of the run learnt from nothing is foretold, and two runs show what they have in common."""
+    once, again = (_bodies(seed, switched=150.0) for seed in (1, 2))
+    alone = tf.improve(once, add="cooling_switch").model
+    both = tf.improve([once, again], add="cooling_switch", together=True).model
+    said = [
+        tf.identify(run, model=known, until=120)[0].message for run, known in ((again, alone), (once, alone), (_bodies(3), both))
+    ]
+    assert ["may be hidden in it" in message for message in said] == [True, False, False]

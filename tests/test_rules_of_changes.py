@@ -191,3 +191,12 @@ def test_a_change_of_the_whole_machine_is_one_that_its_points_show():
     assert shown(np.array([0.15, 0.09, 0.12, 0.1, 0.11, -0.5]))  # one of them is elsewhere
     assert changed._of_every_point("sensor", of_heat, (None, 9.0, 0.1), np.zeros(2 * n), noise)
     assert changed._of_every_point("heat", of_heat[:2], (None, 9.0, 0.1), np.zeros(2), noise[:2, :2])
+
+
+def test_a_change_that_its_points_do_not_show_is_none_of_the_kinds():
+    """Four of six rise more and two less, each as fast as before: no heat, whatever is likely of it."""
+    old = changed.RunNumbers(np.zeros(12), 1e-6 * np.eye(12))
+    new = changed.RunNumbers(np.concatenate([np.zeros(6), [0.3, 0.3, 0.3, 0.3, -0.2, -0.2]]), 1e-6 * np.eye(12))
+    told = {c.kind: c.probability for c in changed.changes([old], [new]).changes}
+    assert told["heat"] == 0.0
+    assert max(told, key=told.get) == "contact"

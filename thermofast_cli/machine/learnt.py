@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -102,11 +103,10 @@ def _event(model: ModelFile, fit: Fit, entries: list[EffectEntry], entry: Effect
     local, shared = layout.vector(start)
     held = search(layout, local, shared, _prior(layout, model, [*entries, entry], _known(model, fit.run, entries)))
     other = search(fit.model, fit.local, fit.shared)
-    if any(float(likelihood_ratios(before, held).sum()) < EVENT_GAIN for before in (fit, other)):
-        return None
-    rivals = (e for e in known_effects(()).values() if not e.event and e.scope != "one" and e.choices(fit.run))
-    told = (try_add(other, e, quick=True) for e in rivals)
-    return None if any(c is not None and float(likelihood_ratios(c.fit, held).sum()) < EVENT_GAIN for c in told) else held
+    lasting = (e for e in known_effects(()).values() if not e.event and e.scope != "one" and e.choices(fit.run))
+    tried = (try_add(other, e, quick=True) for e in lasting)
+    rivals = chain((fit, other), (c.fit for c in tried if c is not None))
+    return held if all(float(likelihood_ratios(rival, held).sum()) >= EVENT_GAIN for rival in rivals) else None
 
 
 def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str) -> Observations:
