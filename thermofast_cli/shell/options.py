@@ -298,7 +298,9 @@ _other_reading_options = _together(
         help="Columns in ohms are windings: their temperature, from the resistance R0 at T0 degC; K 235 for copper.",
     ),
     _hidden("--skip-footer", type=click.IntRange(0), metavar="N", help="Leave the last N lines of a text file out."),
-    _hidden("--units", cls=Joined, metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F; Pt100 for its ohms."),
+    _hidden(
+        "--units", cls=Joined, metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F; Pt100 for its ohms."
+    ),
     _hidden(
         "--from", "from_min", type=Finite(0), metavar="MIN", help="Use what was read from MIN minutes on; its clock begins anew."
     ),
