@@ -346,6 +346,7 @@ def test_results_of_files_not_named_any_more_are_told_and_taken_out_where_asked(
     whole = tmp_path / "whole"
     tool("identify", *files, "--until", 45, "--jobs", 1, "-o", f"{whole}/")
     assert same(whole, Path(into))
+    assert {p.name for p in Path(into).glob("folder=*")} == {"folder=m0", "folder=m1"}
     refused = tool("identify", *files, *more, "--prune")
     assert "--prune takes parts out of results that --resume goes on with" in refused.err
 

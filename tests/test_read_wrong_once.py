@@ -176,6 +176,12 @@ def test_settings_beside_temperatures_are_none(tmp_path):
     assert list(tf.read(_file(tmp_path, head, rows), channels=["Window"]).channels) == ["Window"]
 
 
+def test_what_never_changes_beside_a_probe_that_read_nothing_stays(tmp_path):
+    """There is no range then that it could be outside of."""
+    run = tf.read(_file(tmp_path, "time_s,T_front,Nut", [f"{30 * k},,22.5" for k in range(60)]))
+    assert "Nut" in run.channels
+
+
 def test_least_and_greatest_are_no_minutes(tmp_path):
     """Yokogawa's line of kinds, MIN and MAX of each channel, stands under the units."""
     head = "\n".join(

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from thermofast.discovery.wording import _rounded
 from thermofast.models.effects.base import Choice
 from thermofast.models.joint import RATE, Key
 from thermofast.models.search import candidates, dominant
@@ -403,3 +404,9 @@ def test_a_search_that_went_astray_begins_again_at_nothing(fitted, monkeypatch):
     assert (gain, starts[1][Key(0, "size")]) == (-0.1, 60.0)
     assert _shared(fitted, monkeypatch, [-5.0, -6.0], quick=True)[0] == -5.0
     assert len(_shared(fitted, monkeypatch, [0.0], quick=True)[1]) == 1
+
+
+def test_an_error_is_told_without_powers_of_ten():
+    assert _rounded(157.2, 31.0) == "157 ± 30"
+    assert _rounded(0.679, 0.081) == "0.679 ± 0.08"
+    assert _rounded(2.0, 0.0) == "2"

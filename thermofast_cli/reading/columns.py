@@ -140,7 +140,6 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     said_somewhere = origin != "long" and bool(saying) and not _of_media_alone(saying, signs, values)
     # A room with its unit says nothing of places without one.
     by_unit = origin != "long" and any(s.unit is not None and s.unit.temperature and s.kind != "ambient" for s in signs.values())
-    between = _range_of([values[n] for n in saying]) if said_somewhere else None
     quantities = {n for n in names if signs[n].unit is None and _QUANTITY.fullmatch(n)}
     quantities = quantities if origin != "long" and any(_bare(n, s) for n, s in signs.items()) else set()
     roles: dict[str, list[str]] = {
@@ -150,9 +149,12 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
         if n in options.exclude:
             continue
         role = _role(n, signs[n], values[n], options, said_somewhere, by_unit, n in told)
-        if role == "sensor" and n not in (*options.channels, *told) and _is_setting(signs[n], values[n], between):
-            role = "constant"
         roles["silent" if role == "sensor" and n in quantities and n not in (*options.channels, *told) else role].append(n)
+    if said_somewhere:
+        unsaid = [n for n in roles["sensor"] if signs[n].kind == "named" and n not in (*options.channels, *told)]
+        for n in _settings(unsaid, saying, values):
+            roles["sensor"].remove(n)
+            roles["constant"].append(n)
     found = _with_words(roles, signs, values, options, origin)
     return replace(found, guesses=(*found.guesses, *_other_quantities(options, signs, told)))
 
@@ -315,17 +317,14 @@ def _role(name: str, sign: Sign, column: Array, options: Options, said_somewhere
     return "sensor"
 
 
-def _range_of(columns: Sequence[Array]) -> tuple[float, float]:
-    """The least and the greatest reading of some columns."""
-    readings = np.concatenate([_finite(c) for c in columns])
-    return (float(readings.min()), float(readings.max())) if len(readings) else (-np.inf, np.inf)
-
-
-def _is_setting(sign: Sign, column: Array, between: tuple[float, float] | None) -> bool:
-    """Whether a column never changes, has no word of temperature, and is none that others beside it, which have, come to."""
-    if between is None or sign.temperature or sign.kind != "named" or np.count_nonzero(np.isfinite(column)) < 10:
-        return False
-    return _constant(column) and not between[0] <= float(_finite(column)[0]) <= between[1]
+def _settings(names: Sequence[str], saying: Sequence[str], values: Mapping[str, Array]) -> list[str]:
+    """Those of the columns `names`, of which no word says a temperature, that never change and are none that others came to."""
+    still = [n for n in names if np.count_nonzero(np.isfinite(values[n])) >= 10 and _constant(values[n])]
+    read = [c for n in saying if len(c := _finite(values[n]))] if still else []
+    if not read:
+        return []
+    low, high = min(float(c.min()) for c in read), max(float(c.max()) for c in read)
+    return [n for n in still if not low <= float(_finite(values[n])[0]) <= high]
 
 
 def _finite(column: Array) -> Array:
