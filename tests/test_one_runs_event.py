@@ -105,7 +105,7 @@ def test_an_event_of_the_run_learnt_from_is_found_again_only_where_it_happened(s
     plain, found = (tf.identify(second, model=known, until=60, at=200) for known in (None, model))
     for alone, beside in zip(plain, found, strict=True):
         for name in ("steady_state_{}_c", "t95_{}_min", "at_{}_c"):
-            (low, high), (mine, most) = ((getattr(r, name.format(side)) for side in ("lo", "hi")) for r in (alone, beside))
+            (low, high), (mine, most) = [[getattr(r, name.format(side)) for side in ("lo", "hi")] for r in (alone, beside)]
             least = 0.02 * (high - low)  # how fast the machine is sets the grid on which both are worked out
             assert mine <= low + least
             assert most >= high - least
