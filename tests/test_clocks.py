@@ -3,6 +3,7 @@
 from datetime import datetime, timedelta
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import thermofast as tf
@@ -550,3 +551,43 @@ def test_lines_are_counted_over_the_pieces_in_which_a_text_is_looked_at():
     assert newlines(text, 70_001) == text.count(b"\n", 0, 70_001)
     assert begins_of_lines(text) == set(b"0123456789;")
     assert begins_of_lines(b"a\n" * AT_ONCE + b" ") == set(b"a ")  # the last piece is one byte
+
+
+LONG = "two times that disagree about how long the record is"
+
+
+def _two_times(scale, minutes=None, name="time_min"):
+    """A table whose stamps are `scale` minutes apart, with a column of minutes beside."""
+    up = np.arange(60.0)
+    stamps = pd.Timestamp("2026-03-01") + pd.to_timedelta(60.0 * scale * up, unit="s")
+    return pd.DataFrame({"time": stamps, name: up if minutes is None else minutes, "T1 [°C]": 20.0 + 9.0 * -np.expm1(-up / 20.0)})
+
+
+@pytest.mark.parametrize(
+    ("scale", "refused"), [(1 / 60.0, True), (0.66, True), (0.68, False), (1.0, False), (1.49, False), (1.51, True)]
+)
+def test_times_of_quite_another_length_are_not_chosen_between(scale, refused):
+    """As stamps of an import beside the minutes of the logger; which is right, only the user knows."""
+    table = _two_times(scale)
+    if not refused:
+        assert tf.read(table).time_s[-1] == pytest.approx(59.0 * 60.0 * scale)
+        return
+    with pytest.raises(InputError, match=LONG) as error:
+        tf.read(table)
+    assert "59 min by 'time_min'" in str(error.value)
+    assert tf.read(table, time="time_min").time_s[-1] == pytest.approx(59.0 * 60.0)
+    assert tf.read(table, exclude=["time_min"]).time_s[-1] == pytest.approx(59.0 * 60.0 * scale)
+
+
+def test_an_index_of_time_counts_as_a_column_of_it():
+    table = _two_times(1 / 60.0)
+    with pytest.raises(InputError, match=LONG):
+        tf.read(table.set_index("time").rename_axis(None))
+
+
+def test_what_counts_otherwise_is_no_time_of_the_record():
+    """Hours of operation stand still, a column without a unit may count anything, one that bends is another clock."""
+    up = np.arange(60.0)
+    still = 5.0 * np.floor(up / 2.0)
+    for name, minutes in (("time_min", still), ("clock", 5.0 * up), ("time_min", 0.1 * up**2 + 0.01 * up), ("min", 5.0 * up)):
+        assert tf.read(_two_times(1.0, minutes, name)).time_s[-1] == pytest.approx(59.0 * 60.0)

@@ -190,10 +190,51 @@ def test_what_a_filter_gives_back_is_looked_at():
         ("covariance", -track.covariance, "needed 0 or more"),
         ("weight", [1.0] * 60, "weight is of type list"),
         ("weight", np.ones(60, dtype=int), "weight is of type int64"),
+        ("weight", np.where(np.arange(60) == 59, np.nan, 1.0), "weight holds nan"),
+        ("weight", np.where(np.arange(60) == 59, -0.01, 1.0), "weight holds -0.01"),
+        ("weight", np.where(np.arange(60) == 59, 1.01, 1.0), "weight holds 1.01"),
+        ("weight", np.zeros(60), "leaves out every reading"),
     ):
         assert words in filters.track_problem(replace(track, **{name: value}), 60)
     with pytest.raises(PluginError, match="needed a class derived from"):
         filters.checked(int, "mine")
+
+
+@pytest.mark.parametrize("late", ["np.nan", "np.inf"])
+def test_an_effect_that_breaks_on_a_longer_record_than_that_of_the_check_is_named(late, tmp_path):
+    """No traceback, no row that looks like a result; the search goes on without it."""
+    path = tmp_path / "mine.py"
+    heat = "drive.heat = drive.heat + "
+    assert heat in EFFECT
+    path.write_text(
+        "import numpy as np\n" + EFFECT.replace(heat, f"drive.heat = drive.heat + ({late} if len(run.time) > 100 else 0.0) + ")
+    )
+    name = effects.load_effect(str(path)).id
+    rows = [*tf.compare(HIDDEN, effects=[name], extra=[str(path)]), *tf.improve(HIDDEN, add=[str(path)]).records]
+    assert {r.status for r in rows} == {"failed"}
+    assert all("drive.heat is not finite" in r.message and "nan or inf where " in r.message for r in rows)
+    told = tf.diagnose(HIDDEN, effects=[name, "second_mode"], extra=[str(path)])
+    assert {r.status for r in told} != {"failed"}
+    assert f"left out: effect '{name}'" in told[0].message
+
+
+def test_what_was_not_finite_before_is_not_the_fault_of_an_effect_behind():
+    effect = effects.load_effect(str(ROOT / "sample_runs" / "my_effect.py"))
+    minutes = np.arange(20.0)
+    reading = np.full((1, 20), 20.0)
+    run = Observations("run", ("T1",), minutes, reading, np.ones_like(reading), np.full(1, 0.01), np.zeros(1))
+    drive = Drive.plain(run, np.array([0]), np.full((1, 1), 20.0))
+    drive.heat = np.full((1, 20), np.nan)
+    effect.apply(drive, run, Values({p.name: np.full((1, 1), p.start) for p in effect.parameters}, {}))
+    assert np.isnan(drive.heat).all()
+
+
+@pytest.mark.parametrize("by_row", ["", " + float(p.a)"])
+def test_an_effect_of_complex_numbers_is_refused(by_row, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(NEGATIVE.replace("5.0 * p.a", f"(0.0j * run.time + 5.0 * p.a{by_row})"))
+    with pytest.raises(PluginError, match=r"drive\.loss is complex"):
+        effects.load_effect(str(path))
 
 
 def test_the_guides_are_what_is_run():

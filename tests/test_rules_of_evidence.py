@@ -20,10 +20,10 @@ PRIOR = SimpleNamespace(
 class _Known(SimpleNamespace):
     """A run that knows what a test tells it, with the methods of a real one."""
 
-    log_rate_prior, weighed, evidence_of, told, agrees, spread = (
+    log_rate_prior, weighed, taken_evidence, told, agrees, spread = (
         Run.log_rate_prior,
         Run.weighed,
-        Run.evidence_of,
+        Run.taken_evidence,
         Run.told,
         Run.agrees,
         Run.spread,
@@ -76,7 +76,7 @@ def test_one_sensor_is_weighed_by_bayes_rule():
     joint[np.isnan(joint)] = -np.inf
     assert np.exp(found - logsumexp(found)) == pytest.approx(np.exp(joint - logsumexp(joint)))
     run._known = evidence
-    assert run.evidence_of(RATES) == pytest.approx([logsumexp(joint)])
+    assert run.taken_evidence(RATES) == pytest.approx([logsumexp(joint)])
 
 
 def test_a_hypothesis_counts_by_its_evidence_to_a_power():

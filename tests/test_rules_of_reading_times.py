@@ -268,7 +268,7 @@ def test_another_column_of_time_tells_the_unit():
         assert times._same_time(table, "zeit_s", table.columns["time"]) == unit
     table = _table(time=up, min=up, T=TEMPERATURE)
     assert times._same_time(table, "min", table.columns["time"]) is None
-    assert [times._length(s) for s in (119.0, 120.0, 7199.0, 7200.0, 172799.0, 172800.0)] == [
+    assert [times.length_of(s) for s in (119.0, 120.0, 7199.0, 7200.0, 172799.0, 172800.0)] == [
         "119 s", "2 min", "120 min", "2 h", "48 h", "2 d",
     ]  # fmt: skip
 

@@ -132,10 +132,10 @@ class Run:
             of_law, node, share, known = self.rows_of(i, some)
             reading = blocks.mean[:, None] - known[..., :m]
             rise[first:behind] = law_slope(blocks, reading, of_law[..., :m]) / np.exp(some)
-            reading, slow = np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m))), self.slow_of(i, some)
+            reading = np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m)))
             known = np.broadcast_to(known, of_law.shape)
             doubts = (self.wrong if wrong is None else wrong)[i]
-            # Of all hypotheses of all sensors at once what is foretold would take many times what the readings do.
+            # Of all hypotheses of all sensors at once what is foretold, and slow parts, would take many times what the readings do.
             for begin in range(0, len(some), AT_ONCE):
                 own = slice(begin, min(begin + AT_ONCE, len(some)))
                 rows = slice(first + own.start, first + own.stop)
@@ -148,7 +148,7 @@ class Run:
                     np.ascontiguousarray(blocks.noise[own]),
                     constant(blocks.time, self.asked[i]),
                     of_law[own],
-                    slow[own],
+                    self.slow_of(i, some[own]),
                     self.leans[of],
                     node[own],
                     share[own],
@@ -217,10 +217,11 @@ class Run:
         own += weight[:, None]
         return own
 
-    def evidence_of(self, log_rate: Array) -> Array:
-        """Log evidence (S,) of what was worked out last at log rates (S, F)."""
+    def taken_evidence(self, log_rate: Array) -> Array:
+        """Log evidence (S,) of what was worked out last at log rates (S, F), which is held no longer."""
         of_rate = self.log_rate_prior(log_rate - self.centre[:, None]) + np.log(np.maximum(cells(log_rate), 1e-12))
-        each: Array = np.where(np.isnan(self._known), -np.inf, self._known)
+        each, self._known = self._known, np.zeros(0)
+        each[np.isnan(each)] = -np.inf
         each += self.log_prior
         return log_sum(log_sum(each, 2) + of_rate, 1)
 
@@ -285,8 +286,8 @@ class Run:
         few = np.zeros(len(self.kind), dtype=bool)
         few[self.prior.few()] = True
         evidence = self.evaluate(coarse, np.broadcast_to(few, (*coarse.shape, len(few))), 0)[0]
-        posterior = self.weighed(coarse, evidence)
-        marginal = log_sum(posterior, 2)
+        marginal = log_sum(self.weighed(coarse, evidence), 2)
+        del evidence  # of fifty sensors such tables are the largest of all that is held
         low, high = within_depth(coarse, marginal, 14.0, 1.0)
         first = self.spread(low, high, FEW)
         marginal = self._looked(first, np.ones(self.count, dtype=bool), few)[1]
@@ -298,7 +299,7 @@ class Run:
             open_ = (closer[1] - closer[0]) < 0.6 * (log_rate[:, -1] - log_rate[:, 0])
             if not open_.any():
                 break
-            del posterior  # before another one is made: of fifty sensors it is the largest of all that is held
+            del posterior  # before another one is made
             log_rate = np.where(open_[:, None], self.spread(*closer, FINE), log_rate)
             posterior, marginal, dense, agreeing = self._looked(log_rate, open_)
         agrees = self.agrees(log_rate, marginal, dense, agreeing)
@@ -323,9 +324,11 @@ class Run:
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
         active = np.broadcast_to(stands[..., None] & which, (*log_rate.shape, len(self.kind)))
+        stand = self._known[~anew] if not anew.all() else None
+        self._known = np.zeros(0)
         evidence = self.evaluate(log_rate, active, 0)[0]
-        if not anew.all():
-            evidence[~anew] = self._known[~anew]
+        if stand is not None:
+            evidence[~anew] = stand
         self._known = evidence
         posterior = self.weighed(log_rate, evidence)
         marginal, plain = log_sum(posterior, 2), log_sum(posterior[..., self.base], 2)

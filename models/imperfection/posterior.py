@@ -70,10 +70,10 @@ def settle(
     """
     run = Run(parts, tau, prior, np.asarray(at, dtype=float), rates)
     log_rate, weight, agrees = run.posterior()
-    return _predicted(run, log_rate, weight, agrees, draws)
+    return _predicted(run, log_rate, weight, agrees, run.taken_evidence(log_rate), draws)
 
 
-def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool_], draws: int) -> Settled:
+def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool_], evidence: Array, draws: int) -> Settled:
     asked = run.asked[0].count
     active = weight > LEAST_WEIGHT
     for mine, w in zip(active, weight, strict=True):
@@ -157,7 +157,7 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
         unseen_from=1.0 / (max(SLOW) * rate[:, 1]),
         hides=hides,
         agrees=agrees,
-        evidence=run.evidence_of(log_rate),
+        evidence=evidence,
         drawn=drawn,
     )
 

@@ -17,6 +17,7 @@ from ..errors import ThermofastError, UsageError, nearest
 from ..machine.learnt import carry
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
+from ..plugins.guard import failed_status
 from ..reading import Run
 from ..reading.columns import column_named
 from ..reading.run import ends_before, said_short
@@ -167,7 +168,8 @@ def ids_of(parts: tuple[Part, ...]) -> list[str]:
 
 def failure_records(kind: type[Record], task: LoopTask, error: ThermofastError) -> list[Any]:
     """One record that says why a run could not be worked on."""
-    return [kind(run=task.run.name, channel="", status="unreadable", message=str(error).replace("\n ", ";"))]  # type: ignore[call-arg]
+    status = failed_status(error)
+    return [kind(run=task.run.name, channel="", status=status, message=str(error).replace("\n ", ";"))]  # type: ignore[call-arg]
 
 
 def refused_records(kind: type[Record], run: str, observed: Observed) -> list[Any]:

@@ -36,6 +36,7 @@ from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, listed, rounded
 from ..plugins.effects import chosen_effects
+from ..plugins.guard import failed_status
 from .jumps import cycles, last_change, longest_stay
 from .learnt import carry, changed_files, check_effects
 from .model import Model
@@ -73,6 +74,7 @@ class Knowledge:
     notes: tuple[str, ...] = ()
     uses_room: bool = False
     failed: str = ""
+    status: str = "unreadable"
     strange: tuple[str, ...] = ()
     found: int = 0
 
@@ -124,12 +126,12 @@ def knowledge(task: LoopTask) -> list[Knowledge]:
     try:
         return [_knowledge(task)]
     except ThermofastError as error:
-        return [Knowledge(task.run.name, failed=str(error).replace("\n ", ";"))]
+        return [Knowledge(task.run.name, failed=str(error).replace("\n ", ";"), status=failed_status(error))]
 
 
 def knowledge_lost(task: LoopTask, why: str) -> list[Knowledge]:
     """A run whose worker died."""
-    return [Knowledge(task.run.name, failed=why)]
+    return [Knowledge(task.run.name, failed=why, status="failed")]
 
 
 def _too_few(prepared: Ready | None) -> bool:

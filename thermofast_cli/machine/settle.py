@@ -15,6 +15,7 @@ from ..errors import ThermofastError
 from ..estimation.identify import Method, identify_sensors
 from ..estimation.imperfect import NOT_FOLLOWED
 from ..estimation.sweep import Swept, sweep_records, sweep_sensors
+from ..plugins.guard import failed_status
 from ..records import SweepRecord
 from .learnt import carry
 from .past import followers, knowledge
@@ -68,7 +69,7 @@ def sweep_with_model(
     try:
         return [_sweep(task, method, windows, times, tolerance_c)]
     except ThermofastError as error:
-        return [[_no_sweep(SweepRecord(task.run.name, "", NAME, windows[0], status="unreadable", message=str(error)))]]
+        return [[_no_sweep(SweepRecord(task.run.name, "", NAME, windows[0], status=failed_status(error), message=str(error)))]]
 
 
 def sweep_model_lost(task: LoopTask, why: str) -> list[list[Swept]]:

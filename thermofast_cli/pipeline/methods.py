@@ -135,11 +135,14 @@ def minutes_of(values: Iterable[float] | float, name: str) -> tuple[float, ...]:
     """
     given = (values,) if isinstance(values, int | float) else values
     try:
+        if isinstance(given, str | bytes):  # "45" is no 4 and 5
+            raise TypeError
         found = tuple(sorted({round(float(v), 9) for v in given}))
     except (TypeError, ValueError):
-        raise UsageError(f"{name}: not a list of minutes", found=repr(values)[:60], allowed="numbers above zero") from None
+        allowed = "numbers above zero, as in [40, 45, 50]"
+        raise UsageError(f"{name}: not a list of minutes", found=repr(values)[:60], allowed=allowed) from None
     if not found or not all(0.0 < v < 1e7 for v in found):
-        raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero")
+        raise UsageError(f"{name}: not a list of minutes", found=repr(found[:5]), allowed="numbers above zero, below 1e7")
     return found
 
 

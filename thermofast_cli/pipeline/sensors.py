@@ -184,7 +184,7 @@ def identify_runs(
         without = {(r.run, r.channel): r for r in plain}
         number = {run.name: told[run.name].found for run, _ in added}
         by_task = [[_with_doubt(one, without, number, averaged) for one in found] for found in by_task]
-    unread = [IdentifyRecord(one.run, "", method.filter.name, status="unreadable", message=one.failed) for one in failed]
+    unread = [IdentifyRecord(one.run, "", method.filter.name, status=one.status, message=one.failed) for one in failed]
     unread += [
         IdentifyRecord(run.name, c, method.filter.name, until_min, status="too_short", message=said_short(run, until_min))
         for run, _ in short

@@ -13,7 +13,7 @@ from ..errors import UsageError, nearest
 from .entrypoints import Broken, installed, taken
 from .files import class_in, is_file
 from .guard import PluginError, misspelt
-from .trial import GUIDE, check, check_shapes, guarded_call, row_by_row
+from .trial import GUIDE, check, check_finite, check_shapes, finite, guarded_call, row_by_row
 
 #: What the search may ask of an effect beside ``apply``.
 HOOKS = ("choices", "grid", "starts", "response", "borrowed_noise", "physical", "mirrored", "equivalent", "large_starts")
@@ -120,12 +120,14 @@ def guarded(kind: type[Effect], by_row: bool, masses: int, file: str) -> type[Ef
         return call
 
     def apply(self: Effect, drive: Drive, run: Observations, p: Any) -> None:
+        before = finite(drive)
         with guarded_call(self):
             if by_row:
                 row_by_row(kind.apply, self, drive, run, p)
             else:
                 kind.apply(self, drive, run, p)
         check_shapes(self, drive, run)
+        check_finite(self, drive, before, p)
 
     def reduce(self: Effect) -> Any:  # another process loads the file or the plug-in itself
         return _again, (file, self.id)

@@ -26,6 +26,11 @@ class PluginError(ThermofastError):
     """Foreign code that cannot be imported, raised, took too long or returned nonsense; it names the file and the line."""
 
 
+def failed_status(error: ThermofastError) -> str:
+    """The status of a run that an error ended: foreign code failed, or the run cannot be read."""
+    return "failed" if isinstance(error, PluginError) else "unreadable"
+
+
 @contextmanager
 def watched(member: Any, what: str) -> Any:
     """Turns whatever a plug-in raises into a :class:`PluginError` that names its line; `what` is it in words, as ``effect 'x'``."""

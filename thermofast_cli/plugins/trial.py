@@ -229,6 +229,7 @@ def row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: A
         named = {k: float(v[i, 0]) if isinstance(v, np.ndarray) and v.shape == (rows, 1) else v for k, v in vars(p).items()}
         apply(effect, single, run, Values(named, {}))
         _check_pairs(effect, single)
+        _check_real(effect, single)
         for f in FIELDS:
             wide[f][i] = getattr(single, f)
         for f in NUMBERS:
@@ -278,9 +279,47 @@ def _check_pairs(effect: Effect, drive: Drive) -> None:
         )
 
 
+def _numbers(drive: Drive) -> dict[str, list[Any]]:
+    """What a drive holds of each name."""
+    return {
+        **{f: [getattr(drive, f)] for f in (*FIELDS, *NUMBERS)},
+        **{f: [v for pair in getattr(drive, f) for v in pair] for f in PAIRS},
+    }
+
+
+def finite(drive: Drive) -> dict[str, bool]:
+    """Whether all that a drive holds of each name is finite."""
+    return {f: all(np.isfinite(v).all() for v in values) for f, values in _numbers(drive).items()}
+
+
+def check_finite(effect: Effect, drive: Drive, before: dict[str, bool], p: Any) -> None:
+    """Raises PluginError for what an effect made nan or infinite; `before` is :func:`finite` of the drive that it was given."""
+    for f, good in finite(drive).items():
+        if before[f] and not good:
+            told = ", ".join(f"{k} = {float(np.ravel(v)[0]):.4g}" for k, v in vars(p).items() if np.ndim(v) == 2)
+            raise PluginError(
+                f"effect {effect.id!r} ({source_of(effect)}): drive.{f} is not finite",
+                found=f"nan or inf where {told}" if told else "nan or inf",
+                do="look in apply for 0/0 and overflow, also at the ends of each parameter's range and in long records",
+            )
+
+
+def _check_real(effect: Effect, drive: Drive) -> None:
+    """Raises PluginError for complex numbers, whose imaginary parts would be dropped."""
+    for f, values in _numbers(drive).items():
+        if any(np.iscomplexobj(v) for v in values):
+            raise PluginError(
+                f"effect {effect.id!r} ({source_of(effect)}): drive.{f} is complex",
+                found=str(next(v for v in values if np.iscomplexobj(v)))[:60],
+                allowed="real numbers",
+                do="look in apply for the root or the power of a negative number",
+            )
+
+
 def check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
     shape = (len(drive.sensor), len(run.time))
     _check_pairs(effect, drive)
+    _check_real(effect, drive)
     for f in FIELDS:
         value = getattr(drive, f)
         try:

@@ -26,9 +26,9 @@ from .columns import (
 )
 from .long import Layout, find_long, to_wide, without_switches
 from .moments.in_turn import each_in_turn
-from .moments.order import in_order, runs_otherwise
+from .moments.order import in_order, length_told, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
-from .moments.times import Time, find_time, is_time_name
+from .moments.times import Time, find_time, is_time_name, length_of
 from .moments.zones import in_zone
 from .run import Run, Seen, SeenColumn, renamed, stretch
 from .signs import sign_of
@@ -37,7 +37,7 @@ from .tables.cells import without_told
 from .tables.clocks import clocks_of_columns, with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
-from .tables.limits import Limits
+from .tables.limits import Limits, refuse_no_path
 from .tables.measured import is_measured, measured_table
 from .tables.packed import is_workbook, unpacked
 from .tables.text import read_text
@@ -145,6 +145,7 @@ def _shown(table: Table) -> Table:
 def _table(source: Any, options: Options, name: str | None, data: bytes | None) -> Table:
     if not isinstance(source, str | Path):
         return without_told(table_of(source, name or IN_MEMORY, options), options.missing)
+    refuse_no_path(str(source))
     path, _ = _numbered(str(source))
     name = name or ("stdin" if path == "-" else shown_name(path))
     limits = Limits(options.max_bytes, options.max_rows, options.max_columns)
@@ -259,9 +260,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         notes.append(f"temperatures of windings by their resistance: {listed(windings, 6)}")
     clocks = numbers if layout is None else ()  # of a long table a sensor may be called min
     spare = [n for n in clocks if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
-    other = _other_clock(table, time, spare, options)
-    if other:
-        raise other
+    _refuse_other_clock(table, time, spare, options)
     if spare:
         notes.append(f"other columns of time left out: {listed(spare, 6)}")
     named = [n for n in numbers if n not in spare and not (n.startswith("column ") and np.isnan(numbers[n]).all())]
@@ -441,14 +440,13 @@ def _with_unit_column(table: Table, named: list[str]) -> dict[str, str]:
     return units
 
 
-def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -> InputError | None:
-    """Whether columns have a clock of their own: a second one, of the same name or among the readings, that runs otherwise."""
+def _refuse_other_clock(table: Table, time: Time, spare: list[str], options: Options) -> None:
+    """Raises InputError for a second clock, of the same name or among the readings, that runs otherwise or is of another length."""
     used = next(iter(time.used), "")
     if options.channels and options.time:
-        return None
+        return
     words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray) and is_time_name(n)]
-    named = clocks_of_columns(table)
-    named = named if used in named else []
+    named = of if used in (of := clocks_of_columns(table)) else []
     for n in (*spare, *words, *named):
         if n in options.exclude or n == used:
             continue
@@ -456,15 +454,18 @@ def _other_clock(table: Table, time: Time, spare: list[str], options: Options) -
         own, main = table.columns[n], table.columns.get(used, [])
         if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
             continue
+        if not options.time and (length := length_told(table, time, n)) is not None:
+            told = f"{length_of(float(np.ptp(time.seconds)))} by {used!r}, {length_of(length)} by {n!r}"
+            do = f"say which is right: --time {n!r}, or --exclude {n!r}"
+            raise InputError(f"{table.name}: two times that disagree about how long the record is", found=told, do=do)
         numbers = isinstance(own, np.ndarray) and isinstance(main, np.ndarray)
         if (numbers and (alike or n in named)) or runs_otherwise(table, time, used, n, alike):
-            return InputError(
+            raise InputError(
                 f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
                 allowed="one time for all columns read together",
                 do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns; or --exclude {n!r} "
                 "if it is none of theirs",
             )
-    return None
 
 
 def content_of(source: str, options: Options | None = None, name: str = "") -> tuple[str, bytes]:
@@ -474,6 +475,5 @@ def content_of(source: str, options: Options | None = None, name: str = "") -> t
     ------
     InputError: it cannot be read.
     """
-    limits = Limits(options.max_bytes) if options is not None else Limits()
-    data = _bytes(_numbered(source)[0], limits, name, waits=False)
+    data = _bytes(_numbered(source)[0], Limits((options or Options()).max_bytes), name, waits=False)
     return hashlib.sha256(data).hexdigest(), data

@@ -24,8 +24,8 @@ NUMBERS = frozenset([FLOAT, pa.float32(), pa.int64(), pa.int32()])
 DATE = 8
 #: From so many columns pyarrow spends longer on each column than on what stands in it, and holds five times the table.
 WIDE = 200
-#: Lines of a wide table parsed at once: what is held twice.
-LINES_AT_ONCE = 32
+#: Numbers of a wide table parsed at once: what is held twice, and as text.
+NUMBERS_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,9 @@ def only_numbers(text: bytes, delimiter: str) -> bool:
 
 def parsed(lines: Iterable[bytes], table: Array, at: int, delimiter: str) -> int:
     """How many rows of a table (rows, width) are full once lines of numbers stand in it from row `at` on; 0 where one is none."""
-    more = iter(lines)
+    more, at_once = iter(lines), max(1, NUMBERS_AT_ONCE // table.shape[1])
     try:
-        while some := list(islice(more, LINES_AT_ONCE)):
+        while some := list(islice(more, at_once)):
             if not (some := [line for line in some if line.strip()]):
                 continue
             part = np.loadtxt(some, delimiter=delimiter, comments=None, ndmin=2)

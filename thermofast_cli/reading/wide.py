@@ -16,7 +16,7 @@ from .tables.lines import TAIL, without_cut_end
 from .tables.text import SAMPLE_BYTES, read_text
 
 #: Bytes from which on a file is not held, and of a piece in which it is looked at.
-LARGE, PIECE = 1 << 22, 1 << 20
+LARGE, PIECE = 1 << 22, 1 << 16
 #: Options that ask for a look at all of a text.
 LOOKED_THROUGH = ("encoding", "decimal", "delimiter", "header_line", "sheet", "skip_footer", "exclude")
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Started = tuple[Run, float]
 #: Sensors per task: enough to make the way to a worker worth it, few enough to share out evenly.
 MOST_PER_TASK = 250
+#: The same where sensors are worked out in groups, which takes so long that the way does not count.
+GROUPS_PER_TASK = 2
 #: Tasks from which on a process keeps the memory that each frees for the next.
 MANY = 4
 #: Runs from which on a pool of processes pays.
@@ -125,7 +127,8 @@ def share_out(
     for run, start in started:
         channels = list(run.channels)
         room = run.room
-        size = max(1, min(MOST_PER_TASK, -(-len(channels) // (4 * processes)))) if processes > 1 else MOST_PER_TASK
+        most = MOST_PER_TASK if together == 1 else GROUPS_PER_TASK * together
+        size = max(1, min(most, -(-len(channels) // (4 * processes)))) if processes > 1 else most
         size = len(channels) if whole else -(-size // together) * together
         tasks += [partial(task, run, start, tuple(channels[i : i + size]), room) for i in range(0, len(channels), size)]
     return Asked(tasks), processes

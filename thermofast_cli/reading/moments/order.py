@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from ...errors import InputError, UsageError, listed
 from ..run import Array, Guess
 from ..table import Table
-from .epochs import calendar
+from ..values.time_units import unit_of
+from .epochs import UNITS, calendar
 from .glitches import without_glitches
 from .stamps import looks_like_stamp, parse_stamps, plain
-from .times import Time, is_time_name
+from .times import BARE, Time, is_time_name
 
 FEWEST_ROWS = 2
 #: Rows of a stretch from which on a time that falls back is a run that begins anew, not a row out of place.
@@ -33,6 +34,8 @@ GOES_ON = 0.9
 #: What is told where readings at one stamp are put apart.
 SPREAD = Guess("time", "several readings at each stamp, put evenly between it and the next", "log finer stamps to be sure")
 
+#: Times that two lengths of one record differ by at least where one of them is in another unit, or none of this record.
+QUITE_ANOTHER = 1.5
 #: Readings that tell how a clock runs, and seconds in the units that it may count.
 FEWEST_OF_CLOCK, SECONDS_IN = 6, (1e-9, 1e-6, 1e-3, 1.0, 60.0, 3600.0, 86400.0)
 
@@ -421,6 +424,25 @@ def runs_otherwise(table: Table, time: Time, used: str, name: str, alike: bool =
     # The same clock in another unit of time, or some seconds late, is no other.
     step = float(np.median(np.diff(main)))
     return all(float(np.abs((own[known] - own[known][0]) * unit - main).max()) > max(step, 0.01 * main[-1]) for unit in SECONDS_IN)
+
+
+def length_told(table: Table, time: Time, name: str) -> float | None:
+    """The record's length [s] by a column that says its unit and goes on as the time does, where it is quite another one.
+
+    None where it is not: hours of operation, say, stand still now and then.
+    """
+    own, unit = table.columns[name], unit_of(name, table.units.get(name, ""))
+    if not isinstance(own, np.ndarray) or unit is None or name.lower() in BARE or len(own) < FEWEST_OF_CLOCK:
+        return None
+    if not (np.isfinite(own) & np.isfinite(time.seconds)).all() or not (np.diff(own) > 0.0).all():
+        return None
+    main = time.seconds - time.seconds[0]
+    seconds = (own - own[0]) * UNITS[unit]
+    if not main[-1] > 0.0 or 1.0 / QUITE_ANOTHER < seconds[-1] / main[-1] < QUITE_ANOTHER:
+        return None
+    step = float(np.median(np.diff(main)))
+    alike = np.abs(seconds * (main[-1] / seconds[-1]) - main).max() <= max(step, 0.01 * main[-1])
+    return float(seconds[-1]) if alike else None
 
 
 def _rows_back(count: int) -> str:

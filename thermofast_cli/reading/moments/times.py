@@ -53,7 +53,7 @@ class Time:
     unit: str = ""
 
 
-@lru_cache(maxsize=1 << 16)
+@lru_cache(maxsize=4096)
 def is_time_name(name: str) -> bool:
     """Whether a column is called after time."""
     whole = re.sub(r"[\[(/,].*", "", name).strip()
@@ -412,7 +412,7 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
     if float(np.abs(column).max()) < 1.0 and plausible(column * DAY_S):
         likely.append("d")  # as a spreadsheet keeps clocks
     asked = ("s", "min", "h", "d") if "d" in likely else ("s", "min", "h")
-    lengths = ", ".join(f"in {u} {_length(float(np.ptp(column)) * UNITS[u])}" for u in asked)
+    lengths = ", ".join(f"in {u} {length_of(float(np.ptp(column)) * UNITS[u])}" for u in asked)
     if len(likely) != 1:
         raise InputError(
             f"{table.name}: column {name!r} does not say its unit of time",
@@ -421,7 +421,7 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
             do=f"say --time-unit ms, s, min, h or d{'' if is_time_name(name) else ', or --time with the right column'}",
         )
     unit = likely[0]
-    text = f"{name!r} has no unit, taken as {unit}: the record is then {_length(float(np.ptp(column)) * UNITS[unit])} long"
+    text = f"{name!r} has no unit, taken as {unit}: the record is then {length_of(float(np.ptp(column)) * UNITS[unit])} long"
     guess = Guess("time", text, f"--time-unit {unit} confirms it")
     return Time(column * UNITS[unit], frozenset({name}), f"time: {name!r} in {unit}", (guess,), unit=unit)
 
@@ -453,7 +453,8 @@ def _same_time(table: Table, other: str, column: Array) -> str | None:
     return None
 
 
-def _length(seconds: float) -> str:
+def length_of(seconds: float) -> str:
+    """A time [s] in the largest unit that it is two of."""
     for unit, size in (("d", DAY_S), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2.0 * size:
             return f"{seconds / size:.3g} {unit}"

@@ -226,7 +226,10 @@ def _objects(key: str, cells: list[Any], name: str) -> Array | list[str]:
     if told and all(isinstance(c, bool | np.bool_) for c in told):
         return ["" if none else str(c) for c, none in zip(cells, missing, strict=True)]  # as in a CSV: no temperature
     if all(_is_number(c) for c in told):
-        return np.array([np.nan if none else float(c) for c, none in zip(cells, missing, strict=True)])
+        try:
+            return np.array([np.nan if none else float(c) for c, none in zip(cells, missing, strict=True)])
+        except OverflowError:
+            raise InputError(f"{name}, column {key!r}: a number beyond all floats", allowed="numbers below 1e308") from None
     if all(hasattr(c, "isoformat") for c in told):
         return ["" if none else _stamp(c) for c, none in zip(cells, missing, strict=True)]
     if all(isinstance(c, str) for c in told):

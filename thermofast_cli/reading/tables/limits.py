@@ -1,11 +1,13 @@
 """How large a record may be: checked before room is made for it, whatever a file says of itself."""
 
+import os
 import re
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ...errors import InputError
@@ -16,6 +18,22 @@ PIECE = 1 << 20
 #: A cell of a sheet of Excel, and the place of a variable in a MATLAB file that is packed.
 CELL = re.compile(rb'<(?:\w+:)?c [^>]*?r="([A-Z]{1,3})([0-9]{1,7})"')
 PACKED_VARIABLE, MATLAB_HEAD = 15, 128
+
+
+#: Bytes of a path, and of a part of it, that no system's paths have more of.
+LONGEST_PATH, LONGEST_PART = 32_767, 255
+
+
+def refuse_no_path(source: str) -> None:
+    """Raises InputError for a text that can be no file's name, as the text of a table handed over in place of one."""
+    long = len(source) > LONGEST_PATH or any(len(os.fsencode(part)) > LONGEST_PART for part in Path(source).parts)
+    if long or "\0" in source or "\n" in source:
+        raise InputError(
+            "not the name of a file",
+            found=f"{source[:40]!r}, {len(source)} signs",
+            allowed="a path",
+            do="a text in memory is read as tf.read(pandas.read_csv(io.StringIO(text)))",
+        )
 
 
 @dataclass(frozen=True)
