@@ -10,7 +10,7 @@ import pytest
 
 import thermofast as tf
 from thermofast.estimation import closing, measured
-from thermofast.estimation.sweep import with_trips
+from thermofast.estimation.sweep import sweep_records, with_trips
 from thermofast.models.noise.whiteness import pattern_p_value
 from thermofast.models.standards import criterion_from
 from thermofast.reading.moments.order import spread_evenly
@@ -657,3 +657,52 @@ def test_effects_of_which_no_sensor_is_known_are_not_judged():
 
     time, reading = law(100.0)
     assert _told(LoopTask(tf.read({"time_min": time, "a": reading})), 50.0, Past({}), True) == {}
+
+
+@pytest.mark.parametrize(
+    ("times", "serves", "said"),
+    [
+        ((5.0, 10.0), False, "2 of the times tried lie within that of 40 min, up to 10 min"),
+        ((10.0, 40.0, 70.0), False, "1 of the times tried lies within that of 40 min, up to 10 min"),
+        ((10.0, 20.0, 31.0), False, "3 of the times tried lie within that of 40 min, up to 31 min"),
+        ((10.0, 20.0, 33.0), True, ""),
+        ((20.0, 37.0), False, "2 of the times tried lie"),
+        (tuple(np.arange(5.0, 40.0)), True, ""),
+    ],
+)
+def test_a_time_serves_that_was_tried_among_others_up_to_the_windows_end(times, serves, said):
+    """The error falls to the end of each list, as it does on a record of which more is better."""
+    rmse = np.where(np.array(times) < 40.0, 0.02 + 0.5 * np.exp(-np.array(times) / 4.0), np.nan)[None, None]
+    width = np.full((1, len(times)), 0.1)
+    row = sweep_records(("run", ["T1"], "afukf"), [False], [[]], (40.0,), np.array(times), rmse, width, [41], 0.1)[0]
+    assert (row.shortest_time_min is not None) == serves
+    assert said in row.message
+    assert ("no time tried serves" in row.message) != serves
+    assert row.agreed == (True if serves else None)
+
+
+def test_where_a_record_goes_on_the_row_says_why_nothing_is_missing():
+    for end, complete in ((500.0, True), (170.0, False)):
+        run = tf.read(dict(zip(("time_min", "a"), law(end), strict=True)))
+        row = tf.sweep(run, windows=(90.0,), times=(30.0, 60.0, 80.0), criterion="2K/h").records[0]
+        assert row.trip_min is not None
+        assert (row.missing_k is not None) == complete
+        assert ("is not read from it" in row.message) != complete
+
+
+def test_what_is_taken_to_be_known_has_no_rank_among_what_is_not():
+    time, reading = law(100.0)
+    rows = tf.sensitivity(
+        tf.read({"time_min": time, "a": reading}), until=60, sizes={"offset": 0.0, "room": 0.0, "jitter": 0.0, "until": 0.0}
+    )
+    for r in rows:
+        assert (r.rank is None) == (r.size == 0.0) == (r.rank_p is None)
+    assert {r.rank for r in rows if r.rank} == {1, 2}
+
+
+def test_more_past_runs_make_no_test_longer():
+    """What a few runs say by chance of the size of disturbances is no reason to use fewer."""
+    found = tf.plan(0.5, sensors=1, interval_s=30.0, rise_c=20.0, tau_min=70.0, noise_c=0.03)
+    times = [r.time_min for r in found if "past run" in r.channel]
+    assert len(times) == 3
+    assert times == sorted(times, reverse=True)

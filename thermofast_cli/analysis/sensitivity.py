@@ -360,7 +360,8 @@ def _records(
         groups = [range(a, b) for a, b in pairwise(firsts)]
         for factor, mine, rank, confidence in zip(factors, groups, *chaos.ranks(groups), strict=True):
             shares: dict[str, Any] = {"first_order": chaos.alone(mine), "total": chaos.in_all(mine)}
-            shares |= {"rank": int(rank), "rank_p": float(confidence)}
+            if factor.size > 0.0:  # what is taken to be known has no place among what is not
+                shares |= {"rank": int(rank), "rank_p": float(confidence)}
             records.append(
                 replace(spread, factor=factor.name, size=factor.size, unit=factor.unit, uniform=factor.uniform, **shares)
             )

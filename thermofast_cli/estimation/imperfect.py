@@ -67,7 +67,7 @@ class Claims:
     out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
     did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
     (S,) [K]: so far it has moved since it settled by the law; else nan. alone (S, 3) [degC]: as steady, by the readings without
-    the past that is counted.
+    the past that is counted; as_fast (S,): how many times as fast as in past runs it is, where that is more than chance.
     """
 
     steady: Array
@@ -96,6 +96,7 @@ class Claims:
     faster: Array
     moved: Array
     alone: Array
+    as_fast: Array
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -252,15 +253,20 @@ def _let_go(
     looked = strange if past.guessed and not past.searched else mine
     if not any(m.any() for m in looked):
         return
-    count = None if past.eventful else 0
+    each = zip(closed, told, mine, strict=True)
+    rates_now = {name(int(c.sensors.rows[i])): float(e.rate[i, 1]) for c, e, m in each for i in np.flatnonzero(m).tolist()}
+    off, deviations = past.rates_off(rates_now)
+    other = not past.guessed and deviations > RULES.other_rates
+    wide = past.eventful or other
+    count = None if wide else 0
     alone = [_empty(c, e.times[:count], e.ahead[:count], prior) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)
     for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
     together = sum(float(f.sum()) for f in for_none)
     whole = together > -RULES.searched if past.searched else not past.guessed and together > RULES.contradicted
-    for one, other, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
-        one.alone[m] = other.steady[m]
-        plain = (other.check_p >= RULES.unfit) & ~(other.strong > RULES.strong)
+    for one, own, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
+        one.alone[m] = own.steady[m]
+        plain = (own.check_p >= RULES.unfit) & ~(own.strong > RULES.strong)
         # Beyond all it allows, by chance too: without it they must be likelier, or nothing is won by letting it go.
         one.let_go[:] |= odd & (plain | (~(one.check_p >= RULES.unfit) & (likelier > 0.0)))
         if whole:
@@ -271,8 +277,9 @@ def _let_go(
             one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
-        if past.eventful:
-            _at_least(one, other, m & one.known)
+        if wide:
+            _at_least(one, own, m & one.known)
+            one.as_fast[m & one.known] = off if other else np.nan
 
 
 def _at_least(one: Claims, other: Claims, members: NDArray[np.bool_]) -> None:
@@ -428,7 +435,19 @@ def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperf
     count = len(closed.sensors)
     numbers = {
         n: np.full(count, np.nan)
-        for n in ("rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence", "behind", "faster", "moved")
+        for n in (
+            "rate_unknown",
+            "check_p",
+            "strong",
+            "unseen",
+            "unseen_from",
+            "hides",
+            "evidence",
+            "behind",
+            "faster",
+            "moved",
+            "as_fast",
+        )
     }
     threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing", "alone")}
     return Claims(

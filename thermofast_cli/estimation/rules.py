@@ -39,6 +39,16 @@ class EstimationRules:
     contradicted: float = rule(
         3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
     )
+    tried_until: float = rule(
+        0.8, "of the window", "up to which identification times must be tried where the last has the least error", BY_HAND
+    )
+    fewest_times: int = rule(3, "times", "tried within a window, of which the one with the least error says anything", BY_HAND)
+    other_rates: float = rule(
+        2.0,
+        "deviations from run to run",
+        "that a run's rates are off past ones, by the median, beyond which intervals are those of its readings alone at least",
+        "a stranger's machines: repeats are off by 0.5 at most, a heat capacity of 0.8 or 1.25 times by 2 and more",
+    )
     searched: float = rule(
         3.0,
         "1",

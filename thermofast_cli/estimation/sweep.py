@@ -388,6 +388,10 @@ def sweep_records(
     after = np.where(outside.any(axis=2), len(times) - outside[..., ::-1].argmax(axis=2), 0)
     earliest = np.maximum(after, counted.argmax(axis=2))
     serves = np.asarray((counted & (np.arange(len(times)) >= earliest[..., None])).any(axis=2))
+    # The least error of a few early times is no least error: it must lie between others, or no time be left to try.
+    tried, last = counted.sum(axis=2), len(times) - 1 - counted[..., ::-1].argmax(axis=2)
+    few = ((best == last) & (times[last] < RULES.tried_until * np.array(windows))) | (tried < RULES.fewest_times)
+    serves &= ~few
     with np.errstate(invalid="ignore"):
         narrow = _from_there_on(width < 2.0 * tolerance_c)
     at = times[np.minimum(earliest, len(times) - 1)]
@@ -407,7 +411,10 @@ def sweep_records(
             told.insert(0, f"the steady state is not known to +-{tolerance_c:g} K at any of these times{reached}: measure longer")
         if not served[s]:
             none = ", ".join(f"{w:g}" for w, good in zip(windows, serves[s], strict=True) if not good)
-            why = "at the last the error is above its least; say longer --times"
+            why, w = "at the last the error is above its least; say longer --times", int(few[s].argmax())
+            if few[s, w]:
+                inside = f"{tried[s, w]} of the times tried lie{'s' if tried[s, w] == 1 else ''} within that of {windows[w]:g} min"
+                why = f"{inside}, up to {times[last[s, w]]:g} min; say --times that go on to its end"
             told.insert(0, f"no time tried serves for the window of {none} min: {why}")
         said.append("; ".join(told))
     status = np.where(some, np.where(np.asarray(doubtful, dtype=bool), "model_doubtful", "ok"), "diverged").tolist()
@@ -441,11 +448,18 @@ def _from_there_on(good: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.where(first < good.shape[1], first, -1)
 
 
+#: What is said where a rule holds and the record does not show what is missing then.
+GOES_ON = (
+    "the record goes on at its end: what is missing when the rule holds is not read from it (identify --criterion foretells it)"
+)
+
+
 def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Sequence[tuple[Run, float]]) -> list[SweepRecord]:
     """The records, with when the rule holds on each sensor's whole record, and what a complete one shows to be missing then."""
     of = {run.name: (run, start) for run, start in started}
     rules = {run.name: Rule.of(criterion, run, start, None) for run, start in started}
     told: dict[tuple[str, str], dict[str, Any]] = {}
+    said: dict[tuple[str, str], str] = {}
     for key in dict.fromkeys((r.run, r.channel) for r in records):
         run, start = of[key[0]]
         values = run.channels.get(key[1], np.empty(0))
@@ -459,4 +473,7 @@ def with_trips(records: Sequence[SweepRecord], criterion: Criterion, started: Se
         trip = float(trips[0]) if math.isfinite(trips[0]) else None
         missing = steady[0] - float(there[0]) if steady is not None and trip is not None else None
         told[key] = {"criterion": criterion.text, "trip_min": None if trip is None else trip - start, "missing_k": missing}
-    return [replace(r, **told.get((r.run, r.channel), {})) for r in records]
+        said[key] = GOES_ON if trip is not None and missing is None else ""
+    keys = [(r.run, r.channel) for r in records]
+    message = ["; ".join(filter(None, (r.message, said.get(key)))) for key, r in zip(keys, records, strict=True)]
+    return [replace(r, message=m, **told.get(key, {})) for key, r, m in zip(keys, records, message, strict=True)]

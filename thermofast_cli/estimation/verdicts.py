@@ -302,8 +302,13 @@ def _noted(case: _Case) -> list[Reason]:
     def stands_on_it(i: int) -> str:
         return f"its own readings alone say {low[i]:.2f}..{high[i]:.2f} degC: a limit beyond stands on the past runs"
 
+    def as_fast(i: int) -> str:
+        told = f"it is {claimed.as_fast[i]:.2g} times as fast as in past runs, more than those differ"
+        return f"{told}: was the machine changed? the interval is that of its own readings at least"
+
     averaged = np.asarray(claimed.averaged > 1)
     return [
+        Reason(np.isfinite(claimed.as_fast), as_fast),
         Reason(believed, as_it_was),
         Reason(np.asarray(beyond), stands_on_it),
         Reason(averaged, lambda i: f"each reading is an average over the last {claimed.averaged[i]}, which the interval counts"),

@@ -100,7 +100,10 @@ def _hoped(design: Design, prior: Imperfection, runs: int) -> Past:
         reading, _ = draw_record(nothing, time, design.tau_min * math.exp(SCATTER * rng.standard_normal()), rises, noise, rng)
         parts = tuple(Part(time, line[None], noise[:1], np.zeros(1)) for line in reading)
         done.append(PastRun(names, parts, np.full(sensors, -math.log(design.tau_min))))
-    return learn_past(done, prior)
+    told = learn_past(done, prior)
+    # Some runs say more of the disturbances and the scatter of rates, by chance, and some less: a plan is for neither.
+    shapes = {name: replace(shape, deviation=SCATTER / math.sqrt(runs)) for name, shape in told.shapes.items()}
+    return replace(told, scale=1.0, scatter=SCATTER, shapes=shapes)
 
 
 def plan(

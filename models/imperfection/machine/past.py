@@ -6,7 +6,7 @@ Level, start and stretch are the run's own; room and load disturb each run anew.
 well, which they are after a complete run; so the amplitudes have a mean and a covariance in closed form.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -189,6 +189,17 @@ class Past:
             rate_spread=self.spread,
             factors=self.factors,
         )
+
+    def rates_off(self, rate: Mapping[str, float]) -> tuple[float, float]:
+        """How many times as fast the sensors of a run are as they were, by their rates [1/min], and how many deviations from run to
+        run that is, either way. Both by the median; (1, 0) where none was known or is told.
+        """
+        both = [(self.shapes[c], b) for c, b in rate.items() if c in self.shapes and b > 0.0]
+        if not both:
+            return 1.0, 0.0
+        off = np.array([np.log(b) - s.log_rate for s, b in both])
+        deviation = np.array([np.hypot(s.deviation, self.scatter) for s, _ in both])
+        return float(np.exp(np.median(off))), abs(float(np.median(off / np.maximum(deviation, 1e-12))))
 
     def known(self, channels: Sequence[str]) -> Known:
         """For the sensors of a part, in its order; all of them have a shape, and all or none a rise of this run."""
