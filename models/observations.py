@@ -28,6 +28,7 @@ class Observations:
     reading, where a logged column drives it; drive names that column, driven (N,) are its values in the unit of the heat. logged
     (N,) are the times that stand in the file, where the grid is finer than that. temperatures names those inputs that are some;
     heats those that are a power, a current or a load, which change no loss, cools a fan or a flow, which brings no heat.
+    heat_unit is what a heat of 1 is in the column's own unit: its largest until the last reading used.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Observations:
     temperatures: tuple[str, ...] = ()
     heats: tuple[str, ...] = ()
     cools: tuple[str, ...] = ()
+    heat_unit: float = 1.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -133,7 +135,7 @@ class Observations:
         level = share if self.logged is None else share[self._file_times[1]]
         heat = self.over_intervals(share, ending)
         rest = {n: c for n, c in self.inputs.items() if n != column}
-        return replace(self, inputs=rest, drive=column, heat=heat, driven=level)
+        return replace(self, inputs=rest, drive=column, heat=heat, driven=level, heat_unit=max(largest, 1e-300))
 
     def over_intervals(self, column: Array, ending: float) -> Array:
         """Mean of a logged column (..., N) over the interval that ends at each reading; ending as for :meth:`driven_by`."""

@@ -17,6 +17,23 @@ def test_intervals_of_capacity_and_resistance_hold_the_truth():
         assert told.resistance_k_per_w == pytest.approx(resistance, rel=0.02)
 
 
+def test_a_larger_power_after_what_is_fitted_changes_no_capacity():
+    """A heat is relative to the largest that was logged until --until, and so are the watts that it is."""
+    time, capacity, resistance = np.arange(0.0, 241.0), 8000.0, 0.08
+    power = np.where(time < 40.0, 60.0, np.where(time < 120.0, 100.0, 180.0))
+    power[30:35] = 30.0
+    here, out = 20.0, []
+    for watt in power:
+        out.append(here)
+        here += 60.0 / capacity * (watt - (here - 20.0) / resistance)
+    reading = np.array(out) + 0.01 * np.random.default_rng(0).standard_normal(len(time))
+    run = tf.read({"time_min": time, "T": reading, "power_w": np.concatenate([[0.0], power[:-1]])})
+    for until in (100.0, None):
+        told = tf.compare(run, drive="power_w", until=until)[0]
+        assert told.heat_capacity_j_per_k == pytest.approx(capacity, rel=0.08)
+        assert told.resistance_k_per_w == pytest.approx(resistance, rel=0.08)
+
+
 def test_kilowatts_are_a_thousand_watts_and_other_columns_are_no_power():
     run, capacity, _ = driven(1, "heater [kW]", 1000.0)
     told = tf.compare(run, drive="heater [kW]")[0]

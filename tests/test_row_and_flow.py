@@ -1,12 +1,16 @@
 """Heat along a row of sensors, and a delay that follows a logged flow."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import thermofast as tf
 from benchmarks.discovery.row_and_flow import KINDS, cooled, judge, pipe, rod
 from thermofast.discovery.observe import observe
-from thermofast.discovery.wording import _coolants
+from thermofast.discovery.stretches import steps_near
+from thermofast.discovery.wording import _adding, _coolants
 from thermofast.models.effects import BUILT_IN
 
 
@@ -88,6 +92,8 @@ def test_a_coolant_read_as_a_sensor_is_pointed_out():
     columns = {"time_min": run.time_s / 60.0, **run.channels, "coolant_degC": run.inputs["coolant_degC"]}
     seen = observe(tf.read(columns)).seen
     assert _coolants(seen) == ["if coolant_degC cools the machine, it is a condition of the test: --inputs coolant_degC"]
+    spaced = replace(seen, channels=(*seen.channels[:-1], "coolant [°C]"))
+    assert _coolants(spaced)[0].endswith("--inputs 'coolant [°C]'")
     assert _coolants(observe(run).seen) == []
     assert _coolants(seen.only(["coolant_degC"])) == []  # a chiller by itself
 
@@ -112,3 +118,32 @@ def test_a_hidden_coolant_is_simulated_with_its_column_and_found():
     assert told.verdict == "coolant_heat"
     [hidden] = made.truth["effects"]
     assert told.parameters["coolant_heat.kappa"]["value"] == pytest.approx(hidden["parameters"]["kappa"]["T1"], rel=0.05)
+
+
+def test_the_command_that_adds_an_effect_says_again_what_was_said_of_columns():
+    """A coolant that is no sensor and a power that is the heat are so in the next command, too."""
+    run, _ = cooled(3)
+    seen = observe(run).seen
+    part = SimpleNamespace(id="coolant_heat", effect=SimpleNamespace(file="my effect.py"))
+    told = _adding([part], replace(seen, name="a run.csv", drive="power [W]"))
+    wanted = "thermofast improve 'a run.csv' --add coolant_heat --drive 'power [W]' --inputs coolant_degC --effect 'my effect.py'"
+    assert told == f"{wanted} -o machine.toml"
+    assert _adding([part], replace(seen, name="stdin", temperatures=())).startswith(
+        "thermofast improve RUN --add coolant_heat --eff"
+    )
+
+
+def test_the_noise_of_a_room_that_stays_is_no_step():
+    """Nor is a single reading, or a wave; a level that changes between two readings is."""
+    run, _ = cooled(3)
+    seen, rng = observe(run).seen, np.random.default_rng(1)
+    count = len(seen.time)
+    at = count // 2
+    still = 22.0 + 0.02 * rng.standard_normal(count)
+    spike = still + 1.0 * (np.arange(count) == at)
+    wave = still + 0.3 * np.sin(np.arange(count) / 9.0)
+    step = still + 0.5 * (np.arange(count) >= at)
+    for column, steps in ((still, 0), (spike, 0), (wave, 0), (step, 1)):
+        told = [w for k in range(count) for w in steps_near(replace(seen, ambient={"room": column}, inputs={}), seen.time[k])]
+        assert len({*told}) == steps
+    assert f"at {seen.time[at]:.4g} min" in told[0]

@@ -1,5 +1,6 @@
 """In which order sets of effects are tried, bettered, weighed and named, with fits that carry their gain alone."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -399,8 +400,8 @@ def test_each_effect_of_a_set_is_replaced_by_those_that_promise_most(monkeypatch
 @pytest.fixture
 def of_two(monkeypatch, base):
     """Whether a pair takes the place of what was named one after the other, as all it must have is told."""
-    told = SimpleNamespace(clear=True, before=100.0, ahead={}, singles=[_set("a", 90.0)])
-    weighed = SimpleNamespace(clear=lambda beyond: told.clear and beyond == 8.0, p=0.001)
+    told = SimpleNamespace(clear=True, before=100.0, ahead={}, singles=[_set("a", 90.0)], beyond=8.0)
+    weighed = SimpleNamespace(clear=lambda beyond: told.clear and beyond == told.beyond, p=0.001)
     monkeypatch.setattr(discover, "beside_others", lambda *_: [weighed, weighed])
     monkeypatch.setattr(discover, "held_out_errors", lambda fit: np.array([told.ahead.get(fit.gain, 1.0)]))
     monkeypatch.setattr(discover, "weigh", lambda before, tried, false_alarm: [weighed])
@@ -439,3 +440,47 @@ def test_two_together_take_the_place_of_one_after_the_other_where_they_explain_f
     assert of_two.found(*pairs) is None
     of_two.singles, of_two.clear = [_set("a", 90.0)], False
     assert of_two.found(*pairs) is None
+
+
+def test_two_that_leave_a_tenth_of_what_each_single_one_leaves_need_not_explain_half_as_much_again(of_two):
+    """Less evidence is asked for then, and rivals are those that leave up to three times as much; one of the two may be sure."""
+    of_two.singles, of_two.beyond = [_set("a", 90.0, left=50.0), _set("z", 100.0, left=49.0)], 4.0
+    assert of_two.found(_set("a+b", 130.0, left=4.9)) == (("a", "b"), [])
+    assert of_two.found(_set("a+b", 130.0, left=4.91)) is None
+    assert of_two.found(_set("a+b", 99.0, left=4.9)) is None
+    pairs = [_set("a+b", 130.0, left=2.0), _set("a+c", 129.0, left=6.0), _set("a+d", 128.0, left=5.0)]
+    assert of_two.found(*pairs) == (("a", "b"), [("a", "c"), ("a", "d")])
+    assert of_two.found(*pairs, _set("d+c", 127.0, left=6.1)) == (("a", "b"), [("a", "c"), ("a", "d")])
+    assert of_two.found(*pairs, _set("d+c", 127.0, left=5.9)) is None
+    assert of_two.found(*pairs[:2], _set("b+a", 127.0, left=5.0)) == (("a", "b"), [("a", "c")])
+    of_two.beyond = 8.0
+    assert of_two.found(*pairs) is None
+
+
+def test_a_pair_stands_behind_that_of_its_effects_which_is_there_by_itself(monkeypatch, of_two):
+    """Of a slow mass alone nothing may be found: then it is the other one that was there first."""
+
+    @dataclass(frozen=True)
+    class Pair:
+        fit: object
+        ids: tuple = ("b", "a")
+
+        @property
+        def parts(self):
+            return self.fit.model.parts
+
+    asked = []
+
+    def fitted(run, parts, values):
+        asked.append([p.id for p in parts])
+        return SimpleNamespace(model=SimpleNamespace(parts=parts))
+
+    monkeypatch.setattr(discover, "fit_model", fitted)
+    monkeypatch.setattr(discover, "with_parts", lambda fit, parts: {})
+    base = SimpleNamespace(run=None)
+    pair = Pair(_set("b+a", 1.0).fit)
+    turned, first = discover._behind_a_single(base, pair, [_set("a", 90.0)])
+    assert ([p.id for p in turned.parts], first.ids, asked) == (["a", "b"], ("a",), [["a", "b"]])
+    assert discover._behind_a_single(base, pair, [_set("b", 9.0), _set("a", 90.0)])[1].ids == ("b",)
+    assert discover._behind_a_single(base, pair, [_set("c", 9.0)]) == (pair, None)
+    assert len(asked) == 1

@@ -9,14 +9,14 @@ goes down to the noise, effects that matter although the rest is imperfect are n
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from ..core.kernel import Array
 from ..effects.base import Effect
-from ..joint import Fit, fit_model
+from ..joint import Fit, fit_model, with_parts
 from ..observations import Observations
 from .candidates import Candidate, in_order, try_add
 from .dominant import Stage, beats_disturbance, beside_others, explain, foreseen, misfit_power, try_all, weigh
@@ -183,18 +183,27 @@ def _of_two(found: Discovery, pairs: Sequence[Candidate], number: int, false_ala
     """
     base = found.base
     before = 0.0 if found.named is None else total_likelihood_ratio(base, found.named)
-    had = misfit_power(base)
+    had, alone = misfit_power(base), min((misfit_power(c.fit) for c in found.singles), default=0.0)
     sound = [c for c in pairs if c.identifiable.ok and c.fit.physical and misfit_power(c.fit) <= (1.0 - RULES.mostly) * had]
     sound.sort(key=lambda c: -total_likelihood_ratio(base, c))
-    if not sound or total_likelihood_ratio(base, sound[0]) < max(RULES.both * before, RULES.least_evidence):
-        return None
-    near = [c for c in sound if total_likelihood_ratio(base, c) >= RULES.as_good * total_likelihood_ratio(base, sound[0])]
-    if len({frozenset(c.ids) for c in near}) > 2:
+    if not sound or total_likelihood_ratio(base, sound[0]) < RULES.least_evidence:
         return None
     named = sound[0]
+    # What every single effect leaves no background explains: a second one draws half of that, hardly a tenth.
+    little = misfit_power(named.fit) <= RULES.pair_leaves * alone
+    if not little and total_likelihood_ratio(base, named) < RULES.both * before:
+        return None
+    near = [c for c in sound if total_likelihood_ratio(base, c) >= RULES.as_good * total_likelihood_ratio(base, named)]
+    if little:
+        near = [c for c in near if misfit_power(c.fit) <= RULES.pair_rival * misfit_power(named.fit)]
+    different = {frozenset(c.ids): c for c in reversed(near)}
+    # One of the two may be sure, and the other one of several.
+    if len(different) > 2 and not (little and frozenset.intersection(*different)):
+        return None
     needed = beside_others(base, named, false_alarm, number)
-    first = next((c for c in found.singles if c.parts[-1].effect.id == named.parts[-2].effect.id), None)
-    if first is None or not all(w is not None and w.clear(RULES.beyond_once_more) for w in needed):
+    named, first = _behind_a_single(base, named, found.singles)
+    beyond = RULES.beyond_pair if little else RULES.beyond_once_more
+    if first is None or not all(w is not None and w.clear(beyond) for w in needed):
         return None
     held = tuple(held_out_errors(fit) for fit in (base, first.fit, named.fit))
     so_far = found.ahead if found.ahead is not None else found.ahead_base
@@ -204,9 +213,19 @@ def _of_two(found: Discovery, pairs: Sequence[Candidate], number: int, false_ala
     if not all(steps):
         return None
     stages = tuple(Stage((fit,), step[0], None) for fit, step in zip((base, first.fit), steps, strict=True))
-    also = tuple(in_order(c) for c in near[1:] if set(c.ids) != set(named.ids))
+    also = tuple(in_order(c) for ids, c in reversed(different.items()) if ids != frozenset(named.ids))[: RULES.most_also]
     p = max(w.p for w in needed if w is not None)
     return Discovery(base, found.base_floor, found.singles, named, also, p, held[0], held[-1], "", stages, held)
+
+
+def _behind_a_single(base: Fit, pair: Candidate, singles: Sequence[Candidate]) -> tuple[Candidate, Candidate | None]:
+    """A pair with that of its effects behind the other one which, by itself, is among the single ones; and that one, if any is."""
+    single = {c.parts[-1].effect.id: c for c in singles}
+    *others, one, two = pair.parts
+    if one.effect.id in single or two.effect.id not in single:
+        return pair, single.get(one.effect.id)
+    turned = fit_model(base.run, [*others, two, one], with_parts(pair.fit, [*others, two, one]))
+    return replace(pair, fit=turned), single[two.effect.id]
 
 
 def _share_of_run(k: int, base: Fit, singles: tuple[Candidate, ...], stages: Sequence[Stage], held: list[Array]) -> Discovery:

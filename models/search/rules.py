@@ -81,6 +81,14 @@ class SearchRules:
         "the same for an effect beside those named: what remains is a machine's usual background",
         BY_HAND,
     )
+    pair_leaves: float = rule(
+        0.1,
+        "of what the best single effect leaves",
+        "that two together leave at most, to be named for that",
+        "machines by scipy's solver, of one cause and of two: backgrounds leave 0.17 and more, pairs that are there 0.01 to 0.1",
+    )
+    pair_rival: float = rule(3.0, "times", "what such two leave, up to which other two may be as good", BY_HAND)
+    beyond_pair: float = rule(4.0, "times what chance gives", "evidence asked of each of such two beside the other", BY_HAND)
     least_share: float = rule(0.25, "1", "share of the misfit that an effect must explain to be named so", BY_HAND)
     mostly: float = rule(
         0.9,

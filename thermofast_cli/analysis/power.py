@@ -2,12 +2,11 @@
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from thermofast.models import Observations
 from thermofast.models.greybox import SINK
 from thermofast.models.joint import LEVEL, RATE, Fit, Key
 
@@ -50,14 +49,14 @@ def watts(column: str) -> float | None:
     return None if found is None else 1000.0 if found["kilo"] else 1.0
 
 
-def most_watts(drive: str | None, inputs: Mapping[str, Any]) -> float | None:
-    """The largest power [W] of a run's drive; None where its name tells no power."""
-    unit = watts(drive) if drive else None
-    return unit * float(np.nanmax(np.abs(inputs[drive]))) if drive is not None and unit is not None else None
+def unit_watts(run: Observations) -> float | None:
+    """The power [W] that a heat of 1 is in a run; None where its drive's name tells no power."""
+    unit = watts(run.drive) if run.drive else None
+    return None if unit is None else unit * run.heat_unit
 
 
 def thermal_constants(fit: Fit, sensor: int, most: float, wider: float) -> Constants | None:
-    """C and R of one sensor from a fit whose heat is a power of `most` [W] at most; None where they are not determined.
+    """C and R of one sensor from a fit whose heat of 1 is a power of `most` [W]; None where they are not determined.
 
     The law b = 1 / (R C) and level - sink = R P. wider multiplies the standard errors, which are those under white noise.
     """

@@ -16,7 +16,7 @@ from thermofast.models.uncertainty.unknown_heat import NEARLY, RULES, Follows, c
 
 from ..errors import rounded
 from ..machine.rise import free_runs
-from .power import Constants, most_watts
+from .power import Constants, unit_watts
 
 if TYPE_CHECKING:
     from ..discovery.loop import LoopTask
@@ -54,7 +54,7 @@ def needed_of(task: "LoopTask", fit: Fit, whole: Observations) -> NeededHeat:
     """The unknown heat of a run beside the model that its task names."""
     learnt = set(task.model.file.channels) if task.model is not None else set()
     drive = {whole.drive: whole.heat} if whole.drive and whole.heat is not None else {}
-    most = most_watts(whole.drive, task.run.inputs)
+    most = unit_watts(whole)
     power = whole.heat * most if most is not None and whole.heat is not None else None
     return needed_heat(fit, whole, learnt, {**whole.ambient, **whole.inputs, **drive}, power)
 

@@ -1,5 +1,7 @@
 """``thermofast simulate``."""
 
+import shlex
+
 import click
 
 from ..reading_options import names
@@ -99,6 +101,6 @@ def command(
     made = simulate_record(names(effects), seed, sensors, duration, interval, ambient, rise, t95, noise, step, cooling, fixed=given)
     made.save(output, key)
     count, readings = len(made.truth["sensors"]), len(made.columns["ambient"])
-    beside = "".join(f"; {name} is an input: --inputs {name}" for name in made.truth.get("inputs", ()))
+    beside = "".join(f"; {name} is an input: --inputs {shlex.quote(name)}" for name in made.truth.get("inputs", ()))
     say(f"{count} sensors, {readings} readings each in {output}" + (f", truth in {key}" if key else "") + beside)
     return 0

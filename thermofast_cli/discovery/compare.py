@@ -19,7 +19,7 @@ from thermofast.models.uncertainty.heat_in_watts import HeatInWatts
 from thermofast.models.uncertainty.lump_heat import UnknownHeat
 
 from ..analysis.denoise import Denoised, denoised
-from ..analysis.power import Constants, most_watts, thermal_constants
+from ..analysis.power import Constants, thermal_constants, unit_watts
 from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of, of_effects
 from ..errors import ThermofastError
 from ..records import CompareRecord, finite
@@ -113,7 +113,7 @@ def _compare(task: LoopTask) -> Comparison:
         along = correlations(fit, whole, residual, i)
         count = int(whole.used[i].sum())
         few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        constants = (needed and needed.constants(i)) or _constants(task, fit, i, wider)
+        constants = (needed and needed.constants(i)) or _constants(fit, i, wider)
         told = constants.in_words() if constants else ""
         messages = [kept, told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
         if stretches and floor[i] >= RULES.pattern and unused.any():
@@ -164,7 +164,7 @@ def _compare(task: LoopTask) -> Comparison:
                     task.fitted_min,
                     name,
                     float(seen.noise[i]),
-                    {**whole.ambient, **whole.inputs, **drive_of(task, whole)},
+                    {**whole.ambient, **whole.inputs, **drive_of(whole)},
                     needed.heats[i] if needed else None,
                     needed.in_watts[i] if needed else None,
                 )
@@ -173,9 +173,9 @@ def _compare(task: LoopTask) -> Comparison:
     return Comparison(in_order(records, task.run), panels, clean)
 
 
-def _constants(task: LoopTask, fit: Fit, sensor: int, wider: float) -> Constants | None:
+def _constants(fit: Fit, sensor: int, wider: float) -> Constants | None:
     """Heat capacity and resistance where the drive is a power in watts."""
-    most = most_watts(fit.run.drive, task.run.inputs)
+    most = unit_watts(fit.run)
     if most is None:
         return None
     # A misfit, which is no noise of the sensor's, errs as its colour says.
@@ -188,17 +188,17 @@ def _needed(task: LoopTask, fit: Fit, whole: Observations) -> tuple[NeededHeat |
         return None, []
     found = needed_of(task, fit, whole)
     logged = bool(whole.ambient or whole.inputs or whole.drive)
-    power = most_watts(whole.drive, task.run.inputs) is not None
+    power = unit_watts(whole) is not None
     watts = NO_WATTS if power and not any(found.in_watts) else ""
     said = [in_words(found.follows) or NO_COLUMN if logged else "", watts, OWN_RATE if found.own_rate else ""]
     return found, [*said, of_effects(fit)]
 
 
-def drive_of(task: LoopTask, whole: Observations) -> dict[str, Array]:
+def drive_of(whole: Observations) -> dict[str, Array]:
     """The logged column (N,) that is the run's heat, by name, in its own unit; empty where the heat is constant."""
     if whole.drive is None or whole.heat is None:
         return {}
-    return {whole.drive: whole.heat * float(np.nanmax(np.abs(task.run.inputs[whole.drive])))}
+    return {whole.drive: whole.heat * whole.heat_unit}
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:

@@ -18,6 +18,8 @@ UNSURE = 3.0
 WINDOW, DEVIATIONS, IN_A_ROW = 20, 3.0, 3
 #: A change of this share of a column's range between two readings is a step.
 STEP_SHARE = 0.25
+#: Readings of a logged column whose median is its level on either side, and usual changes between neighbours that a step exceeds.
+LEVEL, BEYOND_NOISE = 5, 6.0
 #: A step may precede the failing stretch by this share of the record, and follow its start by a few readings.
 BEFORE_SHARE, AFTER_READINGS = 0.06, 3
 
@@ -95,6 +97,10 @@ def _sudden(residual: Array, noise: float) -> NDArray[np.bool_]:
     return found
 
 
+def _level(some: NDArray[np.float64]) -> float:
+    return float(np.median(some))
+
+
 def steps_near(run: Observations, begins_min: float) -> list[str]:
     """``spindle_speed steps from 2000 to 5000 at 180 min``, for each logged column that steps where a stretch begins [min]."""
     found = []
@@ -102,11 +108,14 @@ def steps_near(run: Observations, begins_min: float) -> list[str]:
         span = float(np.ptp(column))
         if span <= 0.0:
             continue
+        # From the level before to that after: a single reading says nothing of it, nor does the noise of a room that stays.
         at = np.flatnonzero(np.abs(np.diff(column)) > STEP_SHARE * span)
-        if len(at) > 12:  # a column that jumps all the time steps nowhere in particular
+        least = max(STEP_SHARE * span, BEYOND_NOISE * float(np.median(np.abs(np.diff(column)))))
+        steps = [k for k in at.tolist() if abs(_level(column[k + 1 :][:LEVEL]) - _level(column[: k + 1][-LEVEL:])) > least]
+        if len(steps) > 12:  # a column that jumps all the time steps nowhere in particular
             continue
         early, late = begins_min - BEFORE_SHARE * run.span, begins_min + AFTER_READINGS * run.step
-        near = [k for k in at if early <= run.time[k + 1] <= late]
+        near = [k for k in steps if early <= run.time[k + 1] <= late]
         if near:
             k = near[-1]
             found.append(f"{name} steps from {column[k]:.4g} to {column[k + 1]:.4g} at {run.time[k + 1]:.4g} min")

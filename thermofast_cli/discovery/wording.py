@@ -149,14 +149,21 @@ def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         before = after
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
     also, ways = rivals(found), other_ways(found)
-    source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
-    own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in parts if p.effect.file)
-    advice = f"add it: thermofast improve {source} --add {','.join(p.id for p in parts)}{own} -o machine.toml"
+    advice = f"add it: {_adding(parts, seen)}"
     if also:
         hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
         advice = f"{advice}; to tell it from {', '.join('+'.join(c.ids) for c in also)}: {hints}"
     advice = "; ".join([advice, *_driven_by(parts), *_or_a_room(parts, seen), *(p.effect.advice for p in parts if p.effect.advice)])
     return evidence, "; ".join(a for a in (advice, ways) if a), "partly_explained"
+
+
+def _adding(parts: Sequence[Part], seen: Observations) -> str:
+    """The command that adds effects to the model of a run, with what has to be said of its columns again."""
+    source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
+    own = [f"--effect {shlex.quote(p.effect.file)}" for p in parts if p.effect.file]
+    drive = [f"--drive {shlex.quote(seen.drive)}"] if seen.drive else []
+    named = [f"--inputs {shlex.quote(c)}" for c in seen.temperatures]  # by itself a temperature is a sensor
+    return " ".join(["thermofast improve", source, "--add", ",".join(p.id for p in parts), *drive, *named, *own, "-o machine.toml"])
 
 
 def _driven_by(parts: Sequence[Part]) -> list[str]:
@@ -226,10 +233,7 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
         advice = f"as good: {', '.join('+'.join(c.ids) for c in also)}. To tell them apart: {hints}"
     else:
-        source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
-        own = "".join(f" --effect {shlex.quote(p.effect.file)}" for p in named.parts if p.effect.file)
-        new = [p.id for p in named.parts if p not in found.base.model.parts]
-        advice = f"add it: thermofast improve {source} --add {','.join(new)}{own} -o machine.toml"
+        advice = f"add it: {_adding([p for p in named.parts if p not in found.base.model.parts], seen)}"
     advice = "; ".join(
         [
             advice,
@@ -274,7 +278,9 @@ def _coolants(seen: Observations) -> list[str]:
     """What to say of sensors that may read what cools the machine: no law of a heated body describes those."""
     named = [c for c in seen.channels if any(word in c.lower() for word in USUAL["coolant"])]
     return [
-        f"if {c} cools the machine, it is a condition of the test: --inputs {c}" for c in named[:1] if len(named) < seen.sensors
+        f"if {c} cools the machine, it is a condition of the test: --inputs {shlex.quote(c)}"
+        for c in named[:1]
+        if len(named) < seen.sensors
     ]
 
 

@@ -1,5 +1,6 @@
 """A learnt model on a run: the machine's constants as known, the run's own from its first minutes."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -211,7 +212,7 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
         raise UsageError(
             f"{source}: the model's effect {entry.id!r} needs the column {column!r}",
             found=f"{column} read as a sensor" if column in seen.channels else ", ".join(have) or "no logged inputs",
-            do=f"--inputs {column}" if column in seen.channels else "log it, or learn a model without this effect",
+            do=f"--inputs {shlex.quote(column)}" if column in seen.channels else "log it, or learn a model without this effect",
         )
     names = {p.name for p in effect.parameters}
     unknown = [n for n in entry.searched if n not in names]
