@@ -1,5 +1,6 @@
 """What is not known of a learnt model, and what speaks against it, in the next run."""
 
+import re
 from dataclasses import replace as replaced
 from types import SimpleNamespace
 
@@ -18,6 +19,7 @@ from thermofast.estimation import imperfect
 from thermofast.machine.learnt import EFFECT_AGAIN, carry
 from thermofast.machine.model import Model
 from thermofast.machine.modelfile import model_file, read_model
+from thermofast.machine.past import _reached
 from thermofast.machine.rise import _doubtful
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import NONE, TYPICAL, Part, Past, SensorShape
@@ -240,6 +242,42 @@ def test_a_machine_that_was_changed_beside_its_neighbour_is_told_wide_and_its_ne
         assert r.steady_state_lo_c is None or r.steady_state_lo_c < 20.0 + rise
         assert r.steady_state_hi_c is None or r.steady_state_hi_c > 20.0 + rise
         assert "times as fast as in past runs, more than those differ" in r.message
+
+
+def test_what_a_model_has_far_beyond_the_end_of_its_run_is_trusted_no_farther_than_the_readings():
+    """A loss that falls by a third all day long looks like a slow mass, which would go on for days."""
+
+    def of(seed, minutes, load=1.0):
+        time = np.arange(0.0, minutes + 0.5)
+
+        def law(t, y):
+            return [load * 0.09 - (1.0 - 0.35 * t / 400.0) * y[0] / 120.0]
+
+        rise = solve_ivp(law, (0.0, time[-1]), [0.0], t_eval=time, rtol=1e-8, atol=1e-8).y[0]
+        return {"time_min": time, "a": 20.0 + rise + np.random.default_rng(seed).normal(0.0, 0.02, len(time))}
+
+    model = tf.improve(of(1, 400), add=["second_mode"]).model
+    [told] = tf.identify(of(2, 60, 0.9), model=model)
+    assert "% of where this model ends: the rest is taken on trust" in told.message
+    assert told.status != "ok"
+    low = float(re.search(r"its own readings alone say ([\d.]+)\.\.", told.message)[1])
+    assert told.steady_state_lo_c == pytest.approx(low, abs=0.005)
+    assert told.steady_state_lo_c < 20.0 + 0.9 * 10.8 / 0.65 < told.steady_state_hi_c
+
+
+@pytest.mark.parametrize("share", [0.69, 0.71])
+def test_how_far_a_run_had_come_is_that_of_the_sensor_that_was_farthest_from_its_end(share):
+    grid = -np.expm1(-GRID)
+    slow = -np.expm1(np.log(1.0 - share) * GRID)  # at x = 1 so much is done
+    rises = {
+        n: SimpleNamespace(held=np.array([0.0 * grid, line, 0.0 * grid]), nodes=np.zeros(3), log_rate=-4.0)
+        for n, line in (("a", grid), ("b", slow))
+    }
+    one = SimpleNamespace(length_min=float(np.exp(4.0)))
+    file = SimpleNamespace(learnt_from=SimpleNamespace(length_min=5.0), also_from=(one,))
+    assert _reached({"b": rises["b"]}, file) == pytest.approx(share, abs=0.005)
+    assert _reached(rises, file) == pytest.approx(-np.expm1(-1.0), abs=0.005)
+    assert _reached({}, file) == 1.0
 
 
 def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():

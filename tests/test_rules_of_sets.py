@@ -400,7 +400,7 @@ def test_each_effect_of_a_set_is_replaced_by_those_that_promise_most(monkeypatch
 @pytest.fixture
 def of_two(monkeypatch, base):
     """Whether a pair takes the place of what was named one after the other, as all it must have is told."""
-    told = SimpleNamespace(clear=True, before=100.0, ahead={}, singles=[_set("a", 90.0)], beyond=8.0)
+    told = SimpleNamespace(clear=True, before=100.0, ahead={}, singles=[_set("a", 90.0)], beyond=8.0, left=100.0)
     weighed = SimpleNamespace(clear=lambda beyond: told.clear and beyond == told.beyond, p=0.001)
     monkeypatch.setattr(discover, "beside_others", lambda *_: [weighed, weighed])
     monkeypatch.setattr(discover, "held_out_errors", lambda fit: np.array([told.ahead.get(fit.gain, 1.0)]))
@@ -408,7 +408,7 @@ def of_two(monkeypatch, base):
     monkeypatch.setattr(discover, "in_order", lambda c: c)
 
     def found(*pairs):
-        named = None if told.before is None else _set("z", told.before)
+        named = None if told.before is None else _set("z", told.before, left=told.left)
         before = SimpleNamespace(
             base=base, named=named, ahead=np.ones(1), ahead_base=np.ones(1), singles=told.singles, base_floor=None
         )
@@ -453,6 +453,10 @@ def test_two_that_leave_a_tenth_of_what_each_single_one_leaves_need_not_explain_
     assert of_two.found(*pairs, _set("d+c", 127.0, left=6.1)) == (("a", "b"), [("a", "c"), ("a", "d")])
     assert of_two.found(*pairs, _set("d+c", 127.0, left=5.9)) is None
     assert of_two.found(*pairs[:2], _set("b+a", 127.0, left=5.0)) == (("a", "b"), [("a", "c")])
+    of_two.left = 19.9  # of what was named, as of two that were found one after the other
+    assert of_two.found(*pairs) is None
+    of_two.left = 20.0
+    assert of_two.found(*pairs) is not None
     of_two.beyond = 8.0
     assert of_two.found(*pairs) is None
 

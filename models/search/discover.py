@@ -183,13 +183,14 @@ def _of_two(found: Discovery, pairs: Sequence[Candidate], number: int, false_ala
     """
     base = found.base
     before = 0.0 if found.named is None else total_likelihood_ratio(base, found.named)
-    had, alone = misfit_power(base), min((misfit_power(c.fit) for c in found.singles), default=0.0)
+    so_named = [] if found.named is None else [found.named]
+    had, alone = misfit_power(base), min((misfit_power(c.fit) for c in (*found.singles, *so_named)), default=0.0)
     sound = [c for c in pairs if c.identifiable.ok and c.fit.physical and misfit_power(c.fit) <= (1.0 - RULES.mostly) * had]
     sound.sort(key=lambda c: -total_likelihood_ratio(base, c))
     if not sound or total_likelihood_ratio(base, sound[0]) < RULES.least_evidence:
         return None
     named = sound[0]
-    # What every single effect leaves no background explains: a second one draws half of that, hardly a tenth.
+    # What every single effect leaves, and what was named, no background explains: a second one draws half of that, hardly a tenth.
     little = misfit_power(named.fit) <= RULES.pair_leaves * alone
     if not little and total_likelihood_ratio(base, named) < RULES.both * before:
         return None

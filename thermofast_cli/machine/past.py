@@ -11,12 +11,14 @@ from thermofast.models.effects.base import Effect
 from thermofast.models.effects.load_step import DriveLaw
 from thermofast.models.imperfection import (
     FAST_MODES,
+    GRID,
     GUESSED_NODES,
     SLOW_MODES,
     TYPICAL,
     Part,
     Past,
     PastRun,
+    Rise,
     Searched,
     SensorShape,
     learn_past,
@@ -59,6 +61,8 @@ STAYED = 2.0
 SINK_KEY = Key(-1, SINK.name)
 #: Time constants from which on a run tells what slower masses do.
 COMPLETE = 3.5
+#: Share of the way to its end, by its own model, below which what a run ended at says little of that end.
+REACHED = 0.7
 
 
 @dataclass(frozen=True)
@@ -317,9 +321,14 @@ def _knowledge(task: LoopTask) -> Knowledge:
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
         )
     rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min)
+    if (reached := _reached(rises, file)) < REACHED:
+        trusted = "the rest is taken on trust, and the interval is that of the readings alone at least"
+        notes.append(f"what it was learnt from had come to {rounded(100.0 * reached, 2)} % of where this model ends: {trusted}")
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
-    return Knowledge(name, replace(past, shapes=known, rises=rises, eventful=bool(eventful)), tuple(notes), uses_room)
+    return Knowledge(
+        name, replace(past, shapes=known, rises=rises, eventful=bool(eventful) or reached < REACHED), tuple(notes), uses_room
+    )
 
 
 def past_of_model(model: Model) -> Past:
@@ -357,6 +366,16 @@ def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:
     if turns >= COMPLETE:
         return ()
     return (f"learnt from no more than {rounded(turns, 2)} time constants: what slower masses bring later is not in it",)
+
+
+def _reached(rises: Mapping[str, Rise], file: ModelFile) -> float:
+    """The least share of the way to its end, by the model, that a sensor had gone where the longest run learnt from ended."""
+    longest, shares = max(one.length_min for one in (file.learnt_from, *file.also_from)), [1.0]
+    for rise in rises.values():
+        line = rise.held[len(rise.nodes) // 2]
+        if abs(line[-1]) > 0.0:
+            shares.append(float(np.interp(longest * np.exp(rise.log_rate), GRID, line) / line[-1]))
+    return min(shares)
 
 
 def _old(file: ModelFile) -> Past:

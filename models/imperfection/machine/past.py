@@ -147,7 +147,8 @@ class Past:
     that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
     a machine's usual disturbance does. stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
     changed_min: when it jumped last [min of the run]. cycles: it goes on and off, and what lies beyond the log is for its mean.
-    eventful: something happened in the only run learnt from, and a slow mass may be hidden in it.
+    eventful: something happened in the only run learnt from, and a slow mass may be hidden in it, or its end was far: what it says
+    of a limit is trusted no farther than the readings at hand go.
     """
 
     shapes: dict[str, SensorShape]
