@@ -98,15 +98,15 @@ def test_doubtful_rows_would_mostly_have_missed_and_plain_machines_have_none():
 
 
 def test_what_the_point_that_moved_most_shows_is_still_ahead_of_the_others():
-    """Read for two cycles of a heat that is switched, four points lie still after the first; the heated one swings."""
-    record = simulate("duty", 661_001)
+    """Of a heat that is switched: the heated point swings, three more have long settled by the law, and end kelvins from there."""
+    record = simulate("duty", 661_050)
     n = int(np.searchsorted(record.time, 0.4 * record.tau)) + 1
     rows = tf.identify({"time_min": record.time[:n]} | {f"T{i}": row[:n] for i, row in enumerate(record.reading)})
     assert all(r.status == "model_doubtful" for r in rows)
     assert "the point that moved most shows a heat that is not constant" not in rows[0].message
     assert all("the point that moved most shows a heat that is not constant" in r.message for r in rows[1:])
     missed = [not r.steady_state_lo_c <= limit <= r.steady_state_hi_c for r, limit in zip(rows, record.limit, strict=True)]
-    assert missed == [True, False, False, True, True]
+    assert missed == [True, True, True, True]
 
 
 @pytest.mark.parametrize(("what", "said"), [("a jump", True), ("an outlier", False), ("a gap", False)])

@@ -381,8 +381,7 @@ def test_a_drive_is_drawn_in_its_own_unit():
     """tests/test_drive.py."""
     from thermofast.discovery.compare import drive_of
 
-    task = SimpleNamespace(run=SimpleNamespace(inputs={"power_w": np.array([0.0, 250.0, 500.0])}))
-    found = drive_of(task, SimpleNamespace(drive="power_w", heat=np.array([0.0, 0.5, 1.0])))
+    found = drive_of(SimpleNamespace(drive="power_w", heat=np.array([0.0, 0.5, 1.0]), heat_unit=500.0))
     assert found["power_w"].tolist() == [0.0, 250.0, 500.0]
 
 

@@ -150,10 +150,11 @@ def track_problem(track: Any, count: int) -> str | None:
     if not 0 <= track.first <= count:
         return f"its track begins at reading {track.first} of {count}"
     good = slice(track.first, track.diverged_at)
-    wrong = track.weight[~((track.weight >= 0.0) & (track.weight <= 1.0))]
+    kept = track.weight[: track.diverged_at]
+    wrong = kept[~((kept >= 0.0) & (kept <= 1.0))]
     if len(wrong):
         return f"its track's weight holds {wrong[0]:g}, needed 0 for a reading that it left out, else 1"
-    if count and not track.weight.any():
+    if len(kept) and not kept.any():
         return "its track's weight leaves out every reading"
     if not np.isfinite(track.state[good]).all():
         return "its track's state is not finite, and diverged_at does not say from which reading on"

@@ -454,10 +454,6 @@ def _refuse_other_clock(table: Table, time: Time, spare: list[str], options: Opt
         own, main = table.columns[n], table.columns.get(used, [])
         if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
             continue
-        if not options.time and (length := length_told(table, time, n)) is not None:
-            told = f"{length_of(float(np.ptp(time.seconds)))} by {used!r}, {length_of(length)} by {n!r}"
-            do = f"say which is right: --time {n!r}, or --exclude {n!r}"
-            raise InputError(f"{table.name}: two times that disagree about how long the record is", found=told, do=do)
         numbers = isinstance(own, np.ndarray) and isinstance(main, np.ndarray)
         if (numbers and (alike or n in named)) or runs_otherwise(table, time, used, n, alike):
             raise InputError(
@@ -466,6 +462,10 @@ def _refuse_other_clock(table: Table, time: Time, spare: list[str], options: Opt
                 do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns; or --exclude {n!r} "
                 "if it is none of theirs",
             )
+        if not options.time and (length := length_told(table, time, n)) is not None:
+            told = f"{length_of(float(np.ptp(time.seconds)))} by {used!r}, {length_of(length)} by {n!r}"
+            do = f"say which is right: --time {n!r}, or --exclude {n!r}"
+            raise InputError(f"{table.name}: two times that disagree about how long the record is", found=told, do=do)
 
 
 def content_of(source: str, options: Options | None = None, name: str = "") -> tuple[str, bytes]:
