@@ -174,12 +174,12 @@ def _line(effect: str, some: list[Outcome]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def with_rule(text: str) -> None:
-    """Another value of one of the search's rules, in this process: ``least_evidence=0``."""
+def with_rule(text: str, rules: object = RULES) -> None:
+    """Another value of one of some rules, of the search's by default, in this process: ``least_evidence=0``."""
     if text:
         name, _, value = text.partition("=")
-        assert hasattr(RULES, name), name
-        object.__setattr__(RULES, name, float(value))
+        assert hasattr(rules, name), name
+        object.__setattr__(rules, name, float(value))
 
 
 def cases() -> list[tuple[str, str]]:

@@ -1,6 +1,7 @@
 """A model of a machine that has been changed since: does ``identify --model`` hold what it says of a new run?
 
-python -m benchmarks.machines.changed_since [--each 8] [--seed 76000] prints, by what was changed and how much of the new run
+python -m benchmarks.machines.changed_since [--each 8] [--seed 76000] [--rule other_rates=99]
+prints, by what was changed and how much of the new run
 was read (in median times to 63 %): the share of rows that are ``ok``, how many of these hold the limit, and the median
 half-width over the rise. Spindle heads of ``benchmarks.machines.bodies``; the model is of three complete runs before
 (`improve --together`).
@@ -18,7 +19,9 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np
 
 import thermofast as tf
+from benchmarks.discovery.dominant import with_rule
 from benchmarks.machines.bodies import COMPLETE, LONGEST, Bodies, measured, spindle
+from thermofast.estimation.rules import RULES
 
 READ = (0.3, 0.5, 1.0)
 CHANGES = {
@@ -53,9 +56,10 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--each", type=int, default=8)
     parser.add_argument("--seed", type=int, default=76_000)
+    parser.add_argument("--rule", default="", metavar="NAME=NUMBER", help="with another value of a rule, to see what it is for")
     given = parser.parse_args()
     by = defaultdict(list)
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(initializer=with_rule, initargs=(given.rule, RULES)) as pool:
         for rows in pool.map(rows_of, range(given.seed, given.seed + given.each)):
             for change, share, *row in rows:
                 by[change, share].append(row)

@@ -85,7 +85,7 @@ class SearchRules:
         0.1,
         "of what the best single effect leaves",
         "that two together leave at most, to be named for that",
-        "machines by scipy's solver, of one cause and of two: backgrounds leave 0.17 and more, pairs that are there 0.01 to 0.1",
+        "benchmarks.discovery.acts_twice, and quieter machines: backgrounds leave 0.17 and more, pairs that are there 0.01 to 0.1",
     )
     pair_rival: float = rule(3.0, "times", "what such two leave, up to which other two may be as good", BY_HAND)
     beyond_pair: float = rule(4.0, "times what chance gives", "evidence asked of each of such two beside the other", BY_HAND)

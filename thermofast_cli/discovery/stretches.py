@@ -97,10 +97,6 @@ def _sudden(residual: Array, noise: float) -> NDArray[np.bool_]:
     return found
 
 
-def _level(some: NDArray[np.float64]) -> float:
-    return float(np.median(some))
-
-
 def steps_near(run: Observations, begins_min: float) -> list[str]:
     """``spindle_speed steps from 2000 to 5000 at 180 min``, for each logged column that steps where a stretch begins [min]."""
     found = []
@@ -111,7 +107,7 @@ def steps_near(run: Observations, begins_min: float) -> list[str]:
         # From the level before to that after: a single reading says nothing of it, nor does the noise of a room that stays.
         at = np.flatnonzero(np.abs(np.diff(column)) > STEP_SHARE * span)
         least = max(STEP_SHARE * span, BEYOND_NOISE * float(np.median(np.abs(np.diff(column)))))
-        steps = [k for k in at.tolist() if abs(_level(column[k + 1 :][:LEVEL]) - _level(column[: k + 1][-LEVEL:])) > least]
+        steps = [k for k in at.tolist() if abs(np.median(column[k + 1 :][:LEVEL]) - np.median(column[: k + 1][-LEVEL:])) > least]
         if len(steps) > 12:  # a column that jumps all the time steps nowhere in particular
             continue
         early, late = begins_min - BEFORE_SHARE * run.span, begins_min + AFTER_READINGS * run.step

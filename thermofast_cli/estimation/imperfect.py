@@ -257,7 +257,7 @@ def _let_go(
     rates_now = {name(int(c.sensors.rows[i])): float(e.rate[i, 1]) for c, e, m in each for i in np.flatnonzero(m).tolist()}
     off, deviations = past.rates_off(rates_now)
     other = not past.guessed and deviations > RULES.other_rates
-    wide = past.eventful or other
+    wide = past.open_end or other
     count = None if wide else 0
     alone = [_empty(c, e.times[:count], e.ahead[:count], prior) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)

@@ -313,8 +313,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
     if prepared is None or _too_few(prepared):
         return Knowledge(name, notes=(f"too few readings for the effects of {task.model.source}: identified without it",))
     carried = carry(file, prepared.seen, name, task.model.source)
-    eventful = () if file.learnt_from.is_of(name, prepared.seen) else _said_of_events(file, check_effects(file, task.model.source))
-    about = (*_said_of_length(file, past), *eventful)
+    events = () if file.learnt_from.is_of(name, prepared.seen) else _said_of_events(file, check_effects(file, task.model.source))
+    about = (*_said_of_length(file, past), *events)
     notes = [_said(ids_of(carried.fit.model.parts), task.model.source, past.runs), *about, *carried.notes]
     if past.unexplained:
         notes.append(
@@ -326,9 +326,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
         notes.append(f"what it was learnt from had come to {rounded(100.0 * reached, 2)} % of where this model ends: {trusted}")
     known = {c: s for c, s in past.shapes.items() if c in rises}
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
-    return Knowledge(
-        name, replace(past, shapes=known, rises=rises, eventful=bool(eventful) or reached < REACHED), tuple(notes), uses_room
-    )
+    past = replace(past, shapes=known, rises=rises, open_end=bool(events) or reached < REACHED)
+    return Knowledge(name, past, tuple(notes), uses_room)
 
 
 def past_of_model(model: Model) -> Past:
