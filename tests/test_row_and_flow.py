@@ -1,5 +1,6 @@
 """Heat along a row of sensors, and a delay that follows a logged flow."""
 
+import shlex
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,10 +9,12 @@ import pytest
 
 import thermofast as tf
 from benchmarks.discovery.row_and_flow import KINDS, cooled, judge, pipe, rod
+from thermofast.discovery.loop import LoopTask
 from thermofast.discovery.observe import observe
 from thermofast.discovery.stretches import steps_near
 from thermofast.discovery.wording import _adding, _coolants
 from thermofast.models.effects import BUILT_IN
+from thermofast.reading_options import options_from, spoken
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -120,17 +123,23 @@ def test_a_hidden_coolant_is_simulated_with_its_column_and_found():
     assert told.parameters["coolant_heat.kappa"]["value"] == pytest.approx(hidden["parameters"]["kappa"]["T1"], rel=0.05)
 
 
-def test_the_command_that_adds_an_effect_says_again_what_was_said_of_columns():
-    """A coolant that is no sensor and a power that is the heat are so in the next command, too."""
-    run, _ = cooled(3)
-    seen = observe(run).seen
-    part = SimpleNamespace(id="coolant_heat", effect=SimpleNamespace(file="my effect.py"))
-    told = _adding([part], replace(seen, name="a run.csv", drive="power [W]"))
-    wanted = "thermofast improve 'a run.csv' --add coolant_heat --drive 'power [W]' --inputs coolant_degC --effect 'my effect.py'"
-    assert told == f"{wanted} -o machine.toml"
-    assert _adding([part], replace(seen, name="stdin", temperatures=())).startswith(
-        "thermofast improve RUN --add coolant_heat --eff"
-    )
+def test_the_command_that_adds_an_effect_says_again_how_the_run_was_read():
+    """The same readings go in: what was said of the file, of its stretch and of its heat, as a shell takes it."""
+    given = {"inputs": "coolant [C]", "exclude": ["a, b", "c"], "delimiter": ";", "interval": 30, "rename": "T1=it's", "long": "p,q"}
+    options = options_from({**given, "resistance": "1.84,21.5", "missing": "-99", "skip_footer": 2, "strict": True, "from_min": 5})
+    again = spoken(options)
+    words = shlex.split(again.replace("--missing=", "--missing ").replace("--strict", "--strict True"))
+    told = dict(zip([w[2:].replace("-", "_") for w in words[::2]], words[1::2], strict=True))
+    mended = {"interval_s": float(told.pop("interval")), "from_min": float(told.pop("from")), "strict": True}
+    assert options_from({**told, **mended, "skip_footer": int(told["skip_footer"])}) == options
+    run = tf.read({"time_s": 10.0 * np.arange(400.0), "T1": 20.0 + np.arange(400.0) / 99.0, "P [W]": np.ones(400)}, inputs="P [W]")
+    task = LoopTask(replace(run, name="a run.csv"), 2.0, 60.5, drive="P [W]")
+    part = SimpleNamespace(id="load_step", effect=SimpleNamespace(file="my effect.py"))
+    wanted = "thermofast improve 'a run.csv' --inputs 'P [W]' --start 2 --until 60.5 --drive 'P [W]' --add load_step,load_step"
+    assert _adding([part, part], task.again) == f"{wanted} --effect 'my effect.py' -o machine.toml"
+    beside = replace(task, beside=("b.csv",), start_min=0.0, until_min=None, drive=None)
+    assert beside.again == "'a run.csv' b.csv --together --inputs 'P [W]'"
+    assert replace(task, run=replace(run, name="stdin"), beside=("b.csv",)).again.startswith("RUN --together --inputs")
 
 
 def test_the_noise_of_a_room_that_stays_is_no_step():

@@ -4,6 +4,7 @@ import codecs
 import csv
 import io
 import math
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
@@ -113,6 +114,26 @@ def options_from(given: dict[str, Any]) -> Options:
     if not (isinstance(skipped, Integral) and int(skipped) >= 0):
         raise UsageError("--skip-footer: not a number of lines", found=repr(skipped), allowed="0 or more")
     return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
+
+
+def spoken(options: Options) -> str:
+    """What a command line says to read in the same way: the options that are not left to their rules, ready for a shell."""
+    said = []
+    for f in fields(Options):
+        value, option = getattr(options, f.name), f"--{SPOKEN.get(f.name, f.name).replace('_', '-')}"
+        if value == f.default:
+            continue
+        if isinstance(value, tuple):
+            value = joined(f"{v:.10g}" if isinstance(v, float) else v for v in value)
+        elif f.name == "delimiter":
+            value = next((word for word, sign in DELIMITERS.items() if sign == value and word.isalpha()), value)
+        elif isinstance(value, float):
+            value = f"{value:.10g}"
+        if value is True:
+            said.append(option)
+        else:  # what begins with a hyphen would be taken for an option
+            said.append(f"{option}{'=' if str(value).startswith('-') else ' '}{shlex.quote(str(value))}")
+    return " ".join(said)
 
 
 def _check(key: str, value: Any) -> None:

@@ -65,12 +65,15 @@ $terms        drive.heat = drive.heat + p.heat_share * change
 
 @dataclass(frozen=True)
 class EffectFile:
-    """A plug-in written: its file, the class in it, the columns that it follows, and what made it be written, in words."""
+    """A plug-in written: its file, the class in it, the columns that it follows, what made it be written, in words, and how the
+    run is read again.
+    """
 
     path: str
     kind: str
     columns: tuple[str, ...]
     words: str
+    again: str
 
     @property
     def spec(self) -> str:
@@ -118,7 +121,7 @@ def write_effect(task: LoopTask, path: str) -> EffectFile | None:
     kind, text = _source(follows, whole, task.run.name, path)
     write_text_whole(path, text, at_once=True)  # it is read again below
     load_effect(f"{path}:{kind}")  # what is written passes the check, or says why not
-    return EffectFile(path, kind, tuple(f.column for f in follows), in_words(follows))
+    return EffectFile(path, kind, tuple(f.column for f in follows), in_words(follows), task.again)
 
 
 def _source(follows: tuple[Follows, ...], whole: Observations, run: str, path: str) -> tuple[str, str]:

@@ -1,5 +1,6 @@
 """``thermofast diagnose``."""
 
+import shlex
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -124,5 +125,5 @@ def _write(runs: Any, path: str, quiet: bool, options: dict[str, Any]) -> None:
     written = write_effect_of(runs, path, **options)
     if quiet and written:
         return
-    said = f"{written.words}\n{path}: written; thermofast improve {runs[0][0].name} --add {written.spec}" if written else NO_COLUMN
+    said = f"{written.words}\n{path}: written; thermofast improve {written.again} --add {shlex.quote(written.spec)}" if written else NO_COLUMN
     click.echo(said if written else f"{path}: not written: {said}", err=True)

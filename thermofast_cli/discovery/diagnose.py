@@ -164,7 +164,8 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     after = next((e for r, f in zip(runs, told.discoveries, strict=True) if (e := _next(r.task, r.prepared, f, spread, seen))), [])
     records = []
     for run, found in zip(runs, told.discoveries, strict=True):
-        mine = _records(run.task, run.prepared, found, said, after)
+        beside = tuple(name for name in names if name != run.task.run.name)
+        mine = _records(replace(run.task, beside=beside), run.prepared, found, said, after)
         records.append(in_order(mine + run.refused, run.task.run))
     return [*records, *failed]
 
@@ -233,7 +234,7 @@ def _records(
 
 def _verdict(task: LoopTask, found: Discovery, seen: Observations) -> tuple[str, str, str, list[str]]:
     """(evidence, advice, status, what is also possible) of a verdict, with what the rest of the record and an unlogged room say."""
-    evidence, advice, status = words(found, seen)
+    evidence, advice, status = words(found, seen, task.again)
     also = list(dict.fromkeys("+".join(sorted(c.ids)) for c in rivals(found)))
     room = unlogged_room(found, seen)
     if room:

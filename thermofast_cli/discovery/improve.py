@@ -93,7 +93,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
         found = told.discovery
         notes += told.broken
         if found.named is None:
-            evidence, advice, _ = words(found, prepared.seen)
+            evidence, advice, _ = words(found, prepared.seen, task.again)
             stopped = f"{found.verdict}: {evidence}. {advice}"
         else:
             steps, remark = _found_steps(prepared, task.until_min, base, found)

@@ -1,6 +1,7 @@
 """One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
 
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -33,7 +34,7 @@ LATE = 0.02
 
 @dataclass(frozen=True)
 class LoopTask:
-    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects."""
+    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects, `beside` other runs of the machine."""
 
     run: Run
     start_min: float = 0.0
@@ -49,6 +50,16 @@ class LoopTask:
     unknown_heat: bool = False
     next_experiment: bool = False
     denoise: bool = False
+    beside: tuple[str, ...] = ()
+
+    @property
+    def again(self) -> str:
+        """The run (with those beside it, of the same machine) and how it was read, as a command line says it again."""
+        names = ["RUN"] if self.run.name == "stdin" else [self.run.name, *self.beside]
+        said = [*(shlex.quote(name) for name in names), "--together" if self.beside else "", self.run.again]
+        said += [f"--start {self.start_min:.10g}" if self.start_min else "", f"--until {self.until_min:.10g}" if self.until_min else ""]
+        said += [f"--drive {shlex.quote(self.drive)}" if self.drive else ""]
+        return " ".join(part for part in said if part)
 
     @property
     def fitted_min(self) -> float | None:

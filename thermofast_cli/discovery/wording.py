@@ -90,13 +90,13 @@ def fails_beyond(found: Discovery, seen: Observations, until: float | None) -> s
     )
 
 
-def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
-    """(evidence, advice, status) of a verdict."""
+def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, str]:
+    """(evidence, advice, status) of a verdict; again is the run and how it was read, as a command line says it."""
     short = _short_record(found, seen)
     if found.partly:
-        return _partly_words(found, seen)
+        return _partly_words(found, seen, again)
     if found.named is not None:
-        return _named_words(found, seen)
+        return _named_words(found, seen, again)
     if found.verdict == "none":
         sizes = "; ".join(visible_sizes(found))
         name = "model" if found.base.model.parts else "base model"
@@ -129,7 +129,7 @@ def words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     return evidence, advice, "not_determined" if short else "model_doubtful"
 
 
-def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
+def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, str]:
     """Of effects that matter although a pattern remains beside them."""
     named = found.named
     assert named is not None
@@ -149,7 +149,7 @@ def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         before = after
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
     also, ways = rivals(found), other_ways(found)
-    advice = f"add it: {_adding(parts, seen)}"
+    advice = f"add it: {_adding(named.parts, again)}"
     if also:
         hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
         advice = f"{advice}; to tell it from {', '.join('+'.join(c.ids) for c in also)}: {hints}"
@@ -157,13 +157,10 @@ def _partly_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
     return evidence, "; ".join(a for a in (advice, ways) if a), "partly_explained"
 
 
-def _adding(parts: Sequence[Part], seen: Observations) -> str:
-    """The command that adds effects to the model of a run, with what has to be said of its columns again."""
-    source = "RUN" if seen.name == "stdin" else shlex.quote(seen.name)
-    own = [f"--effect {shlex.quote(p.effect.file)}" for p in parts if p.effect.file]
-    drive = [f"--drive {shlex.quote(seen.drive)}"] if seen.drive else []
-    named = [f"--inputs {shlex.quote(c)}" for c in seen.temperatures]  # by itself a temperature is a sensor
-    return " ".join(["thermofast improve", source, "--add", ",".join(p.id for p in parts), *drive, *named, *own, "-o machine.toml"])
+def _adding(parts: Sequence[Part], again: str) -> str:
+    """The command that learns a model with these effects from the same readings: all of it, with those of a model to begin with."""
+    own = dict.fromkeys(f"--effect {shlex.quote(p.effect.file)}" for p in parts if p.effect.file)
+    return " ".join(["thermofast improve", again, "--add", ",".join(p.id for p in parts), *own, "-o machine.toml"])
 
 
 def _driven_by(parts: Sequence[Part]) -> list[str]:
@@ -212,7 +209,7 @@ def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str
     return numbers
 
 
-def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
+def _named_words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, str]:
     named = found.named
     assert named is not None
     assert found.ahead is not None
@@ -233,7 +230,7 @@ def _named_words(found: Discovery, seen: Observations) -> tuple[str, str, str]:
         hints = "; ".join(hints_of([named, *also[:2]], seen)) or "run the machine another way, as by cooling down"
         advice = f"as good: {', '.join('+'.join(c.ids) for c in also)}. To tell them apart: {hints}"
     else:
-        advice = f"add it: {_adding([p for p in named.parts if p not in found.base.model.parts], seen)}"
+        advice = f"add it: {_adding(named.parts, again)}"
     advice = "; ".join(
         [
             advice,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from thermofast.models.observations import read_only
 
 from ..errors import InputError, UsageError, listed
+from ..reading_options import Options, spoken
 
 Array = NDArray[np.float64]
 
@@ -87,7 +88,8 @@ class Run:
     """One run: time_s (N,) ascending seconds from the first reading, channels name -> (N,) degC with nan for no reading.
 
     `notes` say what was taken for what, and what was mended; `guesses` what the file did not say; `channel_notes` what was mended
-    in one sensor. `displacements` are columns in um. Its arrays can be read, not written to.
+    in one sensor. `displacements` are columns in um. `again` is what a command line says to read it in the same way. Its arrays can
+    be read, not written to.
     """
 
     name: str
@@ -100,6 +102,7 @@ class Run:
     displacements: dict[str, Array] = field(default_factory=dict)
     guesses: tuple[Guess, ...] = ()
     seen: Seen | None = None
+    again: str = ""
 
     def __post_init__(self) -> None:
         time = self.__dict__["time_s"] = self._numbers("time_s", self.time_s)
@@ -201,6 +204,16 @@ def renamed(run: Run, pairs: Iterable[str]) -> Run:
         )
         seen = replace(seen, columns=tuple(told))
     return replace(run, **columns, channel_notes={new.get(n, n): t for n, t in run.channel_notes.items()}, seen=seen)
+
+
+def as_asked(run: Run, options: Options) -> Run:
+    """A run of a file as the user asked for it: its stretch, and how to ask for it again.
+
+    Raises
+    ------
+    UsageError: as :func:`stretch`.
+    """
+    return replace(stretch(run, options.from_min, options.to_min), again=spoken(options))
 
 
 def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:

@@ -30,7 +30,7 @@ from .moments.order import in_order, length_told, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
 from .moments.times import Time, find_time, is_time_name, length_of
 from .moments.zones import in_zone
-from .run import Run, Seen, SeenColumn, renamed, stretch
+from .run import Run, Seen, SeenColumn, as_asked, renamed
 from .signs import sign_of
 from .table import Table, read_parquet
 from .tables.cells import without_told
@@ -86,7 +86,7 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
             data = b"".join(lines)
     if options.strict:
         refuse_guesses(runs[-1])
-    return stretch(runs[-1], options.from_min, options.to_min)
+    return as_asked(runs[-1], options)
 
 
 def read_runs(source: Any, options: Options | None = None, name: str | None = None, data: bytes | None = None) -> list[Run]:
@@ -103,7 +103,7 @@ def read_runs(source: Any, options: Options | None = None, name: str | None = No
     options = options or Options()
     path, number = _numbered(str(source)) if isinstance(source, str | Path) else ("", None)
     table = read_table(source, options, name, data)
-    runs = [stretch(run, options.from_min, options.to_min) for run in runs_from_table(table, options)]
+    runs = [as_asked(run, options) for run in runs_from_table(table, options)]
     if options.strict:
         for run in runs:
             refuse_guesses(run)
