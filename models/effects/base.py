@@ -135,6 +135,7 @@ class Effect:
     """A missing piece of physics. Class attributes describe it; ``apply`` changes the drive.
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
+    moves_room names the parameter [K] by which the surroundings change by themselves.
     logged: it follows a logged column, so it is tried beside every other effect. follows_ambient: that column is the surroundings'.
     reads_sensors: it uses other sensors' readings. again: a run may have two of it, with constants of their own. masses: how many
     hidden masses it appends. advice: what a user to whom it is named should know beside.
@@ -157,6 +158,7 @@ class Effect:
     event: ClassVar[str | None] = None
     uses_sink: ClassVar[bool] = False
     changes_heat: ClassVar[bool] = False
+    moves_room: ClassVar[str] = ""
     logged: ClassVar[bool] = False
     follows_ambient: ClassVar[bool] = False
     reads_sensors: ClassVar[bool] = False

@@ -36,7 +36,7 @@ class RoomStep(Effect):
     reference = "ISO 230-3, environmental temperature variation error; step response of a lump, Incropera ch. 5"
     event = "event"
     places = (30.0, 0.0)
-    amplitude = "step"
+    amplitude = moves_room = "step"
     parameters = (
         Parameter("step", "K", -40.0, 40.0, 1.0, "change of the surroundings", null=0.0, belongs="run", typical=(0.5, 3.0)),
         Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True, typical=(0.3, 0.6)),

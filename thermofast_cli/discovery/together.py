@@ -203,6 +203,7 @@ def _told(
         notes = [*notes, told] if by.shape else notes
     notes = [
         *notes,
+        *_room_left_out(last, runs),
         _scattering(past),
         *_stretched(past, [runs[k] for k in of_past]),
         *_differing(last, runs),
@@ -261,11 +262,23 @@ def _left(run: int, plain: Sequence[int]) -> str:
     return "" if run in plain else ", and its course is left out of the machine's"
 
 
+def _room_left_out(stage: Stage, runs: Sequence[OneOf]) -> list[str]:
+    """What to say where a pattern remains, and a room that all runs log is in no effect of the model: it passes for other rates."""
+    parts = stage.fits[0].model.parts
+    rooms = [e.id for e in chosen_effects((), runs[0].task.extra) if e.follows_ambient]
+    told = any(p.effect.follows_ambient for p in parts) or not all(run.prepared.whole.ambient for run in runs)
+    if told or not rooms or min(least_p(sensor_p_values(f)) for f in stage.fits) >= RULES.pattern:
+        return []
+    ids = ",".join([*ids_of(parts), rooms[0]])
+    return [f"the surroundings are logged and not in the model, and what they did passes for other rates: try --add {ids}"]
+
+
 def _stretched(past: Past, runs: Sequence[OneOf]) -> list[str]:
     """Runs that were much faster or slower than the others, in words."""
     pairs = zip(runs, past.stretches, strict=True)
+    others = "the others" if len(runs) > 2 else "the other"
     return [
-        f"{r.task.run.name} was {rounded(100.0 * abs(s))} % {'faster' if s > 0.0 else 'slower'} than the others"
+        f"by this model {r.task.run.name} was {rounded(100.0 * abs(s))} % {'faster' if s > 0.0 else 'slower'} than {others}"
         for r, s in pairs
         if abs(s) > STRETCHED * SCATTER
     ]

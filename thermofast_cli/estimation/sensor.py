@@ -170,31 +170,33 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     """Readings stuck at the end of the instrument's range: shape (n,).
 
     A run of equal readings at the record's extreme, entered while the curve was moving without slowing down: over as
-    many readings as the run lasts, the second half of the way to it rose at least half as much as the first. A curve
-    that settles by itself slows down long before it stands still.
+    many readings as the run lasts, or over the last half or quarter of them (what the record begins with may be quicker), the
+    second half of the way to it rose at least half as much as the first. A curve that settles by itself slows down long before it
+    stands still.
     """
     stuck = np.zeros(len(reading), dtype=bool)
     for extreme in (reading.max(), reading.min()) if len(reading) > 3 * RULES.saturated_readings else ():
         if np.count_nonzero(reading == extreme) < RULES.saturated_readings:
             continue
+        way = 1.0 if extreme == reading.max() else -1.0
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             length = min(b - a, a)
-            if b - a < RULES.saturated_readings or length < RULES.saturated_readings:
-                continue
-            before = reading[a - length : a]
-            noise = max(difference_noise(before), resolution)
-            ends = max(1, length // 8)
-            first, middle, last = before[:ends].mean(), before[length // 2 - ends // 2 :][:ends].mean(), before[-ends:].mean()
-            way = 1.0 if extreme == reading.max() else -1.0
-            early, late = way * float(middle - first), way * float(last - middle)
-            between = before[(3 * length) // 4 - ends // 2 :][:ends].mean()
-            slows = way * float(last - between) < 0.5 * way * float(
-                between - middle
-            )  # after an event it may rise faster, and settle
-            if late > 0.5 * early and late > 4.0 * noise and not slows:
+            lengths = [n for n in (length, length // 2, length // 4) if n >= RULES.saturated_readings]
+            if b - a >= RULES.saturated_readings and any(_still_moves(way * reading[a - n : a], resolution) for n in lengths):
                 stuck[a:b] = True
     return stuck
+
+
+def _still_moves(before: Array, resolution: float) -> bool:
+    """Whether readings (n,) rise to their end, by more than their noise, without slowing down."""
+    length = len(before)
+    noise, ends = max(difference_noise(before), resolution), max(1, length // 8)
+    first, last = before[:ends].mean(), before[-ends:].mean()
+    middle, between = (before[at - ends // 2 :][:ends].mean() for at in (length // 2, (3 * length) // 4))
+    early, late = float(middle - first), float(last - middle)
+    slows = float(last - between) < 0.5 * float(between - middle)  # after an event it may rise faster, and settle
+    return late > 0.5 * early and late > 4.0 * noise and not slows
 
 
 def _maybe_frozen(reading: Array) -> NDArray[np.intp]:

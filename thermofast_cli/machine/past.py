@@ -256,7 +256,7 @@ def _wishes(task: LoopTask) -> str:
 def _looked_for(found: Discovery) -> str:
     """What a search of the readings used found, in words."""
     if found.named is None:
-        nothing = "nothing is missing in the readings used"
+        nothing = "the readings used show nothing missing"
         return f"--auto: {nothing if found.verdict == 'none' else 'no effect of the catalogue explains the misfit; none was added'}"
     had, left = misfit_power(found.base), misfit_power(found.named.fit)
     share = 100.0 * (1.0 - left / had) if had > 0.0 else 100.0
