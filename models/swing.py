@@ -34,6 +34,8 @@ PEAK = 0.2
 ALIKE, GROWN = 0.8, 2.5
 #: What the harmonics of a swing leave of a logged room, at most, that swings alike.
 ALSO = 0.5
+#: Share of a swing in every second of its harmonics, or third and so on, from which its period is as much shorter.
+MULTIPLE = 0.95
 #: A swing of fewer of the logger's steps (root mean square) is its rounding.
 STEPS = 0.6
 
@@ -105,7 +107,24 @@ def swing_of(time: Array, reading: Array, resolution: Array) -> Swing | None:
     rest = reading - (reading @ basis) @ basis.T
     beyond = ((rest - part) ** 2).sum(axis=1) < (1.0 - 4.0 * count / len(time)) * (rest**2).sum(axis=1)
     swings = beyond & (np.sqrt((part**2).mean(axis=1)) > 0.5 * STEPS * resolution)
-    return Swing(span / cycles, float(time[0]), size * swings[:, None], swings) if swings.any() else None
+    if not swings.any():
+        return None
+    cycles, size = _once(cycles, size * swings[:, None])
+    return Swing(span / cycles, float(time[0]), size, swings)
+
+
+def _once(cycles: float, size: Array) -> tuple[float, Array]:
+    """The same swing (S, 2 K) by its own period, where what was found is a multiple of it: harmonics of which every so many stand.
+
+    A period that is too short for a first look, of few points or few readings in each cycle, is found as such a multiple.
+    """
+    count = size.shape[1] // 2
+    for every in range(count, 1, -1):
+        own = np.arange(every - 1, count, every)
+        both = np.concatenate([own, own + count])
+        if (size[:, both] ** 2).sum() > MULTIPLE * (size**2).sum():
+            return every * cycles, size[:, both]
+    return cycles, size
 
 
 def _fewer(x: Array, reading: Array) -> tuple[Array, Array]:

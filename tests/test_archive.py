@@ -240,6 +240,7 @@ def test_a_signal_ends_it_in_order_and_resume_ends_byte_equal(archive, tmp_path)
         err = victim.communicate(timeout=60)[1]
         assert victim.returncode == code, err
         assert "Traceback" not in err
+        assert ("with --resume goes on" in err) == (code == 143)
         assert half_files(tmp_path / "r") == []
         assert left_of(family) == 0
     subprocess.run([*call, "--resume", "-q"], cwd=tmp_path, env=environment, check=True)

@@ -159,3 +159,34 @@ def test_a_sensor_that_stands_still_and_moves_later_says_nothing():
     for name in ("arx", "neural network"):
         error = (METHODS[name](beside, used).mean - sample.displacement)[~used]
         assert np.abs(error).max() < 5.0
+
+
+def test_displacements_that_begin_at_nought_go_with_changes_from_the_start(tool, tmp_path):
+    """Runs begun in rooms of 18 to 24 degC, the probe set to nought at each start: absolute temperatures say nothing of it."""
+    paths, rng, time = [], np.random.default_rng(8), np.arange(0.0, 300.0, 1.0)
+    for r, room in enumerate((18.0, 20.0, 22.0, 24.0)):
+        load = rng.uniform(0.6, 1.4)
+        rises = [load * size * -np.expm1(-time / tau) for size, tau in ((14.0, 30.0), (6.0, 110.0))]
+        front, column = (room + rise + 0.02 * rng.standard_normal(len(time)) for rise in rises)
+        z = 4.0 * rises[0] - 2.5 * rises[1] + 0.3 * rng.standard_normal(len(time))
+        paths.append(tmp_path / f"run {r}.csv")
+        write_columns(str(paths[-1]), {"time_min": time, "front": front, "column": column, "Z [um]": z - z[0]})
+    call = ["displacement", *paths, "--together", "--methods", "least_squares", "--displacements", "Z", "--format", "json", "-q"]
+    done = tool(*call)
+    assert done.code == 0, done.err
+    (found,) = json.loads(done.out)["records"]
+    assert found["trusted"]
+    assert found["rmse_ahead_um"] < 0.6
+    assert found["coverage"] > 0.88
+    assert "temperatures count from each run's start" in found["message"]
+    refused = tool("displacement", paths[0], "--displacements", "Y")
+    assert "Z [um]" in refused.err
+
+
+def test_a_name_of_two_columns_is_told_as_that(tool, tmp_path):
+    path = tmp_path / "twice.csv"
+    path.write_text("time_min,T1 [°C],T1 [°C],T2 [°C]\n" + "".join(f"{k},{20 + k},{21 + k},{22 + k}\n" for k in range(20)))
+    refused = tool("identify", path, "--channels", "T1")
+    assert refused.code == 2
+    assert "'T1' is the name of several columns" in refused.err
+    assert "say one in full" in refused.err

@@ -109,3 +109,38 @@ def test_a_power_changes_no_loss_a_fan_brings_no_heat_and_a_coolant_is_warm():
     assert columns["cooling_switch"] == {"fan", "speed_rpm"}
     assert columns["load_step"] == {"Leistung [kW]", "speed_rpm"}
     assert columns["coolant_heat"] == {"coolant_temp"}
+
+
+def switched(step, rises=(9.0, 15.0, 24.0), change=0.0, seed=1):
+    """A table of lumps of these rises, in a room that steps by `step` [K] or under a heat that changes by a share, at 120 min."""
+    rng, since = np.random.default_rng(seed), np.maximum(TIME - 120.0, 0.0)
+    table = {"time_min": TIME}
+    for k, (b, r) in enumerate(zip((30.0, 45.0, 60.0), rises, strict=True)):
+        curve = 20.0 - r * np.expm1(-TIME / b) - (step + change * r) * np.expm1(-since / b)
+        table[f"T{k}"] = curve + 0.02 * rng.standard_normal(len(TIME))
+    return table
+
+
+def test_no_room_moves_a_machine_by_more_than_it_rose():
+    """A heat that is switched off looks like a room that falls by as much; three kelvin are a room's."""
+    room = next(kind for kind in BUILT_IN if kind.moves_room)()
+    for step, change in ((3.0, 0.0), (-3.0, 0.0), (0.0, -1.0)):
+        seen = observe(tf.read(switched(step, change=change))).seen
+        start = {Key(0, "step"): step or -15.0, Key(0, "event"): 120.0}
+        fit = fit_model(seen, [Part(room, room.choices(seen)[0])], start)
+        assert step == 0.0 or fit.values[Key(0, "step")] == pytest.approx(step, abs=0.3)
+        assert fit.physical == (step != 0.0)
+
+
+def test_a_load_that_a_room_would_do_as_well_is_told_beside_that_room():
+    """Sensors that rise alike: what three kelvin of the room do, a fifth of the load does. No room does what half the load does."""
+    alike = (14.0, 14.5, 15.0)
+    found = tf.diagnose(switched(3.0, alike))[0]
+    assert found.verdict in ("load_step", "cooling_switch")
+    assert found.also_possible
+    assert found.status in ("not_determined", "partly_explained")
+    logged = tf.diagnose({**switched(0.0, alike, 0.2), "room": np.full(len(TIME), 20.0)})[0]
+    assert "room_step" not in logged.also_possible
+    halved = tf.diagnose(switched(0.0, alike, -0.6))[0]
+    assert "room_step" not in halved.also_possible
+    assert halved.verdict == "load_step"

@@ -285,3 +285,18 @@ def test_a_drive_whose_power_may_be_nought_is_not_counted():
     table = {"time_min": time, "front": 20.0 + reading + noise[0], "rear": 20.0 + 0.7 * reading + noise[1], "speed_rpm": speed}
     for row in tf.identify(table, drive="speed_rpm"):
         assert "the heat may not follow speed_rpm" in row.message
+
+
+def test_two_probes_that_were_exchanged_are_both_told():
+    """The one that began as fast as it jumps, too; what cools because its heat was switched off does not jump."""
+    time, rng = np.arange(120.0), np.random.default_rng(4)
+    near = 20.0 + 5.0 * -np.expm1(-time / 0.4) + 15.0 * -np.expm1(-time / 40.0)
+    far, other = 20.0 + 9.0 * -np.expm1(-time / 50.0), 20.0 + 12.0 * -np.expm1(-time / 45.0)
+    late = time >= 80.0
+    columns = {"near": np.where(late, far, near), "far": np.where(late, near, far), "other": other}
+    table = {n: v + 0.03 * rng.standard_normal(len(time)) for n, v in columns.items()}
+    told = {r.channel: r for r in tf.identify(tf.read({"time_min": time, **table}))}
+    for name in ("near", "far"):
+        assert told[name].status == "model_doubtful"
+        assert "the readings jump at 80 min, as no machine does" in told[name].message
+    assert "jump" not in told["other"].message

@@ -416,3 +416,24 @@ def test_the_rate_of_a_point_whose_noise_is_told_too_small_does_not_run_away():
         line = 20.0 + 3.0 * -np.expm1(-TIME / 40.0) + walk + 0.02 * rng.standard_normal(len(TIME))
         runs.append(PastRun(("far",), (Part(TIME, line[None], np.full(1, 0.001), np.zeros(1)),), np.log([1.0 / 40.0])))
     assert learn_past(runs, TYPICAL).shapes["far"].log_rate == pytest.approx(np.log(1.0 / 40.0), abs=0.3 + 1e-9)
+
+
+def test_a_room_that_the_model_leaves_out_is_no_other_rate_of_the_machine(tmp_path):
+    """A rise of 2 K in one run's room and a fall in the other's passed for a machine that was a sixth slower and a sixth faster."""
+    time, rng = np.arange(0.0, 900.0, 2.0), np.random.default_rng(6)
+
+    def run(drift):
+        room = 21.0 + drift * time / time[-1]
+        lag = [solve_ivp(lambda t, y, b=b: b * (np.interp(t, time, room) + 15.0 - y), (0.0, 900.0), [21.0], t_eval=time) for b in (0.02, 0.006)]
+        slow, quick = lag[1].y[0], lag[0].y[0]
+        table = {n: w * quick + (1.0 - w) * slow + 0.03 * rng.standard_normal(len(time)) for n, w in (("front", 0.8), ("rear", 0.5))}
+        return tf.read({"time_min": time, **table, "room": room}, name=f"{drift:+g} K")
+
+    runs = [run(2.0), run(-2.0)]
+    told = tf.improve(runs, add=["second_mode"], together=True)
+    message = told[len(told) - 1].message
+    assert "the surroundings are logged and not in the model" in message
+    assert "--add second_mode,ambient" in message
+    counted = tf.improve(runs, add=["second_mode", "ambient"], together=True)
+    assert "surroundings are logged and not" not in counted[len(counted) - 1].message
+    assert "than the other" not in counted[len(counted) - 1].message

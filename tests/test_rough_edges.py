@@ -21,6 +21,7 @@ from thermofast.estimation.measured import contradiction, measured_equilibrium
 from thermofast.filters import Filter
 from thermofast.models import Lump
 from thermofast.models.imperfection import NONE
+from thermofast.output.screen import _told_once
 from thermofast.output.table import GAP, Column, blocks, folded, lines_of
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
@@ -379,3 +380,18 @@ def test_advice_names_what_can_be_called(tool, tmp_path):
     refused = tool("inspect", "sample_runs/spindle.csv", "--write", tmp_path / "none" / "x.toml")
     assert "there is no folder" in refused.err
     assert refused.out == ""  # before anything is read
+
+
+def test_what_another_sensor_is_told_too_is_said_once():
+    """One sensor has a word of its own before what all have: the paragraph stood there twice."""
+    told = _told_once([("T1", "the model fails"), ("T2", "T2: 9 readings left out; the model fails"), ("T3", "another")])
+    assert told == [("T1", "the model fails"), ("T2", "9 readings left out"), ("T2", "the model fails"), ("T3", "another")]
+
+
+def test_a_picture_has_names_in_any_script(tmp_path, tool):
+    """Without a warning, which the suite takes for an error, also where this machine has no font for them."""
+    path = tmp_path / "run.csv"
+    path.write_text("time_min,温度1\n" + "".join(f"{k},{20 + 8 * (1 - 0.97**k):.2f}\n" for k in range(90)), encoding="utf-8")
+    done = tool("identify", path, "-q", "--save-plot", tmp_path / "picture.png")
+    assert done.code == 0
+    assert done.err == ""

@@ -89,3 +89,12 @@ def test_a_start_is_where_it_is_whatever_comes_later():
         off.append(rise_start(time, slow + 0.03 * np.random.default_rng(seed).standard_normal(len(time))) - 10.0)
     assert np.abs(off).max() < 2.0
     assert np.sqrt(np.mean(np.square(off))) < 0.8
+
+
+def test_a_range_that_ends_is_seen_after_a_quick_beginning_too():
+    """A part that is warm within a minute is half of the way to the end of the range: the rest of it went on without slowing."""
+    time = np.arange(400.0)
+    y = 18.0 + 9.0 * -np.expm1(-time / 0.8) + 26.0 * -np.expm1(-time / 60.0)
+    clipped = np.minimum(np.round(y, 1), 40.0)
+    assert np.array_equal(saturated(clipped, 0.1), clipped == 40.0)
+    assert not saturated(np.round(y, 1), 0.1).any()

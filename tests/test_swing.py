@@ -6,7 +6,7 @@ import pytest
 import thermofast as tf
 from thermofast.estimation.measured import steadied
 from thermofast.estimation.sensor import Sensors
-from thermofast.models.swing import swing_of
+from thermofast.models.swing import _once, swing_of
 
 TIME = np.arange(0.0, 120.0, 0.5)
 LAW = 20.0 + 15.0 * (1.0 - np.exp(-TIME / 60.0))
@@ -100,3 +100,17 @@ def test_pictures_show_the_readings_as_they_were_logged_and_what_hides_in_noise_
     assert np.abs(found.reading[0] - LAW).max() < 0.25 < np.abs(reading[0] - LAW).max()
     assert [len(n) for n in found.notes] == [1, 1, 0]
     assert steadied(Sensors(np.arange(1), TIME, reading[2:], np.zeros(1), ((),)), None, 50, None).swung is None
+
+
+def test_a_multiple_of_a_period_is_told_as_the_period() -> None:
+    """Five minutes, read each minute, are found as twenty of which every fourth harmonic stands: it is the same swing."""
+    size = 0.01 * np.ones((2, 14))
+    size[:, [3, 10]] = [[0.6, -0.8], [0.3, 0.1]]
+    cycles, own = _once(20.0, size)
+    assert cycles == 80.0
+    np.testing.assert_array_equal(own, size[:, [3, 10]])
+    both = size.copy()
+    both[:, 1] = 0.5  # another harmonic that is no multiple: the longer period is its own
+    assert _once(20.0, both)[0] == 40.0
+    both[:, 2] = 0.5
+    assert _once(20.0, both)[0] == 20.0

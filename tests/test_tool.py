@@ -463,6 +463,7 @@ def test_odd_names_and_places_give_no_traceback(tool, tmp_path, monkeypatch):
         command = [*TOOL, "identify", str(SPINDLE), "-q"]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, cwd=ROOT, check=False)
     assert b"Traceback" not in done.stderr
+    assert b"make room there" in done.stderr
 
 
 def test_other_packages_and_folders_called_filters_and_models_do_not_matter(tmp_path):

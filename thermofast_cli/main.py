@@ -1,5 +1,6 @@
 """The command group. Commands are imported when they are called, so that ``--help`` is quick."""
 
+import errno
 import signal
 import sys
 from contextlib import suppress
@@ -136,6 +137,8 @@ def run(arguments: list[str] | None = None) -> None:
         code = 2
     except OSError as error:
         click.echo(visible(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else "")), err=True)
+        if error.errno == errno.ENOSPC:
+            click.echo("  do: make room there, or write to another disk with -o", err=True)
         code = 2
     if ended:
         code = 128 + ended[0]

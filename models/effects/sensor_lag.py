@@ -1,4 +1,4 @@
-"""``sensor_lag``: the probe is late."""
+"""``sensor_lag``: a sensor is late."""
 
 from typing import Any
 
@@ -11,14 +11,14 @@ from .base import Choice, Effect, Parameter
 
 
 class SensorLag(Effect):
-    """The probe follows the machine with a time constant of its own."""
+    """The probe follows the machine with a time constant of its own; heat that has far to go looks the same."""
 
     id = "sensor_lag"
-    summary = "the probe is late"
+    summary = "the sensor is late: its probe, or heat that has far to go"
     equation = "d reading/dt = (T - reading) / lag"
     tell_tale = "starts flat, S-shaped; only the start is wrong"
     mistaken_for = ("transport_delay", "second_mode")
-    separate = "read faster in the first ten minutes; press the probe on better"
+    separate = "read faster in the first ten minutes; press the probe on better, if it is not far from the heat"
     reference = "first-order probe, e.g. Bentley, Principles of Measurement Systems, ch. 4"
     scope = "sensor"
     places = (3.0, 0.0)

@@ -242,7 +242,7 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
         warmer="warmer" if (c.size or 0.0) > 0.0 else "colder",
         higher="higher" if (c.size or 0.0) > 0.0 else "lower",
     )
-    said = said if status == "ok" else f"likeliest: {said}"
+    said = said if status == "ok" else f"likeliest, with {100.0 * c.probability:.0f} %: {said}"
     message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
     return ChangedRecord(
         names,

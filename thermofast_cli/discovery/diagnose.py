@@ -37,7 +37,7 @@ from .loop import (
 )
 from .remains import explained, shares
 from .several import OneOf, common_runs, ready_runs, two_machines, unnamed
-from .wording import ROOMS, fails_beyond, rivals, unlogged_room, words
+from .wording import ROOMS, fails_beyond, rivals, room_instead, unlogged_room, words
 
 Found = TypeVar("Found")
 
@@ -240,6 +240,9 @@ def _verdict(task: LoopTask, found: Discovery, seen: Observations) -> tuple[str,
     if room:
         also += ROOMS
         advice, status = f"{room}; {advice}", "not_determined"
+    instead = room_instead(found, seen)
+    if instead:
+        also, status = [*also, *instead], "not_determined" if status == "ok" else status
     beyond = fails_beyond(found, seen, task.until_min)
     if beyond:  # "nothing to add" would contradict it
         advice, status = beyond, "not_determined"

@@ -275,11 +275,11 @@ def _room_left_out(stage: Stage, runs: Sequence[OneOf]) -> list[str]:
 
 def _stretched(past: Past, runs: Sequence[OneOf]) -> list[str]:
     """Runs that were much faster or slower than the others, in words."""
-    pairs = zip(runs, past.stretches, strict=True)
-    others = "the others" if len(runs) > 2 else "the other"
-    return [
-        f"by this model {r.task.run.name} was {rounded(100.0 * abs(s))} % {'faster' if s > 0.0 else 'slower'} than {others}"
-        for r, s in pairs
+    others, beyond = ("the others", len(runs) / (len(runs) - 1.0)) if len(runs) > 2 else ("the other", 2.0)
+    return [  # stretches are logarithms, against the mean of all
+        f"by this model {r.task.run.name} was {rounded(100.0 * abs(math.expm1(beyond * s)))} % "
+        f"{'faster' if s > 0.0 else 'slower'} than {others}"
+        for r, s in zip(runs, past.stretches, strict=True)
         if abs(s) > STRETCHED * SCATTER
     ]
 

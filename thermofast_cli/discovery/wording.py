@@ -18,6 +18,7 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 from ..errors import rounded
+from ..machine.rise import free_runs
 from .loop import pooled, unseen_delay
 from .remains import remaining_words, shares
 from .several import TWO_MACHINES
@@ -30,6 +31,8 @@ SEEN_GAIN = 70.0
 
 #: A model that fails from within this share of the record on fails from the start.
 FROM_THE_START = 0.03
+#: A room that moves a machine by more than this share of its own rise is hardly one.
+A_ROOM_MOVES = 0.5
 #: Noise of no more than this share of the logger's step is that of its rounding.
 COARSE = 0.3
 
@@ -75,6 +78,25 @@ def unlogged_room(found: Discovery, seen: Observations) -> str:
     if not alike:
         return ""
     return f"the surroundings are not logged, and a room that moves would look like {' and '.join(alike)}: log the ambient"
+
+
+def room_instead(found: Discovery, seen: Observations) -> list[str]:
+    """What was named with a room that moved by itself in its place, where sensors that rise alike do not tell the two apart.
+
+    Nothing where the room is logged, the model has rivals already, or a room had to move by half of all that the machine rose.
+    """
+    named = found.named
+    if named is None or rivals(found) or not _or_a_room(named.parts, seen):
+        return []
+    fit, parts = named.fit, named.parts
+    own = [k for k, part in enumerate(parts) if _as_a_room(part)]
+    sensors = np.arange(seen.sensors)
+    shared = np.tile(fit.shared, (len(sensors), 1))
+    without = free_runs(fit, fit.run, fit.local, shared, sensors, [k for k in range(len(parts)) if k not in own])
+    if not np.median(np.abs(fit.curve - without)[:, -1]) < A_ROOM_MOVES * fit.rose:
+        return []
+    kept = [part.id for k, part in enumerate(parts) if k not in own]
+    return ["+".join(sorted([*kept, kind.id])) for kind in BUILT_IN if kind.moves_room]
 
 
 def fails_beyond(found: Discovery, seen: Observations, until: float | None) -> str:
@@ -171,9 +193,13 @@ def _driven_by(parts: Sequence[Part]) -> list[str]:
 
 def _or_a_room(parts: Sequence[Part], seen: Observations) -> list[str]:
     """What to say of a heat or a loss that stepped by itself where sensors that rise alike do not tell it from a room that did."""
-    own = [p for p in parts if p.effect.event and p.effect.uses_sink and not p.choice.constants.get("column")]
-    alike = bool(own) and not seen.ambient and rise_alike(seen)
+    alike = any(map(_as_a_room, parts)) and not seen.ambient and rise_alike(seen)
     return ["log the room: one that became warmer or colder moves sensors that rise alike in the same way"] if alike else []
+
+
+def _as_a_room(part: Part) -> bool:
+    """Whether it is a heat or a loss that stepped by itself."""
+    return bool(part.effect.event and part.effect.uses_sink and not part.choice.constants.get("column"))
 
 
 def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:

@@ -1,7 +1,7 @@
 """``displacement``: thermal displacement predicted from the temperatures, and which prediction to trust."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ from .arx import arx
 
 Array = NDArray[np.float64]
 
+#: Share of its range within which a displacement begins at nought.
+AT_NOUGHT = 0.03
 #: Share of the readings at which an input must be logged; between them it is as it was last.
 LOGGED = 0.02
 
@@ -117,6 +119,17 @@ def _rows(run: Run, column: str, sensors: list[str], inputs: list[str], start: f
     return _Rows(run.name, minutes[good] - start, own[good], values[good], drives[good], int((~good).sum()))
 
 
+def _from_start(several: list[_Rows]) -> tuple[list[_Rows], bool]:
+    """Rows of several runs, whether with temperatures as changes from each run's start: where displacements were set to nought then.
+
+    What a probe read then says nothing of how warm the machine was, and runs begin in rooms of different temperature.
+    """
+    whole = max((float(np.ptp(one.displacement)) for one in several if len(one.minutes)), default=0.0)
+    if len(several) < 2 or not all(abs(float(one.displacement[0])) <= AT_NOUGHT * whole for one in several):
+        return several, False
+    return [replace(one, temperatures=one.temperatures - one.temperatures[0]) for one in several], True
+
+
 def _held(values: Array) -> Array:
     """A logged input (N,), where it is missing as it was last; before its first reading, as it was then."""
     known = np.flatnonzero(np.isfinite(values))
@@ -142,7 +155,7 @@ def _add(
     sensors, inputs = names
     empty = [one.run for one in several if not len(one.minutes)]
     lost = sum(one.lost for one in several)
-    several = [one for one in several if len(one.minutes)] or several[:1]
+    several, changes = _from_start([one for one in several if len(one.minutes)] or several[:1])
     values, temperatures, minutes, drives = (
         np.concatenate([getattr(one, part) for one in several]) for part in ("displacement", "temperatures", "minutes", "inputs")
     )
@@ -164,6 +177,7 @@ def _add(
     notes = [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
     notes += [f"{m} not told: {why}" for m, why in found.refused.items() if not asked and found.scores]
     notes += [f"{column} is a temperature: errors are in K"] if temperature else []
+    notes += [f"{column} begins at nought in each run, so temperatures count from each run's start"] if changes else []
     verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes]) + (gaps if empty else "")
     for method in methods:
         score = found.scores.get(method)

@@ -256,7 +256,7 @@ def _of_what_came_later(case: _Case) -> list[Reason]:
         )
 
     def jump(i: int) -> str:
-        return f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved or came loose?"
+        return f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved, came loose or was exchanged?"
 
     ahead = "the point that moved most shows a heat that is not constant, which may still reach this one"
     slow = "a slow second mass may hide that moves the limit out of the interval; measure longer"
@@ -373,17 +373,19 @@ def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
     """
     used = sensors.time <= found.time
     time, reading = sensors.time[used], sensors.reading[:, used]
-    jumped = np.zeros(len(reading), dtype=np.intp)
     if len(time) < 4 * RULES.last_alone:
-        return jumped
+        return np.zeros(len(reading), dtype=np.intp)
     gap = np.diff(time)
-    step = np.where(gap > 1.5 * np.median(gap), 0.0, np.abs(np.diff(reading, axis=1)))
-    at, rows = step.argmax(axis=1), np.arange(len(reading))
-    largest = step[rows, at]
+    moves = np.where(gap > 1.5 * np.median(gap), 0.0, np.diff(reading, axis=1))
+    step, rows = np.abs(moves), np.arange(len(reading))
+    at = step.argmax(axis=1)
+    jump, largest = moves[rows, at], step[rows, at]
     step[rows, at] = 0.0
-    inside = (at >= RULES.last_alone) & (at < step.shape[1] - RULES.last_alone)
-    far = largest > np.maximum(RULES.fastest_step * step.max(axis=1), RULES.jump * found.noise)
-    return np.where(inside & far, at + 1, jumped)
+    inside = (at >= RULES.last_alone) & (at < step.shape[1] - RULES.last_alone) & (largest > RULES.jump * found.noise)
+    far = inside & (largest > RULES.fastest_step * step.max(axis=1))
+    # Of two that were exchanged one may have begun as fast as it jumps; the other one went the opposite way at the same reading.
+    opposite = (at == at[:, None]) & (jump * jump[:, None] < 0.0) & (2.0 * largest > largest[:, None]) & far
+    return np.where(far | (inside & opposite.any(axis=1)), at + 1, 0)
 
 
 def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:

@@ -106,13 +106,26 @@ def draw(title: str, rows: Sequence[Row], drawn: Sequence[Any], beneath: tuple[s
             console.print()
         kind = columns[keys - 1].heading
         for column in beneath:
-            for message in dict.fromkeys(row[column] for row in mine if row[column]):
-                who = [row["channel"] for row in mine if row[column] == message]
+            told = _told_once([(row["channel"], row[column]) for row in mine if row[column]])
+            for message in dict.fromkeys(text for _, text in told):
+                who = [channel for channel, text in told if text == message]
                 names = ", ".join(dict.fromkeys(who))
                 lead = "" if column == "message" else f"{column.replace('_', ' ')}: "
                 everyone = len(set(who)) == len({row["channel"] for row in mine}) and len(mine) > 1
                 of = "" if everyone or not names else f"{names if len(names) < 60 else f'{len(set(who))} {kind}s'}: "
                 console.print(Text(f"  {of}{lead}{message}", style="dim"))
+
+
+def _told_once(told: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """(sensor, text), where a text is what another sensor's is with something before it, in two parts: the rest is said once."""
+    texts = sorted({text for _, text in told}, key=len)
+    parts = []
+    for channel, text in told:
+        rest = next((t for t in texts if text.endswith(f"; {t}")), None)
+        own = text if rest is None else text[: -len(rest) - 2]
+        parts.append((channel, own.removeprefix(f"{channel}: ")))
+        parts += [] if rest is None else [(channel, rest)]
+    return parts
 
 
 def number(name: str, digits: int = 2) -> Any:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, listed
 from ..experiments.simulated import Simulated
+from ..reading.columns import columns_named
 from ..records import IdentifyRecord
 from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Validation
 from ..workers.engine import Started, Work, over_runs
@@ -275,7 +276,7 @@ def displacement_runs(
     chosen = []
     for run, _ in started:
         known = {**run.displacements, **run.channels}
-        mine = columns or tuple(run.displacements)
+        mine = tuple(n for c in columns for n in columns_named(c, list(known), known)) or tuple(run.displacements)
         missing = [c for c in mine if c not in known]
         if missing:
             raise UsageError(

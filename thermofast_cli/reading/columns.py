@@ -54,11 +54,17 @@ def check_names(wanted: Iterable[str], known: Iterable[str], option: str, run: s
     known = list(known)
     for name in wanted:
         if name not in known:
+            several = _called(name, known)
             raise UsageError(
-                f"{run}: {option} {name!r} is no column of this record",
-                allowed=listed(known),
-                do=nearest(name, known) or "use a name as it stands in the header",
+                f"{run}: {option} {name!r} is {'the name of several columns' if several else 'no column of this record'}",
+                allowed=listed(several or known),
+                do="say one in full" if several else nearest(name, known) or "use a name as it stands in the header",
             )
+
+
+def _called(wanted: str, known: Iterable[str]) -> list[str]:
+    """The columns that are called so before their unit."""
+    return [n for n in known if re.sub(r"\s*[\[(].*$", "", n).strip(" ,").casefold() == wanted.casefold()]
 
 
 def resolved(options: Options, known: list[str], readings: Collection[str]) -> Options:
@@ -95,7 +101,7 @@ def columns_named(wanted: str, known: list[str], readings: Collection[str]) -> t
     if "*" in wanted or "?" in wanted:
         pattern = wanted.replace("[", "[[]")
         return tuple(n for n in known if n in readings and fnmatchcase(n, pattern)) or (wanted,)
-    bare = [n for n in known if re.sub(r"\s*[\[(].*$", "", n).strip(" ,").casefold() == wanted.casefold()]
+    bare = _called(wanted, known)
     return tuple(bare) if len(bare) == 1 else (wanted,)
 
 

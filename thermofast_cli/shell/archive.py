@@ -90,21 +90,26 @@ def run_archive(
     analysis = replace(analysis, settings=_settings(context))
     options, start = options_from({n: v for n, v in reading.items() if n != "start"}), start_of(reading["start"])
     crew = crew_of(jobs, scale.cluster, scale.mpi, guarded=scale.task_timeout is not None)
-    with counting(quiet) as show:
-        limit = scale.task_timeout if scale.task_timeout is not None else TASK_TIMEOUT_S
-        found = into_folder(
-            analysis,
-            named,
-            into,
-            scale.resume,
-            crew,
-            options,
-            start,
-            limit,
-            crew.near or scale.shared_files,
-            lambda p: show(_line(p), p.done + p.skipped, p.files),
-            scale.prune,
-        )
+    try:
+        with counting(quiet) as show:
+            limit = scale.task_timeout if scale.task_timeout is not None else TASK_TIMEOUT_S
+            found = into_folder(
+                analysis,
+                named,
+                into,
+                scale.resume,
+                crew,
+                options,
+                start,
+                limit,
+                crew.near or scale.shared_files,
+                lambda p: show(_line(p), p.done + p.skipped, p.files),
+                scale.prune,
+            )
+    except KeyboardInterrupt:
+        if not quiet:
+            say(f"{into}: what was finished stands there; the same line with --resume goes on")
+        raise
     if not quiet:
         sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
         lost = ", ".join(f"{count} {status}" for status, count in sorted(found.lost.items()))

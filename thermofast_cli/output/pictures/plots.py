@@ -1,8 +1,9 @@
 """Pictures, with matplotlib loaded only here and only when one is asked for."""
 
 import textwrap
+import warnings
 from collections.abc import Callable, Sequence
-from functools import wraps
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any, ParamSpec
 
@@ -25,6 +26,19 @@ LINES = tuple(colour for colour, _ in STROKES)
 MOST_POINTS = 2000
 #: Characters of a line of a panel's title.
 TITLE_WIDTH = 46
+#: Fonts of Chinese, Japanese and Korean names, where a machine has them.
+OTHER_SCRIPTS = (
+    "Noto Sans CJK SC",
+    "Source Han Sans SC",
+    "Microsoft YaHei",
+    "SimHei",
+    "PingFang SC",
+    "WenQuanYi Zen Hei",
+    "Yu Gothic",
+    "MS Gothic",
+    "Malgun Gothic",
+    "Arial Unicode MS",
+)
 #: One style for the pictures of all commands; text in .svg and .pdf stays text.
 STYLE: Any = {
     "font.size": 8.5,
@@ -76,7 +90,7 @@ def styled(draw: Callable[P, Any]) -> Callable[P, Any]:
         from cycler import cycler
         from matplotlib import rc_context
 
-        with rc_context(STYLE | {"axes.prop_cycle": cycler(color=LINES)}):
+        with rc_context(_style() | {"axes.prop_cycle": cycler(color=LINES)}):
             return draw(*args, **kwargs)
 
     return drawn
@@ -106,8 +120,19 @@ def save_figure(path: str, figure: Any) -> None:
     from matplotlib import rc_context
 
     check_target(path, SUFFIXES)
-    with rc_context(STYLE):
+    with rc_context(_style()), warnings.catch_warnings():
+        # A name in a script of which this machine has no font is drawn as boxes; its rows have it.
+        warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         write_whole(path, figure.savefig)
+
+
+@cache
+def _style() -> dict[str, Any]:
+    """The style of all pictures, with those fonts of this machine that have the names of sensors in other scripts."""
+    from matplotlib.font_manager import fontManager
+
+    there = {font.name for font in fontManager.ttflist}
+    return STYLE | {"font.family": ["sans-serif", *(name for name in OTHER_SCRIPTS if name in there)]}
 
 
 def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any, Any]:
