@@ -424,9 +424,14 @@ def test_a_room_that_the_model_leaves_out_is_no_other_rate_of_the_machine(tmp_pa
 
     def run(drift):
         room = 21.0 + drift * time / time[-1]
-        lag = [solve_ivp(lambda t, y, b=b: b * (np.interp(t, time, room) + 15.0 - y), (0.0, 900.0), [21.0], t_eval=time) for b in (0.02, 0.006)]
+        lag = [
+            solve_ivp(lambda t, y, b=b: b * (np.interp(t, time, room) + 15.0 - y), (0.0, 900.0), [21.0], t_eval=time)
+            for b in (0.02, 0.006)
+        ]
         slow, quick = lag[1].y[0], lag[0].y[0]
-        table = {n: w * quick + (1.0 - w) * slow + 0.03 * rng.standard_normal(len(time)) for n, w in (("front", 0.8), ("rear", 0.5))}
+        table = {
+            n: w * quick + (1.0 - w) * slow + 0.03 * rng.standard_normal(len(time)) for n, w in (("front", 0.8), ("rear", 0.5))
+        }
         return tf.read({"time_min": time, **table, "room": room}, name=f"{drift:+g} K")
 
     runs = [run(2.0), run(-2.0)]

@@ -125,7 +125,14 @@ def test_a_hidden_coolant_is_simulated_with_its_column_and_found():
 
 def test_the_command_that_adds_an_effect_says_again_how_the_run_was_read():
     """The same readings go in: what was said of the file, of its stretch and of its heat, as a shell takes it."""
-    given = {"inputs": "coolant [C]", "exclude": ["a, b", "c"], "delimiter": ";", "interval": 30, "rename": "T1=it's", "long": "p,q"}
+    given = {
+        "inputs": "coolant [C]",
+        "exclude": ["a, b", "c"],
+        "delimiter": ";",
+        "interval": 30,
+        "rename": "T1=it's",
+        "long": "p,q",
+    }
     options = options_from({**given, "resistance": "1.84,21.5", "missing": "-99", "skip_footer": 2, "strict": True, "from_min": 5})
     again = spoken(options)
     words = shlex.split(again.replace("--missing=", "--missing ").replace("--strict", "--strict True"))

@@ -125,5 +125,8 @@ def _write(runs: Any, path: str, quiet: bool, options: dict[str, Any]) -> None:
     written = write_effect_of(runs, path, **options)
     if quiet and written:
         return
-    said = f"{written.words}\n{path}: written; thermofast improve {written.again} --add {shlex.quote(written.spec)}" if written else NO_COLUMN
-    click.echo(said if written else f"{path}: not written: {said}", err=True)
+    if written is None:
+        click.echo(f"{path}: not written: {NO_COLUMN}", err=True)
+        return
+    add = f"thermofast improve {written.again} --add {shlex.quote(written.spec)}"
+    click.echo(f"{written.words}\n{path}: written; {add}", err=True)

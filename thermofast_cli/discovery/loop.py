@@ -34,7 +34,7 @@ LATE = 0.02
 
 @dataclass(frozen=True)
 class LoopTask:
-    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects, `beside` other runs of the machine."""
+    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects, `beside` other runs."""
 
     run: Run
     start_min: float = 0.0
@@ -57,8 +57,9 @@ class LoopTask:
         """The run (with those beside it, of the same machine) and how it was read, as a command line says it again."""
         names = ["RUN"] if self.run.name == "stdin" else [self.run.name, *self.beside]
         said = [*(shlex.quote(name) for name in names), "--together" if self.beside else "", self.run.again]
-        said += [f"--start {self.start_min:.10g}" if self.start_min else "", f"--until {self.until_min:.10g}" if self.until_min else ""]
-        said += [f"--drive {shlex.quote(self.drive)}" if self.drive else ""]
+        said += [f"--start {self.start_min:.10g}"] if self.start_min else []
+        said += [f"--until {self.until_min:.10g}"] if self.until_min else []
+        said += [f"--drive {shlex.quote(self.drive)}"] if self.drive else []
         return " ".join(part for part in said if part)
 
     @property

@@ -120,7 +120,7 @@ def _rows(run: Run, column: str, sensors: list[str], inputs: list[str], start: f
 
 
 def _from_start(several: list[_Rows]) -> tuple[list[_Rows], bool]:
-    """Rows of several runs, whether with temperatures as changes from each run's start: where displacements were set to nought then.
+    """Rows of several runs, and whether temperatures in them are changes from each start, where displacements were set to nought.
 
     What a probe read then says nothing of how warm the machine was, and runs begin in rooms of different temperature.
     """

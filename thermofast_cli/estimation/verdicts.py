@@ -256,7 +256,7 @@ def _of_what_came_later(case: _Case) -> list[Reason]:
         )
 
     def jump(i: int) -> str:
-        return f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved, came loose or was exchanged?"
+        return f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved, or was exchanged?"
 
     ahead = "the point that moved most shows a heat that is not constant, which may still reach this one"
     slow = "a slow second mass may hide that moves the limit out of the interval; measure longer"

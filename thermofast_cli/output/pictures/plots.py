@@ -127,7 +127,7 @@ def save_figure(path: str, figure: Any) -> None:
 
 
 @cache
-def _style() -> dict[str, Any]:
+def _style() -> Any:
     """The style of all pictures, with those fonts of this machine that have the names of sensors in other scripts."""
     from matplotlib.font_manager import fontManager
 
