@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import thermofast as tf
 from thermofast.discovery.loop import parameters_of, unseen_delay
 from thermofast.discovery.observe import observe
+from thermofast.discovery.remains import cycle_of
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import RATE, Key, Part, fit_model, refit
@@ -144,3 +146,15 @@ def test_a_load_that_a_room_would_do_as_well_is_told_beside_that_room():
     halved = tf.diagnose(switched(0.0, alike, -0.6))[0]
     assert "room_step" not in halved.also_possible
     assert halved.verdict == "load_step"
+
+def test_what_swings_is_told_with_its_period_beside_what_is_named():
+    """A duty cycle that no effect of the catalogue beats a disturbance with: diagnose says that it is there, and how long it is."""
+    rng, time = np.random.default_rng(2), np.arange(0.0, 480.0, 1.0)
+    duty = np.where((time % 30.0) < 20.0, 1.5, 0.0)
+    quick, slow = (lfilter([1.0 - np.exp(-1.0 / tau)], [1.0, -np.exp(-1.0 / tau)], duty) for tau in (4.0, 110.0))
+    table = {"time_min": time, "front": 20.0 + 9.0 * quick + 12.0 * slow, "rear": 20.0 + 14.0 * slow}
+    seen = observe(tf.read({n: v + (n != "time_min") * 0.02 * rng.standard_normal(len(time)) for n, v in table.items()})).seen
+    told = cycle_of(fit_model(seen))
+    assert told.startswith("front")
+    assert told.endswith("with a period of 30 min")
+    assert cycle_of(fit_model(replace(seen, reading=20.0 + 9.0 * np.array([1.0 - np.exp(-time / 40.0)] * 2)))) == ""

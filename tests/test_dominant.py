@@ -257,9 +257,9 @@ def test_an_interval_counts_that_the_effect_may_be_another():
     assert averaged(added, record(32.0, None, 33.0), 1).steady_state_hi_c == 30.2
 
 
-def test_auto_says_that_nothing_is_missing_and_refuses_a_model(tool):
+def test_auto_says_that_the_readings_show_nothing_missing_and_refuses_a_model(tool):
     told = tf.identify("sample_runs/spindle.csv", until=90, channels=["T3"], auto=True)[0]
-    assert "--auto: nothing is missing" in told.message
+    assert "--auto: the readings used show nothing missing" in told.message
     refused = tool("identify", "sample_runs/spindle.csv", "--auto", "--model", "machine.toml")
     assert refused.code == 2
 

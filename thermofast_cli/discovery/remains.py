@@ -7,8 +7,9 @@ from thermofast.models.joint import Fit
 from thermofast.models.noise.spectral import block_means
 from thermofast.models.search.discover import Discovery
 from thermofast.models.search.dominant import misfit, misfit_power
+from thermofast.models.swing import swing_of
 
-from ..errors import rounded
+from ..errors import listed, rounded
 from ..records import finite
 from .loop import pooled
 
@@ -73,11 +74,11 @@ def remaining_words(fit: Fit) -> str:
     power = left**2
     if run.sensors > 1 and power.max() > ALONE * power.sum():
         look.append(f"most of it in {run.channels[int(power.argmax())]}")
-    stretch = _stretch(fit)
+    stretch, cycle = _stretch(fit), cycle_of(fit)
     look += [stretch] if stretch else []
     along = _along(fit)
     look += [f"along {along}"] if along else []
-    return f"{rounded(size)} K, {rounded(size / max(noise, 1e-12))} times the noise: {', '.join(look)}"
+    return f"{rounded(size)} K, {rounded(size / max(noise, 1e-12))} times the noise: {', '.join(look)}{f'; {cycle}' if cycle else ''}"
 
 
 def _pace(fit: Fit) -> str:
@@ -85,6 +86,17 @@ def _pace(fit: Fit) -> str:
     power = np.abs(np.fft.rfft(means - means.mean(axis=1, keepdims=True), axis=1)) ** 2
     slow = float(power[:, : SLOW + 1].sum() / max(float(power.sum()), 1e-300))
     return "slow" if slow > 0.5 else "quick"
+
+
+def cycle_of(fit: Fit) -> str:
+    """Which sensors swing with one period beside a model, in words; empty where none does."""
+    run = fit.run
+    seen = run.used.all(axis=0)
+    found = swing_of(run.time[seen], fit.residual[:, seen], run.resolution)
+    if found is None:
+        return ""
+    who = [c for c, swings in zip(run.channels, found.swings, strict=True) if swings]
+    return f"{listed(who)} swing{'s' if len(who) == 1 else ''} with a period of {found.period:.3g} min"
 
 
 def _stretch(fit: Fit) -> str:

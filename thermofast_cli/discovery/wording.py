@@ -20,7 +20,7 @@ from thermofast.models.uncertainty.disturbed import disturbed_deviations
 from ..errors import rounded
 from ..machine.rise import free_runs
 from .loop import pooled, unseen_delay
-from .remains import remaining_words, shares
+from .remains import cycle_of, remaining_words, shares
 from .several import TWO_MACHINES
 from .stretches import steps_near
 
@@ -131,6 +131,8 @@ def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, s
         f"the base model fails in {f'{_listed(above)} {where}'.strip()}, and no effect of the catalogue, alone or with a second "
         f"one, explains it better than an unknown disturbance of the same size and colour would; nearest: {near or 'none'}"
     )
+    cycle = cycle_of(found.base)
+    evidence += f"; beside it {cycle}" if cycle else ""
     if found.why == TWO_MACHINES:
         evidence = f"nothing is named from runs of two machines; nearest in this run: {near or 'none'}"
         return evidence, "give runs of one machine, or search each by itself, without --together", "model_doubtful"
@@ -142,6 +144,7 @@ def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, s
                 [f"{s}, where the model fails: look at it first" for s in steps]
                 or [f"log what {_when(begins, seen)}{_unlogged(seen)}"]
             ),
+            *(["a heat or a cooling goes on and off with that period: log it, or look at compare --effects cyclic_load"] if cycle else []),
             *_coolants(seen),
             *_coarse(seen),
             *hints_of(found.also[:2], seen)[:2],
@@ -155,20 +158,20 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
     """Of effects that matter although a pattern remains beside them."""
     named = found.named
     assert named is not None
-    told, before, times = [], pooled(found.held[0]), widening(named.fit)
+    told, times = [], widening(named.fit)
     parts = [p for p in named.parts if p not in found.base.model.parts]
-    for step in shares(found):
+    for step, stage, ahead, left in zip(shares(found), found.stages, found.held, found.held[1:], strict=False):
         new = [p for p in parts if p.id in str(step["effect"]).split("+")]
         rival = f" (or {step['or']})" if step["or"] else ""
         said = "; and ".join(_described(named.fit, named.parts.index(p), seen, times) for p in new)
-        after = float(str(step["rmse_ahead_c"]))
-        share = 100.0 * float(str(step["share"]))
+        # Of an effect that some sensors have, what it does there: all sensors together may hold another misfit, far larger.
+        who = np.any([p.concerns(seen.sensors) for p in new], axis=0) if new else np.ones(seen.sensors, dtype=bool)
+        share = 100.0 * (float(str(step["share"])) if who.all() else stage.named.share)
         told.append(
             f"{step['effect']}{rival}: {said}; {'it explains' if len(new) == 1 else 'they explain'} "
-            f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit, and the error on readings not fitted falls "
-            f"from {rounded(before)} to {rounded(after)} K"
+            f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit{'' if who.all() else ' there'}, and the error on "
+            f"readings not fitted falls from {rounded(pooled(ahead[who]))} to {rounded(pooled(left[who]))} K"
         )
-        before = after
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
     also, ways = rivals(found), other_ways(found)
     advice = f"add it: {_adding(named.parts, again)}"
