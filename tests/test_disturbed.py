@@ -147,6 +147,7 @@ def test_a_load_that_a_room_would_do_as_well_is_told_beside_that_room():
     assert "room_step" not in halved.also_possible
     assert halved.verdict == "load_step"
 
+
 def test_what_swings_is_told_with_its_period_beside_what_is_named():
     """A duty cycle that no effect of the catalogue beats a disturbance with: diagnose says that it is there, and how long it is."""
     rng, time = np.random.default_rng(2), np.arange(0.0, 480.0, 1.0)

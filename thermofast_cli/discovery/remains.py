@@ -78,7 +78,8 @@ def remaining_words(fit: Fit) -> str:
     look += [stretch] if stretch else []
     along = _along(fit)
     look += [f"along {along}"] if along else []
-    return f"{rounded(size)} K, {rounded(size / max(noise, 1e-12))} times the noise: {', '.join(look)}{f'; {cycle}' if cycle else ''}"
+    told = f"{rounded(size)} K, {rounded(size / max(noise, 1e-12))} times the noise: {', '.join(look)}"
+    return f"{told}; {cycle}" if cycle else told
 
 
 def _pace(fit: Fit) -> str:

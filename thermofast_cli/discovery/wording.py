@@ -31,6 +31,8 @@ SEEN_GAIN = 70.0
 
 #: A model that fails from within this share of the record on fails from the start.
 FROM_THE_START = 0.03
+#: What to do where the readings swing with one period.
+ON_AND_OFF = "a heat or a cooling goes on and off with that period: log it, or look at compare --effects cyclic_load"
 #: A room that moves a machine by more than this share of its own rise is hardly one.
 A_ROOM_MOVES = 0.5
 #: Noise of no more than this share of the logger's step is that of its rounding.
@@ -144,7 +146,7 @@ def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, s
                 [f"{s}, where the model fails: look at it first" for s in steps]
                 or [f"log what {_when(begins, seen)}{_unlogged(seen)}"]
             ),
-            *(["a heat or a cooling goes on and off with that period: log it, or look at compare --effects cyclic_load"] if cycle else []),
+            *([ON_AND_OFF] if cycle else []),
             *_coolants(seen),
             *_coarse(seen),
             *hints_of(found.also[:2], seen)[:2],
@@ -169,8 +171,8 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
         share = 100.0 * (float(str(step["share"])) if who.all() else stage.named.share)
         told.append(
             f"{step['effect']}{rival}: {said}; {'it explains' if len(new) == 1 else 'they explain'} "
-            f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit{'' if who.all() else ' there'}, and the error on "
-            f"readings not fitted falls from {rounded(pooled(ahead[who]))} to {rounded(pooled(left[who]))} K"
+            f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit{'' if who.all() else ' there'}, and the error "
+            f"on readings not fitted falls from {rounded(pooled(ahead[who]))} to {rounded(pooled(left[who]))} K"
         )
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
     also, ways = rivals(found), other_ways(found)
