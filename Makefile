@@ -45,7 +45,8 @@ site: $(STAMP)  ## docs/ as pages, with the reference that the program writes; e
 bench: $(STAMP)  ## most figures of docs/figures.md, beside their peers
 	$(BIN)/python -m benchmarks
 
-proof: $(STAMP)  ## how often the discovery loop is right, on simulated machines: writes docs/proof.md (an hour or two)
+proof: $(STAMP)  ## the long tests; then how often the discovery loop is right, on simulated machines: writes docs/proof.md (an hour or two)
+	$(BIN)/python -m pytest -m proof
 	$(BIN)/python -m benchmarks.discovery.proof
 
 docs: $(STAMP)  ## pictures and tables in docs/ that programs make

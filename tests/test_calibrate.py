@@ -81,6 +81,7 @@ def test_intervals_after_calibration_hold_on_other_machines_and_are_narrower(lab
     assert np.median(width["lab"]) < 0.95 * np.median(width["typical"])
 
 
+@pytest.mark.proof
 def test_machines_that_are_the_law_get_the_intervals_of_the_law():
     past = [tf.read(columns(bar.simulate(s, exact=True).runs[0]), name=f"past {s}") for s in range(8200, 8204)]
     prior = tf.calibrate(past).prior
@@ -124,6 +125,7 @@ def test_runs_that_cannot_be_used_are_told_and_one_is_too_few(tmp_path, tool):
     assert "--lab writes TOML" in tool("calibrate", *names, "--lab", tmp_path / "lab.csv").err
 
 
+@pytest.mark.proof
 def test_complete_runs_of_machines_that_are_far_from_the_law_are_used_too():
     """Two bodies of which the second settles slowly: by the bare law such runs never seemed to end."""
     time = np.arange(0.0, 400.0, 2.0)

@@ -101,6 +101,7 @@ def test_the_band_holds_what_deviates_from_the_model_slowly():
     assert np.mean(held) > 0.9
 
 
+@pytest.mark.proof
 def test_the_band_holds_on_machines_that_are_not_the_law():
     for name in ("bar:", "plate:"):
         line = figures(name, range(840_000, 840_003)).split("|")

@@ -33,6 +33,7 @@ def test_the_equation_is_found_and_run_freely():
     assert np.abs(arx((1, 1))(sample, first).mean - y)[400:].max() < 0.05
 
 
+@pytest.mark.proof
 def test_each_method_is_trusted_on_what_it_is_for():
     methods = {n: METHODS[n] for n in ("least squares", "arx")}
     lagging = compare(warm_ups(1, 40.0, runs=6), methods)

@@ -121,6 +121,7 @@ def test_a_door_that_was_open_for_a_while_is_a_cooling_that_changed_twice():
     assert found["cooling_switch.event"]["value"] < found["cooling_switch.2.event"]["value"]
 
 
+@pytest.mark.proof
 def test_a_load_that_went_down_and_up_is_said_where_it_explains_a_door_as_well():
     told = tf.diagnose(open_door(np.random.default_rng(24001), imperfect=True), jobs=1)[0]
     assert told.verdict == "cooling_switch+cooling_switch.2"

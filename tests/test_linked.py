@@ -129,6 +129,7 @@ def test_a_logged_load_counts_as_it_was_last_and_one_that_cycles_as_its_mean():
         assert found.steady_state_c == pytest.approx(20.0 + 0.05 * level, abs=0.5)
 
 
+@pytest.mark.proof
 def test_a_staircase_counts_as_its_last_step_however_fast_it_is_climbed():
     """Four stages of 20 min within a time constant of 60 go on in one direction; what is up, down and up again is a cycle."""
     time = np.arange(0.0, 90.0, 0.5)

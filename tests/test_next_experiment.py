@@ -121,6 +121,7 @@ def two_bodies(path, coupling, heated=(1.0, 1.0), seed=0):
     return path
 
 
+@pytest.mark.proof
 def test_heating_one_part_alone_tells_conduction_from_what_looks_like_it(tmp_path):
     seen = observe(tf.read(two_bodies(tmp_path / "run.csv", 0.0012, seed=3))).seen
     found = discover(seen, CATALOGUE)

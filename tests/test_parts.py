@@ -87,6 +87,7 @@ def test_surroundings_are_searched_where_more_than_one_sensor_shares_the_cause()
         assert (Key(-1, SINK.name) in keys) == searched
 
 
+@pytest.mark.proof
 def test_on_a_machine_that_is_not_its_model_a_change_of_one_part_is_told_where_it_is():
     table, _, event, who = record("heat", 1003, parts=True)
     told = tf.diagnose(tf.read(table)).to_frame()

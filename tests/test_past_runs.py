@@ -255,6 +255,7 @@ def test_the_bare_law_takes_no_model(tool, files, tmp_path):
     assert NONE.none
 
 
+@pytest.mark.proof
 def test_past_runs_are_believed_of_a_large_slow_mass():
     """A column 4 to 10 times slower than the spindle, with a fifth to a third of its rise, that three time constants do not show."""
     held = below = 0

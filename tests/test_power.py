@@ -8,6 +8,7 @@ from benchmarks.analysis.thermal_constants import driven, held
 from thermofast.analysis.power import watts
 
 
+@pytest.mark.proof
 def test_intervals_of_capacity_and_resistance_hold_the_truth():
     assert np.mean([held(seed) for seed in range(30)]) >= 0.85
     for seed in range(5):

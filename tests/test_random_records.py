@@ -22,6 +22,7 @@ def test_units_and_zero_points_change_nothing_but_units(seed):
     assert metamorphic(seed) == []
 
 
+@pytest.mark.proof
 def test_nothing_is_left_open():
     slope, error, turns, files, threads = soak(0.0, 3, 8)
     assert turns >= 11

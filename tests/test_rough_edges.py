@@ -216,6 +216,7 @@ def Filter_():  # noqa: N802
     return Afukf()
 
 
+@pytest.mark.proof
 def test_exact_records_are_hardly_ever_told_against_themselves():
     rng = np.random.default_rng(11)
     time, against = np.arange(301.0), 0

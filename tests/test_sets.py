@@ -32,6 +32,7 @@ def test_a_clear_set_is_named_whole():
     assert named == hidden
 
 
+@pytest.mark.proof
 def test_a_set_is_found_although_its_pairs_have_bent_to_the_third():
     """Two sensors, a room, a hidden mass and a late probe: the one right pair comes third, and a quick look at it says little."""
     _, hidden, named, _, _ = judge((3, 50_001))
@@ -58,6 +59,7 @@ def test_an_effect_that_is_not_needed_beside_the_others_is_left_out():
         assert set(kept.ids) == set(hidden)
 
 
+@pytest.mark.proof
 def test_small_things_of_a_background_are_no_set():
     """Three of its own effects, each small, bring this machine down to the noise; none explains more than a disturbance would."""
     machine = importlib.import_module("benchmarks.machines.bar").simulate(930_009, 1.0, None, runs=1)

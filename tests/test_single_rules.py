@@ -699,6 +699,7 @@ def test_what_is_taken_to_be_known_has_no_rank_among_what_is_not():
     assert {r.rank for r in rows if r.rank} == {1, 2}
 
 
+@pytest.mark.proof
 def test_more_past_runs_make_no_test_longer():
     """What a few runs say by chance of the size of disturbances is no reason to use fewer."""
     found = tf.plan(0.5, sensors=1, interval_s=30.0, rise_c=20.0, tau_min=70.0, noise_c=0.03)

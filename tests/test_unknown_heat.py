@@ -251,7 +251,7 @@ def test_the_search_finds_a_load_that_grows_all_the_while_from_another_rate(tmp_
     assert told[0].rmse_ahead_c < 0.2 * told[0].rmse_base_ahead_c
 
 
-@pytest.mark.parametrize("kind", ["switched", "body"])
+@pytest.mark.parametrize("kind", ["switched", pytest.param("body", marks=pytest.mark.proof)])
 def test_heat_beside_a_logged_power_is_told_in_watts(kind):
     told = np.array([power_trial(kind, seed) for seed in range(960_000, 960_003)])
     told = told[np.isfinite(told[:, 0])]
