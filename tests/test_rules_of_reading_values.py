@@ -117,6 +117,24 @@ def test_a_column_that_begins_where_only_another_unit_makes_sense(name, begins, 
         assert _read(name, values)[0][1] == begins
 
 
+def test_sensors_that_begin_evenly_at_a_room_in_degf_ask_for_their_unit():
+    """Three columns or more, none with a unit, within a kelvin of each other, which rise: a cold machine's in degF."""
+
+    def guessed(*begins, rise=20.0):
+        table = {f"c{k}": [begin, begin, begin, begin + rise] for k, begin in enumerate(begins)}
+        found = degrees.Temperatures(_table(**table), {}, Options(), list(table))
+        for name, values in table.items():
+            found.of(name, np.array(values))
+        return found.guesses()
+
+    with pytest.raises(InputError) as told:
+        guessed(68.1, 68.4, 69.9)
+    assert told.value.found == "all 3 begin at 68.1 to 69.9: in a room in degF, or as evenly hot in degC"
+    assert told.value.do == "say --units F or C"
+    for begins, rise in (((68.1, 68.4), 20.0), ((68.1, 68.4, 70.0), 20.0), ((68.1, 68.4, 69.9), -20.0), ((54.0, 55.0, 55.1), 20.0)):
+        assert len(guessed(*begins, rise=rise)) == 1
+
+
 def test_a_hot_beginning_is_told_and_tenths_are_offered():
     """Above 120 degC, or where a room in degF would begin."""
     for begins, hot in ((120.0, False), (120.5, True), (55.0, True), (95.0, True), (54.5, False), (95.5, False), (30.0, False)):

@@ -26,6 +26,8 @@ ROOM_TENTHS, MOST_MILLI = (130.0, 350.0), 200_000.0
 ROOM_F = (55.0, 95.0)
 #: A name and the letter that ends it, which may be a unit or a place.
 ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
+#: How far apart such columns begin at most where they are a cold machine's in degF, and how many there are at least.
+EVEN_F, SEVERAL = 1.8, 3
 #: How what was turned into degC is called.
 TURNED = {"K": "kelvin", "F": "degF", "R": "degrees Rankine"} | {f"Pt{n}": f"ohms of a Pt{n} (IEC 60751)" for n in (100, 500, 1000)}
 #: Names and values of platinum resistors that were logged in ohms.
@@ -51,6 +53,8 @@ class Temperatures:
         self._scaled: dict[float, list[str]] = {}
         self._by_letter: dict[str, list[str]] = {}
         self._hot: list[str] = []
+        self._begin: list[float] = []
+        self._count = len(names)
         self._tenths = False
         self._cold: list[str] = []
         self._overruled: dict[str, list[str]] = {}
@@ -151,6 +155,8 @@ class Temperatures:
             )
         if first > HOT_C or ROOM_F[0] <= first <= ROOM_F[1]:
             self._hot.append(f"{name} begins at {first:g}")
+            if ROOM_F[0] <= first <= ROOM_F[1] and values[np.isfinite(values)][-1] > first + EVEN_F:
+                self._begin.append(first)
             self._tenths |= first.is_integer() and ROOM_TENTHS[0] <= first <= ROOM_TENTHS[1]
 
     def notes(self) -> list[str]:
@@ -160,7 +166,20 @@ class Temperatures:
         return told + [f"--units {s} overrules what the file says of {listed(who, 6)}" for s, who in self._overruled.items()]
 
     def guesses(self) -> list[Guess]:
-        """What had to be guessed of the units."""
+        """What had to be guessed of the units.
+
+        Raises
+        ------
+        InputError: no column has a unit, and all begin within one kelvin, at a room in degF, and rise.
+        """
+        low, high = min(self._begin, default=0.0), max(self._begin, default=0.0)
+        if len(self._begin) == self._count >= SEVERAL and high - low <= EVEN_F:
+            raise InputError(
+                f"{self._table.name}: the unit of its temperatures cannot be told",
+                found=f"all {self._count} begin at {low:.4g} to {high:.4g}: in a room in degF, or as evenly hot in degC",
+                allowed="a unit in the names, as in 'T [F]', or a unit line",
+                do="say --units F or C",
+            )
         names = {"K": "kelvin", "F": "degF", "C": "degC"}
         found = [
             Guess("unit", f"{listed(who, 6)} read as {names[s]}, by the letter behind the name", "--units says otherwise")
