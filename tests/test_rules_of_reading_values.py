@@ -128,10 +128,10 @@ def test_sensors_that_begin_evenly_at_a_room_in_degf_ask_for_their_unit():
         return found.guesses()
 
     with pytest.raises(InputError) as told:
-        guessed(68.1, 68.4, 69.9)
-    assert told.value.found == "all 3 begin at 68.1 to 69.9: in a room in degF, or as evenly hot in degC"
+        guessed(68.1, 68.4, 69.8)
+    assert told.value.found == "all 3 begin at 68.1 to 69.8: in a room in degF, or as evenly hot in degC"
     assert told.value.do == "say --units F or C"
-    for begins, rise in (((68.1, 68.4), 20.0), ((68.1, 68.4, 70.0), 20.0), ((68.1, 68.4, 69.9), -20.0), ((54.0, 55.0, 55.1), 20.0)):
+    for begins, rise in (((68.1, 68.4), 20.0), ((68.1, 68.4, 70.0), 20.0), ((68.1, 68.4, 69.8), -20.0), ((54.0, 55.0, 55.1), 20.0)):
         assert len(guessed(*begins, rise=rise)) == 1
 
 
