@@ -172,7 +172,7 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     A run of equal readings at the record's extreme, entered while the curve was moving without slowing down: over as
     many readings as the run lasts, or over the last half or quarter of them (what the record begins with may be quicker), the
     second half of the way to it rose at least half as much as the first. A curve that settles by itself slows down long before it
-    stands still.
+    stands still. Where the noise is a step and more, equal readings are :func:`frozen` by themselves.
     """
     stuck = np.zeros(len(reading), dtype=bool)
     for extreme in (reading.max(), reading.min()) if len(reading) > 3 * RULES.saturated_readings else ():
@@ -182,7 +182,8 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             length = min(b - a, a)
-            lengths = [n for n in (length, length // 2, length // 4) if n >= RULES.saturated_readings]
+            quiet = third_difference_noise(reading[max(0, a - RULES.frozen_before) : a]) <= max(resolution, 1e-9)
+            lengths = [n for n in (length, length // 2, length // 4) if n >= RULES.saturated_readings and (quiet or n == length)]
             if b - a >= RULES.saturated_readings and any(_still_moves(way * reading[a - n : a], resolution) for n in lengths):
                 stuck[a:b] = True
     return stuck
