@@ -182,8 +182,8 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             length = min(b - a, a)
-            quiet = third_difference_noise(reading[max(0, a - RULES.frozen_before) : a]) <= max(resolution, 1e-9)
-            lengths = [n for n in (length, length // 2, length // 4) if n >= RULES.saturated_readings and (quiet or n == length)]
+            shorter = () if froze[a:b].any() else (length // 2, length // 4)
+            lengths = [n for n in (length, *shorter) if n >= RULES.saturated_readings]
             if b - a >= RULES.saturated_readings and any(_still_moves(way * reading[a - n : a], resolution) for n in lengths):
                 stuck[a:b] = True
     return stuck
