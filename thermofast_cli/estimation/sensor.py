@@ -172,9 +172,9 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     A run of equal readings at the record's extreme, entered while the curve was moving without slowing down: over as
     many readings as the run lasts, or over the last half or quarter of them (what the record begins with may be quicker), the
     second half of the way to it rose at least half as much as the first. A curve that settles by itself slows down long before it
-    stands still. Where the noise is a step and more, equal readings are :func:`frozen` by themselves.
+    stands still. What is :func:`frozen` by its noise need not be the end of a range.
     """
-    stuck = np.zeros(len(reading), dtype=bool)
+    stuck, froze = np.zeros(len(reading), dtype=bool), frozen(reading, resolution)
     for extreme in (reading.max(), reading.min()) if len(reading) > 3 * RULES.saturated_readings else ():
         if np.count_nonzero(reading == extreme) < RULES.saturated_readings:
             continue
