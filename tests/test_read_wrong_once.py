@@ -1,9 +1,12 @@
 """Forms of files that a reader from outside found read wrong without a word: factors of time, signs of thousands, names."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.reading.moments.epochs import clock_with_a_point, compact
 from thermofast.reading.signs import sign_of
 from thermofast.reading.units import to_celsius
 from thermofast.reading.values.time_units import one_unit_alone, steps_of
@@ -234,3 +237,104 @@ def test_a_decimal_comma_makes_no_constant_of_a_conductor():
     with pytest.raises(tf.UsageError, match=r"as in 1\.5,20"):
         options_from({"resistance": "1,5,20"})
     assert options_from({"resistance": "1.5,20,225"}).resistance == (1.5, 20.0, 225.0)
+
+
+FRONT = np.round(21.3 + 9.0 * -np.expm1(-np.arange(150.0) / 60.0), 2)
+ROOM = np.round(21.2 + 0.01 * np.sin(np.arange(150.0)), 2)
+MOMENTS = [datetime(2026, 3, 12, 7, 58, 3) + timedelta(minutes=k) for k in range(150)]
+
+
+@pytest.mark.parametrize(
+    ("form", "told"),
+    [
+        ("%y%m%d%H%M", "YYMMDDhhmm"),
+        ("%y%m%d%H%M%S", "YYMMDDhhmmss"),
+        ("%Y%m%d%H%M", "YYYYMMDDhhmm"),
+        ("%d%m%Y%H%M%S", "DDMMYYYYhhmmss"),
+        ("%H.%M", "a clock of hours and minutes"),
+    ],
+)
+def test_moments_without_signs_and_clocks_with_a_point_are_moments(tmp_path, form, told):
+    """They were an epoch, seconds that were counted, or hours with decimals: a record of 149 minutes was 4, 161 or 448 long."""
+    rows = [f"{m.strftime(form)},{t},{r}" for m, t, r in zip(MOMENTS, FRONT, ROOM, strict=True)]
+    path = _file(tmp_path, "Timestamp,T1 [°C],Room [°C]", rows)
+    run = tf.read(path)
+    np.testing.assert_allclose(run.time_s, 60.0 * np.arange(150.0))
+    assert told in run.guesses[0].text
+    np.testing.assert_allclose(tf.read(path, time_format=form).time_s, run.time_s)
+
+
+def test_numbers_that_count_stay_numbers():
+    """Seconds since 1970, milliseconds, decimal hours and minutes that start at nought."""
+    assert compact(1.77e9 + 60.0 * np.arange(150.0)) is None
+    assert compact(2.61e9 + 60.0 * np.arange(150.0)) is None  # a seventieth minute comes
+    assert clock_with_a_point(7.5 + np.arange(150.0) / 60.0) is None
+    assert clock_with_a_point(np.round(0.01 * np.arange(50.0), 2)) is None
+    assert clock_with_a_point(np.round(7.0 + 0.25 * np.arange(50.0), 2)) is None
+    clock = clock_with_a_point(np.array([22.58, 22.59, 23.0, 23.01]))
+    np.testing.assert_allclose(np.diff(clock), 60.0)
+    over_midnight = clock_with_a_point(np.array([23.58, 23.59, 0.0, 0.01]))
+    np.testing.assert_allclose(np.diff(over_midnight), 60.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "values"),
+    [
+        ("Room_Q", 0.0 * ROOM),
+        ("Room_Q", 192.0 + 0.0 * ROOM),
+        ("Room [°C] ok", 1.0 + 0.0 * ROOM),
+        ("Room_err", 0.0 * ROOM),
+        ("Room_n", 12.0 + 0.0 * ROOM),
+        ("Room_unc", 0.1 + 0.01 * ROOM),
+        ("Room_H", 45.0 + 0.1 * ROOM),
+        ("Room_rssi", -60.0 - np.floor(ROOM)),
+        ("Outdoor", ROOM - 16.0),
+        ("Aussen", ROOM - 16.0),
+    ],
+)
+def test_what_stands_beside_a_room_is_not_averaged_into_it(tmp_path, more, values):
+    rows = [f"{k},{t},{r},{v}" for k, (t, r, v) in enumerate(zip(FRONT, ROOM, values, strict=True))]
+    run = tf.read(_file(tmp_path, f"time_min,Front,Room,{more}", rows))
+    assert list(run.channels) == ["Front"]
+    assert list(run.ambient) == ["Room"]
+    np.testing.assert_allclose(run.room, ROOM)
+
+
+def test_rooms_that_differ_and_those_in_tenths_are_told(tmp_path):
+    rows = [f"{k},{t},{r},{r + 9.0:.2f}" for k, (t, r) in enumerate(zip(FRONT, ROOM, strict=True))]
+    run = tf.read(_file(tmp_path, "time_min,Front,Room,Hall", rows))
+    assert "the mean of columns that differ: Room at 21.2, Hall at 30.2" in "; ".join(g.text for g in run.guesses)
+    tenths = [f"{k},{10 * t:.0f},{10 * r:.0f}" for k, (t, r) in enumerate(zip(FRONT, ROOM, strict=True))]
+    with pytest.raises(tf.InputError, match="tenths of a degree"):
+        tf.read(_file(tmp_path, "time_min,Front,Room", tenths))
+
+
+def test_names_of_what_is_no_sensor_and_of_spindles(tmp_path):
+    """Growth and tilt, the mean of all; SP is a spindle where it is measured, and a set point where it stands still."""
+    for name in ("Spindle growth", "Headstock tilt", "Column bending", "front elongation", "Front_vib", "Spindel Unwucht"):
+        assert sign_of(name, "").kind == "input", name
+    both = np.stack(
+        [FRONT, np.roll(FRONT, 1) + 0.02 * np.random.default_rng(1).standard_normal(150), np.full(150, 40.0), FRONT], axis=1
+    )
+    rows = [",".join([str(k), *(f"{v:.2f}" for v in row)]) for k, row in enumerate(both)]
+    assert list(tf.read(_file(tmp_path, "time_min,X_TEMP,SP_TEMP,Y_SP_TEMP,Z_TEMP", rows)).channels) == [
+        "X_TEMP",
+        "SP_TEMP",
+        "Z_TEMP",
+    ]
+    run = tf.read(_file(tmp_path, "time_min,T1 [°C],T2 [°C],T3 [°C],Mittelwert [°C]", rows))
+    assert list(run.channels) == ["T1 [°C]", "T2 [°C]", "T3 [°C]"]
+    assert list(run.inputs) == ["Mittelwert [°C]"]
+
+
+def test_a_row_is_of_when_it_was_read_and_not_of_when_it_was_sent_on(tmp_path):
+    sent = [MOMENTS[min(149, 20 * (k // 20) + 19)] + timedelta(milliseconds=137 * k) for k in range(150)]
+    rows = [f"{s.isoformat()},{m.isoformat()},{t}" for s, m, t in zip(sent, MOMENTS, FRONT, strict=True)]
+    run = tf.read(_file(tmp_path, "published_at,recorded_at,T1 [°C]", rows))
+    np.testing.assert_allclose(run.time_s, 60.0 * np.arange(150.0))
+
+
+def test_a_path_of_value_and_quality_keeps_its_place(tmp_path):
+    rows = [f"{k},{t},192,{r},192" for k, (t, r) in enumerate(zip(FRONT, ROOM, strict=True))]
+    run = tf.read(_file(tmp_path, "time_min,Front.Value,Front.Quality,Room.Value,Room.Quality", rows))
+    assert (list(run.channels), list(run.ambient)) == (["Front.Value"], ["Room.Value"])

@@ -23,6 +23,7 @@ from .vocabulary import (
     MEDIA,
     REFERENCE,
     SPREADS,
+    WANTED,
     words,
 )
 
@@ -33,6 +34,12 @@ _ANY_EXTREME = re.compile("|".join(sorted(EXTREMES | SPREADS, key=len, reverse=T
 _QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
 #: A machine and what flows past it begin within this much of each other [K].
 BEGIN_ALIKE = 10.0
+#: Ends of a name that tell something of the reading which is called so without them.
+MARKS = frozenset(["q", "ok", "err", "error", "qual", "quality", "n", "count", "id", "valid", "flag", "status", "state", "code"])
+VALUES = frozenset(["value", "val", "wert", "messwert", "reading"])
+TELLS_OF = frozenset(["rssi", "unc", "uncertainty", "h", "rh", "hum", "p", "battery", "batt"])
+#: Surroundings that are not the machine's where others are, and by how much two rooms differ that are hardly one [K].
+OUTSIDE, ROOMS_APART = ("outdoor", "outside", "oat", "aussen", "außen", "室外", "extér"), 3.0
 #: What an instrument says of its state; constant, it says nothing.
 SIGNALS = frozenset(["alarm", "alarms", "flag", "status", "error", "event", "alert"])
 
@@ -142,6 +149,12 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     signs = {n: sign_of(own, units.get(n, "")) for n, own in _beyond_place(names).items()}
     signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names), *_bands(names, values))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
+    signs |= {n: replace(signs[n], kind="other", unit=None, temperature=False) for n in _companions(names, values)}
+    signs |= {n: replace(signs[n], kind="sensor", temperature=True) for n in names if _spindles(n, signs[n], values[n])}
+    overall = [n for n in names if signs[n].temperature and _of_all(n)]
+    if any(s.kind == "sensor" and n not in overall for n, s in signs.items()):
+        signs |= {n: replace(signs[n], kind="input") for n in overall}
+    signs |= {n: replace(signs[n], kind="input") for n in _outdoors([n for n in names if signs[n].kind == "ambient"])}
     saying = [n for n, s in signs.items() if s.kind == "sensor" and s.temperature and not _bare(n, s)]
     said_somewhere = origin != "long" and bool(saying) and not _of_media_alone(saying, signs, values)
     # A room with its unit says nothing of places without one.
@@ -207,6 +220,7 @@ def _beyond_place(names: list[str]) -> dict[str, str]:
                 groups.setdefault(n[: last[-1] if sign.startswith("[/") else last[0]], []).append(n)
         for place, some in groups.items():
             many = len(some) > 1 and (sign.startswith("[/") or len(some) == len(names))
+            many = many and not all(set(words(n[len(place) :])) <= MARKS | VALUES for n in some)  # Room.Value and Room.Quality
             if many and AMBIENT.intersection(words(place)) and all(re.search(r"[^\W\d_]", n[len(place) :]) for n in some):
                 found |= {n: n[len(place) :] for n in some}
     return found
@@ -245,6 +259,37 @@ def _extremes(names: list[str]) -> list[str]:
         for n, some in told.items()
         if of_one(some, EXTREMES | SPREADS, means) or of_one(some, SPREADS, bare) or (n in alone and of_one(some, EXTREMES, bare))
     ]
+
+
+def _companions(names: list[str], values: Mapping[str, Array]) -> list[str]:
+    """Columns that tell something of the reading beside them, as ``Front_Q``, ``T1 [°C] ok``, ``Room_n`` and ``Room_H``.
+
+    A mark, a count, an error, a humidity; marks and counts are whole numbers.
+    """
+    parts = {n: [w for w in re.split(r"[\W_]+", re.sub(r"[\[(][^\])]*[\])]", " ", n).casefold()) if w] for n in names}
+    there = {tuple(some) for some in parts.values()}
+    beside = {n: some[-1] for n, some in parts.items() if len(some) > 1 and tuple(some[:-1]) in there}
+    return [n for n, last in beside.items() if last in TELLS_OF or (last in MARKS and _whole(values[n]))]
+
+
+def _of_all(name: str) -> bool:
+    """Whether a name is that of the mean, the least or the greatest of all: Max [°C], Mittelwert."""
+    said = set(words(_core(name)))
+    return bool(said) and said <= MEANS | EXTREMES
+
+
+def _spindles(name: str, sign: Sign, column: Array) -> bool:
+    """Whether an SP is a spindle and no set point: SP_TEMP that hardly ever stands still."""
+    if sign.kind != "input" or WANTED & set(words(name)) != {"sp"} or not sign.temperature:
+        return False
+    seen = _finite(column)
+    return len(seen) > 20 and float(np.mean(np.diff(seen) == 0.0)) < 0.5 and len(np.unique(seen)) > 0.3 * len(seen)
+
+
+def _outdoors(rooms: Sequence[str]) -> list[str]:
+    """Those of the surroundings that are outside the house, where others are inside."""
+    outside = [n for n in rooms if any(w.startswith(OUTSIDE) for w in words(n))]
+    return outside if len(outside) < len(rooms) else []
 
 
 def _bands(names: list[str], values: Mapping[str, Array]) -> list[str]:
@@ -407,6 +452,10 @@ def _with_words(
         guesses.append(
             Guess("role", f"taken for temperatures, though {what}: {listed(unsure, 6)}", "--channels and --units confirm it")
         )
+    levels = {n: float(np.median(seen)) for n in roles["ambient"] if len(seen := _finite(values[n]))}
+    if levels and max(levels.values()) - min(levels.values()) > ROOMS_APART:
+        told = listed([f"{n} at {level:.3g}" for n, level in levels.items()], 4)
+        guesses.append(Guess("role", f"the surroundings are the mean of columns that differ: {told}", "--ambient says which it is"))
     references = [n for n in roles["input"] if n not in options.inputs and set(words(n)) & REFERENCE]
     if references:
         guesses.append(Guess("role", f"a reference of the instrument, not a sensor: {listed(references)}", "--channels uses it"))

@@ -32,6 +32,7 @@ from .vocabulary import (
     WANTED_PARTS,
     WANTED_STEMS,
     WARM_INPUTS,
+    WEATHER,
     words,
 )
 
@@ -84,6 +85,7 @@ def _sign(name: str, unit_cell: str) -> Sign:
         or _over_the_room(core)
         or re.match(_DIFFERENCE, name)
         or _is_reference(first)
+        or (said & WEATHER and not said & PLACES)
     ):
         kind = "input"
     elif (said | set(words(unit_cell))) & DISPLACEMENTS and (unit.kind == "length" if unit is not None else not spoken):
@@ -157,7 +159,7 @@ def _is_ambient(name: str, said: set[str], spoken: bool) -> bool:
         return False  # the room side of a bearing
     if _names_the_room(said) or any(part in name for part in AMBIENT_PARTS):
         return True
-    loose = {"air", "luft", "hall", "tu", "outside", "klima"}
+    loose = {"air", "luft", "hall", "tu", "outside", "klima", "aussen", "außen", "extérieur", "exterieur"}
     if said & (AMBIENT - loose):
         return spoken or not said & INPUTS
     return bool(said & loose) and said - AMBIENT <= BESIDE

@@ -28,7 +28,7 @@ AMBIENT = _set(
     "prüfraum klimaraum omgivelsestemperatur kamertemperatuur romtemperatur stuetemperatur huone huoneen ympäristön oda "
     "szobahőmérséklet szoba pokojowa pokojová pokoj комнатная комнаты ambiental ambientală camerei "
     "omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
-    "laborraum inf цех umgeb laborluft okol cabin kabine"
+    "laborraum inf цех umgeb laborluft okol cabin kabine aussen außen extérieur exterieur"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
 AMBIENT_STEMS = ("umgebung", "raum", "hallen", "luft", "aussen", "außen")
@@ -46,7 +46,8 @@ INPUTS = _set(
     "stellgrad stellgröße stellgrösse stellwert "
     "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht "
     "velocity barometer pwm distance cosphi intensité potência velocidade нагрузка yük obciążenie carga carico charge zatížení "
-    "schalter betriebsart restzeit switch adc"
+    "schalter betriebsart restzeit switch adc growth expansion elongation bending tilt vib preload vorspannung unbalance unwucht "
+    "imbalance flux wärmestrom runout körperschall schlupf slip druckluft clearance spiel backlash deflection displ"
 )
 #: Names of inputs that are none beside another word: Press ram is a place.
 INPUT_NAMES = _set("vin vout vcc vdd vbus vbatt ubat ibat ibatt iin iout press pres hum amp amps")
@@ -76,6 +77,7 @@ WANTED = _set(
     "desired gewenste gewenst célhőmérséklet zul tref setată warning ajuste commanded wsp rsp "
     "trip nominal hedef ayar alapjel objetivo deseada deseado alvo desejada ønsket önskad tavoite setare setata "
     "cílová docelowa задание "
+    "limite grenze obergrenze untergrenze fem simulation "
     "goal req request requested calc calculated sim simulated predicted prediction berechnet simuliert correction korrektur "
     "allowed zulässig permissible shutdown programmed programmiert forecast extrapolated extrapoliert führungsgrösse cutout"
 )
@@ -86,6 +88,8 @@ WANTED_STEMS = (
     *("börvärd", "željen", "tavoite"),
 )
 WANTED_PARTS = ("設定", "目標", "设定", "目标", "给定", "給定", "설정", "목표")
+#: Of the weather, and of what instruments are compared with: no place on a machine.
+WEATHER = _set("wetbulb humidex windchill icebath kalibrator calibrator")
 REFERENCE = _set(
     "cjt tcj coldjunction internal logger panel board klemmentemperatur vergleichsstellentemperatur cjc cj ref reference "
     "referenz vergleichsstelle ptemp kaltstelle"
@@ -121,6 +125,7 @@ DERIVED = _set(
     "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta std stdev stddev sigma "
     "diff difference differenz deviation abweichung messabweichung noise resolution accuracy genauigkeit auflösung "
     "rauschen погрешность error gradient rate slope deltat dt spread uncertainty temperaturdifferenz temperaturgradient "
+    "drift temperaturanstieg überhitzung messfehler unsicherheit "
     "regelabweichung regeldifferenz sollabweichung überhöhung temperaturerhöhung temperaturüberhöhung "
     "temperaturspreizung spreizung tdiff overtemp excess trel rel relative residual residuum hysteresis abw"
 )

@@ -1,4 +1,4 @@
-"""Numbers that are moments: epochs, ticks of programs, serial days of a spreadsheet, dates and clocks of archives."""
+"""Numbers that are moments: epochs, ticks, serial days of a spreadsheet, dates and clocks without signs or with a point."""
 
 from datetime import datetime, timedelta
 
@@ -15,6 +15,17 @@ UNITS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0,
 EPOCH_S, SERIAL_DAYS = (9.466848e8, 4.102448e9), (36526.0, 73051.0)
 #: 2000 to 2100 in steps of 100 ns, from 1601 and from the year 1.
 TICKS = {"a file time of Windows": (1.2591e17, 1.5747e17), "ticks of .NET": (6.3082e17, 6.6239e17)}
+
+#: Digits of a moment without signs, how they are read, and from where to where such numbers lie: years from 2020 to 2039 of two
+#: digits (an epoch in seconds is a moment after 2033 there), of four from 2000 to 2059.
+_FORMS = (
+    (10, "%y%m%d%H%M", 2.0e9, 4.0e9),
+    (12, "%y%m%d%H%M%S", 2.0e11, 4.0e11),
+    (12, "%Y%m%d%H%M", 2.0e11, 2.06e11),
+    (14, "%d%m%Y%H%M%S", 1.0e12, 3.2e13),
+)
+#: Forms in words.
+SPOKEN = {"%y": "YY", "%Y": "YYYY", "%m": "MM", "%d": "DD", "%H": "hh", "%M": "mm", "%S": "ss"}
 
 
 def of_archive(column: Array) -> bool:
@@ -51,3 +62,45 @@ def ticks_of(column: Array) -> str:
 def calendar(seconds: float) -> datetime:
     """The moment so many seconds after the beginning of 1970; of one that no calendar has, the nearest that it has."""
     return BEGIN + timedelta(seconds=min(max(seconds, FIRST_S), LAST_S))
+
+
+def compact(column: Array) -> tuple[list[str], str] | None:
+    """(moments as YYYYMMDDhhmmss, the form in words) of whole numbers (n,) that are moments without signs; None of others."""
+    found = []
+    for digits, form, low, high in _FORMS:
+        if not (low <= column.min() and column.max() < high):
+            continue
+        try:
+            moments = [datetime.strptime(f"{v:0{digits}.0f}", form) for v in column.tolist()]
+        except ValueError:
+            continue
+        if not 2000 <= moments[0].year < 2060:
+            continue
+        steps = np.diff([(m - moments[0]) / timedelta(seconds=1) for m in moments])
+        found.append((float(np.ptp(steps)) if len(steps) else 0.0, form, moments))
+    if not found:
+        return None
+    _, form, moments = min(found, key=lambda one: one[0])
+    told = form
+    for sign, word in SPOKEN.items():
+        told = told.replace(sign, word)
+    return [m.strftime("%Y%m%d%H%M%S") for m in moments], told
+
+
+def clock_with_a_point(column: Array) -> Array | None:
+    """Seconds (n,) of a clock whose hours and minutes have a point between them, 07.58 and then 08.00; None of other numbers.
+
+    From nought on it could be minutes and seconds as well, and without a full hour decimals.
+    """
+    hours = np.floor(column + 1e-9)
+    minutes = np.round(100.0 * (column - hours), 6)
+    if not (column.min() >= 0.0 and column.max() < 24.0 and column[0] >= 1.0 and len(column) > 2):
+        return None
+    if (minutes % 1.0 != 0.0).any() or minutes.max() >= 60.0:
+        return None
+    seconds = 3600.0 * hours + 60.0 * minutes
+    steps = np.diff(seconds)
+    turned = np.where(steps < -43200.0, steps + 86400.0, steps)
+    if not ((turned > 0.0).all() and np.ptp(turned) < np.ptp(3600.0 * np.diff(column)) and np.ptp(turned) < 1e-6):
+        return None
+    return np.asarray(seconds[0] + np.concatenate([[0.0], np.cumsum(turned)]))

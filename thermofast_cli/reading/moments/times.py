@@ -17,7 +17,7 @@ from ..table import Table
 from ..units import unit_in_name
 from ..values.time_units import MINUTES_SECONDS, one_unit_alone, steps_of, unit_of
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
-from .epochs import UNITS, epoch_of, is_date_number, of_archive, serial, ticks_of
+from .epochs import UNITS, clock_with_a_point, compact, epoch_of, is_date_number, of_archive, serial, ticks_of
 from .fractions import padded
 from .parts import SHORT, clock_written_as_number, days_of_year, moments_in_parts
 from .stamps import DAY_S, below, looks_like_stamp, parse_stamps, plain, plausible
@@ -32,6 +32,8 @@ MILLISECONDS = frozenset(["ms", "millitm", "millisecond", "milliseconds", "msec"
 DATE_DIGITS = 8  # of a date written without signs, 20260131
 #: Words of a time that is still to go.
 COUNTDOWN = frozenset(["remaining", "countdown", "restzeit", "verbleibend", "restante", "left"])
+#: Words of a moment at which a row was sent on or stored.
+SENT_ON = frozenset(["published", "received", "server", "upload", "uploaded", "inserted", "created", "ingested", "arrival"])
 #: Names that are units of time, and of deviations, least readings and heights.
 BARE = ("s", "min", "h")
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
@@ -167,8 +169,11 @@ def _candidates(table: Table) -> tuple[str, str | None] | None:
     if len(ordered) == 1:
         return ordered[0], None
     if ordered:
-        # Of several stamps the one with most different values: the others tell when a step or the query began.
-        return max(ordered[:8], key=lambda n: (len(set(table.columns[n])), n in named)), None
+        # Of several stamps the one with most different values: the others tell when a step or the query began. When a row was sent
+        # on is not when it was read.
+        different = {n: len(set(table.columns[n])) for n in ordered[:8]}
+        often = 0.5 * max(different.values())
+        return max(different, key=lambda n: (different[n] > often and not SENT_ON & set(words(n)), different[n], n in named)), None
     timed = [n for n in numeric if n in named and np.isfinite(np.asarray(table.columns[n])).any()]
     timed = [n for n in timed if not is_date_number(table.columns[n])] or timed
     epochs = [n for n in timed if epoch_of(_values(table, n)) and unit_of(n) is None]
@@ -235,10 +240,12 @@ def _values(table: Table, name: str) -> Array:
 def _convert(table: Table, name: str, clock: str | None, options: Options) -> Time:
     column = table.columns[name]
     if isinstance(column, np.ndarray):
-        if clock is None and not (options.time_format and (column % 1.0 == 0.0).all()):
+        told = options.time_format or ""
+        if clock is None and not (told and ("." in told or (column % 1.0 == 0.0).all())):
             return _numeric(table, name, column, options)
-        width = len(datetime(2026, 1, 1).strftime(options.time_format)) if clock is None and options.time_format else DATE_DIGITS
-        column = [f"{v:0{width}.0f}" for v in column]
+        width = len(datetime(2026, 1, 1).strftime(told)) if clock is None and told else DATE_DIGITS
+        behind = width - len(datetime(2026, 1, 1).strftime(told.partition(".")[0])) - 1 if clock is None and "." in told else 0
+        column = [f"{v:0{width}.{behind}f}" for v in column]
     cells = column
     if clock is not None:
         second = table.columns[clock]
@@ -330,6 +337,10 @@ def _numeric(table: Table, name: str, column: Array, options: Options) -> Time:
         seconds = np.round((column - column[0]) * DAY_S, 3)
         guess = Guess("time", text, "--time-unit says otherwise")
         return Time(seconds, frozenset({name}), f"time: {name!r} in days", (guess,), unit="d")
+    if not unit and (pointed := clock_with_a_point(column)) is not None:
+        text = f"{name!r} read as a clock of hours and minutes ({column[0]:05.2f})"
+        guess = Guess("time", text, "--time-format or --time-unit says otherwise")
+        return Time(pointed, frozenset({name}), f"time: {name!r}, a clock with a point", (guess,), unit="stamp")
     return _clock_of(table, name, column, False) or _without_unit(table, name, column)
 
 
@@ -374,6 +385,9 @@ def _written_moments(table: Table, name: str, column: Array) -> Time | None:
     guesses: tuple[Guess, ...] = ()
     if column.min() >= 1.9e13 and column.max() < 2.2e13:
         cells, used = [f"{v:014.0f}" for v in column], frozenset({name})
+    elif (told := compact(column)) is not None:
+        cells, used = told[0], frozenset({name})
+        guesses = (Guess("time", f"{name!r} read as {told[1]} ({column[0]:.0f})", "--time-format or --time-unit says otherwise"),)
     else:
         date = next((n for n in table.names if n != name and is_time_name(n) and is_date_number(table.columns[n])), None)
         elapsed = unit_of(name, table.units.get(name, "")) is not None  # a column 'min' beside a date counts minutes

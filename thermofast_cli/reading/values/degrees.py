@@ -136,12 +136,14 @@ class Temperatures:
                 f"{self._table.name}: the unit of column {name!r} cannot be told",
                 found=f"{first:g} to {values[np.isfinite(values)][-1]:g}, thousandths of a degree?",
                 allowed="a unit in the name, as in 'T [m°C]', or a unit line",
-                do="say --units m°C, or --exclude it",
+                do=f"say --units {name!r}=m°C, or --exclude it" if " " in name else f"say --units {name}=m°C, or --exclude it",
             )
         if ROOM_K[0] <= first <= ROOM_K[1]:
             what = "a room in kelvin or something hot in degC"
         elif ambient and ROOM_F[0] <= first <= ROOM_F[1]:
             what = "a room in degF or a hot chamber in degC"
+        elif ambient and first >= ROOM_TENTHS[0]:
+            what, way = "tenths of a degree, or a hot chamber in degC", "say --units '°C x10' where they are tenths, else C"
         elif any(low <= first <= high for low, high in OHMS) and RESISTORS.intersection(words(name)):
             what = "ohms of a platinum resistor or something hot in degC"
             way = f"say --units Pt{'100' if first < OHMS[1][0] else '1000'} for ohms, else C"
