@@ -338,3 +338,25 @@ def test_a_path_of_value_and_quality_keeps_its_place(tmp_path):
     rows = [f"{k},{t},192,{r},192" for k, (t, r) in enumerate(zip(FRONT, ROOM, strict=True))]
     run = tf.read(_file(tmp_path, "time_min,Front.Value,Front.Quality,Room.Value,Room.Quality", rows))
     assert (list(run.channels), list(run.ambient)) == (["Front.Value"], ["Room.Value"])
+
+
+def test_all_unknown_words_of_a_column_are_advised_at_once(tmp_path):
+    """One at a time led from refusal to refusal; and the words of more instruments are known."""
+    cells = [f"{v:.1f}" for v in FRONT[:40]]
+    cells[5], cells[9], cells[20] = "bla", "foo", "bla"
+    path = _file(tmp_path, "time_min,T1", [f"{k},{c}" for k, c in enumerate(cells)])
+    with pytest.raises(tf.InputError) as told:
+        tf.read(path)
+    assert "missing='bla,foo' if these mean 'no reading'" in told.value.do
+    assert np.isnan(tf.read(path, missing="bla,foo").channels["T1"]).sum() == 3
+    cells[5], cells[9], cells[20] = "+1.#INF", "--------", "Sensor Error"
+    known = tf.read(_file(tmp_path, "time_min,T1", [f"{k},{c}" for k, c in enumerate(cells)], "known.csv"))
+    assert np.isnan(known.channels["T1"]).sum() == 3
+
+
+def test_pairs_of_x_in_seconds_have_a_clock_each(tmp_path):
+    rows = [f"{k},{t},{2 * k},{r}" for k, (t, r) in enumerate(zip(FRONT, ROOM, strict=True))]
+    run = tf.read(_file(tmp_path, "x [s],y [°C],x [s],y [°C]", rows))
+    first, second = run.channels.values()
+    assert run.time_s[np.flatnonzero(np.isfinite(first))[-1]] == 149.0
+    assert run.time_s[np.flatnonzero(np.isfinite(second))[-1]] == 298.0

@@ -71,7 +71,7 @@ def is_time_name(name: str) -> bool:
         return True
     if name[-1:].isdigit():
         return any(w in TIME for w in told)
-    if re.fullmatch(r"t_(us|ms|s|sec|min|h)", name) or _OF_A_CURVE.search(name):
+    if re.fullmatch(r"t_(us|ms|s|sec|min|h)|[xX] ?\[(us|ms|s|sec|min|h)\]( \(\d+\))?", name) or _OF_A_CURVE.search(name):
         return True
     return any(w in TIME for w in told) or whole in TIME_NAMES or (len(whole) > 3 and whole.lower() in TIME_NAMES)
 

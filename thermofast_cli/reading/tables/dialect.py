@@ -29,6 +29,7 @@ MISSING = frozenset(
         "ur", "or", "???", "??", "******", "*******", "********", "#n/v", "#error", "drahtbruch",
         "fühlerbruch", "fuehlerbruch", "tc open", "unplugged", "probe open", "wire break", "broken", "1.#qnan0e+000",
         "+1.#qnan0e+000", "-1.#ind0e+000", "-1.#qnan", "+1.#qnan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#ind",
+        "+1.#inf", "o/r", "u/r", "--------", "---------", "sensor error", "sensor fault", "sensor fail", "sensor open",
     ]
 )  # fmt: skip
 #: A line that begins so is a comment, or the names.

@@ -1,7 +1,7 @@
 """Text tables: header and dialect by our own rules, the body by pyarrow with declared types."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from ...errors import InputError, listed
-from ...reading_options import Options
+from ...reading_options import Options, joined
 from ..moments.stamps import looks_like_stamp
 from ..names import names_and_units
 from ..run import Array, Guess
@@ -410,9 +410,15 @@ def _cells(
         f"{name}, line {lines[bad[0]] + 1}, column {column!r}: not a number",
         found=found + (f" in {len(bad)} rows" if len(bad) > 1 else ""),
         allowed="a number, an empty cell, or a known word for 'no reading' (NaN, OL, ---, ...)",
-        do=f"mend the cell, say --missing {cells[bad[0]].strip()!r} if it means 'no reading', or --exclude {column!r}",
+        do=f"mend the cell{'s' if len(odd) > 1 else ''}, say --missing {_all_words(cells[i] for i in bad)} if "
+        f"{'these mean' if len(odd) > 1 else 'it means'} 'no reading', or --exclude {column!r}",
     )
     return values, fault, unit
+
+
+def _all_words(cells: Iterable[str]) -> str:
+    """Words of cells, each once, as --missing takes them; the first few of very many."""
+    return repr(joined(list(dict.fromkeys(c.strip() for c in cells))[:8]))
 
 
 def _odd_numbers(cells: list[str], column: str, dialect: Dialect, name: str, lines: Sequence[int]) -> InputError | None:
