@@ -128,15 +128,9 @@ class Fit:
                 return False
             # A heat that was switched off looks so: no room moves a machine by more than all that its own heat did.
             moves = part.effect.moves_room
-            if moves and float(np.max(np.abs(own[moves]))) > self.rose:
+            if moves and float(np.max(np.abs(own[moves]))) > float(np.median(self.run.moved)):
                 return False
         return True
-
-    @cached_property
-    def rose(self) -> float:
-        """How far the sensors moved [K], the median over them."""
-        seen = np.where(self.run.used, self.run.reading, np.nan)[self.run.used.any(axis=1)]
-        return float(np.median(np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1))) if len(seen) else 0.0
 
     @property
     def distant_surroundings(self) -> bool:

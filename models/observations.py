@@ -71,6 +71,12 @@ class Observations:
         return float(self.time[-1] - self.time[0])
 
     @cached_property
+    def moved(self) -> Array:
+        """From the least to the greatest reading that counts (S,) [K]; nought of a sensor without any."""
+        low, high = np.where(self.used, self.reading, np.inf), np.where(self.used, self.reading, -np.inf)
+        return read_only(np.maximum(high.max(axis=1, initial=-np.inf) - low.min(axis=1, initial=np.inf), 0.0))
+
+    @cached_property
     def step(self) -> float:
         """Usual time between readings [min]."""
         return float(np.median(np.diff(self.time)))

@@ -109,11 +109,11 @@ def swing_of(time: Array, reading: Array, resolution: Array) -> Swing | None:
     swings = beyond & (np.sqrt((part**2).mean(axis=1)) > 0.5 * STEPS * resolution)
     if not swings.any():
         return None
-    cycles, size = _once(cycles, size * swings[:, None])
+    cycles, size = _own_period(cycles, size * swings[:, None])
     return Swing(span / cycles, float(time[0]), size, swings)
 
 
-def _once(cycles: float, size: Array) -> tuple[float, Array]:
+def _own_period(cycles: float, size: Array) -> tuple[float, Array]:
     """The same swing (S, 2 K) by its own period, where what was found is a multiple of it: harmonics of which every so many stand.
 
     A period that is too short for a first look, of few points or few readings in each cycle, is found as such a multiple.

@@ -159,3 +159,19 @@ def test_what_swings_is_told_with_its_period_beside_what_is_named():
     assert told.startswith("front")
     assert told.endswith("with a period of 30 min")
     assert cycle_of(fit_model(replace(seen, reading=20.0 + 9.0 * np.array([1.0 - np.exp(-time / 40.0)] * 2)))) == ""
+
+
+def test_the_verdict_says_what_swings_and_what_an_effect_of_one_sensor_does_there():
+    """Two sensors swing and one has moved by a kelvin as well: that is its own, and nothing of the swing."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 400.0, 1.0)
+    wave = np.sin(2.0 * np.pi * time / 25.0)
+    table = {"time_min": time} | {f"T{k}": 20.0 + r * -np.expm1(-time / 60.0) for k, r in enumerate((9.0, 14.0, 18.0))}
+    for name, more in (("T0", 0.8 * wave), ("T1", 0.5 * wave), ("T2", 1.0 * (time > 250.0))):
+        table[name] = table[name] + more + 0.02 * rng.standard_normal(len(time))
+    told = {r.channel: r for r in tf.diagnose(table, effects=["reading_jump"])}
+    assert {n: r.verdict for n, r in told.items()} == {"T0": "unexplained", "T1": "unexplained", "T2": "reading_jump"}
+    assert "it explains more than 99 % of the misfit there" in told["T2"].message
+    assert "T0, T1 swing with a period of 25 min" in told["T2"].message
+    alone = tf.diagnose({n: v for n, v in table.items() if n != "T2"}, effects=["reading_jump"])[0]
+    assert "beside it T0, T1 swing with a period of 25 min" in alone.message
+    assert "goes on and off with that period" in alone.advice

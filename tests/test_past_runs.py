@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from thermofast.discovery.observe import observe
-from thermofast.discovery.together import _foretold
+from thermofast.discovery.together import _foretold, _stretched
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import (
@@ -443,3 +443,12 @@ def test_a_room_that_the_model_leaves_out_is_no_other_rate_of_the_machine(tmp_pa
     counted = tf.improve(runs, add=["second_mode", "ambient"], together=True)
     assert "surroundings are logged and not" not in counted[len(counted) - 1].message
     assert "than the other" not in counted[len(counted) - 1].message
+
+
+def test_how_much_faster_a_run_was_is_told_against_the_others():
+    """Stretches are logarithms against the mean of all: of two runs half of what lies between them."""
+    runs = [SimpleNamespace(task=SimpleNamespace(run=SimpleNamespace(name=n))) for n in "abc"]
+    two = _stretched(SimpleNamespace(stretches=(0.2, -0.2)), runs[:2])
+    assert two == ["by this model a was 49 % faster than the other", "by this model b was 33 % slower than the other"]
+    (one,) = _stretched(SimpleNamespace(stretches=(0.2, -0.02, -0.02)), runs)
+    assert one == "by this model a was 35 % faster than the others"

@@ -241,6 +241,7 @@ def test_a_decimal_comma_makes_no_constant_of_a_conductor():
 
 FRONT = np.round(21.3 + 9.0 * -np.expm1(-np.arange(150.0) / 60.0), 2)
 ROOM = np.round(21.2 + 0.01 * np.sin(np.arange(150.0)), 2)
+MINUTES_OF_DAY = 478.0 + np.arange(150.0)
 MOMENTS = [datetime(2026, 3, 12, 7, 58, 3) + timedelta(minutes=k) for k in range(150)]
 
 
@@ -273,6 +274,8 @@ def test_numbers_that_count_stay_numbers():
     assert clock_with_a_point(np.round(7.0 + 0.25 * np.arange(50.0), 2)) is None
     clock = clock_with_a_point(np.array([22.58, 22.59, 23.0, 23.01]))
     np.testing.assert_allclose(np.diff(clock), 60.0)
+    with_a_gap = clock_with_a_point(np.delete(np.floor(MINUTES_OF_DAY / 60.0) + 0.01 * (MINUTES_OF_DAY % 60.0), [70, 71, 72]))
+    np.testing.assert_allclose(with_a_gap, 60.0 * np.delete(MINUTES_OF_DAY, [70, 71, 72]))
     over_midnight = clock_with_a_point(np.array([23.58, 23.59, 0.0, 0.01]))
     np.testing.assert_allclose(np.diff(over_midnight), 60.0)
 
@@ -298,6 +301,13 @@ def test_what_stands_beside_a_room_is_not_averaged_into_it(tmp_path, more, value
     assert list(run.channels) == ["Front"]
     assert list(run.ambient) == ["Room"]
     np.testing.assert_allclose(run.room, ROOM)
+
+
+@pytest.mark.parametrize(("name", "values"), [("Front Q", np.round(FRONT)), ("Front H", FRONT + 1.0), ("Front n", np.round(FRONT))])
+def test_a_place_behind_a_name_is_no_mark(tmp_path, name, values):
+    """In whole degrees, too: more numbers than marks have."""
+    rows = [f"{k},{t:.0f},{v},{r}" for k, (t, v, r) in enumerate(zip(FRONT, values, ROOM, strict=True))]
+    assert list(tf.read(_file(tmp_path, f"time_min,Front,{name},Room", rows)).channels) == ["Front", name]
 
 
 def test_rooms_that_differ_and_those_in_tenths_are_told(tmp_path):

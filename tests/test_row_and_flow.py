@@ -145,9 +145,9 @@ def test_the_command_that_adds_an_effect_says_again_how_the_run_was_read():
     part = SimpleNamespace(id="load_step", effect=SimpleNamespace(file="my effect.py"))
     wanted = "thermofast improve 'a run.csv' --inputs 'P [W]' --start 2 --until 60.5 --drive 'P [W]' --add load_step,load_step"
     assert _adding([part, part], task.again) == f"{wanted} --effect 'my effect.py' -o machine.toml"
-    beside = replace(task, beside=("b.csv",), start_min=0.0, until_min=None, drive=None)
-    assert beside.again == "'a run.csv' b.csv --together --inputs 'P [W]'"
-    assert replace(task, run=replace(run, name="stdin"), beside=("b.csv",)).again.startswith("RUN --together --inputs")
+    both = replace(task, together=("a run.csv", "b.csv"), start_min=0.0, until_min=None, drive=None)
+    assert both.again == "'a run.csv' b.csv --together --inputs 'P [W]'"
+    assert replace(task, run=replace(run, name="stdin")).again.startswith("RUN --inputs")
 
 
 def test_the_noise_of_a_room_that_stays_is_no_step():

@@ -6,7 +6,7 @@ import pytest
 import thermofast as tf
 from thermofast.estimation.measured import steadied
 from thermofast.estimation.sensor import Sensors
-from thermofast.models.swing import _once, swing_of
+from thermofast.models.swing import _own_period, swing_of
 
 TIME = np.arange(0.0, 120.0, 0.5)
 LAW = 20.0 + 15.0 * (1.0 - np.exp(-TIME / 60.0))
@@ -46,7 +46,7 @@ def _settling(begun: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("what", ["nothing", "one step", "two steps", "there and back", "a walk", "a slow wave"])
-def test_what_happens_once_is_no_swing(what: str) -> None:
+def test_what_happens_own_period_is_no_swing(what: str) -> None:
     rng = np.random.default_rng(3)
     part = {
         "nothing": 0.0 * TIME,
@@ -106,11 +106,11 @@ def test_a_multiple_of_a_period_is_told_as_the_period() -> None:
     """Five minutes, read each minute, are found as twenty of which every fourth harmonic stands: it is the same swing."""
     size = 0.01 * np.ones((2, 14))
     size[:, [3, 10]] = [[0.6, -0.8], [0.3, 0.1]]
-    cycles, own = _once(20.0, size)
+    cycles, own = _own_period(20.0, size)
     assert cycles == 80.0
     np.testing.assert_array_equal(own, size[:, [3, 10]])
     both = size.copy()
     both[:, 1] = 0.5  # another harmonic that is no multiple: the longer period is its own
-    assert _once(20.0, both)[0] == 40.0
+    assert _own_period(20.0, both)[0] == 40.0
     both[:, 2] = 0.5
-    assert _once(20.0, both)[0] == 20.0
+    assert _own_period(20.0, both)[0] == 20.0

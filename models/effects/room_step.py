@@ -16,11 +16,8 @@ ALIKE = 0.2
 
 def rise_alike(run: Observations) -> bool:
     """Whether the sensors of a run rise so much alike that a room moves them as their load does; one alone does."""
-    seen = np.where(run.used, run.reading, np.nan)[run.used.any(axis=1)]
-    if not len(seen):
-        return True
-    rise = np.sort(np.nanmax(seen, axis=1) - np.nanmin(seen, axis=1))
-    return not rise[-1] > (1.0 + ALIKE) * rise[0]
+    rise = run.moved[run.used.any(axis=1)]
+    return not len(rise) or not rise.max() > (1.0 + ALIKE) * rise.min()
 
 
 class RoomStep(Effect):

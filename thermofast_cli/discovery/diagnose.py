@@ -164,8 +164,7 @@ def diagnose_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[l
     after = next((e for r, f in zip(runs, told.discoveries, strict=True) if (e := _next(r.task, r.prepared, f, spread, seen))), [])
     records = []
     for run, found in zip(runs, told.discoveries, strict=True):
-        beside = tuple(name for name in names if name != run.task.run.name)
-        mine = _records(replace(run.task, beside=beside), run.prepared, found, said, after)
+        mine = _records(replace(run.task, together=tuple(names)), run.prepared, found, said, after)
         records.append(in_order(mine + run.refused, run.task.run))
     return [*records, *failed]
 

@@ -34,7 +34,10 @@ LATE = 0.02
 
 @dataclass(frozen=True)
 class LoopTask:
-    """One run and what to do with it; `names` are effect ids or files, `extra` the user's own effects, `beside` other runs."""
+    """One run and what to do with it.
+
+    `names` are effect ids or files, `extra` the user's own effects, `together` all runs of its machine that are searched as one.
+    """
 
     run: Run
     start_min: float = 0.0
@@ -50,13 +53,13 @@ class LoopTask:
     unknown_heat: bool = False
     next_experiment: bool = False
     denoise: bool = False
-    beside: tuple[str, ...] = ()
+    together: tuple[str, ...] = ()
 
     @property
     def again(self) -> str:
-        """The run (with those beside it, of the same machine) and how it was read, as a command line says it again."""
-        names = ["RUN"] if self.run.name == "stdin" else [self.run.name, *self.beside]
-        said = [*(shlex.quote(name) for name in names), "--together" if self.beside else "", self.run.again]
+        """The run, or all of its machine, and how it was read, as a command line says it again."""
+        names = ["RUN" if name == "stdin" else shlex.quote(name) for name in self.together or (self.run.name,)]
+        said = [*names, "--together" if self.together else "", self.run.again]
         said += [f"--start {self.start_min:.10g}"] if self.start_min else []
         said += [f"--until {self.until_min:.10g}"] if self.until_min else []
         said += [f"--drive {shlex.quote(self.drive)}"] if self.drive else []

@@ -17,6 +17,8 @@ from .loop import pooled
 ALONE = 0.7
 #: Correlation with a logged column from which what remains goes along with it.
 ALONG = 0.7
+#: Share of what a model leaves of a sensor that is not its swing, at most, where it is said to swing.
+SWINGS = 0.5
 #: Cycles in the record below which a disturbance is slow.
 SLOW = 6
 
@@ -96,7 +98,11 @@ def cycle_of(fit: Fit) -> str:
     found = swing_of(run.time[seen], fit.residual[:, seen], run.resolution)
     if found is None:
         return ""
-    who = [c for c, swings in zip(run.channels, found.swings, strict=True) if swings]
+    left, beyond = fit.residual[:, seen], fit.residual[:, seen] - found.at(run.time[seen])
+    mostly = found.swings & (beyond.var(axis=1) < SWINGS * left.var(axis=1))
+    who = [c for c, swings in zip(run.channels, mostly, strict=True) if swings]
+    if not who:
+        return ""
     return f"{listed(who)} swing{'s' if len(who) == 1 else ''} with a period of {found.period:.3g} min"
 
 

@@ -34,7 +34,7 @@ FROM_THE_START = 0.03
 #: What to do where the readings swing with one period.
 ON_AND_OFF = "a heat or a cooling goes on and off with that period: log it, or look at compare --effects cyclic_load"
 #: A room that moves a machine by more than this share of its own rise is hardly one.
-A_ROOM_MOVES = 0.5
+ROOM_SHARE = 0.5
 #: Noise of no more than this share of the logger's step is that of its rounding.
 COARSE = 0.3
 
@@ -91,11 +91,11 @@ def room_instead(found: Discovery, seen: Observations) -> list[str]:
     if named is None or rivals(found) or not _or_a_room(named.parts, seen):
         return []
     fit, parts = named.fit, named.parts
-    own = [k for k, part in enumerate(parts) if _as_a_room(part)]
+    own = [k for k, part in enumerate(parts) if _steps_by_itself(part)]
     sensors = np.arange(seen.sensors)
     shared = np.tile(fit.shared, (len(sensors), 1))
     without = free_runs(fit, fit.run, fit.local, shared, sensors, [k for k in range(len(parts)) if k not in own])
-    if not np.median(np.abs(fit.curve - without)[:, -1]) < A_ROOM_MOVES * fit.rose:
+    if not np.median(np.abs(fit.curve - without)[:, -1]) < ROOM_SHARE * np.median(seen.moved):
         return []
     kept = [part.id for k, part in enumerate(parts) if k not in own]
     return ["+".join(sorted([*kept, kind.id])) for kind in BUILT_IN if kind.moves_room]
@@ -198,11 +198,11 @@ def _driven_by(parts: Sequence[Part]) -> list[str]:
 
 def _or_a_room(parts: Sequence[Part], seen: Observations) -> list[str]:
     """What to say of a heat or a loss that stepped by itself where sensors that rise alike do not tell it from a room that did."""
-    alike = any(map(_as_a_room, parts)) and not seen.ambient and rise_alike(seen)
+    alike = any(map(_steps_by_itself, parts)) and not seen.ambient and rise_alike(seen)
     return ["log the room: one that became warmer or colder moves sensors that rise alike in the same way"] if alike else []
 
 
-def _as_a_room(part: Part) -> bool:
+def _steps_by_itself(part: Part) -> bool:
     """Whether it is a heat or a loss that stepped by itself."""
     return bool(part.effect.event and part.effect.uses_sink and not part.choice.constants.get("column"))
 

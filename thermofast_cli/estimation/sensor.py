@@ -174,7 +174,7 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
     second half of the way to it rose at least half as much as the first. A curve that settles by itself slows down long before it
     stands still. What is :func:`frozen` by its noise need not be the end of a range.
     """
-    stuck, froze = np.zeros(len(reading), dtype=bool), frozen(reading, resolution)
+    stuck = np.zeros(len(reading), dtype=bool)
     for extreme in (reading.max(), reading.min()) if len(reading) > 3 * RULES.saturated_readings else ():
         if np.count_nonzero(reading == extreme) < RULES.saturated_readings:
             continue
@@ -182,9 +182,13 @@ def saturated(reading: Array, resolution: float) -> NDArray[np.bool_]:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (reading == extreme).astype(int), [0]])))
         for a, b in zip(edges[::2], edges[1::2], strict=True):
             length = min(b - a, a)
-            shorter = () if froze[a:b].any() else (length // 2, length // 4)
-            lengths = [n for n in (length, *shorter) if n >= RULES.saturated_readings]
-            if b - a >= RULES.saturated_readings and any(_still_moves(way * reading[a - n : a], resolution) for n in lengths):
+            if b - a < RULES.saturated_readings or length < RULES.saturated_readings:
+                continue
+            shorter = [n for n in (length // 2, length // 4) if n >= RULES.saturated_readings]
+            if _still_moves(way * reading[a - length : a], resolution) or (
+                any(_still_moves(way * reading[a - n : a], resolution) for n in shorter)
+                and not frozen(reading, resolution)[a:b].any()
+            ):
                 stuck[a:b] = True
     return stuck
 

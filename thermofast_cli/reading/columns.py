@@ -12,17 +12,19 @@ import numpy as np
 from ..errors import UsageError, listed, nearest
 from ..reading_options import Options
 from .run import Array, Guess
-from .signs import Sign, sign_of
+from .signs import Sign, names_all_sensors, sign_of
 from .units import parse_unit
 from .vocabulary import (
     AMBIENT,
     COUNTERS,
     EXTREMES,
     LABELS,
+    MARKS,
     MEANS,
     MEDIA,
     REFERENCE,
     SPREADS,
+    VALUES,
     WANTED,
     words,
 )
@@ -34,10 +36,11 @@ _ANY_EXTREME = re.compile("|".join(sorted(EXTREMES | SPREADS, key=len, reverse=T
 _QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
 #: A machine and what flows past it begin within this much of each other [K].
 BEGIN_ALIKE = 10.0
-#: Ends of a name that tell something of the reading which is called so without them.
-MARKS = frozenset(["q", "ok", "err", "error", "qual", "quality", "n", "count", "id", "valid", "flag", "status", "state", "code"])
-VALUES = frozenset(["value", "val", "wert", "messwert", "reading"])
-TELLS_OF = frozenset(["rssi", "unc", "uncertainty", "h", "rh", "hum", "p", "battery", "batt"])
+#: Ends of a name that tell something of the reading which is called so without them: how many, whose, how sure; of air how moist.
+COUNTED = frozenset(["n", "count", "id"])
+TELLS_OF, OF_AIR = frozenset(["rssi", "unc", "uncertainty", "battery", "batt"]), frozenset(["h", "rh", "hum", "p"])
+#: Different numbers that a column of marks or counts holds at most.
+FEW_MARKS = 5
 #: Surroundings that are not the machine's where others are, and by how much two rooms differ that are hardly one [K].
 OUTSIDE, ROOMS_APART = ("outdoor", "outside", "oat", "aussen", "außen", "室外", "extér"), 3.0
 #: What an instrument says of its state; constant, it says nothing.
@@ -151,7 +154,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     signs |= {n: replace(signs[n], kind="other", unit=None, temperature=False) for n in _companions(names, values)}
     signs |= {n: replace(signs[n], kind="sensor", temperature=True) for n in names if _spindles(n, signs[n], values[n])}
-    overall = [n for n in names if signs[n].temperature and _of_all(n)]
+    overall = [n for n in names if signs[n].temperature and names_all_sensors(n)]
     if any(s.kind == "sensor" and n not in overall for n, s in signs.items()):
         signs |= {n: replace(signs[n], kind="input") for n in overall}
     signs |= {n: replace(signs[n], kind="input") for n in _outdoors([n for n in names if signs[n].kind == "ambient"])}
@@ -264,18 +267,14 @@ def _extremes(names: list[str]) -> list[str]:
 def _companions(names: list[str], values: Mapping[str, Array]) -> list[str]:
     """Columns that tell something of the reading beside them, as ``Front_Q``, ``T1 [°C] ok``, ``Room_n`` and ``Room_H``.
 
-    A mark, a count, an error, a humidity; marks and counts are whole numbers.
+    A mark, a count, an error, and of the surroundings a humidity. Marks and counts are few whole numbers; whole degrees are more.
     """
     parts = {n: [w for w in re.split(r"[\W_]+", re.sub(r"[\[(][^\])]*[\])]", " ", n).casefold()) if w] for n in names}
     there = {tuple(some) for some in parts.values()}
-    beside = {n: some[-1] for n, some in parts.items() if len(some) > 1 and tuple(some[:-1]) in there}
-    return [n for n, last in beside.items() if last in TELLS_OF or (last in MARKS and _whole(values[n]))]
-
-
-def _of_all(name: str) -> bool:
-    """Whether a name is that of the mean, the least or the greatest of all: Max [°C], Mittelwert."""
-    said = set(words(_core(name)))
-    return bool(said) and said <= MEANS | EXTREMES
+    beside = {n: some for n, some in parts.items() if len(some) > 1 and tuple(some[:-1]) in there}
+    told = [n for n, some in beside.items() if some[-1] in TELLS_OF or (some[-1] in OF_AIR and AMBIENT & set(some))]
+    marks = [n for n, some in beside.items() if some[-1] in MARKS | COUNTED and _whole(values[n])]
+    return told + [n for n in marks if len(np.unique(_finite(values[n]))) <= FEW_MARKS]
 
 
 def _spindles(name: str, sign: Sign, column: Array) -> bool:

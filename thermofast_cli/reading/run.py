@@ -213,7 +213,8 @@ def as_asked(run: Run, options: Options) -> Run:
     ------
     UsageError: as :func:`stretch`.
     """
-    return replace(stretch(run, options.from_min, options.to_min), again=spoken(options))
+    kept, again = stretch(run, options.from_min, options.to_min), spoken(options)
+    return replace(kept, again=again) if again else kept
 
 
 def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:

@@ -14,11 +14,13 @@ from .vocabulary import (
     CHANNELS,
     DERIVED,
     DISPLACEMENTS,
+    EXTREMES,
     FLAGS,
     INPUT_ENDINGS,
     INPUT_NAMES,
     INPUT_PARTS,
     INPUTS,
+    MEANS,
     NAMELESS,
     NOT_TEMPERATURE,
     OTHER,
@@ -136,6 +138,12 @@ def names_the_room_alone(name: str) -> bool:
     """Whether a label has no other word than that of the room."""
     said = set(words(name))
     return bool(said & AMBIENT) and said <= AMBIENT | BESIDE | TEMPERATURE
+
+
+def names_all_sensors(name: str) -> bool:
+    """Whether a name is that of the mean, the least or the greatest of all: Max [°C], Mittelwert."""
+    said = set(words(re.sub(r"[\[(].*", "", name)))
+    return bool(said) and said <= MEANS | EXTREMES
 
 
 def names_a_set_point(name: str) -> bool:

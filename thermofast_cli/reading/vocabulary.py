@@ -137,6 +137,14 @@ EXTREMES = _set("rms min max mini maxi minimum maximum lowest highest mín máx 
 SPREADS = _set("raw adc counts range std stdev stddev dev sd spread span")
 #: Marks of a reading, one for each row, whatever else the name says.
 FLAGS = _set("ok valid validity status state error fault quality flag")
+#: Words of a name that tell how its marks are meant: a quality, 1 for good, 1 for bad, or a state.
+MARK_QUALITIES = _set("quality qualität statuscode opc q qual")
+MARK_VALIDITIES = _set("valid validity gültig ok good")
+MARK_FAULTS = _set("fault error err fehler fail failure bad invalid ungültig")
+MARK_STATES = _set("status state flag code")
+MARKS = MARK_QUALITIES | MARK_VALIDITIES | MARK_FAULTS | MARK_STATES
+#: What a sensor's readings are called behind its name.
+VALUES = _set("value val wert messwert reading")
 #: Endings of German compounds that are inputs: Spindeldrehzahl, Vorlaufdruck.
 INPUT_ENDINGS = (
     "drehzahl",

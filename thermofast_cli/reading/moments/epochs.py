@@ -24,6 +24,8 @@ _FORMS = (
     (12, "%Y%m%d%H%M", 2.0e11, 2.06e11),
     (14, "%d%m%Y%H%M%S", 1.0e12, 3.2e13),
 )
+#: Share of the steps of a clock that are alike.
+MOSTLY_ALIKE = 0.9
 #: Forms in words.
 SPOKEN = {"%y": "YY", "%Y": "YYYY", "%m": "MM", "%d": "DD", "%H": "hh", "%M": "mm", "%S": "ss"}
 
@@ -90,7 +92,8 @@ def compact(column: Array) -> tuple[list[str], str] | None:
 def clock_with_a_point(column: Array) -> Array | None:
     """Seconds (n,) of a clock whose hours and minutes have a point between them, 07.58 and then 08.00; None of other numbers.
 
-    From nought on it could be minutes and seconds as well, and without a full hour decimals.
+    Nearly all of its steps are alike, which as decimals they are not: without a full hour these are. From nought on it could be
+    minutes and seconds as well.
     """
     hours = np.floor(column + 1e-9)
     minutes = np.round(100.0 * (column - hours), 6)
@@ -101,6 +104,7 @@ def clock_with_a_point(column: Array) -> Array | None:
     seconds = 3600.0 * hours + 60.0 * minutes
     steps = np.diff(seconds)
     turned = np.where(steps < -43200.0, steps + 86400.0, steps)
-    if not ((turned > 0.0).all() and np.ptp(turned) < np.ptp(3600.0 * np.diff(column)) and np.ptp(turned) < 1e-6):
+    alike, of_decimals = (float(np.mean(np.abs(d - np.median(d)) < 1.0)) for d in (turned, 3600.0 * np.diff(column)))
+    if not ((turned > 0.0).all() and alike >= MOSTLY_ALIKE and alike > of_decimals):
         return None
     return np.asarray(seconds[0] + np.concatenate([[0.0], np.cumsum(turned)]))

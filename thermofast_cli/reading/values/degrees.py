@@ -2,6 +2,7 @@
 
 import math
 import re
+import shlex
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -27,7 +28,7 @@ ROOM_F = (55.0, 95.0)
 #: A name and the letter that ends it, which may be a unit or a place.
 ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
 #: How far apart such columns begin at most where they are a cold machine's in degF, and how many there are at least.
-EVEN_F, SEVERAL = 1.8, 3
+EVEN_F, FEWEST_EVEN = 1.8, 3
 #: How what was turned into degC is called.
 TURNED = {"K": "kelvin", "F": "degF", "R": "degrees Rankine"} | {f"Pt{n}": f"ohms of a Pt{n} (IEC 60751)" for n in (100, 500, 1000)}
 #: Names and values of platinum resistors that were logged in ohms.
@@ -136,7 +137,7 @@ class Temperatures:
                 f"{self._table.name}: the unit of column {name!r} cannot be told",
                 found=f"{first:g} to {values[np.isfinite(values)][-1]:g}, thousandths of a degree?",
                 allowed="a unit in the name, as in 'T [m°C]', or a unit line",
-                do=f"say --units {name!r}=m°C, or --exclude it" if " " in name else f"say --units {name}=m°C, or --exclude it",
+                do=f"say --units {shlex.quote(f'{name}=m°C')}, or --exclude it",
             )
         if ROOM_K[0] <= first <= ROOM_K[1]:
             what = "a room in kelvin or something hot in degC"
@@ -175,7 +176,7 @@ class Temperatures:
         InputError: no column has a unit, and all begin within one kelvin, at a room in degF, and rise.
         """
         low, high = min(self._begin, default=0.0), max(self._begin, default=0.0)
-        if len(self._begin) == self._count >= SEVERAL and high - low <= EVEN_F:
+        if len(self._begin) == self._count >= FEWEST_EVEN and high - low <= EVEN_F:
             raise InputError(
                 f"{self._table.name}: the unit of its temperatures cannot be told",
                 found=f"all {self._count} begin at {low:.4g} to {high:.4g}: in a room in degF, or as evenly hot in degC",

@@ -10,18 +10,17 @@ from ...errors import listed
 from ..moments.times import is_time_name
 from ..run import Array, Guess
 from ..table import Table
+from ..vocabulary import MARK_FAULTS as FAULTS
+from ..vocabulary import MARK_QUALITIES as QUALITIES
+from ..vocabulary import MARK_STATES as STATES
+from ..vocabulary import MARK_VALIDITIES as VALIDITIES
+from ..vocabulary import MARKS, VALUES
 
 #: OPC's classic codes: good from, bad below; and all that there are in use.
 GOOD, BAD_BELOW = 192.0, 64.0
 CLASSIC = frozenset([0, 4, 8, 12, 16, 20, 24, 28, 64, 68, 80, 84, 88, 192, 216])
 #: OPC UA's codes are bad from here on; below, 0 is good.
 UA_BAD = 2.0**31
-#: Words of a name that tell how its marks are meant: a quality, 1 for good, 1 for bad, or a state.
-QUALITIES = frozenset(["quality", "qualität", "statuscode", "opc", "q", "qual"])
-VALIDITIES = frozenset(["valid", "validity", "gültig", "ok", "good"])
-FAULTS = frozenset(["fault", "error", "err", "fehler", "fail", "failure", "bad", "invalid", "ungültig"])
-STATES = frozenset(["status", "state", "flag", "code"])
-MARKS = QUALITIES | VALIDITIES | FAULTS | STATES
 _ANY_MARK = re.compile("|".join(sorted(MARKS, key=len, reverse=True)), re.I)
 _HEX = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 #: Words of marks. A state that has none of the good ones (run, idle) is one of the machine.
@@ -33,7 +32,7 @@ BAD_WORDS = (
     *(f"{side}{gap}{what}" for side in ("over", "under") for gap in ("", " ", "-") for what in ("range", "flow", "load")),
 )
 #: What may stand behind a sensor's name in that of its readings.
-VALUE_ENDINGS = frozenset(["", "value", "val", "wert", "messwert", "reading", "temp", "temperature", "c", "f", "k", "degc", "degf"])
+VALUE_ENDINGS = VALUES | {"", "temp", "temperature", "c", "f", "k", "degc", "degf"}
 
 
 def good_readings(table: Table) -> Table:
