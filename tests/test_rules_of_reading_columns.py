@@ -9,6 +9,7 @@ import pytest
 
 from thermofast.errors import InputError, UsageError
 from thermofast.reading import columns
+from thermofast.reading.headings import called
 from thermofast.reading.signs import sign_of
 from thermofast.reading.table import Table, words_or_numbers
 from thermofast.reading.tables import clocks, measured, workbook
@@ -133,14 +134,14 @@ def test_columns_by_whole_name_pattern_or_name_before_the_unit():
     """What names none stays as it is."""
     known = ["T1 [°C]", "T2 [°C]", "front (a)", "front (b)", "load"]
     readings = known[:4]
-    assert columns.columns_named("load", known, readings) == ("load",)
-    assert columns.columns_named("T*", known, readings) == ("T1 [°C]", "T2 [°C]")
-    assert columns.columns_named("T?[*", known, readings) == ("T?[*",)
-    assert columns.columns_named("T? [*", known, readings) == ("T1 [°C]", "T2 [°C]")
-    assert columns.columns_named("l*", known, readings) == ("l*",)
-    assert columns.columns_named("t1", known, readings) == ("T1 [°C]",)
-    assert columns.columns_named("front", known, readings) == ("front",)
-    told = columns.resolved(Options(channels=("T*", "t1"), exclude=("l*",), units=("t1=F", "C"), ambient="t2"), known, readings)
+    assert called.columns_named("load", known, readings) == ("load",)
+    assert called.columns_named("T*", known, readings) == ("T1 [°C]", "T2 [°C]")
+    assert called.columns_named("T?[*", known, readings) == ("T?[*",)
+    assert called.columns_named("T? [*", known, readings) == ("T1 [°C]", "T2 [°C]")
+    assert called.columns_named("l*", known, readings) == ("l*",)
+    assert called.columns_named("t1", known, readings) == ("T1 [°C]",)
+    assert called.columns_named("front", known, readings) == ("front",)
+    told = called.resolved(Options(channels=("T*", "t1"), exclude=("l*",), units=("t1=F", "C"), ambient="t2"), known, readings)
     assert (told.channels, told.exclude) == (("T1 [°C]", "T2 [°C]"), ("load",))
     assert (told.units, told.ambient) == (("T1 [°C]=F", "C"), "T2 [°C]")
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from thermofast.errors import InputError
+from thermofast.reading.headings.names import names_and_units
 from thermofast.reading.moments import order
 from thermofast.reading.moments.parts import clock_written_as_number, days_of_year, moments_in_parts
-from thermofast.reading.names import names_and_units
 from thermofast.reading.signs import names_a_set_point, names_the_room_alone, sign_of
 from thermofast.reading.table import Table
 from thermofast.reading.tables import encoding

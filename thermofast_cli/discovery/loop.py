@@ -20,7 +20,7 @@ from ..machine.model import Model
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import failed_status
 from ..reading import Run
-from ..reading.columns import column_named
+from ..reading.headings.called import column_named
 from ..reading.run import ends_before, said_short
 from ..records import Record
 from .observe import FEWEST_READINGS, Note, Observed, observe

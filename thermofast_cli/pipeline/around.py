@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError, listed
 from ..experiments.simulated import Simulated
-from ..reading.columns import columns_named
+from ..reading.headings.called import columns_named
 from ..records import IdentifyRecord
 from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Validation
 from ..workers.engine import Started, Work, over_runs
@@ -86,7 +86,7 @@ def changed_runs(old: Sequence[Started], new: Sequence[Started], model: "Model |
     UsageError: runs that cannot be compared.
     """
     from ..analysis.changed import compare_runs
-    from ..reading.names import named_as
+    from ..reading.headings.names import named_as
 
     names = model.channels if model is not None else tuple(old[0][0].channels) if old else ()
     old, new = ([(named_as(run, names), start) for run, start in runs] for runs in (old, new))

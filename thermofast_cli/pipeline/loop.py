@@ -13,7 +13,7 @@ from ..errors import UsageError
 from ..machine.learnt import check_effects
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
-from ..reading.names import named_as
+from ..reading.headings.names import named_as
 from ..results import Comparison, Diagnosis, Improvement
 from ..workers.engine import Started, Work, over_runs, sharing
 from ..workers.pool import cores

@@ -17,7 +17,7 @@ from ..estimation.sweep import SweptBlock, with_trips
 from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..machine.jumps import jumps_after, uncounted
 from ..output.columns import Records
-from ..reading.names import named_as
+from ..reading.headings.names import named_as
 from ..reading.run import Run, ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
 from ..results import Identification, Sweeping

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError, listed
 from ..reading_options import Options
-from .columns import check_names, resolved
+from .headings.called import check_names, resolved
 from .moments.times import Time
 from .run import Array, Guess
 from .signs import sign_of

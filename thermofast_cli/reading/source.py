@@ -15,15 +15,8 @@ from thermofast.models.noise.chain import originals
 
 from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
-from .columns import (
-    Roles,
-    check_names,
-    classify,
-    column_named,
-    resistive,
-    resolved,
-    to_micrometres,
-)
+from .columns import Roles, classify, resistive, to_micrometres
+from .headings.called import check_names, column_named, resolved
 from .long import Layout, find_long, to_wide, without_switches
 from .moments.in_turn import each_in_turn
 from .moments.order import in_order, length_told, runs_otherwise

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import InputError, UsageError, listed
 from ...reading_options import Options
-from ..columns import check_names
+from ..headings.called import check_names
 from ..run import Array, Guess
 from ..table import Table
 from ..units import unit_in_name

@@ -96,6 +96,13 @@ NAME_WORDS = frozenset(
         "kommentar",
     ]
 )
+#: First cells of lines that tell of each channel what is connected to it.
+_TYPE_WORDS = frozenset(
+    [
+        "sensor", "sensor type", "type", "tc type", "thermocouple", "thermocouple type", "probe", "probe type", "input",
+        "input type", "fühler", "fühlertyp", "sensortyp", "thermoelement", "传感器", "センサ",
+    ]
+)  # fmt: skip
 ROWS_ABOVE = 6
 
 
@@ -354,6 +361,8 @@ def _begins_as_data(cells: list[str], decimal: str) -> bool:
 
 def is_unit_line(cells: list[str]) -> bool:
     """Whether half of the cells of a line or more are units."""
+    if says(cells, _TYPE_WORDS):
+        return False  # Sensor,K,K,J: thermocouples, no kelvin
     known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
     if known < 0.5 * len(cells) or not any(c.strip() for c in cells):
         return False

@@ -10,8 +10,8 @@ import pyarrow.csv as pacsv
 
 from ...errors import InputError, listed
 from ...reading_options import Options, joined
+from ..headings.names import names_and_units
 from ..moments.stamps import looks_like_stamp
-from ..names import names_and_units
 from ..run import Array, Guess
 from ..table import Table, to_floats, wide_numbers
 from ..units import parse_unit, unit_above, unit_changes

@@ -4,12 +4,14 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 
-from ..errors import InputError
-from .run import Run, renamed
-from .signs import names_a_set_point, names_the_room_alone, sign_of
-from .tables.dialect import NAME_WORDS, ROWS_ABOVE, UNIT_WORDS, Dialect, header_cells, is_process_line, is_unit_line, says, split
-from .units import parse_unit, unit_in_name
-from .vocabulary import DISPLACEMENTS, TIME, words
+from ...errors import InputError
+from ..moments.times import is_time_name
+from ..run import Run, renamed
+from ..signs import names_a_set_point, names_the_room_alone, sign_of
+from ..tables.dialect import NAME_WORDS, ROWS_ABOVE, UNIT_WORDS, Dialect, header_cells, is_process_line, is_unit_line, says, split
+from ..units import parse_unit, unit_in_name
+from ..vocabulary import DISPLACEMENTS, TIME, words
+from .labels import with_labels
 
 #: A unit in brackets at the end of a name.
 _UNIT_BEHIND = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]$")
@@ -62,8 +64,9 @@ def _groups(head: list[str], dialect: Dialect) -> list[str]:
     if not 2 < len(told) <= dialect.width or len([c for c in told[1:] if c]) < 2 or any(re.match(r"[+-]?\d", c) for c in told):
         return []
     names = split(head[dialect.header_line or 0], dialect.delimiter)
-    of_time = not told[0] or names[0].strip() in ("", told[0]) or told[0].lower() in TIME
-    found = [""]
+    blocks = _blocks(told, names)
+    of_time = blocks or not told[0] or names[0].strip() in ("", told[0]) or told[0].lower() in TIME
+    found = [told[0] if blocks else ""]
     for cell in told[1:]:
         found.append(cell or found[-1])  # a merged cell stands where it begins
     bare = [n.strip() for n in names]
@@ -71,6 +74,20 @@ def _groups(head: list[str], dialect: Dialect) -> list[str]:
     if not of_time or not (parts or any(sign_of(c, "").temperature or _tells(c) for c in told[1:])):
         return []
     return found
+
+
+def _blocks(told: list[str], names: list[str]) -> bool:
+    """Whether the names are the same few over and over, a time first, each time under a label of its own."""
+    starts = [i for i, c in enumerate(told) if c]
+    size = starts[1] - starts[0] if len(starts) > 1 else 0
+    bare = [n.strip() for n in names]
+    alike = size > 1 and len(bare) % size == 0 and bare == bare[:size] * (len(bare) // size)
+    return (
+        alike
+        and starts == list(range(0, len(bare), size))
+        and len({told[i] for i in starts}) == len(starts)
+        and is_time_name(bare[0])
+    )
 
 
 def _tells(label: str) -> bool:
@@ -175,6 +192,7 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
     units = _told_by_path(head, dialect, units) if cells else units
     for line in dialect.unit_lines if cells else ():
         cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
+    cells, units = with_labels(cells, units, head, dialect)
     twice = _repeated(cells) if groups else set()
     for i, group in enumerate(groups):
         cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
