@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from thermofast.errors import UsageError
+from thermofast.errors import InputError, UsageError
 from thermofast.reading.headings.called import check_names, columns_named
 from thermofast.reading.headings.labels import designation, labelled
 from thermofast.reading.source import read_runs
@@ -105,8 +105,55 @@ def test_groups_with_a_clock_each_have_the_names_above(tmp_path):
 
 
 def test_what_is_a_channel_and_nothing_else():
-    assert [designation(n) for n in ("CH1-1 [C]", "Kanal 2", "101", "AI 0/4", "T_3")] == ["CH1-1", "Kanal 2", "101", "AI 0/4", "T_3"]
+    assert [designation(n) for n in ("CH1-1 [C]", "Kanal 2", "101", "AI 0/4", "T_3")] == [
+        "CH1-1",
+        "Kanal 2",
+        "101",
+        "AI 0/4",
+        "T_3",
+    ]
     assert [designation(n) for n in ("front", "Spindle front 1", "T1 mean", "Ch", "")] == [""] * 5
     assert labelled("Spindle front CH1 [C]") == ("Spindle front", "CH1 [C]")
     assert labelled("T1") is None
     assert labelled("Spindle front") is None
+
+
+def test_one_unit_in_brackets_above_all_names_is_that_of_all(tmp_path):
+    run = read(written(tmp_path, "Warm up of the spindle,,,\n,Temperature [°F],,\nTime [min],T1,T2,T3\n"))
+    assert [round(v[0], 3) for v in run.channels.values()] == [-6.667, -6.667, -6.611]  # the first alone was, and in degC
+
+
+def test_rows_that_end_in_several_empty_cells_have_the_names_of_the_header(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("Time [min],T1,T2\n" + "".join(f"{i},{20 + 0.1 * i:.1f},{20 + 0.2 * i:.1f},,,\n" for i in range(40)))
+    assert list(read(str(path)).channels) == ["T1", "T2"]
+
+
+def test_rows_of_limits_beneath_the_names_are_left_out(tmp_path):
+    head = "Time [min],T1,T2,T3\nmin,degC,degC,degC\nMax,80,80,80\nMin,-10,-10,-10\n"
+    run = read(written(tmp_path, head))
+    assert len(run.time_s) == 40
+    assert run.channels["T1"][0] == 20.0
+    assert "2 rows above the readings left out (Max, Min)" in " ".join(run.notes)
+    path = tmp_path / "run.csv"
+    path.write_text(path.read_text().replace("\n7,", "\n7,x", 1))
+    with pytest.raises(InputError, match="line 12"):  # lines are those of the file
+        read(str(path))
+
+
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        (
+            "Multiplier,0.01\nTime [min],T1,T2,T3\n",
+            "Multiplier 0.01, told beside the readings, is in them (--units '°C x100' applies it)",
+        ),
+        ("# scale factor: 0.1\nTime [min],T1,T2,T3\n", "scale factor 0.1, told"),
+        ("Time [min],T1,T2,T3\nOffset,0.1,0.2,0\n", "Offset 0.1, 0.2, 0, told beside the readings"),
+        ("Gain,1.0\nOffset,0\nTime [min],T1,T2,T3\n", ""),
+    ],
+)
+def test_a_factor_or_an_offset_beside_the_readings_is_told(tmp_path, head, said):
+    told = " ".join(str(g) for g in read(written(tmp_path, head)).guesses)
+    assert said in told
+    assert said or "told beside" not in told

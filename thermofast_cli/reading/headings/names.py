@@ -61,8 +61,12 @@ def _groups(head: list[str], dialect: Dialect) -> list[str]:
     line = next((i for i in range((dialect.header_line or 0) - 1, -1, -1) if head[i].strip()), None)
     cells = split(head[line], dialect.delimiter) if line is not None and line not in dialect.unit_lines else []
     told = [c.strip() for c in cells]
-    if not 2 < len(told) <= dialect.width or len([c for c in told[1:] if c]) < 2 or any(re.match(r"[+-]?\d", c) for c in told):
+    if not 2 < len(told) <= dialect.width or any(re.match(r"[+-]?\d", c) for c in told):
         return []
+    labels = [c for c in told[1:] if c]
+    unit = parse_unit(_bracketed(labels[0])) if len(labels) == 1 and not told[0] else None
+    if len(labels) < 2 and (unit is None or not unit.temperature):
+        return []  # one label alone is a title, but for the unit of all
     names = split(head[dialect.header_line or 0], dialect.delimiter)
     blocks = _blocks(told, names)
     of_time = blocks or not told[0] or names[0].strip() in ("", told[0]) or told[0].lower() in TIME
@@ -95,12 +99,17 @@ def _tells(label: str) -> bool:
     return names_the_room_alone(label) or names_a_set_point(label)
 
 
+def _bracketed(text: str) -> str:
+    """What stands in the brackets of a text; empty where there are none."""
+    found = re.search(r"[\[(]([^\])]+)[\])]", text)
+    return found[1] if found else ""
+
+
 def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
     """(name, unit) of a column in a group, which has the group's unit in brackets; its name where it would be read alike."""
     if not group or not cell.strip() or group == cell.strip():
         return cell, unit
-    bracket = re.search(r"[\[(]([^\])]+)[\])]", group)
-    own = parse_unit(bracket[1] if bracket else group)
+    own = parse_unit(_bracketed(group) or group)
     if not unit and unit_in_name(cell) is None and own is not None:
         unit = own.symbol
     moves = own is None and bool(set(words(group))) and set(words(group)) <= DISPLACEMENTS
@@ -162,8 +171,8 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
         delimiter = ","
     cells = header_cells(header, delimiter) if header else []
     rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
-    if cells and len(cells) == width - 1 and all(row[-1].strip() == "" for row in rows if len(row) == width):
-        cells.append("")  # rows that end in a delimiter; otherwise no one can tell which name is missing
+    if cells and not any(cell.strip() for row in rows if len(row) == width for cell in row[len(cells) :]):
+        cells += [""] * (width - len(cells))  # rows that end in delimiters; otherwise no one can tell which name is missing
     if len(cells) == width - 1 and _counts([row[0] for row in rows if len(row) == width]):
         cells.insert(0, "")  # R writes the names of rows under no name
     if len(cells) > width and rows and len(rows[0]) == len(cells):

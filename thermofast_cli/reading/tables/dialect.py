@@ -363,8 +363,9 @@ def is_unit_line(cells: list[str]) -> bool:
     """Whether half of the cells of a line or more are units."""
     if says(cells, _TYPE_WORDS):
         return False  # Sensor,K,K,J: thermocouples, no kelvin
-    known = sum(parse_unit(c) is not None or bool(_FORM.match(c.strip())) for c in cells)
-    if known < 0.5 * len(cells) or not any(c.strip() for c in cells):
+    told = [c.strip() for c in cells if c.strip()]
+    known = sum(parse_unit(c) is not None or bool(_FORM.match(c)) for c in told)
+    if known < 0.5 * len(told) or known + len(cells) - len(told) < 0.5 * len(cells) or not told:
         return False
     return not {"min", "max"} <= {c.strip().lower() for c in cells}  # the least and the greatest, no minutes
 

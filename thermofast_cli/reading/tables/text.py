@@ -10,6 +10,7 @@ import pyarrow.csv as pacsv
 
 from ...errors import InputError, listed
 from ...reading_options import Options, joined
+from ..headings.constants import kind_of, not_applied, without_rows_beneath
 from ..headings.names import names_and_units
 from ..moments.stamps import looks_like_stamp
 from ..run import Array, Guess
@@ -96,9 +97,11 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         # Rows of nothing but delimiters, as sheets have them, are empty.
         body = re.sub(rb"(?m)^" + blank + rb"+(?=\r?$)", b"", body)
     body = _first_row_as_wide(body, head, dialect)
+    body, beneath, constants = without_rows_beneath(body, dialect)
     body, cut = without_cut_end(body, dialect)
     body, footer = _without_footer(body, head, dialect)
-    notes += [*cut, *footer]
+    notes += [*beneath, *cut, *footer]
+    guesses += not_applied([*head[: dialect.header_line or 0], *constants], dialect)
     lines = head[dialect.data_line :]
     joined = _decimal_commas(body, head, dialect)
     if joined is not None:
@@ -149,18 +152,10 @@ def _first_row_as_wide(body: bytes, head: list[str], dialect: Dialect) -> bytes:
     return kept + body[end:]
 
 
-def _kind(cell: str, decimal: str) -> str:
-    """What the first cell of a row is: a number, a stamp, nothing, or words."""
-    cell = cell.strip()
-    if not cell:
-        return "nothing"
-    return "number" if is_number(cell, decimal) else "stamp" if looks_like_stamp(cell) else "words"
-
-
 def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str]]:
     """Without rows at the end, as wide as the others, that begin with words where the others begin with a number or a stamp."""
     rows = [split(line, dialect.delimiter) for line in head[dialect.data_line : dialect.data_line + 60] if line.strip()]
-    first = {_kind(row[0], dialect.decimal) for row in rows[:40] if len(row) == dialect.width}
+    first = {kind_of(row[0], dialect.decimal) for row in rows[:40] if len(row) == dialect.width}
     if not first <= {"number", "stamp"} or not first:
         return body, []
     end, dropped = len(body), []
@@ -171,7 +166,7 @@ def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
         at = max(body.rfind(b"\n", 0, stop), body.rfind(b"\r", 0, stop)) + 1
         cells = split(body[at:stop].decode("utf-8", errors="replace"), dialect.delimiter)
         begins = next((c.strip() for c in cells if c.strip()), "")  # Testo leaves the first cell empty: ;Min:;20,0
-        if at == 0 or len(cells) != dialect.width or _kind(begins, dialect.decimal) != "words":
+        if at == 0 or len(cells) != dialect.width or kind_of(begins, dialect.decimal) != "words":
             break
         end = at
         dropped.append(begins)
