@@ -35,6 +35,11 @@ class TooShortError(UsageError):
     """A record that ends before the time up to which it is to be read."""
 
 
+def in_one_line(error: Exception) -> str:
+    """What an error says in one line, its parts set apart: what; found: x; do: y."""
+    return " ".join("; ".join(line.strip() for line in str(error).splitlines() if line.strip()).split())
+
+
 def visible(text: str) -> str:
     """A text from outside as it may be shown: control characters and bytes that are no text by their number."""
     return _UNSHOWN.sub(_escaped, text)

@@ -16,7 +16,7 @@ from thermofast.models.search.judge import widening
 from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
-from ..errors import ThermofastError
+from ..errors import ThermofastError, in_one_line
 from ..experiments.next_experiment import Experiment, causes, experiment_words, next_experiments
 from ..machine.modelfile import refuse_copies
 from ..plugins.effects import chosen_effects
@@ -109,7 +109,7 @@ def _without_broken(effects: list[Effect], search: Callable[[list[Effect]], Foun
             at_fault = [e for e in effects if f"effect {e.id!r}" in str(error)]
             if not at_fault:
                 raise
-            broken.append(f"left out: {' '.join(str(error).split())}")
+            broken.append(f"left out: {in_one_line(error)}")
             effects = [e for e in effects if e is not at_fault[0]]
 
 

@@ -14,7 +14,7 @@ from thermofast.models.effects.base import Effect
 from thermofast.models.joint import RATE, Fit, Key, Part, fit_model
 from thermofast.models.search.rules import RULES
 
-from ..errors import ThermofastError, UsageError, nearest
+from ..errors import ThermofastError, UsageError, in_one_line, nearest
 from ..machine.learnt import carry
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
@@ -184,7 +184,7 @@ def ids_of(parts: tuple[Part, ...]) -> list[str]:
 def failure_records(kind: type[Record], task: LoopTask, error: ThermofastError) -> list[Any]:
     """One record that says why a run could not be worked on."""
     status = failed_status(error)
-    return [kind(run=task.run.name, channel="", status=status, message=str(error).replace("\n ", ";"))]  # type: ignore[call-arg]
+    return [kind(run=task.run.name, channel="", status=status, message=in_one_line(error))]  # type: ignore[call-arg]
 
 
 def refused_records(kind: type[Record], run: str, observed: Observed) -> list[Any]:

@@ -1,8 +1,10 @@
 """Joins a filter and the model: the estimates that tracks support, closed by a likelihood where the filter says so."""
 
 import math
+import sys
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -29,6 +31,7 @@ from thermofast.models import (
 )
 from thermofast.models.observations import read_only
 
+from ..errors import in_one_line
 from ..plugins.filters import track_problem
 from ..plugins.guard import PATIENCE_EACH_S, PATIENCE_S, PluginError, alarm
 from .estimate import Estimate, Estimates, FilterError, Model
@@ -47,10 +50,11 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
     """
     time, reading = read_only(time), read_only(reading)  # other filters see the same arrays
     try:
-        with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * len(time)):
+        # What it prints is for a person, not for the table that a pipe reads.
+        with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * len(time)), redirect_stdout(sys.stderr):
             track = method.track(model, time, reading, resolution)
     except PluginError as error:
-        raise FilterError(" ".join(str(error).split())) from None
+        raise FilterError(in_one_line(error)) from None
     except ValueError as error:
         raise FilterError(f"{method.name}: {error}") from None
     except (Exception, SystemExit) as error:  # whatever a plug-in does is one sensor's trouble

@@ -12,6 +12,7 @@ from thermofast.models import Interval, Lump, PrintedLump, growth, growth_slope,
 from thermofast.models.arrow import covariance_root
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
+from ..errors import rounded
 from .measured import contradiction
 
 Array = NDArray[np.float64]
@@ -183,6 +184,12 @@ class Estimates:
         with np.errstate(all="ignore"):  # beyond all bounds where the filter knows nothing
             half: Array = 1.96 * np.sqrt(np.maximum(((self.covariance @ tangent) * tangent).sum(axis=1), 0.0))
         return half
+
+
+def lost(found: Estimates, reading: Array) -> dict[int, str]:
+    """Why a sensor's estimate is none, by sensor: its state is farther from the readings (S, n) used than a constant would be."""
+    far = np.flatnonzero(found.misfit > np.ptp(reading, axis=1)).tolist()
+    return {i: f"the filter's state leaves the readings ({rounded(float(found.misfit[i]))} K rms)" for i in far}
 
 
 class FilterError(Exception):

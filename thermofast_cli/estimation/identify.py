@@ -20,7 +20,7 @@ from ..records import IdentifyRecord
 from ..standards.stopping import Rule, Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns
-from .estimate import Estimates, FilterError, Model, remaining
+from .estimate import Estimates, FilterError, Model, lost, remaining
 from .imperfect import Claims, Closed, claims, said_of_slow, times_asked, together_of, why_let_go, without_past
 from .measured import (
     comes_back,
@@ -269,7 +269,7 @@ class _Block:
         n, sensors = self.count, self.sensors
         time, reading = sensors.time[:n], sensors.reading[:, :n]
         found = estimates_of(self.method.model, self.method.filter, tracks, time, reading, sensors.resolution, single)
-        return _Opened(tracks, found, single, broken)
+        return _Opened(tracks, found, single, lost(found, reading) | broken)
 
     def identified(self, opened: _Opened, claimed: Claims | None) -> Found:
         """Of every sensor, with what it may claim."""

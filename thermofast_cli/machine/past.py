@@ -36,7 +36,7 @@ from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, Ready, ids_of, ready
 from ..discovery.observe import FEWEST_READINGS, observe
-from ..errors import ThermofastError, UsageError, listed, rounded
+from ..errors import ThermofastError, UsageError, in_one_line, listed, rounded
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import failed_status
 from .jumps import cycles, last_change, longest_stay
@@ -130,7 +130,7 @@ def knowledge(task: LoopTask) -> list[Knowledge]:
     try:
         return [_knowledge(task)]
     except ThermofastError as error:
-        return [Knowledge(task.run.name, failed=str(error).replace("\n ", ";"), status=failed_status(error))]
+        return [Knowledge(task.run.name, failed=in_one_line(error), status=failed_status(error))]
 
 
 def knowledge_lost(task: LoopTask, why: str) -> list[Knowledge]:

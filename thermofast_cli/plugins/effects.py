@@ -13,7 +13,7 @@ from ..errors import UsageError, nearest
 from .entrypoints import Broken, installed, taken
 from .files import class_in, is_file
 from .guard import PluginError, misspelt
-from .trial import GUIDE, check, check_finite, check_shapes, finite, guarded_call, row_by_row
+from .trial import GUIDE, check, check_columns, check_finite, check_shapes, finite, guarded_call, row_by_row
 
 #: What the search may ask of an effect beside ``apply``.
 HOOKS = ("choices", "grid", "starts", "response", "borrowed_noise", "physical", "mirrored", "equivalent", "large_starts")
@@ -115,7 +115,10 @@ def guarded(kind: type[Effect], by_row: bool, masses: int, file: str) -> type[Ef
         def call(self: Effect, *args: Any) -> Any:
             with guarded_call(self):
                 result = inner(self, *args)
-                return tuple(result) if isgenerator(result) else result
+                result = tuple(result) if isgenerator(result) else result
+            if name == "choices":
+                check_columns(self, result, args[0])
+            return result
 
         return call
 
@@ -189,7 +192,11 @@ def declaration_problem(kind: Any) -> str | None:
         return f"its amplitude {main.name!r} needs a null: the value at which the effect vanishes"
     if kind.event is not None and kind.event not in names:
         return f"its event must be one of its parameters {names} (found {kind.event!r})"
+    if kind.moves_room and kind.moves_room not in names:
+        return f"its moves_room must be one of its parameters {names} (found {kind.moves_room!r})"
     for p in parameters:
+        if p.settles not in ("", "rate", "time"):
+            return f"parameter {p.name!r}: settles is 'rate' or 'time' (found {p.settles!r})"
         if not (p.low < p.high and p.low <= p.start <= p.high):
             return f"parameter {p.name!r}: needed low < high and start between them (found {p.low}, {p.high}, {p.start})"
         if p.log and p.low <= 0.0 and not p.least_steps:

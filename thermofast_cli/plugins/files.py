@@ -47,6 +47,8 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
     except BaseException as error:
         renamed = new_name(error)
         do = f"write {renamed}: the packages were renamed" if renamed else "run it with python to see more"
+        if isinstance(error, TypeError) and "non-frozen dataclass" in str(error):
+            do = "write @dataclass(frozen=True) above the class"
         raise PluginError(f"{path}: cannot be imported", found=where(error, path), do=do) from None
     there = [v for v in vars(module).values() if inspect.isclass(v) and issubclass(v, base) and v is not base]
     kinds = [k for k in there if k.__module__ == name and (not wanted or k.__name__ == wanted)]

@@ -1,6 +1,6 @@
 """Filters: built in, of installed packages, of a user's own file. All pass one check, which says what to write instead."""
 
-from dataclasses import fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -94,6 +94,8 @@ def declaration_problem(candidate: Any) -> str | None:
             return f"its {attribute} must be a non-empty text"
     if candidate.track is Filter.track:
         return "it has no track(self, model, time, reading, resolution)"
+    if any(isinstance(value, Field) for value in vars(candidate).values()):
+        return "its settings are not made: write @dataclass(frozen=True) above the class"
     if candidate.__init__ is not object.__init__ and not is_dataclass(candidate):
         return "its settings must be fields of a frozen dataclass: @dataclass(frozen=True) above the class"
     for f in fields(candidate):
@@ -129,6 +131,8 @@ def check(method: Filter, origin: str) -> None:
     with watched(method, f"filter {method.name!r}"):
         track = method.track(Lump(), read_only(time), read_only(reading), 0.0)
     problem = track_problem(track, len(time))
+    if not problem and method.closing == "never" and track.first >= len(time):
+        problem = "its track begins at no reading, and its closing is 'never': nothing would be estimated"
     if problem:
         raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
 
@@ -158,6 +162,9 @@ def track_problem(track: Any, count: int) -> str | None:
         return "its track's weight leaves out every reading"
     if not np.isfinite(track.state[good]).all():
         return "its track's state is not finite, and diverged_at does not say from which reading on"
+    for name in ("noise_variance", "innovation_variance"):
+        if (getattr(track, name)[good] < 0.0).any():
+            return f"its track's {name} holds {np.nanmin(getattr(track, name)[good]):.3g}, needed 0 or more"
     variance = np.diagonal(track.covariance[good], axis1=1, axis2=2)
     if track.diverged_at is None and not (variance >= 0.0).all():
         if track.first >= count - 1:

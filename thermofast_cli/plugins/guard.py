@@ -42,7 +42,8 @@ def watched(member: Any, what: str) -> Any:
     except PluginError:
         raise
     except (Exception, SystemExit) as error:
-        raise PluginError(f"{what} raised {type(error).__name__}", found=where(error, file), do=advice(error)) from None
+        do = advice(error, what.startswith("effect"))
+        raise PluginError(f"{what} raised {type(error).__name__}", found=where(error, file), do=do) from None
 
 
 @contextmanager
@@ -90,23 +91,32 @@ def source_of(member: Any) -> str:
 
 
 def misspelt(kind: type, base: type) -> str:
-    """What a class of a user seems to have meant by an attribute that its base does not have; empty where nothing looks so."""
+    """What a class of a user seems to have meant by an attribute that no base of it has; empty where nothing looks so."""
     known = [n for n in dir(base) if not n.startswith("_")]
+    known += [n for parent in kind.__mro__[1:] if issubclass(parent, base) for n in vars(parent) if not n.startswith("_")]
     for name in vars(kind):
         if not name.startswith("_") and name not in known and (near := get_close_matches(name, known, 1, 0.8)):
             return f"it has {name!r}, which nothing reads: did you mean {near[0]!r}?"
     return ""
 
 
-def advice(error: BaseException) -> str:
+def advice(error: BaseException, of_effect: bool) -> str:
     """What to write instead, where that can be told: the nearest attribute of what was misspelt."""
+    if isinstance(error, KeyError) and of_effect:
+        return (
+            f"not every record has a column {error}: offer it in choices(self, run), as in "
+            "[Choice(name, {'column': name}) for name in run.inputs]"
+        )
+    if isinstance(error, TypeError) and "'Field'" in str(error):
+        return "its settings are not made yet: write @dataclass(frozen=True) above the class"
     # A number, or an array, added to an empty list.
     if (isinstance(error, TypeError) and "to list" in str(error)) or (
         isinstance(error, ValueError) and "shapes (0,)" in str(error)
     ):
         return "drive.hidden and drive.links are lists: write drive.hidden.append((coupling, rate))"
     if isinstance(error, ValueError) and "read-only" in str(error):
-        return "others use these numbers, too: make new ones, as in drive.heat = drive.heat * p.x, in place of *= or [...] ="
+        new = "drive.heat = drive.heat * p.x" if of_effect else "reading = reading - reading[0]"
+        return f"others use these numbers, too: make new ones, as in {new}, in place of *= or [...] ="
     found = re.search(r"'(\w+)' object has no attribute '(\w+)'", str(error))
     if found and found.group(1, 2) == ("Drive", "hidden_rate"):
         return "a hidden mass is a pair: write drive.hidden.append((coupling, rate))"

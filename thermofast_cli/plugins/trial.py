@@ -31,6 +31,18 @@ def guarded_call(effect: Effect) -> Any:
     return watched(effect, f"effect {effect.id!r}")
 
 
+def check_columns(effect: Effect, choices: Any, run: Observations) -> None:
+    """Raises PluginError where a way to act follows a column that a run does not have."""
+    for choice in choices if isinstance(choices, list | tuple) else ():
+        column = choice.constants.get("column") if isinstance(choice, Choice) else None
+        if isinstance(column, str) and column not in run.inputs and column not in run.ambient:
+            raise PluginError(
+                f"effect {effect.id!r}: choices gives the column {column!r}, which this run does not have",
+                found=", ".join([*run.inputs, *run.ambient]) or "no logged column",
+                do="give a Choice for what is there, as in [Choice(name, {'column': name}) for name in run.inputs]",
+            )
+
+
 class _Plenty(dict[str, Any]):
     """Logged columns of the trial record: one of any name that an effect may ask for."""
 
