@@ -71,7 +71,9 @@ class Result:
         return iter(self._with_guesses())
 
     def __contains__(self, key: object) -> bool:
-        """Whether there is a record of a sensor: its name, or (run, name)."""
+        """Whether there is a record of a sensor: its name, or (run, name); or a record itself."""
+        if isinstance(key, self.kind):
+            return key in list(self._with_guesses())
         return any(key in self._names(r) for r in self.records)
 
     def _names(self, record: Any) -> tuple[object, object]:
@@ -95,9 +97,11 @@ class Result:
 
         Raises
         ------
-        KeyError: no such sensor, or one of several runs; the message lists those there are.
+        KeyError: no such sensor, or one of several runs; the message lists those there are. IndexError: no such place.
         """
         held = self._with_guesses()
+        if isinstance(key, int) and not -len(held) <= key < len(held):
+            raise IndexError(f"record {key} of {len(held)}")
         if isinstance(key, int | slice):
             return held[key]
         found = [r for r in held if key in self._names(r)]

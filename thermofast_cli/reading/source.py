@@ -219,7 +219,7 @@ def _bytes(source: str, limits: Limits = Limits(), name: str = "", waits: bool =
         raise InputError(
             f"{name}: no such file",
             found=f"in {path.parent}: {listed(near, 6)}" if near else "",
-            do="check the path",
+            do="tf.archive takes patterns, or name the files" if {"*", "?"} & set(name) else "check the path",
         ) from None
     except IsADirectoryError:
         way = f"name the files, as in {name}/*.csv, or say -o results/"

@@ -49,6 +49,10 @@ def _table_of(data: Any, name: str) -> Table:
             raise InputError(f"{name}: not a record", found=type(data).__name__, allowed="an Arrow table or record batches")
         return from_arrow(data, name, [f"Arrow table, {data.num_rows} rows"])
     framed = type(data).__module__.startswith("pandas")
+    if not framed and not isinstance(data, Mapping) and hasattr(data, "__arrow_c_stream__"):
+        return from_arrow(_streamed(data, name), name, [f"{type(data).__name__}, by its Arrow stream"])
+    if isinstance(data, np.ndarray) and data.dtype.names:
+        data = {column: data[column] for column in data.dtype.names}
     if framed:
         data = _columns_of_frame(data, name)
     if not isinstance(data, Mapping):
@@ -62,6 +66,26 @@ def _table_of(data: Any, name: str) -> Table:
     if not framed:
         _same_index(data, name)
     return _from_arrays(data, name)
+
+
+def _streamed(data: Any, name: str) -> Any:
+    """An Arrow table of whatever gives one away (Polars, DuckDB, ...).
+
+    Raises
+    ------
+    InputError: what it gives is no table.
+    """
+    import pyarrow as pa
+
+    try:
+        return pa.table(data)
+    except (pa.ArrowException, TypeError) as error:
+        raise InputError(
+            f"{name}: not a record",
+            found=f"{type(data).__name__}: {str(error)[:80]}",
+            allowed="columns of a table",
+            do="give a table, as frame.select(...) does",
+        ) from None
 
 
 def _same_index(columns: Mapping[Any, Any], name: str) -> None:
@@ -162,6 +186,8 @@ def _is_duration(values: Any) -> bool:
 
 def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     """(numbers (N,) with nan for none, or cells as text; unit) of one column."""
+    if np.iscomplexobj(values):
+        raise InputError(f"{name}, column {key!r}: complex numbers", allowed="readings", do="give their real part, or leave it out")
     if type(values).__module__.startswith("pandas") and not hasattr(values, "columns"):
         return _series(key, values, name)
     if isinstance(values, np.ma.MaskedArray):
@@ -180,7 +206,7 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
             f"{name}, column {key!r}: not one-dimensional",
             found=type(values).__name__ if hasattr(values, "columns") else f"shape {array.shape}",
             allowed="(N,)",
-            do="one name for each column",
+            do="one name for each column; of rows that are dictionaries, pandas.DataFrame(rows)",
         )
     if array.dtype.kind == "b":
         return [str(v) for v in array], ""  # as in a CSV: no temperature

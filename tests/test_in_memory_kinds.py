@@ -1,0 +1,49 @@
+"""Kinds of tables in memory that are not pandas', and what a result is asked for."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import thermofast as tf
+
+TIME = np.arange(60.0)
+WARM = 20.0 + 5.0 * -np.expm1(-TIME / 20.0)
+
+
+class Streamed:
+    """A table of a library that nobody here knows, which gives an Arrow stream away."""
+
+    def __init__(self, table):
+        self.table = table
+
+    def __arrow_c_stream__(self, requested_schema=None):
+        return self.table.__arrow_c_stream__(requested_schema)
+
+
+def test_a_table_that_gives_an_arrow_stream_is_read():
+    run = tf.read(Streamed(pa.table({"time_min": TIME, "T1": WARM})))
+    assert run.channels["T1"] == pytest.approx(WARM)
+    assert run.time_s[-1] == 59.0 * 60.0
+    with pytest.raises(tf.InputError, match="not a record"):
+        tf.read(Streamed(pa.chunked_array([[1.0, 2.0]])))
+
+
+def test_structured_arrays_are_tables():
+    records = np.rec.fromarrays([TIME, WARM], names="time_min,T1")
+    assert tf.read(np.array(records)).channels["T1"] == pytest.approx(WARM)
+
+
+def test_complex_numbers_and_rows_as_dictionaries_are_refused_with_the_way():
+    with pytest.raises(tf.InputError, match=r"'T1': complex numbers(?s:.*)real part"):
+        tf.read({"time_min": TIME, "T1": WARM + 5j})
+    with pytest.raises(tf.InputError, match=r"pandas.DataFrame\(rows\)"):
+        tf.read({"time_min": 0.0, "T1": 20.0})
+
+
+def test_records_are_found_in_their_result_and_places_beyond_it_are_told():
+    found = tf.identify({"time_min": TIME, "T1": WARM})
+    assert found[0] in found
+    assert "T1" in found
+    assert "T2" not in found
+    with pytest.raises(IndexError, match="record 3 of 1"):
+        found[3]
