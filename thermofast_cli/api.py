@@ -182,8 +182,7 @@ def plan(
     if not wishes:
         raise UsageError("tolerance: none", found=repr(tolerance), allowed="half-widths in K above zero")
     base, replayed = design_like(runs[0], prior) if like is not None else (None, None)
-    known = replayed if learnt is None else None
-    return plan_design(dict(design), wishes, prior, base, work_of(1, None, progress), known, learnt)
+    return plan_design(dict(design), wishes, prior, base, work_of(1, None, progress), replayed, learnt)
 
 
 @checked

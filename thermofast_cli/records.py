@@ -159,6 +159,8 @@ class PlanRecord(Record):
     sensors: int = 0
     interval_s: float | None = None
     noise_c: float | None = None
+    rise_c: float | None = None
+    tau_min: float | None = None
     tolerance_c: float | None = None
     time_min: float | None = None
     time_lo_min: float | None = None

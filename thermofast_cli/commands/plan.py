@@ -64,7 +64,6 @@ def command(
     base, replayed = None, None
     if like is not None:
         base, replayed = design_like(read_all((like,), reading, quiet, [output, save_plot], 1).runs[0], prior)
-        replayed = None if model else replayed
     result = plan_design(
         {k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, replayed, load_model(model, extra)
     )
@@ -73,6 +72,7 @@ def command(
         ("sensors", number("sensors", 0)),
         ("every s", number("interval_s", 3)),
         ("noise K", number("noise_c", 3)),
+        ("rise K", number("rise_c", 3)),
         ("to +- K", number("tolerance_c", 3)),
         ("min", number("time_min", 0)),
         ("of six machines", interval("time_lo_min", "time_hi_min", 0)),

@@ -32,13 +32,17 @@ PAST_RUNS, COMPLETE = (1, 4, 10), 5.0
 
 @dataclass(frozen=True)
 class Design:
-    """A test: sensors, seconds between readings, noise [K], rise [K] and time constant [min] that are expected."""
+    """A test: sensors, seconds between readings, noise [K], rise [K] and time constant [min] that are expected.
+
+    rises_c: those of the machine's sensors, where they are known, in the proportions of which rise_c is the median.
+    """
 
     sensors: int = 10
     interval_s: float = 1.0
     noise_c: float = 0.02
     rise_c: float = 9.0
     tau_min: float = 65.0
+    rises_c: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,7 @@ def plan(
         curves.append(_curve(option))
         advance(1)
     if replayed is not None:
-        curves = _as_replayed(curves, replayed)
+        curves = _as_replayed(curves, [option.past is not None for option in options] if past else [], replayed)
     asked = next((c for c in curves if c.name == LAW), curves[0])
     laws: dict[Design, Curve] = {design: asked}
     rows = []
@@ -147,6 +151,8 @@ def plan(
                     sensors=one.sensors,
                     interval_s=one.interval_s,
                     noise_c=one.noise_c,
+                    rise_c=one.rise_c,
+                    tau_min=one.tau_min,
                     tolerance_c=tolerance,
                     time_min=time,
                     time_lo_min=min(told) if time is not None and told else None,
@@ -199,23 +205,31 @@ def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
     return f"{reached}: the readings are the limit; read more often, or with less noise"
 
 
-def _as_replayed(curves: Sequence[Curve], replayed: Array) -> list[Curve]:
-    """Curves times what a record's half-widths are over those of the first; after its end as at its end."""
+def _as_replayed(curves: Sequence[Curve], known_past: Sequence[bool], replayed: Array) -> list[Curve]:
+    """Curves times what a record's half-widths are over those of the first like it; after its end as at its end.
+
+    known_past: which curves count past runs of the machine, where there are any: a record was read without, and says nothing of them.
+    """
+    counted = list(known_past) or [False] * len(curves)
+    like = next(curve for curve, past in zip(curves, counted, strict=True) if not past)
     with np.errstate(all="ignore"):
-        ratio = replayed / curves[0].half_width
+        ratio = replayed / like.half_width
     known = np.flatnonzero(np.isfinite(ratio))
     if not len(known):
         return list(curves)
     factor = np.where(np.isfinite(ratio), ratio, ratio[known[-1]])
     factor[: known[0]] = np.nan  # before a side of the record's interval is closed
     return [
-        curve if curve.name == LAW else replace(curve, half_width=curve.half_width * factor, draws=curve.draws * factor)
-        for curve in curves
+        curve if curve.name == LAW or past else replace(curve, half_width=curve.half_width * factor, draws=curve.draws * factor)
+        for curve, past in zip(curves, counted, strict=True)
     ]
 
 
 def _rises(design: Design, sensors: int) -> Array:
-    """Rises (sensors,) [K] about that of the design."""
+    """Rises (sensors,) [K] about that of the design, or in the proportions of those that are known."""
+    if design.rises_c:
+        known = np.quantile(design.rises_c, np.linspace(0.0, 1.0, sensors)) if sensors > 1 else np.median(design.rises_c)[None]
+        return np.asarray(design.rise_c * known / np.median(design.rises_c))
     return design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
 
 

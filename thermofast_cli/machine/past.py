@@ -343,6 +343,12 @@ def past_of_model(model: Model) -> Past:
     return past
 
 
+def rises_of_model(model: Model) -> tuple[float, ...]:
+    """How far [K] each sensor that moved rose in the first run that a model was learnt from, by the law."""
+    level, start = ({n.channel: n.value for n in model.file.base if n.name == name} for name in ("level", "start"))
+    return tuple(abs(level[c] - start[c]) for c in level if c in start and level[c] != start[c])
+
+
 def _said(effects: Sequence[str], source: str, runs: int) -> str:
     learnt = f", learnt from {runs} runs" if runs > 1 and source != f"{runs} runs" else ""
     return f"with {', '.join(effects)} of {source}{learnt}" if effects else f"by {source}{learnt}"

@@ -179,9 +179,9 @@ def plan_design(
     from statistics import median
 
     from ..experiments.planning import Design, plan
-    from ..machine.past import past_of_model
+    from ..machine.past import past_of_model, rises_of_model
 
-    known = [f.name for f in fields(Design)]
+    known = [f.name for f in fields(Design) if f.name != "rises_c"]
     for name, value in given.items():
         if name not in known:
             raise UsageError(f"unknown word of a design {name!r}", allowed=", ".join(known))
@@ -194,6 +194,8 @@ def plan_design(
     if model is not None:
         past = past_of_model(model)
         told = {"sensors": len(past.shapes), "tau_min": math.exp(-median([s.log_rate for s in past.shapes.values()]))}
+        if base is None and (rises := rises_of_model(model)):
+            told |= {"rises_c": rises, "rise_c": median(rises)}
         given = {**told, **given}
     rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past, replayed)
     return Plan(tuple(rows), curves=tuple(curves))
