@@ -225,16 +225,18 @@ class Run:
         each += self.log_prior
         return log_sum(log_sum(each, 2) + of_rate, 1)
 
-    def told(self, log_rate: Array, marginal: Array, plain: Array) -> tuple[Array, Array, Array]:
-        """What the others say of each rate (S, F), a log likelihood ratio against knowing nothing.
+    def told(self, log_rate: Array, marginal: Array) -> tuple[Array, Array, Array]:
+        """What the others say of each rate (C, S, F) under each class of hypotheses, a log ratio against knowing nothing.
 
-        They say nothing to a sensor that disagrees with them as the law and a background have it (plain: its log posterior so), for
-        a strong effect beside their rate could explain nearly any other. Also, over common log rates (D,) less the centres, how
-        likely each other agrees there (S, D).
+        marginal (C, S, F): log posteriors under the law with a background, and under strong effects beside them. Such an effect
+        is one of the run, and what another's rate would be under it counts: the agreement of rates speaks neither for nor against
+        it. They say nothing to a sensor that disagrees with them as the law and a background have it, for a strong effect beside
+        their rate could explain nearly any other. Also, over common log rates (D,) less the centres, how likely each other agrees
+        there (S, D).
         """
-        prior, count = self.prior, self.count
+        prior, count, plain = self.prior, self.count, marginal[0]
         if self.rates == "own" or count < 2:
-            return np.zeros_like(log_rate), np.zeros(0), np.zeros((count, 0))
+            return np.zeros_like(marginal), np.zeros(0), np.zeros((count, 0))
         off = log_rate - self.centre[:, None]  # sensors that are known for their own rates share how a run departs from them
         apart = prior.apart if self.rates == "auto" else 1e-9
         low, high = float(off.min()), float(off.max())
@@ -245,23 +247,25 @@ class Run:
         weight /= weight.sum()
         # A grid finer than the spread between sensors is needed for the rates, not for what is made of them.
         wide = np.hypot(spread, 0.5 * step)
-        messages = np.empty((count, len(dense)))
+        messages = np.empty((len(marginal), count, len(dense)))
         chance = marginal - self.log_rate_prior(off)
-        chance = np.exp(chance - chance.max(axis=1, keepdims=True))
+        chance = np.exp(chance - chance.max(axis=2, keepdims=True))
         width = np.hypot(wide, 0.5 * cells(log_rate))
         for j in range(count):
-            heard = np.exp(-0.5 * ((dense[:, None] - off[j]) / width[j]) ** 2) @ chance[j]
-            messages[j] = (1.0 - apart) * heard / (heard @ weight)
+            heard = chance[:, j] @ np.exp(-0.5 * ((dense - off[j][:, None]) / width[j][:, None]) ** 2)
+            messages[:, j] = (1.0 - apart) * heard / (heard @ weight)[:, None]
         together = np.log(messages + apart)
         counted = min(1.0, COUNTED_OTHERS / (count - 1)) if not prior.none else 1.0
-        others = counted * (together.sum(axis=0) - together)
-        said = np.stack([np.interp(rates, dense, line) for rates, line in zip(off, others, strict=True)])
+        others = counted * (together.sum(axis=1, keepdims=True) - together)
+        said = np.array([[np.interp(rates, dense, line) for rates, line in zip(off, lines, strict=True)] for lines in others])
+        odds = np.ones(count)
         if self.rates == "auto":
             own = np.exp(plain - plain.max(axis=1, keepdims=True))
-            ratio = np.exp(said - log_sum(others + np.log(weight), 1)[:, None])
+            ratio = np.exp(said[0] - log_sum(others[0] + np.log(weight), 1)[:, None])
             odds = (own * ratio).sum(axis=1) / own.sum(axis=1) * (1.0 - apart) / apart
-            said[odds < 1.0] = 0.0
-        return said, dense, messages / (messages + apart)
+        said -= (log_sum(marginal + said, 2) - log_sum(marginal, 2))[..., None]
+        said[:, odds < 1.0] = 0.0
+        return said, dense, messages[0] / (messages[0] + apart)
 
     def agrees(self, log_rate: Array, marginal: Array, dense: Array, agreeing: Array) -> NDArray[np.bool_]:
         """Who agrees with whom (S, S): more likely than not, over what is known of the sensor's own rate."""
@@ -331,10 +335,11 @@ class Run:
             evidence[~anew] = stand
         self._known = evidence
         posterior = self.weighed(log_rate, evidence)
-        marginal, plain = log_sum(posterior, 2), log_sum(posterior[..., self.base], 2)
-        said, dense, agreeing = self.told(log_rate, marginal, plain)
-        posterior += said[..., None]
-        return posterior, marginal + said, dense, agreeing
+        classes = [self.base] if self.base.all() else [self.base, ~self.base]
+        said, dense, agreeing = self.told(log_rate, np.stack([log_sum(posterior[..., own], 2) for own in classes]))
+        for own, of_class in zip(classes, said, strict=True):
+            posterior[..., own] += of_class[..., None]
+        return posterior, log_sum(posterior, 2), dense, agreeing
 
     def settles(self, sensor: int, log_rate: Array) -> tuple[Array | float, Array | float]:
         """Time constants until 95 % are done and how fast the rest falls then, at log rates (F,)."""

@@ -208,7 +208,7 @@ def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
 def _as_replayed(curves: Sequence[Curve], known_past: Sequence[bool], replayed: Array) -> list[Curve]:
     """Curves times what a record's half-widths are over those of the first like it; after its end as at its end.
 
-    known_past: which curves count past runs of the machine, where there are any: a record was read without, and says nothing of them.
+    known_past: which curves count past runs of the machine, where any does: a record was read without, and says nothing of them.
     """
     counted = list(known_past) or [False] * len(curves)
     like = next(curve for curve, past in zip(curves, counted, strict=True) if not past)
