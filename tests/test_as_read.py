@@ -268,6 +268,22 @@ def test_a_band_of_one_step_of_the_logger_times_nothing():
     assert measured_equilibria(time, line[None], np.array([0.1]))[1][0] == pytest.approx(180.0, abs=2.0)
 
 
+def test_repetitions_that_a_noise_of_half_a_step_forbids_are_a_frozen_probe():
+    """With half a step of noise a reading repeats the one before in two of three at most: 450 in a row are no machine's."""
+    time = 0.5 * np.arange(600)
+    warm, found = 20.0 + 10.0 * -np.expm1(-time / 40.0), 0
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal(600)
+        reading = np.round(np.round((warm + 0.05 * noise) / 0.1) * 0.1, 6)
+        assert not frozen(reading, 0.1).any()
+        reading[150:] = reading[150]
+        found += frozen(reading, 0.1).sum() in range(440, 451)
+        # A temperature between two steps is told as one or the other by the least noise, and then as one of them for good.
+        dither = np.round(np.round((20.05 + 0.004 * noise + 0.02 * (time > 150.0)) / 0.1) * 0.1, 6)
+        assert not frozen(dither, 0.1).any()
+    assert found >= 18
+
+
 @pytest.mark.parametrize("step", [0.01, 0.1, 0.5])
 @pytest.mark.parametrize("every", [0.2, 1.0, 5.0])
 def test_a_sensor_that_has_settled_is_not_frozen(step, every):

@@ -141,6 +141,9 @@ class EstimationRules:
     frozen_readings: int = rule(
         20, "readings", "alike in a row, of a noise of a step or more, that a frozen probe gives", "once in 1e10 by chance"
     )
+    frozen_finer: float = rule(
+        0.3, "of a step", "noise from which on readings that repeat tell a frozen probe too, if more of them", "rounding's is 0.08"
+    )
     frozen_before: int = rule(60, "readings", "before them, whose noise is looked at", BY_HAND)
     frozen_share: float = rule(0.1, "1", "of the readings before, at least: a machine that stands is quiet for a while", BY_HAND)
     fewest_of_room: int = rule(4, "readings", "of a logged room, within the time used", BY_HAND)

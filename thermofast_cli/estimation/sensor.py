@@ -14,6 +14,8 @@ from .rules import RULES
 Array = NDArray[np.float64]
 
 BLOCKS = 120
+#: Log probability by chance from which repeated readings are a frozen probe's, and the least share of a noise that it surely is.
+LOG_BY_CHANCE, NOISE_SURELY = math.log(1e-10), 0.75
 #: How much longer each beginning is in which a start is looked for.
 LONGER = 1.5
 #: Means of neighbours before and behind a place that are looked at anew, each reading by itself or finer means of them.
@@ -223,9 +225,25 @@ def frozen(reading: Array, resolution: float) -> NDArray[np.bool_]:
         if b - a + 1 < long or a < RULES.frozen_readings:
             continue
         # Rounding alone has third differences, too, of three tenths of a step.
-        if third_difference_noise(reading[max(0, a - RULES.frozen_before) : a]) > max(resolution, 1e-9):
+        before = reading[max(0, a - RULES.frozen_before) : a]
+        noise = third_difference_noise(before)
+        if noise > max(resolution, 1e-9) or (b - a) * _log_repeats(before, noise, resolution) < LOG_BY_CHANCE:
             stuck[a + 1 : b + 1] = True
     return stuck
+
+
+def _log_repeats(reading: Array, noise: float, resolution: float) -> float:
+    """Log probability that a reading repeats the one before at most, whatever the temperature, of a noise below a step [K].
+
+    Nought where it may be rounding's: a temperature between two steps that is told as one or the other says nothing of its noise.
+    """
+    if resolution <= 0.0 or len(reading) < RULES.frozen_readings:
+        return 0.0
+    at = np.linspace(-1.0, 1.0, len(reading))
+    if np.ptp(reading - np.polyval(np.polyfit(at, reading, 2), at)) < 2.0 * resolution:
+        return 0.0
+    own = math.sqrt(max(noise**2 - resolution**2 / 12.0, 0.0)) / resolution
+    return math.log(math.erf(0.5 / (math.sqrt(2.0) * NOISE_SURELY * own))) if own >= RULES.frozen_finer else 0.0
 
 
 def _blocks(time: Array, reading: Array) -> tuple[Array, Array]:
