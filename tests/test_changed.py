@@ -102,6 +102,17 @@ def test_repeats_are_nothing():
     assert said.count("nothing") >= 28
 
 
+def test_a_change_that_may_be_is_put_in_words_beside_nothing():
+    """A fifth more heat against one old run: nothing is likeliest, and the heat's own interval excludes none."""
+    told = tf.changed(run(np.random.default_rng(5), "old"), run(np.random.default_rng(6), "new", heat=1.2))
+    assert (told[0].change, told[0].status) == ("nothing", "not_determined")
+    second = told[1]
+    percent = 100.0 * (second.size - 1.0)
+    assert f"it is not sure: with {100.0 * second.probability:.0f} % every point rises more by {percent:.2g} %" in told[0].message
+    alike = tf.changed(run(np.random.default_rng(7), "old"), run(np.random.default_rng(8), "new"))
+    assert (alike[0].status, "it is not sure" in alike[0].message) == ("ok", False)
+
+
 def test_a_record_that_is_hardly_bent_does_not_part_heat_and_capacity():
     rng = np.random.default_rng(3)
     told = tf.changed(run(rng, "old", length=24.0), run(rng, "new", length=24.0, capacity=2.0))

@@ -119,6 +119,87 @@ def test_a_filter_cannot_change_readings_nor_end_the_batch(tool, tmp_path):
     assert "raised SystemExit: 4" in rows[0]["message"]
 
 
+def test_what_a_filter_prints_stays_out_of_the_table(tool, tmp_path):
+    printing = tool("identify", SPINDLE, "--until", 60, "--filter", filter_of(tmp_path, 'print("hello")'), "--format", "json")
+    assert len(json.loads(printing.out)["records"]) == 10
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("from dataclasses import replace; return replace(super().track(model, time, reading, resolution), noise_variance="
+         "-super().track(model, time, reading, resolution).noise_variance)", "noise_variance holds -"),
+        ("from dataclasses import replace; t = super().track(model, time, reading, resolution); return replace(t, first=len(time))",
+         "nothing would be estimated"),
+    ],
+)  # fmt: skip
+def test_a_track_that_tells_nothing_is_refused_before_the_batch(tool, tmp_path, body, said):
+    refused = tool("identify", SPINDLE, "--until", 60, "--filter", filter_of(tmp_path, body))
+    assert refused.code == 2
+    assert said in refused.err
+    assert "Traceback" not in refused.err
+
+
+def test_a_state_that_leaves_the_readings_is_no_estimate(tool, tmp_path):
+    body = (
+        "from dataclasses import replace; t = super().track(model, time, reading, resolution); "
+        "s = t.state.copy(); s[:, 1] = -5.0; s[:, 2] = 2.0; return replace(t, state=s)"
+    )
+    done = tool("identify", SPINDLE, "--until", 60, "--filter", filter_of(tmp_path, body), "--format", "json")
+    rows = json.loads(done.out)["records"]
+    assert {r["status"] for r in rows} == {"diverged"}
+    assert "the filter's state leaves the readings (" in rows[0]["message"]
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "said"),
+    [
+        ("@dataclass(frozen=True)", "", "write @dataclass(frozen=True) above the class"),
+        ("@dataclass(frozen=True)", "@dataclass", "write @dataclass(frozen=True) above the class"),
+        ("def moments(self)", "def moment(self)", "did you mean 'moments'?"),
+    ],
+)
+def test_a_slip_in_a_filter_is_told_with_what_to_write(tool, tmp_path, was, becomes, said):
+    path = filter_of(tmp_path)
+    path.write_text(path.read_text().replace(was, becomes))
+    refused = tool("identify", SPINDLE, "--until", 60, "--filter", path)
+    assert refused.code == 2
+    assert said in refused.err
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "said"),
+    [
+        ('amplitude = "change"', 'amplitude = "change"; moves_room = "room"', "its moves_room must be one of its parameters"),
+        ('"begin", belongs="run"', '"begin", settles="speed", belongs="run"', "settles is 'rate' or 'time' (found 'speed')"),
+    ],
+)
+def test_declarations_of_an_effect_that_nothing_reads_are_refused(tool, tmp_path, was, becomes, said):
+    path = effect_of(tmp_path, "drive.heat = drive.heat + p.change * run.after(p.begin)")
+    path.write_text(path.read_text().replace(was, becomes))
+    refused = tool("effects", "--effect", path)
+    assert refused.code == 2
+    assert said in refused.err
+
+
+def test_a_column_that_a_run_does_not_have_is_named_with_the_way(tool, tmp_path):
+    body = 'drive.heat = drive.heat + p.change * run.inputs["rpm"] * run.after(p.begin)'
+    path = effect_of(tmp_path, body)
+    done = tool(
+        "improve", "sample_runs/hidden.csv", "--effect", path, "--add", "mine", "-o", tmp_path / "m.toml", "--format", "json"
+    )
+    assert "not every record has a column 'rpm': offer it in choices(self, run)" in done.out
+    other = tmp_path / "other.py"
+    other.write_text(
+        path.read_text().replace("Effect, Parameter\n", "Effect, Parameter\nfrom thermofast.models.effects.base import Choice\n")
+        + '\n    def choices(self, run):\n        return [Choice("rpm", {"column": "rpm"})]\n'
+    )
+    done = tool(
+        "improve", "sample_runs/hidden.csv", "--effect", other, "--add", "mine", "-o", tmp_path / "m.toml", "--format", "json"
+    )
+    assert "choices gives the column 'rpm', which this run does not have" in done.out
+
+
 def test_settings_of_a_filter_in_a_file(tmp_path):
     path = str(filter_of(tmp_path))
     narrow, wide = (tf.identify(SPINDLE, 60, filter=path, settings={"spread": s}, channels="T1") for s in (0.1, 0.9))

@@ -393,6 +393,28 @@ def test_a_sensor_that_disagrees_is_left_alone():
     assert [r.rate_per_min for r in found] == pytest.approx(rates, rel=0.1)
 
 
+def test_agreement_of_rates_does_not_speak_against_what_all_sensors_do_alike():
+    """A quick part of 10 to 40 % in each sensor, read for one time constant: rates agree under the law, too fast in all of them.
+
+    14 of 60 limits lay outside when each agreement counted as evidence for the law.
+    """
+    rng, held, likely = np.random.default_rng(41), 0, []
+    for _ in range(20):
+        tau = rng.uniform(30.0, 80.0)
+        time = np.arange(int(tau)) * 1.0
+        record, limits = {"time_min": time}, {}
+        for k in range(3):
+            own, rise, quick = tau * rng.uniform(0.8, 1.2), rng.uniform(4.0, 15.0), rng.uniform(0.1, 0.4)
+            curve = (1.0 - quick) * -np.expm1(-time / own) + quick * -np.expm1(-5.0 * time / own)
+            record[f"T{k}"] = 20.0 + rise * curve + 0.05 * rng.standard_normal(len(time))
+            limits[f"T{k}"] = 20.0 + rise
+        rows = tf.identify(record).records
+        held += sum(r.steady_state_lo_c <= limits[r.channel] <= (r.steady_state_hi_c or np.inf) for r in rows)
+        likely += [r.rate_shared_with != "" for r in rows]
+    assert held >= 54
+    assert np.mean(likely) > 0.7
+
+
 def test_groups_of_columns_do_not_depend_on_processes(tmp_path, tool):
     rng, time = np.random.default_rng(7), np.arange(0.0, 60.0, 1.0)
     record = {"time_min": time}

@@ -65,6 +65,26 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     assert f"{told} tests: {waits}" in drawn.out
 
 
+def test_a_record_of_the_machine_tells_what_it_takes_without_its_past_runs(monkeypatch, tmp_path):
+    """The row said what machines in general take: 148 min where the record's own intervals took 545."""
+    monkeypatch.setattr(planning, "DRAWS", 2)
+    monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 6))
+    time, rng = np.arange(0.0, 401.0), np.random.default_rng(3)
+
+    def one(name):
+        rises = np.array([12.0, 5.0, 2.0])[:, None]
+        columns = 20.0 + rises * -np.expm1(-time / 60.0) + 0.05 * rng.standard_normal((3, len(time)))
+        return tf.read({"time_min": time} | {f"T{k}": c for k, c in enumerate(columns)}, name=name)
+
+    first, second = one("first"), one("second")
+    model = tf.improve([first, second], together=True).model
+    alone = {r.tolerance_c: r.time_min for r in tf.plan((1.0,), like=first) if r.channel == "as asked"}
+    beside = {r.tolerance_c: r.time_min for r in tf.plan((1.0,), like=first, model=model) if r.channel == "without its past runs"}
+    assert beside[1.0] == pytest.approx(alone[1.0], rel=0.25)
+    row = tf.plan((1.0,), model=model)[0]
+    assert (row.rise_c, row.tau_min) == (pytest.approx(5.0, abs=0.2), pytest.approx(60.0, rel=0.05))
+
+
 def test_a_test_like_another(tool, monkeypatch):
     monkeypatch.setattr(planning, "DRAWS", 2)
     monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 5))

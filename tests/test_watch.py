@@ -398,6 +398,23 @@ def test_a_tolerance_that_the_machine_forbids_is_told(tool):
     assert "K: the machine is the limit (past runs make that less: calibrate, or --model)" in watched.err
 
 
+def test_a_sensor_that_has_died_is_named_while_the_test_runs():
+    minutes = np.arange(0.0, 121.0)
+    warm = 20.0 + 8.0 * -np.expm1(-minutes / 40.0)
+    dead = np.where(minutes > 60.0, np.nan, warm)
+    watch = Watch(lambda run, start: tuple(IdentifyRecord("run", c, "afukf") for c in run.channels), 0.5)
+    for readings, said in ((62, False), (80, True), (121, True)):
+        run = tf.read({"time_min": minutes[:readings], "T1": warm[:readings], "T2": dead[:readings]})
+        words = watch.look(run).words
+        assert ("T2 has told no reading since 60 min: --exclude 'T2' goes on without it" in words) == said
+    row = IdentifyRecord(
+        "run", "T2", "afukf", steady_state_c=30.0, steady_state_lo_c=29.0, steady_state_hi_c=31.0, reading_half_width_c=0.01
+    )
+    words = Look(300.0, (row,), (False,), False, tolerance_c=0.1, silent=(("T2", 60.0),)).words
+    assert "the machine is the limit" not in words
+    assert "T2 has told no reading since 60 min" in words
+
+
 def test_past_runs_are_advised_where_none_are_counted():
     row = IdentifyRecord(
         "run", "T1", "afukf", steady_state_c=30.0, steady_state_lo_c=29.5, steady_state_hi_c=30.5, reading_half_width_c=0.01

@@ -149,6 +149,7 @@ def compare_runs(
     notes += [f"not in every run and left out: {', '.join(left)}"] if left else []
     notes += ["of one sensor, its own change is not told from the machine's"] if len(channels) == 1 else []
     likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
+    notes[:0] = _or_else(likely, channels, status)
     records = [_record(names, c, channels, verdict, status, None if k else notes) for k, c in enumerate(likely)]
     return records, Difference(tuple(channels), difference, deviation, verdict)
 
@@ -220,6 +221,30 @@ def _verdict(found: Sequence[Change], unsure: float) -> tuple[str, str]:
     return "cannot tell", "not_determined"
 
 
+def _said(c: Change, channels: Sequence[str]) -> str:
+    """A change in words, with its size where it has one."""
+    size = math.exp(c.size) if c.size is not None and c.deviation is not None and c.kind != "room" and not c.kelvin else None
+    percent = "" if size is None else f"by {rounded(abs(100.0 * (size - 1.0)))} %"
+    up = size is None or size > 1.0
+    return WORDS["probe" if c.kelvin else c.kind].format(
+        more=f"{'more' if up else 'less'} {percent}",
+        less="less" if up else "more",
+        slower=f"{'slower' if up else 'faster'} {percent}",
+        quicker=f"{'sooner' if up else 'later'}, {percent}",
+        sensor=channels[c.sensor] if c.sensor is not None else "",
+        kelvin=rounded(abs(c.size or 0.0)),
+        warmer="warmer" if (c.size or 0.0) > 0.0 else "colder",
+        higher="higher" if (c.size or 0.0) > 0.0 else "lower",
+    )
+
+
+def _or_else(likely: Sequence[Change], channels: Sequence[str], status: str) -> list[str]:
+    """What it may be as well, where that nothing changed is likeliest and not sure: the next change, with its size."""
+    if status == "ok" or likely[0].kind != "nothing" or len(likely) < 2:
+        return []
+    return [f"it is not sure: with {100.0 * likely[1].probability:.0f} % {_said(likely[1], channels)}"]
+
+
 def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status: str, notes: list[str] | None) -> ChangedRecord:
     size, low, high = None, None, None
     kelvin: tuple[float | None, ...] = None, None, None
@@ -230,18 +255,7 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
         else:
             size, low, high = map(math.exp, sides)
     sensor = channels[c.sensor] if c.sensor is not None else ""
-    percent = "" if size is None else f"by {rounded(abs(100.0 * (size - 1.0)))} %"
-    up = size is None or size > 1.0
-    said = WORDS["probe" if c.kelvin else c.kind].format(
-        more=f"{'more' if up else 'less'} {percent}",
-        less="less" if up else "more",
-        slower=f"{'slower' if up else 'faster'} {percent}",
-        quicker=f"{'sooner' if up else 'later'}, {percent}",
-        sensor=sensor,
-        kelvin=rounded(abs(c.size or 0.0)),
-        warmer="warmer" if (c.size or 0.0) > 0.0 else "colder",
-        higher="higher" if (c.size or 0.0) > 0.0 else "lower",
-    )
+    said = _said(c, channels)
     said = said if status == "ok" else f"likeliest, with {100.0 * c.probability:.0f} %: {said}"
     message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
     return ChangedRecord(

@@ -101,6 +101,10 @@ def sensitivity_task(task: SensitivityTask) -> list[list[SensitivityRecord]]:
         return [failure_records(SensitivityRecord, task.loop, error)]
 
 
+#: What the shares and a limit of kelvin leave out, without a model learnt.
+BESIDE = "what the machine does beside the law is not among these, and often the largest: the interval of identify counts it"
+
+
 def sensitivity_lost(task: SensitivityTask, why: str) -> list[list[SensitivityRecord]]:
     """The record of a run whose worker died."""
     return [[SensitivityRecord(task.loop.run.name, "", status="failed", message=why)]]
@@ -117,7 +121,9 @@ def _plain(task: SensitivityTask) -> list[SensitivityRecord]:
         if refused:
             records.append(SensitivityRecord(run.name, channel, status=refused[0], message=refused[1]))
             continue
-        records += _sensor_records(task, run.name, channel, sensor)
+        first, *others = _sensor_records(task, run.name, channel, sensor)
+        beside = "" if first.message else BESIDE
+        records += [replace(first, message=first.message or beside), *others]
     return records
 
 

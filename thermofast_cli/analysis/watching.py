@@ -41,6 +41,8 @@ LATER = 0.5
 ASKED, FEW = 1.1, 300
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03
+#: Without a reading for this share of the record, and so many steps of its clock at least, a sensor is told to be silent.
+SILENT_SHARE, SILENT_STEPS = 0.03, 10.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Look:
     """What is known after some minutes: records, and of each sensor whether it is within the tolerance; whether to stop.
 
     waits says what is waited for where all are within it; from_min, where it is not 0, from when on readings were counted; known,
-    that what past runs say was counted.
+    that what past runs say was counted; silent, sensors that have not told a reading for long, and since when [min].
     """
 
     minutes: float
@@ -59,6 +61,7 @@ class Look:
     tolerance_c: float = 0.0
     from_min: float = 0.0
     known: bool = False
+    silent: tuple[tuple[str, float], ...] = ()
 
     @property
     def words(self) -> str:
@@ -70,13 +73,18 @@ class Look:
         halves = {r.channel: None if (h := half_width(r)) is None else wide * h for r in self.records}
         known = {c: h for c, h in halves.items() if h is not None}
         count = f"{sum(self.within)} of {len(self.within)} sensors within the tolerance"
+        silent = [
+            f"; {c} has told no reading since {since:.4g} min: --exclude {c!r} goes on without it" for c, since in self.silent
+        ]
+        dead = "".join(silent)
         if len(known) < len(halves):
-            return f"{self.minutes:.4g} min: {count}; {len(halves) - len(known)} not determined yet"
+            return f"{self.minutes:.4g} min: {count}; {len(halves) - len(known)} not determined yet{dead}"
         widest = max(known, key=lambda c: known[c])
         doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
         doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
         told = f"{self.minutes:.4g} min: {count}; widest {widest}, +-{rounded(known[widest])} K for all at once"
-        return f"{told}{self._limit(widest, wide, known[widest])}{doubt}{self.waits}"
+        limit = "" if widest in dict(self.silent) else self._limit(widest, wide, known[widest])
+        return f"{told}{limit}{doubt}{self.waits}{dead}"
 
     def _limit(self, channel: str, wide: float, half: float) -> str:
         """Where the machine and not the readings keeps the widest sensor from the tolerance."""
@@ -172,7 +180,7 @@ class Watch:
         stop = self.since_min is not None and minutes >= (1.0 + HOLDS) * self.since_min
         if self.since_min is not None and not stop:
             waits = f"; it must stay so until {rounded((1.0 + HOLDS) * self.since_min, 4)} min"
-        return Look(minutes, records, within, stop, waits, self.tolerance_c, began, self.known)
+        return Look(minutes, records, within, stop, waits, self.tolerance_c, began, self.known, _silent(run))
 
 
 def _of_later(record: IdentifyRecord, from_min: float) -> IdentifyRecord:
@@ -181,6 +189,15 @@ def _of_later(record: IdentifyRecord, from_min: float) -> IdentifyRecord:
     blank = dict.fromkeys(("t95_min", "t95_lo_min", "t95_hi_min", "time_to_go_min", "time_to_go_lo_min", "time_to_go_hi_min"), None)
     until = None if record.until_min is None else record.until_min + from_min
     return replace(record, message=said, start_min=from_min, until_min=until, **blank)  # type: ignore[arg-type]
+
+
+def _silent(run: Run) -> tuple[tuple[str, float], ...]:
+    """Sensors without a reading in the last part of a record, and their last minute."""
+    minutes = run.time_s / 60.0
+    step = float(np.median(np.diff(minutes))) if len(minutes) > 1 else 0.0
+    least = max(SILENT_SHARE * float(minutes[-1] - minutes[0]), SILENT_STEPS * step)
+    last = {c: minutes[np.flatnonzero(np.isfinite(v))] for c, v in run.channels.items()}
+    return tuple((c, float(told[-1])) for c, told in last.items() if len(told) and minutes[-1] - told[-1] > least)
 
 
 def _pace(records: tuple[IdentifyRecord, ...]) -> float:

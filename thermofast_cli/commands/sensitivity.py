@@ -78,7 +78,8 @@ def command(
     identification time, each by the standard deviation of its option; with --model also the machine's constants, by their
     standard errors in the file. 'alone' is the share of the variance that a thing has by itself (first-order Sobol index), 'in
     all' that with what it does together with others; 'confidence' is how often it keeps its rank by that when the runs are drawn
-    anew. --limit is about the steady state's distance from its mean.
+    anew. --limit is about the steady state's distance from its mean. What the machine does beside the law is not among them: the
+    interval of identify counts it.
     """
     from ..analysis.sensitivity import BOUNDS, Sizes
     from ..errors import UsageError
@@ -116,6 +117,6 @@ def _drawn() -> list[Any]:
         ("in all", number("total", 3)),
         ("rank", number("rank", 0)),
         ("confidence", number("rank_p", 2)),
-        ("p(error > limit)", number("exceed_p_mc", 4)),
+        ("p(> limit)", number("exceed_p_mc", 4)),
         ("status", text("status")),
     ]

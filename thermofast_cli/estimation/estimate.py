@@ -17,6 +17,8 @@ from .measured import contradiction
 
 Array = NDArray[np.float64]
 Model = Lump | PrintedLump
+#: Residuals over the range of the readings from which on a filter's state is none; one that forgets may miss what was long ago.
+LOST = 100.0
 
 
 @dataclass(frozen=True)
@@ -187,8 +189,8 @@ class Estimates:
 
 
 def lost(found: Estimates, reading: Array) -> dict[int, str]:
-    """Why a sensor's estimate is none, by sensor: its state is farther from the readings (S, n) used than a constant would be."""
-    far = np.flatnonzero(found.misfit > np.ptp(reading, axis=1)).tolist()
+    """Why a sensor's estimate is none, by sensor: its state is LOST times as far from the readings (S, n) used as a constant is."""
+    far = np.flatnonzero(found.misfit > LOST * np.ptp(reading, axis=1)).tolist()
     return {i: f"the filter's state leaves the readings ({rounded(float(found.misfit[i]))} K rms)" for i in far}
 
 

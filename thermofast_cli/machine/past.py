@@ -256,8 +256,9 @@ def _wishes(task: LoopTask) -> str:
 def _looked_for(found: Discovery) -> str:
     """What a search of the readings used found, in words."""
     if found.named is None:
-        nothing = "the readings used show nothing missing"
-        return f"--auto: {nothing if found.verdict == 'none' else 'no effect of the catalogue explains the misfit; none was added'}"
+        if found.verdict == "none":
+            return "--auto: the readings used show nothing missing"
+        return "--auto: something is missing, and the readings used do not tell what; none was added"
     had, left = misfit_power(found.base), misfit_power(found.named.fit)
     share = 100.0 * (1.0 - left / had) if had > 0.0 else 100.0
     rivals = [p.id for c in found.also[:1] for p in c.parts if p.id not in found.named.ids]
