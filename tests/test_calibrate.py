@@ -69,6 +69,7 @@ def lab():
     return tf.calibrate([tf.read(columns(bar.simulate(seed).runs[0]), name=f"past {seed}") for seed in range(8000, 8006)])
 
 
+@pytest.mark.proof
 def test_intervals_after_calibration_hold_on_other_machines_and_are_narrower(lab):
     held, width = {"typical": [], "lab": []}, {"typical": [], "lab": []}
     for seed in range(8100, 8112):
@@ -142,6 +143,7 @@ def test_complete_runs_of_machines_that_are_far_from_the_law_are_used_too():
     assert found.records[-1].runs == 6
 
 
+@pytest.mark.proof
 def test_machines_with_a_slow_mass_each_are_not_said_to_have_none():
     """What each run goes on to climb is no room's wandering, of which the priors that take strong effects for rare make it."""
     past = [tf.read({n: c for n, c in machine(3000 + k, 1)[1][0][0].items() if n != "ambient"}, name=f"p{k}") for k in range(5)]

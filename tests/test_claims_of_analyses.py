@@ -258,6 +258,7 @@ def test_diagnose_until_gives_the_named_models_own_error_after_it(tool):
         assert r["rmse_ahead_c"] < 0.4 * r["rmse_base_ahead_c"]
 
 
+@pytest.mark.proof
 def test_a_moving_room_beside_a_hidden_mass_is_found_where_it_acts_as_logged(tool, tmp_path):
     run = tmp_path / "run.csv"
     assert tool("simulate", "--effects", "ambient,second_mode", "--seed", 7, "-o", run).code == 0

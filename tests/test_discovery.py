@@ -67,6 +67,7 @@ def test_failing_stretches_are_where_the_curve_fails_and_nowhere_else():
     assert stretches[0][2] == pytest.approx(0.06, abs=0.015)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("logger", [(1.0, 0.02)])
 def test_rounding_to_steps_above_the_noise_is_no_misfit(logger):
     for seed in range(100, 102):

@@ -68,6 +68,7 @@ def test_an_event_is_told_no_sharper_than_readings_and_probes_are():
     assert unseen_delay(fit, 0, "change") == 0.0
 
 
+@pytest.mark.proof
 def test_a_room_that_steps_is_named_and_no_load_or_cooling():
     """Lumps of unlike rises go to what they had and as many kelvin more; a load that steps moves each by its own rise."""
     rng, tau, rise = np.random.default_rng(1), (30.0, 45.0, 60.0), (9.0, 15.0, 24.0)

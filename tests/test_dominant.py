@@ -111,6 +111,7 @@ def test_heat_conducted_both_ways_is_a_link():
     assert link.fit.values[0, "kappa"] == pytest.approx([0.01, 0.01], rel=0.15)
 
 
+@pytest.mark.proof
 def test_a_record_that_turns_round_in_the_middle_still_shows_its_switch():
     time = np.arange(0.0, 420.0)
 
@@ -267,6 +268,7 @@ def test_auto_says_that_the_readings_show_nothing_missing_and_refuses_a_model(to
 # --- errors beside a disturbance -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.proof
 def test_parameters_are_no_surer_than_a_disturbance_lets_them():
     rng, white, disturbed = np.random.default_rng(7), [], []
     for _ in range(12):
@@ -345,6 +347,7 @@ def test_what_a_usual_disturbance_explains_as_well_is_not_added():
         assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c
 
 
+@pytest.mark.proof
 def test_one_effect_does_not_take_the_place_of_two_that_explain_far_more():
     """A second mass, and a load that halves, and waves of 0.05 K that nobody models: a cooling alone explains a part of both."""
     rng, step = np.random.default_rng(0), 0.1

@@ -103,6 +103,7 @@ def test_the_bare_law_takes_no_drive(tool):
     assert "--imperfection none" in done.err
 
 
+@pytest.mark.proof
 def test_a_machine_of_two_bodies_under_a_load_in_steps():
     told = [judged((seed, share, "steps", 1.0)) for seed in range(5000, 5008) for share in (0.05, 0.1)]
     sure = [held for _, _, _, status, held, _ in told if status == "ok"]

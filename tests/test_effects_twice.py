@@ -60,6 +60,7 @@ def test_two_changes_of_the_load_are_both_found_in_their_order():
         assert found[f"{name}.change"]["value"] == pytest.approx(size, abs=0.02)
 
 
+@pytest.mark.proof
 def test_two_hidden_masses_are_told_the_fast_one_first_in_every_sensor():
     told = tf.diagnose(tf.read(two_masses(0))).to_frame()
     assert set(told["verdict"]) == {"second_mode+second_mode.2"}
@@ -111,6 +112,7 @@ def test_two_changes_are_not_taken_for_an_effect_that_explains_much_by_itself():
     assert found.named.fit.rmse.max() < 0.03
 
 
+@pytest.mark.proof
 def test_a_door_that_was_open_for_a_while_is_a_cooling_that_changed_twice():
     told = tf.diagnose(open_door(np.random.default_rng(24003), imperfect=False), jobs=1)
     assert {r.verdict for r in told} == {"cooling_switch+cooling_switch.2"}

@@ -191,6 +191,7 @@ def test_heat_flows_back_along_a_link_that_the_readings_asked_for_in_one_directi
     assert float(both.values[Key(0, "ratio")][1]) != pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.proof
 def test_after_a_change_of_load_all_linked_sensors_settle_where_the_law_says():
     """Linked bodies whose load rises by half at 100 min, read up to 150 min: one exponential would miss by many kelvin."""
     record, limits, _ = machine(507, 3, step=0.5)[1]

@@ -69,6 +69,7 @@ def test_a_simulated_run_without_noise_is_the_model_in_that_experiment():
     assert simulated(fit, longer, quiet).span == pytest.approx(2.0 * seen.span, rel=0.02)
 
 
+@pytest.mark.proof
 def test_a_run_is_proposed_that_parts_what_the_record_left_open():
     seen = observe(switched()).seen
     found = discover(seen, CATALOGUE)
@@ -138,6 +139,7 @@ def test_heating_one_part_alone_tells_conduction_from_what_looks_like_it(tmp_pat
     assert rises(linked, 0)[1] > SEEN_RISE > rises(apart, 0)[1]
 
 
+@pytest.mark.proof
 @pytest.mark.usefixtures("few_draws")
 def test_several_runs_together_are_asked_for_the_next_one_once(tool, tmp_path):
     runs = [switched(tmp_path / f"{n}.csv", 1.05, seed=n) for n in (1, 2)]

@@ -113,6 +113,7 @@ def test_the_curve_of_a_slow_sensor_does_not_stand_still_at_the_end_of_a_fast_on
     assert np.all(np.diff(curves.model[-20:]) > 0.0)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("power", [1.0, 2.0])
 def test_a_held_speed_to_a_power_is_named_without_a_delay_where_no_room_is_logged(power):
     rng = np.random.default_rng(11)

@@ -97,6 +97,7 @@ def _bodies(seed, load=1.0, slow=False, switched=None):
     return tf.read({"time_min": np.arange(301.0)} | {f"T{i}": readings[:, i] for i in range(n)}, name=f"run {seed}")
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("slow", [False, True])
 def test_an_event_of_the_run_learnt_from_is_found_again_only_where_it_happened(slow):
     """A curve that a slow mass bends is nearer to a cooling that was switched than the constants are, which were let go beside it."""

@@ -332,6 +332,7 @@ def test_what_a_model_says_of_where_its_runs_began_is_what_they_read():
     assert "they began at" not in told[0].message
 
 
+@pytest.mark.proof
 def test_identify_takes_the_shape_of_past_runs_where_effects_foretell_them_no_better():
     runs = [tf.read(chain(seed, 1.0 + 0.05 * seed)[0], name=f"run{seed}") for seed in range(3)]
     table, limit = chain(9, 1.1)

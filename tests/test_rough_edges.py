@@ -272,6 +272,7 @@ def test_a_logged_column_that_steps_is_named(stepped, tool):
     assert "nothing to add" not in verdict["advice"]
 
 
+@pytest.mark.proof
 def test_no_rival_is_the_verdict_in_another_order(tool):
     found = json.loads(tool("diagnose", ROOT / "sample_runs" / "hidden_two.csv", "--format", "json", "-q").out)["records"]
     for record in found:

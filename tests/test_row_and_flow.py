@@ -61,6 +61,7 @@ def test_a_delay_by_flow_is_the_machines_and_holds_at_another_flow():
     assert min(r.rmse_fit_c for r in tf.compare(other)) > 0.06
 
 
+@pytest.mark.proof
 def test_a_flow_that_stops_holds_what_is_in_the_pipe():
     time = np.linspace(0.0, 100.0, 201)
     flow = np.where((time > 40.0) & (time < 60.0), 0.0, 1.0)
@@ -74,6 +75,7 @@ def test_a_flow_that_stops_holds_what_is_in_the_pipe():
     assert told.parameters["transport_delay.delay"]["value"] == pytest.approx(10.0, abs=0.6)
 
 
+@pytest.mark.proof
 def test_a_coolant_is_the_machines_and_holds_in_another_run():
     """Each sensor's coupling, and where it settles beside the coolant as it was last."""
     first, coupling = cooled(3)
@@ -150,6 +152,7 @@ def test_the_command_that_adds_an_effect_says_again_how_the_run_was_read():
     assert replace(task, run=replace(run, name="stdin")).again.startswith("RUN --inputs")
 
 
+@pytest.mark.proof
 def test_the_noise_of_a_room_that_stays_is_no_step():
     """Nor is a single reading, or a wave; a level that changes between two readings is."""
     run, _ = cooled(3)

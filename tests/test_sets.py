@@ -75,6 +75,7 @@ def test_of_one_sensor_no_set_is_grown():
     assert larger_sets(base, [try_add(base, EFFECTS["load_step"]())], [k() for k in BUILT_IN], 0.01, map) == Sets()
 
 
+@pytest.mark.proof
 def test_what_is_easily_mistaken_for_a_member_is_a_rival():
     hidden = ("cooling_switch", "reading_jump")
     seen = observe(as_run(draw(hidden, np.random.default_rng(8), "clear"))).seen

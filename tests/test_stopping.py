@@ -191,6 +191,7 @@ def test_the_page_says_when_the_rule_holds(tmp_path):
     assert "2K/h, 2x30min will hold after 143 min (137 to 153)" in (tmp_path / "p.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.proof
 def test_foretold_trips_on_lumps_of_another_simulator():
     rule = criterion_from("2K/h, 2x30min")
     found = np.array([row for seed in range(61_000, 61_030) for row in trial("lump", rule, 1.0 / 3.0, seed)])
@@ -211,6 +212,7 @@ def test_starts_late_and_gaps_do_not_move_the_trip():
     assert told.start_min + told.trip_min == pytest.approx(50.0 + by_hand(criterion_from("iec60034-1"), TAU, RISE)[0], abs=1.0)
 
 
+@pytest.mark.proof
 def test_what_is_missing_where_a_rule_was_seen_to_hold_is_known_by_the_noise_of_both():
     """Two in three of these intervals held: the limit's error alone was counted."""
     held = []
@@ -228,6 +230,7 @@ def test_what_is_missing_where_a_rule_was_seen_to_hold_is_known_by_the_noise_of_
     assert sum(held) >= 27
 
 
+@pytest.mark.proof
 def test_a_logged_room_goes_on_as_it_did():
     """Exact lumps in a room that wanders by 0.25 K: taken to stay, it left 61 to 67 % of these intervals true."""
     criterion, time, held, wide = criterion_from("2K/h"), np.arange(0.0, 400.0), [], []

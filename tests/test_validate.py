@@ -72,6 +72,7 @@ def test_the_command_on_the_machine_with_a_hidden_effect(tool, tmp_path):
     assert Path(picture).stat().st_size > 10_000
 
 
+@pytest.mark.proof
 def test_a_rate_far_from_the_files_is_told_where_the_area_does_not_show_it(machine):
     rng = np.random.default_rng(8)
     far = tf.validate(machine, [run_of(f"far {i}", rng, lambda rise, rate: 0.7 * rate * rise) for i in range(6)], 120.0)
@@ -107,6 +108,7 @@ def test_what_cannot_be_validated_is_told(tool, machine, tmp_path):
     assert "COLUMN=X" in done.err
 
 
+@pytest.mark.proof
 def test_noise_that_neighbours_share_does_not_make_a_right_model_doubtful():
     rng, sets = np.random.default_rng(2), []
     for _ in range(1):

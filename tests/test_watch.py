@@ -169,6 +169,7 @@ def test_what_came_long_after_a_change_on_the_way_stops_the_watch_by_itself():
     assert not Watch(identify, 0.5, happened=happened).look(gap).stop
 
 
+@pytest.mark.proof
 def test_a_watch_from_a_named_minute_on_counts_halves_and_events_from_there(tmp_path):
     asked = []
 
@@ -190,6 +191,7 @@ def test_a_watch_from_a_named_minute_on_counts_halves_and_events_from_there(tmp_
     assert not events_before((tf.read(law), 0.0), 90.0)  # nothing happened
 
 
+@pytest.mark.proof
 def test_a_pause_on_the_way_does_not_keep_a_watch_waiting_for_ever():
     """Heat off from 40 to 47 min, by an exact lump of 40 min: stopped at four time constants, with the right number."""
     rng, time = np.random.default_rng(2), np.arange(0.0, 200.0, 0.5)

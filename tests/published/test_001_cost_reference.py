@@ -241,6 +241,7 @@ def test_the_level_is_near_nought_at_the_start_only_with_the_constants_restored(
     assert 0.0 < level[1990] < 0.5
 
 
+@pytest.mark.proof
 def test_the_plain_filter_has_the_printed_error_of_the_density_while_it_measures_with_the_normal_model():
     pressure, density = mean_errors("plain", "gamma", "three")
     assert density == pytest.approx(3.5750, rel=0.35)
@@ -268,6 +269,7 @@ def test_the_printed_pressure_error_under_mixture_noise_is_below_what_can_be_kno
     assert best[1] < 0.8860  # while that of the density can be
 
 
+@pytest.mark.proof
 def test_adaptation_by_correlation_takes_the_fault_into_the_state():
     before, after = mean_errors("plain", "gamma", "three"), mean_errors("adaptive", "gamma", "three")
     assert np.all(after > 3.0 * before)  # printed the other way: 3.5750 -> 1.7071
@@ -288,6 +290,7 @@ def test_correlated_over_the_whole_record_adaptation_gains_a_sixth_under_mixture
     assert correlation(rise + noise[0], rise + noise[1]) > 0.9995  # the share of the old spread kept: all
 
 
+@pytest.mark.proof
 def test_what_adaptation_is_for_the_spread_follows_noise_that_grows_late(monkeypatch):
     def grows(rng, count):
         v, w = gamma_noise(rng, count)

@@ -131,6 +131,7 @@ def percentages(temperatures, displacement):
     return [percent(displacement, told) for told in (seen, seen_line, network, line, clock, line_at)]
 
 
+@pytest.mark.proof
 def test_network_of_each_minute_is_behind_least_squares_on_a_run_left_out():
     runs = [thirty_runs(seed) for seed in range(4)]
     for column, expected in ((1, [4.233, 3.863, 8.454, 4.063, 10.724, 1.560]), (2, [3.271, 1.368, 6.513, 1.384, 7.950, 1.460])):

@@ -350,6 +350,7 @@ def test_a_factor_and_a_fit_refuse_what_they_cannot_know():
             bad()
 
 
+@pytest.mark.proof
 def test_a_probe_that_fell_off_is_no_noise_however_slow_the_fit():
     """Of a record for which the law has no shape the fitted rate goes to nought, and a tenth of its time constant to anything."""
     rng, time = np.random.default_rng(3), np.arange(300.0)

@@ -157,6 +157,7 @@ def test_the_printed_model_is_stable_and_the_experiment_is_the_printed_one():
     assert np.diff(INITIAL[::-1]).mean() / 0.06 == pytest.approx(2 * np.pi * 1.5 / 250, rel=0.03)  # the slope of a sine of 1.5 Hz
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("shape", "ours"), [("all five states", 0.00077), ("newest force", 0.00040)])
 def test_the_order_of_the_printed_noise_figures(shape, ours):
     truth, reading, drive = experiment()
