@@ -37,7 +37,7 @@ from .tables.text import read_text
 from .tables.workbook import sheet_text
 from .units import parse_unit, unit_changes
 from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, warm_inputs, winding
-from .values.faults import without_faults, without_impossible
+from .values.faults import unmoved_gap, without_faults, without_impossible
 from .values.marks import good_readings
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
@@ -326,7 +326,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         said = {n: "; ".join(t for t in (channel_notes.get(n, ""), faults.get(n, "")) if t) for n in (*channel_notes, *faults)}
         kinds = (roles.sensors, roles.ambient, roles.inputs, roles.displacements)
         channels, ambient, inputs, displacements = ({n: of[n] for n in who} for who in kinds)
-        told = (*guesses, *part.guesses)
+        told = (*guesses, *part.guesses, *unmoved_gap(part.time, list(channels.values())))
         runs.append(Run(name, part.time, channels, ambient, inputs, (*notes, *part.notes), said, displacements, told, seen))
     return [_copies_told(renamed(run, options.rename) if options.rename else run) for run in runs]
 

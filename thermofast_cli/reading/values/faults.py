@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..run import Array
+from ..run import Array, Guess
 
 HOTTEST_C = 5000.0
 COLDEST_C = -273.15
@@ -37,6 +37,9 @@ FALLS_OFF = 0.5
 #: A value is held where so many runs of equal readings, as long as each other (this share of them), follow each other, of so many
 #: readings at least; and go by more than one step of the logger (this share of them): a slow rise in coarse steps does not.
 HELD_RUNS, HELD_ALIKE, HELD_LEAST, HELD_STEPS = 8, 0.9, 3, 0.5
+#: A gap in which a clock may have been set is so many steps long, with so many readings on either side; what should have moved in
+#: it by so many times its noise stood still where it moved by less than this share of that.
+GAP_STEPS, BESIDE_GAP, GAP_NOISE, STOOD = 20.0, 20, 10.0, 0.1
 
 
 def without_impossible(values: Array) -> tuple[Array, int]:
@@ -179,6 +182,36 @@ def _taken(column: Array, length: int) -> NDArray[np.bool_]:
     first = np.zeros(len(column), dtype=bool)
     first[at[edges if edges[0] < length else np.append(0, edges)]] = True
     return first
+
+
+def unmoved_gap(time: Array, columns: Sequence[Array]) -> list[Guess]:
+    """A guess where a clock leaps ahead of readings that go on as if it had not: time (n,) [s], columns (n,) in its order.
+
+    Looked at is the longest gap, of GAP_STEPS steps at least. All sensors that by their slope before it should have moved, by
+    GAP_NOISE times their noise, stood still in it and go on as fast as before.
+    """
+    if len(time) < 2 * BESIDE_GAP + 1:
+        return []
+    steps = np.diff(time)
+    at = int(np.argmax(steps)) + 1
+    gap, usual = float(steps[at - 1]), float(np.median(steps))
+    if gap < GAP_STEPS * usual or not BESIDE_GAP <= at <= len(time) - BESIDE_GAP:
+        return []
+    stood = []
+    for column in columns:
+        before, after = column[at - BESIDE_GAP : at], column[at : at + BESIDE_GAP]
+        if not (np.isfinite(before).all() and np.isfinite(after).all()):
+            continue
+        lines = [np.polyfit(usual * np.arange(BESIDE_GAP), part, 1) for part in (before, after)]
+        noise = float(np.std(np.diff(np.concatenate([before, after])))) + 1e-9
+        slope, behind = float(lines[0][0]), float(lines[1][0])
+        if abs(slope) * gap > GAP_NOISE * noise:
+            moved = float(lines[1][1] - np.polyval(lines[0], usual * BESIDE_GAP))  # beyond what one step brings
+            stood.append(abs(moved) < STOOD * abs(slope) * gap and 0.5 < behind / slope < 1.5)
+    if not stood or not all(stood):
+        return []
+    said = f"{gap / 60.0:.4g} min without a reading from {time[at - 1] / 60.0:.4g} min on, in which no sensor moved"
+    return [Guess("time", f"{said}: taken to have passed, though the clock may have been set", "correct the stamps if it was")]
 
 
 def without_faults(columns: dict[str, Array], names: Sequence[str]) -> tuple[dict[str, Array], dict[str, str]]:
