@@ -305,7 +305,7 @@ def columns_of(run):
         (["Time,T1-front,T2-rear,T3-room"], ([0, 1], [2], [])),
         (["Time,SV1 MOTOR TEMP,SP1 MOTOR TEMP,SP1 SPEED"], ([0, 1], [], [2])),
         (["Time,T1.PV,T1.OP,T1 Stellgrad"], ([0], [], [1, 2])),
-        (["Label,front,room,setpoint", "Unit,°C,°C,°C", "Time,CH1,CH2,CH3"], (["CH1"], ["room CH2"], ["setpoint CH3"])),
+        (["Label,front,room,setpoint", "Unit,°C,°C,°C", "Time,CH1,CH2,CH3"], (["front CH1"], ["room CH2"], ["setpoint CH3"])),
         ([",Measured,,Setpoint", "Time,front,rear,front"], (["Measured front", "rear"], [], ["Setpoint front"])),
         ([",Left,,Right", "Time,T1,T2,T1"], (["Left T1", "T2", "Right T1"], [], [])),
         ([",front,front,rear", ",mean,std,mean"], (["front mean", "rear"], [], ["front std"])),

@@ -41,6 +41,8 @@ def without_rows_beneath(body: bytes, dialect: Dialect) -> tuple[bytes, list[str
     if any(kinds[i] != "words" for i in above):
         return body, [], []
     names = [rows[i][0].strip() for i in above]
+    if any(re.search(r"\d", name) for name in names):
+        return body, [], []  # an elapsed time may be written in many ways
     told = [lines[i].decode("utf-8", errors="replace") for i in above]
     rest = body[sum(len(line) + 1 for line in lines[:begins]) :]
     note = f"{len(above)} row{'s' if len(above) > 1 else ''} above the readings left out ({listed(names, 3)})"
