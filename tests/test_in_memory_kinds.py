@@ -34,7 +34,7 @@ def test_structured_arrays_are_tables():
 
 
 def test_complex_numbers_and_rows_as_dictionaries_are_refused_with_the_way():
-    with pytest.raises(tf.InputError, match=r"'T1': complex numbers(?s:.*)real part"):
+    with pytest.raises(tf.InputError, match=r"'T1': complex, not a number(?s:.*)real part"):
         tf.read({"time_min": TIME, "T1": WARM + 5j})
     with pytest.raises(tf.InputError, match=r"pandas.DataFrame\(rows\)"):
         tf.read({"time_min": 0.0, "T1": 20.0})
@@ -47,3 +47,10 @@ def test_records_are_found_in_their_result_and_places_beyond_it_are_told():
     assert "T2" not in found
     with pytest.raises(IndexError, match="record 3 of 1"):
         found[3]
+
+
+def test_a_whole_number_of_minutes_is_told_as_the_command_tells_it():
+    found = tf.identify({"time_min": TIME, "T1": WARM}, until=40)
+    assert (found[0].until_min, type(found[0].until_min)) == (40.0, float)
+    with pytest.raises(tf.UsageError, match="it is called 'settings'"):
+        tf.identify({"time_min": TIME, "T1": WARM}, set={"afukf.closing_step": False})

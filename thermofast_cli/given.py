@@ -96,6 +96,8 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "order": (_pair, "two whole numbers"),
     "imperfection": (lambda v: os.fspath(v) if isinstance(v, os.PathLike) else v, "'typical', 'none', a file or a prior"),
 }
+#: Options of the commands that functions call otherwise.
+OPTIONS = {"set": "settings", "effect": "extra"}
 #: For which None has a meaning, whatever they are by default, or is told of elsewhere.
 MAY_BE_NONE = frozenset({"jobs", "runs", "run", "source"})
 
@@ -116,7 +118,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     def after_a_look(*args: P.args, **kwargs: P.kwargs) -> R:
         for name in kwargs:
             if name not in known and more in ([], ["reading"]):
-                hint = nearest(name, known) or "see docs/api.md"
+                hint = f"it is called {OPTIONS[name]!r}" if name in OPTIONS else nearest(name, known) or "see docs/api.md"
                 raise UsageError(f"tf.{function.__name__} has no argument {name!r}", allowed=", ".join(own), do=hint)
         try:
             bound = signature.bind(*args, **kwargs)
@@ -263,7 +265,7 @@ WHOLE = frozenset({"seed", "sensors"})
 
 
 def in_range(ranges: Mapping[str, tuple[float, float]] = RANGES, /, **numbers: float | None) -> list[float | None]:
-    """The numbers as they are; None stays.
+    """The numbers, those that do not count as floats; None stays.
 
     Raises
     ------
@@ -276,4 +278,4 @@ def in_range(ranges: Mapping[str, tuple[float, float]] = RANGES, /, **numbers: f
         if value is not None and not (number and low <= float(value) <= high):
             whole = "a whole number, " if name in WHOLE else ""
             raise UsageError(f"{name}: not a number in its range", found=repr(value), allowed=f"{whole}{low:g} to {high:g}")
-    return list(numbers.values())
+    return [value if value is None or name in WHOLE else float(value) for name, value in numbers.items()]
