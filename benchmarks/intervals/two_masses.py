@@ -1,12 +1,14 @@
 """A spindle before a column that is 4 to 10 times slower and carries 15 to 45 % of the rise: what does a short record say?
 
 python -m benchmarks.intervals.two_masses [--machines 20] [--seed 700] [--share 0.15 0.45] [--slower 4 10] [--still] [--drive]
+[--own 0]
 draws machines of two exponentials a sensor (three sensors, 20 mK, a reading a minute, a room that wanders by 0.1 K per root hour;
 --still: it does not) and prints, for records of so many time constants of the
 fast mass: rows that are `ok`, limits held, the median width of the interval and how far below the limit the estimate lies; alone,
 with one complete run of the same machine (`improve --together` of it and another), and with the room logged. --drive: half of the
 load for the first fast time constant, then all of it, logged and told (`--drive`); without the rows of past runs. --calibrated:
-with the room logged, after `calibrate` on complete runs of ten other such machines, too.
+with the room logged, after `calibrate` on complete runs of ten other such machines, too. --own: share by which the time constants
+of the sensors differ from the machine's at most. --share 2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise.
 """
 
 import argparse
@@ -26,12 +28,14 @@ def machine(
     slower: tuple[float, float] = (4.0, 10.0),
     still: bool = False,
     steps: bool = False,
+    own: float = 0.0,
 ) -> tuple[float, list[tuple[dict[str, np.ndarray], np.ndarray]]]:
     """(time constant of the fast mass [min], of each run its columns and the limits (S, N) [degC] with the room of each time)."""
     rng = np.random.default_rng(seed)
     tau, ratio, share = rng.uniform(15.0, 40.0), rng.uniform(*slower), rng.uniform(*shares)
     fast = rng.uniform(5.0, 10.0, 3)
     slow = fast * share * rng.uniform(0.7, 1.3, 3)
+    each = tau * rng.uniform(1.0 - own, 1.0 + own, 3) if own else np.full(3, tau)
     time = np.arange(0.0, 3.5 * tau * ratio)
     found = []
     for _ in range(runs):
@@ -42,7 +46,8 @@ def machine(
         load = rng.uniform(0.9, 1.1)
         rise = np.zeros((3, len(time)))
         for part, since in ((0.5, time), (0.5, np.maximum(time - tau, 0.0))) if steps else ((1.0, time),):
-            rise += part * (np.outer(fast, -np.expm1(-since / tau)) + np.outer(slow, -np.expm1(-since / tau / ratio)))
+            turns = since / each[:, None]
+            rise += part * (fast[:, None] * -np.expm1(-turns) + slow[:, None] * -np.expm1(-turns / ratio))
         reading = 20.0 + load * rise + lagged + rng.normal(0.0, 0.02, (3, len(time)))
         columns = {"time_min": time, "ambient": 20.0 + room} | {f"T{i}": line for i, line in enumerate(reading)}
         columns |= {"load_kW": np.where(time < tau, 0.5, 1.0)} if steps else {}
@@ -60,18 +65,22 @@ def main() -> None:
     parser.add_argument("--still", action="store_true")
     parser.add_argument("--drive", action="store_true")
     parser.add_argument("--calibrated", action="store_true")
+    parser.add_argument("--own", type=float, default=0.0)
     asked = parser.parse_args()
     kinds = ("alone", "room logged", "after two complete runs of it")[: 2 if asked.drive else 3]
     lab = None
     if asked.calibrated:
         kinds = (*kinds, CALIBRATED)
-        others = [machine(asked.seed + 500_000 + k, 1, asked.share, asked.slower, asked.still, asked.drive)[1] for k in range(10)]
+        others = [
+            machine(asked.seed + 500_000 + k, 1, asked.share, asked.slower, asked.still, asked.drive, asked.own)[1]
+            for k in range(10)
+        ]
         found = tf.calibrate([tf.read(one[0][0], name=f"past {k}") for k, one in enumerate(others)])
         lab = found.prior
         print(found.records[0].message or "calibrate says nothing of strong effects")
     rows: dict[tuple[str, float], list[tuple[bool, bool, float, float]]] = {(k, t): [] for k in kinds for t in TURNS}
     for seed in range(asked.seed, asked.seed + asked.machines):
-        tau, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive)
+        tau, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive, asked.own)
         bare = [{n: c for n, c in columns.items() if n != "ambient"} for columns, _ in runs]
         past = [tf.read(columns, name=f"past {k}") for k, columns in enumerate(bare[1:])]
         model = tf.improve(past, together=True).model if not asked.drive else None

@@ -187,7 +187,9 @@ def _is_duration(values: Any) -> bool:
 def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     """(numbers (N,) with nan for none, or cells as text; unit) of one column."""
     if np.iscomplexobj(values):
-        raise InputError(f"{name}, column {key!r}: complex, not a number", allowed="readings", do="give their real part, or leave it out")
+        raise InputError(
+            f"{name}, column {key!r}: complex, not a number", allowed="readings", do="give their real part, or leave it out"
+        )
     if type(values).__module__.startswith("pandas") and not hasattr(values, "columns"):
         return _series(key, values, name)
     if isinstance(values, np.ma.MaskedArray):
