@@ -157,3 +157,9 @@ def test_a_factor_or_an_offset_beside_the_readings_is_told(tmp_path, head, said)
     told = " ".join(str(g) for g in read(written(tmp_path, head)).guesses)
     assert said in told
     assert said or "told beside" not in told
+
+
+def test_hostile_names_and_lines_cost_nothing(tmp_path):
+    assert labelled("a" * 200_000 + " CH1") is None
+    path = written(tmp_path, f"CH1{' ' * 200_000}x\nTime [min],CH1,CH2,CH3\n")
+    assert list(read(path).channels) == ["CH1", "CH2", "CH3"]

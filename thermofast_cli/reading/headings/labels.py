@@ -28,6 +28,8 @@ _PROBES = re.compile(
 )
 #: Names of channels that are long enough to be words.
 _CHANNEL = re.compile(r"(?i)chan|kanal|canal|sens|input|eingang|temp|probe|therm|point|mess|f(ü|ue)hler|通道|传感器|测点|温度")
+#: Characters of a name, and of a line of a list, that are looked at: to look through a hostile one would take for ever.
+LONGEST = 1000
 #: What parts channel and label in a line that the table's own delimiter leaves whole.
 _PARTED = re.compile(r"\s*(?:[:=\t;,|]|\s[-–]\s)\s*")
 
@@ -40,6 +42,8 @@ def designation(name: str) -> str:
 
 def labelled(name: str) -> tuple[str, str] | None:
     """(label, channel with its unit) of a name that :func:`with_labels` made; None for any other."""
+    if len(name) > LONGEST:
+        return None
     found = re.fullmatch(rf"(.*?{_SAYS.pattern}.*?) ({DESIGNATION.pattern})", name.strip())
     return (found[1], found[2]) if found else None
 
@@ -134,7 +138,7 @@ def _of_list(above: list[str], channels: dict[int, str], dialect: Dialect) -> di
 def _rows(line: str, delimiter: str) -> list[list[str]]:
     """The cells of a line of a list, by the table's delimiter or by what else parts two; or of each that one line tells."""
     line = line.strip().lstrip("#%").strip()
-    if not line:
+    if not line or len(line) > LONGEST:
         return [[]]
     row = split(line, delimiter) if delimiter != " " else []
     several = [_PARTED.split(c.strip(), maxsplit=1) for c in re.split("[,;]", line)]
