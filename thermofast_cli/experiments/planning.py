@@ -228,7 +228,7 @@ def _as_replayed(curves: Sequence[Curve], known_past: Sequence[bool], replayed: 
 def _rises(design: Design, sensors: int) -> Array:
     """Rises (sensors,) [K] about that of the design, or in the proportions of those that are known."""
     if design.rises_c:
-        known = np.quantile(design.rises_c, np.linspace(0.0, 1.0, sensors)) if sensors > 1 else np.median(design.rises_c)[None]
+        known = np.quantile(design.rises_c, np.linspace(0.0, 1.0, sensors) if sensors > 1 else [0.5])
         return np.asarray(design.rise_c * known / np.median(design.rises_c))
     return design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
 

@@ -193,7 +193,7 @@ def plan_design(
     past = None
     if model is not None:
         past = past_of_model(model)
-        told = {"sensors": len(past.shapes), "tau_min": math.exp(-median([s.log_rate for s in past.shapes.values()]))}
+        told: dict[str, Any] = {"sensors": len(past.shapes), "tau_min": math.exp(-median([s.log_rate for s in past.shapes.values()]))}
         if base is None and (rises := rises_of_model(model)):
             told |= {"rises_c": rises, "rise_c": median(rises)}
         given = {**told, **given}
