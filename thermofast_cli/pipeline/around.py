@@ -193,7 +193,8 @@ def plan_design(
     past = None
     if model is not None:
         past = past_of_model(model)
-        told: dict[str, Any] = {"sensors": len(past.shapes), "tau_min": math.exp(-median([s.log_rate for s in past.shapes.values()]))}
+        log_rate = median([s.log_rate for s in past.shapes.values()])
+        told: dict[str, Any] = {"sensors": len(past.shapes), "tau_min": math.exp(-log_rate)}
         if base is None and (rises := rises_of_model(model)):
             told |= {"rises_c": rises, "rise_c": median(rises)}
         given = {**told, **given}
