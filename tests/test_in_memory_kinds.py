@@ -36,6 +36,8 @@ def test_structured_arrays_are_tables():
 def test_complex_numbers_and_rows_as_dictionaries_are_refused_with_the_way():
     with pytest.raises(tf.InputError, match=r"'T1': complex, not a number(?s:.*)real part"):
         tf.read({"time_min": TIME, "T1": WARM + 5j})
+    with pytest.raises(tf.InputError, match="not one-dimensional"):
+        tf.read({"time_min": TIME[:2], "T1": [[1.0, 2.0], [3.0]]})
     with pytest.raises(tf.InputError, match=r"pandas.DataFrame\(rows\)"):
         tf.read({"time_min": 0.0, "T1": 20.0})
 

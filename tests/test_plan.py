@@ -81,6 +81,7 @@ def test_a_record_of_the_machine_tells_what_it_takes_without_its_past_runs(monke
     alone = {r.tolerance_c: r.time_min for r in tf.plan((1.0,), like=first) if r.channel == "as asked"}
     beside = {r.tolerance_c: r.time_min for r in tf.plan((1.0,), like=first, model=model) if r.channel == "without its past runs"}
     assert beside[1.0] == pytest.approx(alone[1.0], rel=0.25)
+    assert tf.plan((1.0,), like=first, model=model, imperfection="none")[0].channel == "as asked"
     row = tf.plan((1.0,), model=model)[0]
     assert (row.rise_c, row.tau_min) == (pytest.approx(5.0, abs=0.2), pytest.approx(60.0, rel=0.05))
 

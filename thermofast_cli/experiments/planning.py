@@ -211,7 +211,9 @@ def _as_replayed(curves: Sequence[Curve], known_past: Sequence[bool], replayed: 
     known_past: which curves count past runs of the machine, where any does: a record was read without, and says nothing of them.
     """
     counted = list(known_past) or [False] * len(curves)
-    like = next(curve for curve, past in zip(curves, counted, strict=True) if not past)
+    like = next((curve for curve, past in zip(curves, counted, strict=True) if not past), None)
+    if like is None:
+        return list(curves)
     with np.errstate(all="ignore"):
         ratio = replayed / like.half_width
     known = np.flatnonzero(np.isfinite(ratio))

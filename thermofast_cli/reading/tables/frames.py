@@ -186,7 +186,7 @@ def _is_duration(values: Any) -> bool:
 
 def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
     """(numbers (N,) with nan for none, or cells as text; unit) of one column."""
-    if np.iscomplexobj(values):
+    if getattr(getattr(values, "dtype", None), "kind", "") == "c":
         raise InputError(
             f"{name}, column {key!r}: complex, not a number", allowed="readings", do="give their real part, or leave it out"
         )
@@ -202,11 +202,14 @@ def _column(key: str, values: Any, name: str) -> tuple[Array | list[str], str]:
             values = np.where(holes, None, np.asarray(values.data, dtype=object))  # type: ignore[call-overload]
     if isinstance(values, list | tuple) and any(isinstance(v, str) for v in values):
         return _objects(key, list(values), name), ""
-    array: Any = np.asarray(values) if not hasattr(values, "columns") else np.empty((0, 0))  # a table within a table
+    try:
+        array: Any = np.asarray(values) if not hasattr(values, "columns") else np.empty((0, 0))  # a table within a table
+    except ValueError:  # lists of several lengths
+        array = np.empty((0, 0))
     if array.ndim != 1:
         raise InputError(
             f"{name}, column {key!r}: not one-dimensional",
-            found=type(values).__name__ if hasattr(values, "columns") else f"shape {array.shape}",
+            found=f"shape {array.shape}" if array.shape != (0, 0) else type(values).__name__,
             allowed="(N,)",
             do="one name for each column; of rows that are dictionaries, pandas.DataFrame(rows)",
         )
