@@ -32,8 +32,8 @@ def stamped(*columns):
 def test_a_unit_line_above_the_names_is_the_unit(tmp_path, unit, scale, zero):
     above = ["Device Type,MW100", "Tag,,front,rear", f"Unit,,{unit},{unit}", "Date,Time,CH001,CH002"]
     run = tf.read(written(tmp_path, above, stamped(scale * FRONT + zero, scale * REAR + zero)))
-    assert list(run.channels) == ["CH001", "CH002"]
-    np.testing.assert_allclose(run.channels["CH001"], FRONT, atol=0.006)
+    assert list(run.channels) == ["front CH001", "rear CH002"]
+    np.testing.assert_allclose(run.channels["front CH001"], FRONT, atol=0.006)
 
 
 def test_millivolts_above_the_names_are_no_sensors_and_tags_stand_for_names_that_are_missing(tmp_path):
@@ -184,7 +184,7 @@ def test_turkish_names(tmp_path):
             '"#GX20","Ver R5.01.01"\n"Sampling Interval","1min"\n\n"CH","","","0001","0101"\n"Tag Comment","","","front","spindle"\n'
             '"Unit","","","C","rpm"\n"Date","Time","ms","0001","0101"',
             lambda i, a, b: f"2026/03/17,{9 + (41 + i) // 60:02d}:{(41 + i) % 60:02d}:12,000,{a:.2f},3000",
-            ["0001"],
+            ["front 0001"],
         ),
         (  # Hioki: the names stand under scaling, ratio and offset, in exponents with a sign
             '"Trigger Time","26-03-17 09:41:12"\n"CH","U1-1","U1-2"\n"Scaling","Off","Off"\n"Ratio","+1.00000E+00","+1.00000E+00"\n'

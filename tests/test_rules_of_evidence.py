@@ -103,12 +103,16 @@ def test_sensors_tell_each_other_of_size_and_kind(sensors, share):
     assert relative[0, 1] == 20.0
 
 
-def _told(at, rates="auto", deviation=0.05, sensors=2, **prior):
-    """What the others say of each rate, where the posterior of each sensor is normal."""
+def _told(at, rates="auto", deviation=0.05, sensors=2, strong=None, **prior):
+    """What the others say of each rate, where the posterior of each sensor is normal; under a strong effect about others, if any."""
     run = _run(sensors, rates=rates, **prior)
     grid = np.tile(np.linspace(-1.0, 1.0, 81), (sensors, 1))
-    log = -0.5 * ((grid - np.array(at)[:, None]) / deviation) ** 2
-    return grid[0], *run.told(grid, log + run.log_rate_prior(grid), log)
+    centres = [at] if strong is None else [at, strong]
+    log = np.array([-0.5 * ((grid - np.array(c)[:, None]) / deviation) ** 2 for c in centres]) + run.log_rate_prior(grid)
+    said, dense, agreeing = run.told(grid, log)
+    # Of all rates of a class together it says nothing: a class is not made likelier by it.
+    assert logsumexp(log + said, axis=2) == pytest.approx(logsumexp(log, axis=2))
+    return grid[0], said if strong is not None else said[0], dense, agreeing
 
 
 def test_a_sensor_is_told_the_rates_of_those_that_agree():
@@ -131,6 +135,14 @@ def test_a_sensor_is_told_the_rates_of_those_that_agree():
         assert (len(dense), agreeing.shape) == (0, (sensors, 0))
 
 
+def test_under_a_strong_effect_the_others_tell_what_their_rates_are_under_it():
+    """The law sees both at 0.2, an effect at -0.5: each is told the one and the other; nothing of either where the law disagrees."""
+    grid, said, *_ = _told([0.2, 0.2], strong=[-0.5, -0.5])
+    assert [grid[np.argmax(line)] for line in said[:, 0]] == pytest.approx([0.2, -0.5], abs=0.05)
+    _, apart, *_ = _told([-0.8, 0.8], strong=[-0.5, -0.5])
+    assert (apart == 0.0).all()
+
+
 def test_what_is_said_of_a_rate_is_a_mixture_of_agreeing_and_not():
     """The likelihood of the other's rate, spread by what sensors differ, over that of any rate, and a tenth that says nothing."""
     grid, said, *_ = _told([0.2, 0.25], rates="auto")
@@ -138,12 +150,18 @@ def test_what_is_said_of_a_rate_is_a_mixture_of_agreeing_and_not():
     prior = np.where(fine > 0.0, np.exp(-0.5 * (fine / 0.5) ** 2), np.exp(-0.5 * fine**2))
     prior /= prior.sum()
     heard = stats.norm.pdf(fine, 0.25, math.hypot(0.05, math.sqrt(2.0) * 0.1))
-    truth = np.log(0.9 * heard / (heard @ prior) + 0.1)
-    assert said[0] == pytest.approx(np.interp(grid, fine, truth), abs=0.07)
+    truth = np.interp(grid, fine, np.log(0.9 * heard / (heard @ prior) + 0.1))
+    own = -0.5 * ((grid - 0.2) / 0.05) ** 2 + _run().log_rate_prior(grid[None])[0]
+
+    def told(line):
+        return line - (logsumexp(own + line) - logsumexp(own))
+
+    assert said[0] == pytest.approx(told(truth), abs=0.07)
     _, four, *_ = _told([0.2, 0.25, 0.25, 0.25], sensors=4)
-    assert four[0] == pytest.approx(2.0 * said[0], abs=0.05)  # three others count as two
+    # Three others count as two; up to the constant that is taken off.
+    assert np.ptp(four[0] - 2.0 * said[0]) < 0.1
     _, bare, *_ = _told([0.2, 0.25, 0.25, 0.25], sensors=4, none=True)
-    assert bare[0] == pytest.approx(1.5 * four[0], abs=0.05)
+    assert np.ptp(bare[0] - 1.5 * four[0]) < 0.1
 
 
 def test_sensors_agree_where_that_is_likelier_than_not():

@@ -18,7 +18,7 @@ from .measured import contradiction
 Array = NDArray[np.float64]
 Model = Lump | PrintedLump
 #: Residuals over the range of the readings from which on a filter's state is none; one that forgets may miss what was long ago.
-LOST = 100.0
+LOST = 1e6
 
 
 @dataclass(frozen=True)
