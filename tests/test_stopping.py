@@ -146,7 +146,7 @@ def test_identify_foretells_the_trip_that_the_rest_of_the_record_shows(tool):
     assert [r.channel for r in whole if r.trip_last] == ["T8"]
     assert [r.channel for r in ahead if r.trip_last] == ["T8"]
     done = tool("identify", SPINDLE, "--until", "60", "--criterion", rule, "--channels", "T5,T8", "--format", "table")
-    assert "2K/h, 2x30min will hold after 143 min (137 to 151)" in done.err
+    assert "2K/h, 2x30min will hold after 143 min (138 to 151)" in done.err
     assert "on T8 last; 0.8" in done.err
     assert "rule holds min" in done.out
 
@@ -188,7 +188,7 @@ def test_sweep_shows_the_rule_beside_its_own_times():
 
 def test_the_page_says_when_the_rule_holds(tmp_path):
     tf.identify(tf.read(SPINDLE, channels=["T5", "T8"]), until=60.0, criterion="iec60034-1").save(tmp_path / "p.html")
-    assert "2K/h, 2x30min will hold after 143 min (137 to 151)" in (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "2K/h, 2x30min will hold after 143 min (138 to 151)" in (tmp_path / "p.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.proof
@@ -266,8 +266,8 @@ def test_runs_that_cool_and_sensors_that_fail_are_told_of(tool):
     files = [str(ROOT / "sample_runs" / name) for name in ("cool_down.csv", "gaps_and_bad_cells.csv")]
     ran = tool("identify", *files, "--until", "60", "--criterion", "2K/h", "--format", "json")
     cooling, failing = ran.err.splitlines()[-2:]
-    assert "cool_down.csv: 2K/h will hold after 136 min" in cooling
-    assert "on all sensors, on T8 last; -1.2 K are still missing" in cooling
+    assert "cool_down.csv: 2K/h will hold after 135 min" in cooling
+    assert "on all sensors, on T8 last; -1.3 K are still missing" in cooling
     assert "on all sensors but T5, which could not be read, on T4 last; 1.3 K are still missing" in failing
     told = json.loads(ran.out)
     records = told["records"] if isinstance(told, dict) else told

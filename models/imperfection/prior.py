@@ -113,7 +113,7 @@ class Imperfection:
     scale_spread: float = 0.8
     clean: float = 0.1
     evidence_power: float = 0.5
-    from_others: float = 0.28
+    from_others: float = 0.27
     rate_spread: float = 0.05
     apart: float = 0.1
     log_rate_spread: float = 0.6
