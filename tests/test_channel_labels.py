@@ -56,6 +56,7 @@ def test_channels_are_called_by_what_stands_there(tmp_path, head, sensors, room)
     run = read(written(tmp_path, head))
     assert list(run.channels) == sensors
     assert list(run.ambient) == room
+    assert not any("kelvin" in guess.text for guess in run.guesses)  # K is a thermocouple there
     assert run.channels[sensors[0]][-1] == pytest.approx(20.0 + 5.0 * (1.0 - math.exp(-39 / 30.0)), abs=0.006)
 
 

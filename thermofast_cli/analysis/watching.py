@@ -15,6 +15,7 @@ from thermofast.models import spike_weights
 from thermofast.models.noise.spikes import logger_step
 
 from ..errors import rounded
+from ..estimation.measured import counted_to
 from ..reading import Run
 from ..reading.run import stretch
 from ..records import IdentifyRecord
@@ -41,8 +42,6 @@ LATER = 0.5
 ASKED, FEW = 1.1, 300
 #: All sensors must be within the tolerance while the record grows by this share.
 HOLDS = 0.03
-#: Without a reading for this share of the record, and so many steps of its clock at least, a sensor is told to be silent.
-SILENT_SHARE, SILENT_STEPS = 0.03, 10.0
 
 
 @dataclass(frozen=True)
@@ -192,12 +191,10 @@ def _of_later(record: IdentifyRecord, from_min: float) -> IdentifyRecord:
 
 
 def _silent(run: Run) -> tuple[tuple[str, float], ...]:
-    """Sensors without a reading in the last part of a record, and their last minute."""
+    """Sensors that died before the end of a record, as their rows say it too, and their last minute."""
     minutes = run.time_s / 60.0
-    step = float(np.median(np.diff(minutes))) if len(minutes) > 1 else 0.0
-    least = max(SILENT_SHARE * float(minutes[-1] - minutes[0]), SILENT_STEPS * step)
-    last = {c: minutes[np.flatnonzero(np.isfinite(v))] for c, v in run.channels.items()}
-    return tuple((c, float(told[-1])) for c, told in last.items() if len(told) and minutes[-1] - told[-1] > least)
+    told = {c: minutes[np.isfinite(v)] for c, v in run.channels.items()}
+    return tuple((c, float(own[-1])) for c, own in told.items() if len(own) and counted_to(own, minutes, None, 0.0)[0] > own[-1])
 
 
 def _pace(records: tuple[IdentifyRecord, ...]) -> float:
