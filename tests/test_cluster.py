@@ -64,6 +64,7 @@ def dies_on_seven(numbers):
     return squares(numbers)
 
 
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore")
 def test_an_archive_on_a_cluster_of_which_a_worker_is_killed_equals_the_local_run(cluster, tmp_path):
     address, workers = cluster
@@ -89,6 +90,7 @@ def test_an_archive_on_a_cluster_of_which_a_worker_is_killed_equals_the_local_ru
     shutil.rmtree(tmp_path / "dask")
 
 
+@pytest.mark.proof
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_of_which_nobody_is_left_is_given_up(lone, tmp_path, monkeypatch):
     monkeypatch.setattr("thermofast.workers.cluster.PATIENCE_S", 2.0)

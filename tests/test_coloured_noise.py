@@ -130,6 +130,7 @@ def test_white_noise_is_the_fit_without_and_its_likelihood_the_normal_one():
         posterior(plain)
 
 
+@pytest.mark.proof
 def test_predictions_cover_what_comes_where_white_noise_does_not():
     ends = np.array([0.0, 300.0, 301.0])
     inside, white_inside, distance = [], [], []

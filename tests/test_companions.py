@@ -82,6 +82,7 @@ def test_a_point_that_does_not_move_while_others_do_is_not_determined():
     assert "it did not move by more than its noise" in alone.message
 
 
+@pytest.mark.proof
 def test_doubtful_rows_would_mostly_have_missed_and_plain_machines_have_none():
     jobs = [(k, kind, i) for k, kind in enumerate(KINDS) if kind in ("duty", "loose") for i in range(5)]
     rows = [row for k, kind, i in jobs for read in (0.4, 1.0) for row in judge((kind, 640_000 + 1000 * k + i, read))]

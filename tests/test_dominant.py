@@ -284,6 +284,7 @@ def test_parameters_are_no_surer_than_a_disturbance_lets_them():
     assert np.mean(disturbed) > 0.85
 
 
+@pytest.mark.proof
 def test_runs_of_two_machines_are_told_and_nothing_is_named(tool, tmp_path):
     def run(tau, seed):
         time = np.arange(0.0, 400.0)

@@ -111,6 +111,7 @@ def test_a_machine_of_two_bodies_under_a_load_in_steps():
     assert np.mean(sure) >= 0.9
 
 
+@pytest.mark.proof
 def test_a_heat_that_follows_a_power_of_the_drive():
     """Taken in proportion, half of such rows were `ok` beside the truth."""
     told = [judged((seed, 0.0, "steps", 1.7)) for seed in range(5000, 5012)]

@@ -93,6 +93,7 @@ def in_stages(run):
     return discover_together([observe(run).seen], [kind() for kind in BUILT_IN])[0]
 
 
+@pytest.mark.proof
 def test_two_changes_stand_out_of_a_machine_that_is_not_its_model():
     """A room that wanders and a load that flutters: one step alone explains no more than half the catalogue does."""
     columns, (when, _) = two_steps(2)
@@ -105,6 +106,7 @@ def test_two_changes_stand_out_of_a_machine_that_is_not_its_model():
     assert len(found.stages) == 1
 
 
+@pytest.mark.proof
 def test_two_changes_are_not_taken_for_an_effect_that_explains_much_by_itself():
     """Alone, friction that fades explains 97 % of this misfit and passes every rule; two changes explain all of it."""
     found = in_stages(tf.read(changed_load(np.random.default_rng(9006), imperfect=True)))

@@ -33,7 +33,7 @@ def predicted(rows):
     return np.array([[getattr(row, name) for name in PREDICTED] for row in rows], dtype=float)
 
 
-@pytest.mark.parametrize("power", [20.0, 0.0, 1.6])
+@pytest.mark.parametrize("power", [20.0, 0.0, pytest.param(1.6, marks=pytest.mark.proof)])
 def test_a_drive_after_the_identification_time_moves_nothing(power):
     drives = {"drive": "P [kW]", "until": UNTIL}
     alone, as_is, other = (predicted(tf.identify(run, **drives)) for run in (cut(record()), record(), record(power)))

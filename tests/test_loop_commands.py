@@ -273,6 +273,7 @@ def test_an_effect_written_for_one_sensor_works_too(tool, tmp_path):
     assert "load_ramp" in done.out
 
 
+@pytest.mark.proof
 def test_hidden_effects_are_made_and_told(tool, tmp_path):
     done = tool(
         "simulate",

@@ -213,6 +213,7 @@ def test_a_logged_room_that_acts_as_it_is_needs_no_other_cause():
     assert all("second_mode" not in r.verdict for r in found)
 
 
+@pytest.mark.proof
 def test_a_second_mass_that_a_search_added_leaves_open_what_the_readings_leave_open():
     """Exact machines with a cold mass three times as large, read for 180 min of 500: 2 of 24 intervals held the limit."""
     held = []

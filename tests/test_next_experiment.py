@@ -98,6 +98,7 @@ def few_draws(monkeypatch):
     monkeypatch.setattr("thermofast.discovery.diagnose.next_experiments", partial(next_experiments, draws=2))
 
 
+@pytest.mark.proof
 @pytest.mark.usefixtures("few_draws")
 def test_the_command_proposes_where_something_is_open_and_is_silent_elsewhere(tool, tmp_path):
     done = tool(

@@ -61,6 +61,7 @@ def test_runs_of_one_machine_are_not_of_two_for_a_step_in_one():
     assert not any("two machines" in r.message for r in told)
 
 
+@pytest.mark.proof
 def test_what_a_probe_that_drifts_shows_is_not_learnt_as_the_machines_course(monkeypatch):
     """T1 goes up by 0.36 K an hour in every run: the rates that are learnt are those of the lumps."""
 

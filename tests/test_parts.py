@@ -37,7 +37,9 @@ def in_parts(who, heat=0.0, loss=0.0, seed=3):
     return columns
 
 
-@pytest.mark.parametrize(("effect", "size"), [("load_step", {"heat": 0.25}), ("cooling_switch", {"loss": 0.3})])
+@pytest.mark.parametrize(
+    ("effect", "size"), [("load_step", {"heat": 0.25}), pytest.param("cooling_switch", {"loss": 0.3}, marks=pytest.mark.proof)]
+)
 def test_a_change_of_one_part_is_named_in_its_sensors_alone(effect, size, tmp_path):
     run = tf.read(in_parts([False, True, False, True], **size))
     told = tf.diagnose(run).to_frame()

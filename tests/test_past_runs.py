@@ -420,6 +420,7 @@ def test_the_rate_of_a_point_whose_noise_is_told_too_small_does_not_run_away():
     assert learn_past(runs, TYPICAL).shapes["far"].log_rate == pytest.approx(np.log(1.0 / 40.0), abs=0.3 + 1e-9)
 
 
+@pytest.mark.proof
 def test_a_room_that_the_model_leaves_out_is_no_other_rate_of_the_machine(tmp_path):
     """A rise of 2 K in one run's room and a fall in the other's passed for a machine that was a sixth slower and a sixth faster."""
     time, rng = np.arange(0.0, 900.0, 2.0), np.random.default_rng(6)

@@ -11,6 +11,7 @@ from thermofast.models.imperfection import TYPICAL
 from thermofast.models.imperfection.draw import draw_record
 
 
+@pytest.mark.proof
 def test_the_law_alone_needs_what_the_cramer_rao_limit_says():
     """One sensor of 8.8 K, 65.1 min, 20 mK, a reading a minute: the least standard deviation at 60 min is 0.08 K."""
     found = tf.plan(0.08 * 1.96, imperfection="none", sensors=1, interval_s=60.0, rise_c=8.8, tau_min=65.1)

@@ -6,13 +6,15 @@ from benchmarks.reading.random_records import metamorphic, outcome
 from benchmarks.scale.soak import soak
 
 
-@pytest.mark.parametrize("first", [0, 500_000])
+@pytest.mark.parametrize("first", [0, pytest.param(500_000, marks=pytest.mark.proof)])
 def test_records_of_no_machine_get_a_status(first):
     told = {seed: outcome(seed) for seed in range(first, first + 36)}
     assert {s: t for s, t in told.items() if t not in ("a status each", "refused")} == {}
 
 
-@pytest.mark.parametrize("seed", [503_504, 505_728, 506_797, 713_982, 718_700, 722_610, 724_312])
+@pytest.mark.parametrize(
+    "seed", [503_504, 505_728, 506_797, 713_982, pytest.param(718_700, marks=pytest.mark.proof), 722_610, 724_312]
+)
 def test_those_that_once_warned(seed):
     assert outcome(seed) == "a status each"
 

@@ -82,6 +82,7 @@ def test_the_pots_water_is_no_single_lump(shared, tool):
     assert statuses.count("ok") <= 3  # water that boils is not an exponential rise
 
 
+@pytest.mark.proof
 def test_the_loop_ranks_the_known_physics_first_and_admits_what_it_lacks(shared):
     from benchmarks.discovery.real_loop import judged
 
@@ -95,6 +96,7 @@ def test_the_loop_ranks_the_known_physics_first_and_admits_what_it_lacks(shared)
     assert lamp["first_after"] < 0.3 * lamp["before"]
 
 
+@pytest.mark.proof
 def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
     from benchmarks.discovery.real_loop import judged
 

@@ -37,6 +37,7 @@ def test_sensors_follow_late() -> None:
     assert room_ahead(TIME, room, np.array([rate]), until)[0][0] == pytest.approx(np.trapezoid(drive, fine), rel=0.02)
 
 
+@pytest.mark.proof
 def test_the_interval_holds_what_rooms_of_a_memory_do() -> None:
     """Of 200 rooms that wander about a mean with a memory of 60 min, 1 K: 95 % within four deviations of that share."""
     rng, kept, missed = np.random.default_rng(5), np.exp(-0.5 / 60.0), []

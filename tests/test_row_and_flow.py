@@ -16,8 +16,10 @@ from thermofast.discovery.wording import _adding, _coolants
 from thermofast.models.effects import BUILT_IN
 from thermofast.reading_options import options_from, spoken
 
+LONG = ("coolant", "one delay", "uneven row")
 
-@pytest.mark.parametrize("kind", KINDS)
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.proof) if k in LONG else k for k in KINDS])
 def test_the_way_of_acting_and_its_number_are_found(kind):
     _, said, error = judge((kind, 1))
     assert said == "right"
@@ -36,7 +38,7 @@ def test_links_go_both_ways_where_the_readings_hardly_tell():
     assert judge(("uneven row", 9113))[1] == "right"
 
 
-@pytest.mark.parametrize("kind", ["row", "uneven row"])
+@pytest.mark.parametrize("kind", ["row", pytest.param("uneven row", marks=pytest.mark.proof)])
 def test_which_sensor_warms_which_is_told(kind, tmp_path):
     run, coupling = rod(1, kind)
     told = tf.diagnose(run)[0]
@@ -52,6 +54,7 @@ def test_which_sensor_warms_which_is_told(kind, tmp_path):
     assert coupling > 0.0
 
 
+@pytest.mark.proof
 def test_a_delay_by_flow_is_the_machines_and_holds_at_another_flow():
     first, _ = pipe(5)
     other, _ = pipe(5, run=1)
@@ -117,6 +120,7 @@ def test_a_temperature_that_is_logged_is_no_load():
     assert all("coolant_degC" not in columns for name, columns in acts.items() if name != "coolant_heat")
 
 
+@pytest.mark.proof
 def test_a_hidden_coolant_is_simulated_with_its_column_and_found():
     made = tf.simulate(effects=["coolant_heat"], seed=4, sensors=3, duration=420)
     assert made.truth["inputs"] == ["coolant_degC"]

@@ -93,6 +93,7 @@ def test_no_change_of_a_logged_heat_heats_while_it_is_off(name):
     assert fall == pytest.approx(np.exp(-rate * (TIME[399] - TIME[300])), rel=1e-6)
 
 
+@pytest.mark.proof
 def test_a_heat_that_follows_a_speed_late_and_to_a_power_is_told_with_both():
     rng = np.random.default_rng(17)
     speed = np.repeat(rng.uniform(1000.0, 6000.0, 20), 20)

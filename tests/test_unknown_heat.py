@@ -61,7 +61,8 @@ def test_a_rate_that_is_not_known_widens_the_band_by_what_it_would_shift():
     assert sure.deviation[-20] < 0.2 * unsure.deviation[-20]
 
 
-@pytest.mark.parametrize("kind", ["column", *(pytest.param(kind, marks=pytest.mark.proof) for kind in ("ramp", "walk"))])
+@pytest.mark.proof
+@pytest.mark.parametrize("kind", ["column", "ramp", "walk"])
 def test_the_band_holds_the_heat_and_only_a_column_that_it_follows_is_claimed(kind):
     told = [trial(kind, True, seed) for seed in range(6)]
     assert np.mean([held for held, _ in told]) >= 0.9
@@ -69,6 +70,7 @@ def test_the_band_holds_the_heat_and_only_a_column_that_it_follows_is_claimed(ki
     assert said.count("right") >= 5 if kind == "column" else said.count("") >= 5
 
 
+@pytest.mark.proof
 def test_a_model_of_another_run_tells_the_rate_that_a_moving_heat_would_bend():
     """A heat that doubles looks like a machine four times as slow; the rate of a run at constant heat is the machine's."""
     time = np.linspace(0.0, 400.0, 401)
@@ -181,6 +183,7 @@ def test_compare_tells_the_heat_and_the_column_that_it_follows(tmp_path):
     assert "speed" in drawn
 
 
+@pytest.mark.proof
 def test_an_effect_is_written_that_passes_the_check_and_removes_the_error(tmp_path):
     written(tmp_path / "run.csv", second=0.5)
     effect = tf.write_effect(tmp_path / "run.csv", tmp_path / "mine.py", inputs="speed,pump")
@@ -290,6 +293,7 @@ def test_a_power_that_never_moves_tells_no_watts():
     assert "the power moves too little to tell how many watts" in told.message
 
 
+@pytest.mark.proof
 def test_when_a_power_jumped_between_two_readings_is_left_open():
     # Records that tell heat where there is none, with great confidence, where a jump is taken to lie half-way between readings.
     told = np.array([power_trial("nothing", seed) for seed in (981_021,)])
@@ -375,6 +379,7 @@ def test_a_probes_lag_is_found_under_any_heat():
         assert found.lag == pytest.approx(lag, abs=0.06)
 
 
+@pytest.mark.proof
 def test_a_column_that_is_not_all_of_the_heat_does_not_tell_the_rate():
     """Heat that follows a speed squared a quarter of an hour late, as no shape that is tried does: the band is wide, and holds."""
     time = np.linspace(0.0, 480.0, 481)

@@ -55,6 +55,7 @@ def test_a_right_model_is_let_be_and_a_bent_loss_is_doubted(machine):
     assert len(figure.axes) == 6
 
 
+@pytest.mark.proof
 def test_the_command_on_the_machine_with_a_hidden_effect(tool, tmp_path):
     for name, more in (("base", []), ("auto", ["--auto"])):
         assert tool("improve", HIDDEN[0], *more, "-o", tmp_path / f"{name}.toml", "-q").code == 0
