@@ -94,10 +94,10 @@ def tried_pairs(
         key=lambda g: -total_likelihood_ratio(base, g[0]),
     )
     found = [c for c, _ in grown]
-    near = any(_excess(pair.fit) < RULES.far for pair in found[: RULES.refined])
-    again = [i for i, pair in enumerate(found[: RULES.refined if near else 0]) if not good or not _sound(pair)]
+    near = [i for i, pair in enumerate(found[: RULES.refined]) if _excess(pair.fit) < RULES.far]
+    again = [i for i in near if not good or not _sound(found[i])]
     # What a logged cause hides shows late: the best pair grown from one that acts just as logged is looked at with care too.
-    again += [i for i, (_, logged) in enumerate(grown) if logged and i >= len(again)][:1]
+    again += [i for i, (_, logged) in enumerate(grown) if logged and i not in again][:1]
     # As do two that share what one would do: they are reached slowly from one.
     twice = [i for i, pair in enumerate(found) if any(p.effect.number > 1 for p in pair.parts)] if near and not good else []
     again += [i for i in twice if i not in again]
@@ -173,7 +173,7 @@ def _replaced(base: Fit, candidate: Candidate, effects: Sequence[Effect], most: 
 def _exchanged(base: Fit, pair: Candidate, effects: Sequence[Effect], spread: Spread) -> list[Candidate]:
     """Pairs that share one effect with the best one."""
     likely = [c for some in _replaced(base, pair, effects, RULES.exchanged, spread) for c in some[:2]]
-    return list(spread(partial(_refined, base), likely))
+    return list(spread(partial(_refined, base), [c for c in likely if _excess(c.fit) < RULES.far]))
 
 
 def _needed(pair: Candidate, singles: dict[str, Candidate]) -> Candidate:
