@@ -9,6 +9,7 @@ import pytest
 
 import thermofast as tf
 from benchmarks.intervals.driven import judged
+from thermofast.machine.jumps import last_change, stays
 
 TIME = np.arange(0.0, 300.0, 1.0)
 POWER = np.where(TIME < 40, 600.0, np.where(TIME < 70, 300.0, np.where(TIME < 110, 900.0, 500.0)))
@@ -180,3 +181,43 @@ def test_readings_after_a_logged_change_do_not_contradict_what_was_foretold_befo
     # What goes on and off all the time is no such change.
     humming = table | {"pump": np.where(time % 6.0 < 3.0, 1.0, 0.0)}
     assert "not compared" not in tf.identify(humming, until=90)[0].message
+
+
+def test_a_power_that_moves_by_its_noise_alone_is_not_counted():
+    """A meter's noise of one per cent was followed as heat: narrow intervals, and a load that changed in the last minute."""
+    rng = np.random.default_rng(8)
+    columns = {
+        "time_min": TIME,
+        "T1": response(60.0, 0.02, np.full(len(TIME), 500.0), 20.0) + 0.02 * rng.standard_normal(len(TIME)),
+    }
+    noisy = columns | {"power": 500.0 * (1.0 + 0.01 * rng.standard_normal(len(TIME)))}
+    for minutes in (30, 90):
+        [plain] = tf.identify(columns, until=minutes)
+        [told] = tf.identify(noisy, until=minutes, drive="power")
+        assert "power changes by no more than its noise before" in told.message
+        assert "the load changed" not in told.message
+        for side in ("", "_lo", "_hi"):
+            assert getattr(told, f"steady_state{side}_c") == pytest.approx(getattr(plain, f"steady_state{side}_c"), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("shape", "still"),
+    [
+        (lambda t, n: 500.0 + 5.0 * n, True),
+        (lambda t, n: 500.0 + 0.0 * n, True),
+        (lambda t, n: 500.0 + 4.0 * np.sin(t / 20.0), True),  # a flutter of one per cent
+        (lambda t, n: 500.0 + 5.0 * n + np.where(t > 100.0, 50.0, 0.0), False),
+        (lambda t, n: 500.0 + 5.0 * n + 0.5 * t, False),
+        (lambda t, n: np.where(t % 20.0 < 10.0, 500.0, 0.0) + 5.0 * n, False),
+        (lambda t, n: np.where(t % 4.0 < 2.0, 500.0, 0.0), False),
+        (lambda t, n: np.where(t < 1.0, 0.0, 500.0) + 5.0 * n, False),
+    ],
+)
+def test_what_moves_by_noise_or_flutter_stays(shape, still):
+    assert stays(shape(TIME, np.random.default_rng(3).standard_normal(len(TIME)))) is still
+
+
+def test_noise_is_no_jump_of_a_logged_column():
+    noise = np.random.default_rng(4).standard_normal(len(TIME))
+    assert last_change(TIME, 500.0 + 5.0 * noise) == -np.inf
+    assert last_change(TIME, 500.0 + 5.0 * noise + np.where(TIME >= 100.0, 60.0, 0.0)) == 100.0

@@ -16,6 +16,7 @@ import thermofast as tf
 from benchmarks.intervals.half_explained import machine
 from thermofast.discovery.observe import observe
 from thermofast.estimation import imperfect
+from thermofast.estimation.imperfect import _with_unreached
 from thermofast.machine.learnt import EFFECT_AGAIN, carry
 from thermofast.machine.model import Model
 from thermofast.machine.modelfile import model_file, read_model
@@ -265,19 +266,22 @@ def test_what_a_model_has_far_beyond_the_end_of_its_run_is_trusted_no_farther_th
     assert told.steady_state_lo_c < 20.0 + 0.9 * 10.8 / 0.65 < told.steady_state_hi_c
 
 
-@pytest.mark.parametrize("share", [0.69, 0.71])
-def test_how_far_a_run_had_come_is_that_of_the_sensor_that_was_farthest_from_its_end(share):
-    grid = -np.expm1(-GRID)
+@pytest.mark.parametrize("share", [0.69, 0.81])
+def test_how_far_a_run_had_come_is_told_of_each_sensor_by_all_that_takes_it_there(share):
+    # What its own heat does is done at once: it is a neighbour that is slow.
+    own, grid = np.ones(len(GRID)), -np.expm1(-GRID)
     slow = -np.expm1(np.log(1.0 - share) * GRID)  # at x = 1 so much is done
     rises = {
-        n: SimpleNamespace(held=np.array([0.0 * grid, line, 0.0 * grid]), nodes=np.zeros(3), log_rate=-4.0)
-        for n, line in (("a", grid), ("b", slow))
+        n: SimpleNamespace(
+            held=np.array([own] * 3), whole=np.array([0.0 * grid, line, 0.0 * grid]), nodes=np.zeros(3), log_rate=-4.0
+        )
+        for n, line in (("a", grid), ("b", slow), ("not in the model", 0.1 * grid))
     }
     one = SimpleNamespace(length_min=float(np.exp(4.0)))
     file = SimpleNamespace(learnt_from=SimpleNamespace(length_min=5.0), also_from=(one,))
-    assert _reached({"b": rises["b"]}, file) == pytest.approx(share, abs=0.005)
-    assert _reached(rises, file) == pytest.approx(-np.expm1(-1.0), abs=0.005)
-    assert _reached({}, file) == 1.0
+    found = _reached(rises, file, ("a", "b"))
+    assert found == {"a": pytest.approx(-np.expm1(-1.0), abs=0.005), "b": pytest.approx(share, abs=0.005)}
+    assert _reached({}, file, ("a", "b")) == {}
 
 
 def test_what_two_runs_say_of_a_constant_goes_together_as_in_each():
@@ -368,3 +372,38 @@ def test_a_wave_that_was_found_settles_as_its_mean_does():
         assert row.steady_state_lo_c < 20.0 + 50.0 * (1.0 + 0.05 * k) < row.steady_state_hi_c
         assert row.steady_state_hi_c - row.steady_state_lo_c < 3.0
         assert 105.0 < row.t95_lo_min < row.t95_min < row.t95_hi_min < 140.0
+
+
+def test_a_neighbour_that_is_not_read_is_no_other_sensor():
+    """Of a model that links three bodies in a row, a run with the two outer ones: one of them was linked to the other."""
+    time, rng = np.arange(0.0, 400.0), np.random.default_rng(12)
+
+    def of(heat):
+        def law(_, T):
+            return [
+                heat - 0.03 * (T[0] - T[1]),
+                0.03 * (T[0] + T[2] - 2.0 * T[1]) - 0.02 * T[1],
+                0.02 * (T[1] - T[2]) - 0.01 * T[2],
+            ]
+
+        rise = solve_ivp(law, (0.0, time[-1]), [0.0] * 3, t_eval=time, rtol=1e-8, atol=1e-8).y
+        return {"time_min": time, **dict(zip(("a", "b", "c"), 20.0 + rise + rng.normal(0.0, 0.02, rise.shape), strict=True))}
+
+    model = tf.improve(of(0.3), add=["neighbour_heat"]).model
+    run = of(0.4)
+    run.pop("b")
+    told = tf.identify(run, until=60, model=model)
+    alone = tf.identify(run, until=60)
+    for row, own in zip(told, alone, strict=True):
+        assert f"{row.channel}: heat from b is left out" in row.message
+        assert row.steady_state_lo_c <= own.steady_state_lo_c + 1e-9
+        assert row.steady_state_hi_c is None or row.steady_state_hi_c >= own.steady_state_hi_c - 1e-9
+
+
+def test_what_no_past_run_came_to_is_told_by_the_model_alone():
+    """Of two links that lead to a slow limit the limits reach as far as what was never seen, within what the readings leave open."""
+    one = SimpleNamespace(steady=np.array([[49.0, 50.0, 51.0], [49.0, 50.0, 51.0], [49.0, 50.0, 51.0]]))
+    own = SimpleNamespace(steady=np.array([[30.0, 50.0, 52.5], [30.0, 50.0, np.nan], [30.0, 50.0, 60.0]]))
+    c = SimpleNamespace(found=SimpleNamespace(initial=np.full(3, 20.0)))
+    _with_unreached(c, one, own, np.array([True, True, False]), np.array([0.1, 0.1, 0.1]))
+    assert one.steady.tolist() == [[47.0, 50.0, 52.5], [47.0, 50.0, 53.0], [49.0, 50.0, 51.0]]

@@ -16,6 +16,11 @@ from ..errors import rounded
 from .measured import contradiction
 
 Array = NDArray[np.float64]
+
+#: Times at which the readings ahead are foretold, and those of a picture.
+AHEAD, DRAWN = 9, 30
+#: The same of a rise with corners, which a logged column or an event gives it.
+CORNERED = 32
 Model = Lump | PrintedLump
 #: Residuals over the range of the readings from which on a filter's state is none; one that forgets may miss what was long ago.
 LOST = 1e6
@@ -211,3 +216,22 @@ def remaining(estimate: Estimate, elapsed: float, paces: Sequence[Pace] = ()) ->
     sides = estimate.t95_interval.low, estimate.t95, estimate.t95_interval.high
     low, median, high = (clock_time(max(v - elapsed, 0.0), paces) if v is not None else None for v in sides)
     return TimeToGo(low, median, high)
+
+
+def times_asked(
+    last: float, end: float, at_min: float | None, drawn: tuple[float, float] | None, cornered: bool = False
+) -> tuple[Array, NDArray[np.bool_]]:
+    """When temperatures are asked for (k,) [min], and which of them (k,) lie over the readings from `last` to `end`.
+
+    The others are for a picture, from when to when it is drawn, and at a named time; more where the rise has corners.
+    """
+    times: list[float] = []
+    if end > last:
+        times += (last + (end - last) * np.linspace(0.0, 1.0, CORNERED if cornered else AHEAD) ** 1.5).tolist()
+    over = set(np.round(times, 9).tolist())
+    if drawn is not None:
+        times += np.linspace(drawn[0], max(end, drawn[1]), CORNERED if cornered else DRAWN).tolist()
+    if at_min is not None:
+        times.append(at_min)
+    asked = np.unique(np.round(times, 9)) if times else np.zeros(0)
+    return asked, np.array([t in over for t in asked.tolist()], dtype=bool)

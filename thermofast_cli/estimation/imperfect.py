@@ -27,10 +27,6 @@ Array = NDArray[np.float64]
 
 #: Sensors that share what they say: columns of a run in their order.
 GROUP = 50
-#: Times at which the readings ahead are foretold, and those of a picture.
-AHEAD, DRAWN = 9, 30
-#: The same of a rise with corners, which a logged column or an event gives it.
-CORNERED = 32
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
 
@@ -138,7 +134,7 @@ def claims(
     past: Past | None = None,
     rule: Rule | None = None,
 ) -> list[Claims]:
-    """Of all blocks of a task, by groups of its run's columns; temperatures as :func:`times_asked`; `name` names a column.
+    """Of all blocks of a task, by groups of its run's columns; temperatures as `times_asked`; `name` names a column.
 
     past: what complete runs of this machine say of its sensors, by name; let go where the readings contradict it. rule: a
     stopping rule, to be foretold too.
@@ -257,14 +253,15 @@ def _let_go(
     rates_now = {name(int(c.sensors.rows[i])): float(e.rate[i, 1]) for c, e, m in each for i in np.flatnonzero(m).tolist()}
     off, deviations = past.rates_off(rates_now)
     other = not past.guessed and deviations > RULES.other_rates
-    wide = past.open_end or other
+    wide = bool(past.open_end) or other
+    open_end = [np.array([other or name(int(r)) in past.open_end for r in c.sensors.rows], dtype=bool) for c in closed]
     count = None if wide else 0
     alone = [_empty(c, e.times[:count], e.ahead[:count], prior) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)
     for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
     together = sum(float(f.sum()) for f in for_none)
     whole = together > -RULES.searched if past.searched else not past.guessed and together > RULES.contradicted
-    for one, own, m, odd, likelier in zip(told, alone, mine, strange, for_none, strict=True):
+    for c, one, own, m, odd, likelier, of_end in zip(closed, told, alone, mine, strange, for_none, open_end, strict=True):
         one.alone[m] = own.steady[m]
         plain = (own.check_p >= RULES.unfit) & ~(own.strong > RULES.strong)
         # Beyond all it allows, by chance too: without it they must be likelier, or nothing is won by letting it go.
@@ -277,9 +274,23 @@ def _let_go(
             one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
+        if past.unreached:
+            share = np.array([past.unreached.get(name(int(r)), 0.0) for r in c.sensors.rows])
+            _with_unreached(c, one, own, m & one.known, share)
         if wide:
-            _at_least(one, own, m & one.known)
+            _at_least(one, own, m & one.known & of_end)
             one.as_fast[m & one.known] = off if other else np.nan
+
+
+def _with_unreached(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], share: Array) -> None:
+    """Limits of the members (S,) reach to either side by a share (S,) of the rise, which no past run came to and the model alone
+    tells, and no farther than the readings alone do.
+    """
+    reach = share * np.abs(one.steady[:, 1] - c.found.initial)
+    low, high = np.fmax(one.steady[:, 1] - reach, own.steady[:, 0]), np.fmin(one.steady[:, 1] + reach, own.steady[:, 2])
+    wider = members & (reach > 0.0)
+    one.steady[wider, 0] = np.minimum(one.steady[:, 0], low)[wider]
+    one.steady[wider, 2] = np.maximum(one.steady[:, 2], high)[wider]
 
 
 def _at_least(one: Claims, other: Claims, members: NDArray[np.bool_]) -> None:
@@ -368,25 +379,6 @@ def _trips(
             drawn.curve[some] += room_paths(part.time, part.room, found.rate[some, 1], at, DRAWS)
         first = some.stop
     return *foretold_trips(criterion, drawn, at, float(time[-1]), hidden), hidden
-
-
-def times_asked(
-    last: float, end: float, at_min: float | None, drawn: tuple[float, float] | None, cornered: bool = False
-) -> tuple[Array, NDArray[np.bool_]]:
-    """When temperatures are asked for (k,) [min], and which of them (k,) lie over the readings from `last` to `end`.
-
-    The others are for a picture, from when to when it is drawn, and at a named time; more where the rise has corners.
-    """
-    times: list[float] = []
-    if end > last:
-        times += (last + (end - last) * np.linspace(0.0, 1.0, CORNERED if cornered else AHEAD) ** 1.5).tolist()
-    over = set(np.round(times, 9).tolist())
-    if drawn is not None:
-        times += np.linspace(drawn[0], max(end, drawn[1]), CORNERED if cornered else DRAWN).tolist()
-    if at_min is not None:
-        times.append(at_min)
-    asked = np.unique(np.round(times, 9)) if times else np.zeros(0)
-    return asked, np.array([t in over for t in asked.tolist()], dtype=bool)
 
 
 def said_of_slow(claimed: Claims, i: int, rise: float) -> str:

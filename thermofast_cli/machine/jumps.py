@@ -16,6 +16,11 @@ JUMP, STAGE = 0.3, 0.1
 BEGINNING = 0.1
 #: Share of its largest value by which a logged column jumps where it is worth a word, and how many jumps are: more is a cycle.
 UNCOUNTED, FEW = 0.2, 8
+#: Times the deviation of steps between readings that a jump is at least; a normal one lies within a quarter of them with QUARTER.
+BEYOND_NOISE, QUARTER = 6.0, 0.3186
+#: Share of its mean by which a logged column flutters, and times its noise that all of it, and means of STRETCHES stretches, span
+#: at most where it is one value all the time.
+FLUTTER, NOISE_SPAN, MEANS_SPAN, STRETCHES = 0.02, 10.0, 6.0, 12
 
 
 def uncounted(run: Run, start_min: float, until_min: float | None, drive: str | None = None) -> tuple[str, float | None]:
@@ -53,6 +58,17 @@ def last_change(time: Array, column: Array) -> float:
     """When [min] a logged column (n,) jumped last; -inf where it does not, or goes on and off all the time."""
     jumps = _jumps(column, STAGE * float(np.ptp(column)))
     return float(time[jumps[-1]]) if 0 < len(jumps) <= FEW else -np.inf
+
+
+def stays(column: Array) -> bool:
+    """Whether a logged column (n,) is one value all the time, but for its noise and a flutter of FLUTTER."""
+    span, flutter = float(np.ptp(column)), FLUTTER * abs(float(np.mean(column)))
+    if span <= flutter:
+        return True
+    noise = _step_noise(column) / np.sqrt(2.0)
+    means = [float(np.mean(part)) for part in np.array_split(column, min(len(column), STRETCHES))]
+    of_means = MEANS_SPAN * noise / np.sqrt(len(column) / len(means))
+    return bool(span <= NOISE_SPAN * noise and float(np.ptp(means)) <= max(of_means, flutter))
 
 
 def last_level(time: Array, column: Array, tau: float) -> float:
@@ -95,9 +111,15 @@ def longest_stay(time: Array, column: Array) -> float:
 
 def _jumps(column: Array, least: float) -> NDArray[np.intp]:
     """Readings at which a logged column (n,) had just jumped by more than `least`; a jump that takes two readings is one."""
-    jumped = np.append(np.abs(np.diff(column)) > max(least, 1e-300), False)
+    jumped = np.append(np.abs(np.diff(column)) > max(least, BEYOND_NOISE * _step_noise(column), 1e-300), False)
     found: NDArray[np.intp] = np.flatnonzero(jumped[:-1] & ~jumped[1:]) + 1
     return found
+
+
+def _step_noise(column: Array) -> float:
+    """Deviation of the steps between readings of a logged column (n,), by the quarter of them that are smallest."""
+    steps = np.abs(np.diff(column))
+    return float(np.quantile(steps, 0.25)) / QUARTER if len(steps) else 0.0
 
 
 def _first_turn(column: Array, jumps: NDArray[np.intp]) -> int:

@@ -63,6 +63,10 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
             do="use a model of this machine, or give its sensors the model's names: --rename COLUMN=NAME",
         )
     notes = [f"not in the model: {', '.join(missing)}; fitted freely"] if missing else []
+    notes += [
+        f"{c}: heat from {listed(others)} is left out, which the model has and what was read of this run has not"
+        for c, others in without_neighbours(model, seen.channels).items()
+    ]
     same_run = model.learnt_from.is_of(source, seen)
     parts, entries, events = [], [], []
     known = check_effects(model, model_path)
@@ -199,6 +203,18 @@ def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
     return known
 
 
+def without_neighbours(model: ModelFile, channels: Sequence[str]) -> dict[str, list[str]]:
+    """Sensors among `channels` that a model links to others which are not, and those others."""
+    found: dict[str, list[str]] = {}
+    for entry in model.effects:
+        for other in (o for o in entry.constants.values() if isinstance(o, dict)):
+            for channel in channels:
+                gone = channel in other and other[channel] not in channels
+                if gone and (entry.channels is None or channel in entry.channels) and other[channel] not in found.get(channel, []):
+                    found.setdefault(channel, []).append(other[channel])
+    return found
+
+
 def changed_files(model: ModelFile) -> list[str]:
     """What to say of a user's own effects whose file is no longer the one that the model was learnt with."""
     changed = [e.file for e in model.effects if e.file and e.sha256 and sha256_of(e.file.partition(":")[0]) != e.sha256]
@@ -222,7 +238,9 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
     omitted = tuple(n for n in names if n not in searched)
     constants, by_sensor = constants_of(entry, seen.channels)
     choice = Choice(entry.acts, constants, omitted, by_sensor=by_sensor)
-    concerned = None if entry.channels is None else tuple(c in entry.channels for c in seen.channels)
+    alone = [c for c in seen.channels if any(c in o and o[c] not in seen.channels for o in map(entry.constants.get, by_sensor))]
+    mine = seen.channels if entry.channels is None else entry.channels
+    concerned = None if entry.channels is None and not alone else tuple(c in mine and c not in alone for c in seen.channels)
     return Part(effect, choice, concerned)
 
 

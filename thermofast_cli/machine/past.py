@@ -1,6 +1,6 @@
 """Past runs of a machine: learnt from fits of them, and made ready for a run at hand."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,8 +39,8 @@ from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, in_one_line, listed, rounded
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import failed_status
-from .jumps import cycles, last_change, longest_stay
-from .learnt import carry, changed_files, check_effects
+from .jumps import cycles, last_change, longest_stay, stays
+from .learnt import carry, changed_files, check_effects, without_neighbours
 from .model import Model
 from .modelfile import ModelFile, past_of
 from .rise import rises_of
@@ -62,7 +62,10 @@ SINK_KEY = Key(-1, SINK.name)
 #: Time constants from which on a run tells what slower masses do.
 COMPLETE = 3.5
 #: Share of the way to its end, by its own model, below which what a run ended at says little of that end.
-REACHED = 0.7
+REACHED = 0.8
+#: Share of the rest of that way by which a limit may be off to either side, and the same of sensors that are linked: together they
+#: settle as slowly as no parameter of one of them tells.
+REST, REST_OF_LINKED = 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -155,9 +158,10 @@ def _guessed(task: LoopTask) -> Knowledge:
         column = task.run.inputs[task.drive]
         until = task.run.time_s <= 60.0 * (task.start_min + float(seen.time[seen.last])) + 1e-6
         logged = column[until & np.isfinite(column)]
-        if len(logged) < 2 or float(np.ptp(logged)) == 0.0:
+        if len(logged) < 2 or stays(logged):
             when = "while it was read" if until.all() else f"before {task.until_min:g} min"
-            return Knowledge(name, notes=(f"{task.drive} never changes {when}, and it is not counted",))
+            how = "never changes" if not len(logged) or float(np.ptp(logged)) == 0.0 else "changes by no more than its noise"
+            return Knowledge(name, notes=(f"{task.drive} {how} {when}, and it is not counted",))
         mine, strange = followers(task, seen)
         if not mine:
             return Knowledge(name, Past({}, guessed=True), strange=tuple(strange))
@@ -322,12 +326,19 @@ def _knowledge(task: LoopTask) -> Knowledge:
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
         )
     rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min)
-    if (reached := _reached(rises, file)) < REACHED:
-        trusted = "the rest is taken on trust, and the interval is that of the readings alone at least"
-        notes.append(f"what it was learnt from had come to {rounded(100.0 * reached, 2)} % of where this model ends: {trusted}")
     known = {c: s for c, s in past.shapes.items() if c in rises}
+    reached = _reached(rises, file, known)
+    short = {c: share for c, share in reached.items() if share < REACHED}
+    if short:
+        far = f"{rounded(100.0 * min(short.values()), 2)} % of where this model ends"
+        whose = "" if len(short) == len(known) else f" of {listed(list(short), 6)}"
+        trusted = f"the rest is taken on trust, and the interval{whose} is that of the readings alone at least"
+        notes.append(f"what it was learnt from had come to {far}: {trusted}")
     uses_room = any(p.effect.follows_ambient for p in carried.fit.model.parts)
-    past = replace(past, shapes=known, rises=rises, open_end=bool(events) or reached < REACHED)
+    rest = REST_OF_LINKED if any(p.effect.reads_sensors for p in carried.fit.model.parts) else REST
+    unreached = {c: rest * (1.0 - share) for c, share in reached.items()}
+    open_end = frozenset(known if events else {*short, *without_neighbours(file, tuple(prepared.seen.channels))})
+    past = replace(past, shapes=known, rises=rises, open_end=open_end, unreached=unreached)
     return Knowledge(name, past, tuple(notes), uses_room)
 
 
@@ -374,14 +385,18 @@ def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:
     return (f"learnt from no more than {rounded(turns, 2)} time constants: what slower masses bring later is not in it",)
 
 
-def _reached(rises: Mapping[str, Rise], file: ModelFile) -> float:
-    """The least share of the way to its end, by the model, that a sensor had gone where the longest run learnt from ended."""
-    longest, shares = max(one.length_min for one in (file.learnt_from, *file.also_from)), [1.0]
-    for rise in rises.values():
-        line = rise.held[len(rise.nodes) // 2]
-        if abs(line[-1]) > 0.0:
-            shares.append(float(np.interp(longest * np.exp(rise.log_rate), GRID, line) / line[-1]))
-    return min(shares)
+def _reached(rises: Mapping[str, Rise], file: ModelFile, known: Container[str]) -> dict[str, float]:
+    """The share of the way to its end, by the model, that each known sensor had gone where the longest run learnt from ended.
+
+    By all that takes it there: heat that comes from a neighbour that is slow comes late.
+    """
+    longest = max(one.length_min for one in (file.learnt_from, *file.also_from))
+    found = {}
+    for channel, rise in rises.items():
+        line = rise.whole[len(rise.nodes) // 2]
+        if channel in known:
+            found[channel] = float(np.clip(np.interp(longest * np.exp(rise.log_rate), GRID, line), 0.0, 1.0))
+    return found
 
 
 def _old(file: ModelFile) -> Past:

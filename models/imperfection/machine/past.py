@@ -147,8 +147,9 @@ class Past:
     that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
     a machine's usual disturbance does. stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
     changed_min: when it jumped last [min of the run]. cycles: it goes on and off, and what lies beyond the log is for its mean.
-    open_end: what it says of a limit is trusted no farther than the readings at hand go: something happened in the only run learnt
-    from, and a slow mass may be hidden in it, or that run ended far from where the model does.
+    open_end: sensors of which a limit is trusted no farther than the readings at hand go: something happened in the only run learnt
+    from, and a slow mass may be hidden in it, or that run ended far from where the model does; unreached: of each sensor the share
+    of its rise by which its limit may be off, as no run learnt from came to it.
     """
 
     shapes: dict[str, SensorShape]
@@ -166,7 +167,8 @@ class Past:
     stayed_min: float = np.inf
     changed_min: float = -np.inf
     cycles: bool = False
-    open_end: bool = False
+    open_end: frozenset[str] = frozenset()
+    unreached: dict[str, float] = field(default_factory=dict)
 
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt.
