@@ -238,7 +238,8 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
     omitted = tuple(n for n in names if n not in searched)
     constants, by_sensor = constants_of(entry, seen.channels)
     choice = Choice(entry.acts, constants, omitted, by_sensor=by_sensor)
-    alone = [c for c in seen.channels if any(c in o and o[c] not in seen.channels for o in map(entry.constants.get, by_sensor))]
+    neighbours: list[dict[str, str]] = [entry.constants[key] for key in by_sensor]
+    alone = [c for c in seen.channels if any(c in other and other[c] not in seen.channels for other in neighbours)]
     mine = seen.channels if entry.channels is None else entry.channels
     concerned = None if entry.channels is None and not alone else tuple(c in mine and c not in alone for c in seen.channels)
     return Part(effect, choice, concerned)
