@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 import thermofast as tf
 from benchmarks.machines.odd_heats import DOUBTS, KINDS, judge, simulate
-from thermofast.models.uncertainty.companions import faster, moved_since
+from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before
 
 
 def test_how_many_times_as_fast_as_the_others():
@@ -123,3 +123,17 @@ def test_a_jump_that_no_machine_makes_is_doubtful(what, said):
     row = tf.identify({"time_min": time, "T": reading})[0]
     assert (f"the readings jump at {20:g} min, as no machine does" in row.message) == said
     assert (row.status == "ok") != said
+
+
+def test_how_far_a_sensor_rose_before_its_record_begins():
+    first, last = np.array([20.5, 45.0, 20.0, 24.0]), np.array([25.0, 50.0, 21.0, 84.0])
+    assert risen_before(first, last, 20.0) == pytest.approx([0.0, 24.0, 0.0, 0.0])  # a tenth of what it moved is no sign of it
+    assert risen_before(first, last, np.nan) == pytest.approx(np.zeros(4))
+
+
+def test_what_slow_parts_of_the_whole_rise_may_add():
+    before, shown = np.array([30.0, 30.0, 30.0, 0.0, 30.0]), np.array([10.0, 10.0, 1.0, 10.0, -5.0])
+    found = rest_of_warm(before, shown, np.array([0.0, 1.0, 0.0, 1.0, 1.0]))
+    # Three quarters were done: log 4 time constants before the first reading.
+    expected = [0.5 * 0.5 * 30.0, 0.25 * np.exp(-0.5) * 30.0, 0.5 / np.sqrt(31.0) * 30.0, 0.0, 0.0]
+    assert found == pytest.approx(expected, rel=1e-12)

@@ -18,7 +18,6 @@ from thermofast.models import Lump
 from thermofast.models.decay import LOG_TWENTY
 from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, settle
 from thermofast.models.imperfection.blocks import block_means
-from thermofast.models.imperfection.evidence import risen_before
 from thermofast.models.imperfection.numerics import core
 from thermofast.models.imperfection.prior import COMPONENTS, SLOW
 from thermofast.models.imperfection.shapes import LIMIT, SETTLING, SLOW_AHEAD, Asked, _loss_shape, covariances, law, slow_rise
@@ -653,27 +652,18 @@ def test_a_side_below_absolute_zero_is_open():
 
 def test_a_machine_that_is_warm_where_its_record_begins_may_be_on_its_way():
     """Of a body on a slower one, cut off in its first hour: the rest is mostly the slow one's, and it was no part of the rise."""
-    time = np.arange(0.0, 300.0)
-    slow = 12.0 * -np.expm1(-time / 260.0)
+    time, limit = np.arange(60.0, 150.0), 20.0 + 16.0 + 4.0
     rng = np.random.default_rng(6)
+    slow = 4.0 * -np.expm1(-time / 160.0)
     body = 20.0 + 16.0 * -np.expm1(-time / 40.0) + slow + 0.02 * rng.standard_normal(len(time))
     bed = 20.0 + 0.2 * slow + 0.02 * rng.standard_normal(len(time))
-    cold = tf.identify({"time_min": time[:120], "body": body[:120], "bed": bed[:120]})["body"]
-    begun = time >= 60.0
-    warm = {"time_min": time[begun][:90] - 60.0, "body": body[begun][:90]}
-    known = tf.identify(warm | {"bed": bed[begun][:90]})["body"]
-    assert cold.steady_state_lo_c < 48.0 < cold.steady_state_hi_c
-    assert known.steady_state_lo_c < 48.0 < known.steady_state_hi_c
-    # Beside a sensor as warm nothing says that it was ever cold.
-    alike = tf.identify(warm | {"bed": bed[begun][:90] + 15.0})["body"]
-    assert known.steady_state_hi_c - known.steady_state_lo_c > 1.3 * (alike.steady_state_hi_c - alike.steady_state_lo_c)
-
-
-def test_how_far_a_sensor_rose_before_its_record_begins():
-    time, little = np.arange(6.0), np.full(2, 0.01)
-
-    def of(*starts, room=None):
-        return Part(time, np.add.outer(np.array(starts), time), little, little, room)
-
-    assert risen_before([of(20.5, 45.0), of(20.0, 21.0)]) == pytest.approx([0.0, 24.0, 0.0, 0.0])
-    assert risen_before([of(46.0, 45.0, room=np.full(6, 22.0))]) == pytest.approx([24.0, 23.0])
+    begun = tf.identify({"time_min": time - 60.0, "body": body, "bed": bed})["body"]
+    assert begun.steady_state_lo_c < limit < begun.steady_state_hi_c
+    # Beside a sensor as warm nothing says that it was ever cold, and a room says it as well.
+    alike = tf.identify({"time_min": time - 60.0, "body": body, "bed": bed + 15.0})["body"]
+    assert alike.steady_state_hi_c < limit
+    assert alike.steady_state_lo_c == pytest.approx(begun.steady_state_lo_c)
+    room = tf.identify({"time_min": time - 60.0, "body": body, "bed": bed + 15.0, "room": 20.0 + 0.0 * time}, ambient="room")[
+        "body"
+    ]
+    assert room.steady_state_hi_c > limit

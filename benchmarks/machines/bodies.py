@@ -6,7 +6,8 @@ limit with room and load as they are, the median half-width over the rise, and t
 rise. Networks of heat capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones
 lean were chosen on such machines by another hand. --calibrated 12: after `calibrate` on twelve complete runs of other machines of
 each kind. --past 3: with a model of three complete runs of the same machine, each with a load (5 %, 1 sd), a room (1.5 K) and
-readings of its own; --auto: with the effects that `improve --together --auto` finds in them.
+readings of its own; --auto: with the effects that `improve --together --auto` finds in them; --lasting 2.5: such
+runs are so long. --late 0.7: a record begins when its machine has been running for so many times to 63 %.
 
 rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
 two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
@@ -210,10 +211,10 @@ class Record:
     rise: Array
     turn: float
 
-    def table(self, until: float) -> dict[str, Array]:
-        """Columns of the first minutes."""
-        some = self.minutes <= until
-        return {"time_min": self.minutes[some], **{f"T{i}": line[some] for i, line in enumerate(self.reading)}}
+    def table(self, until: float, late: float = 0.0) -> dict[str, Array]:
+        """Columns of the first minutes, or of as many from a later one on."""
+        some = (self.minutes >= late) & (self.minutes <= late + until)
+        return {"time_min": self.minutes[some] - late, **{f"T{i}": line[some] for i, line in enumerate(self.reading)}}
 
 
 def record(kind: str, seed: int, turns: float) -> Record:
@@ -238,23 +239,35 @@ def measured(bodies: Bodies, rng: np.random.Generator, turns: float) -> Record:
     return Record(minutes, reading + noise * rng.standard_normal(reading.shape), limit, rise, turn)
 
 
-def of_its_past(kind: str, seed: int, runs: int, auto: bool) -> tf.Model:
-    """A model of so many complete runs of the machine that :func:`record` reads."""
+def of_its_past(kind: str, seed: int, runs: int, auto: bool, lasting: float) -> tf.Model:
+    """A model of so many runs, so many times to 63 % long, of the machine that :func:`record` reads."""
     past = []
     for i in range(runs):
         bodies = KINDS[kind](np.random.default_rng([seed, *map(ord, kind)]), kind)
         rng = np.random.default_rng([seed, i + 1, *map(ord, kind)])
-        past.append(tf.read(measured(bodies.again(rng), rng, COMPLETE).table(LONGEST), name=f"run {i}"))
-    return tf.improve(past, together=True, auto=auto).model
+        past.append(tf.read(measured(bodies.again(rng), rng, lasting).table(LONGEST), name=f"run {i}"))
+    return tf.improve(past, together=True, auto=auto).model if runs > 1 else tf.improve(past[0], auto=auto).model
 
 
-def rows_of(job: tuple[str, int, str | Imperfection, tuple[float, ...], int, bool]) -> list[tuple[str, float, bool, float, float]]:
+@dataclass(frozen=True)
+class Past:
+    """How many runs of the same machine are learnt from, whether effects are looked for in them, and how long they last [turns];
+    late: how many turns of the run at hand were over where its record begins.
+    """
+
+    runs: int = 0
+    auto: bool = False
+    lasting: float = COMPLETE
+    late: float = 0.0
+
+
+def rows_of(job: tuple[str, int, str | Imperfection, tuple[float, ...], Past]) -> list[tuple[str, float, bool, float, float]]:
     """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
-    kind, seed, prior, read, runs, auto = job
-    seen, found = record(kind, seed, max(read)), []
-    model = of_its_past(kind, seed, runs, auto) if runs else None
+    kind, seed, prior, read, past = job
+    seen, found = record(kind, seed, max(read) + past.late), []
+    model = of_its_past(kind, seed, past.runs, past.auto, past.lasting) if past.runs else None
     for share in read:
-        told = tf.identify(seen.table(share * seen.turn), imperfection=prior, model=model, jobs=1)
+        told = tf.identify(seen.table(share * seen.turn, past.late * seen.turn), imperfection=prior, model=model, jobs=1)
         for r, limit, rise in zip(told, seen.limit, seen.rise, strict=True):
             sides = [np.nan if side is None else (side - limit) / rise for side in (r.steady_state_lo_c, r.steady_state_hi_c)]
             bounded = bool(np.isfinite(sides).all())
@@ -278,6 +291,8 @@ def main() -> None:
     parser.add_argument("--calibrated", type=int, default=0, help="complete runs of other machines of the kind to learn from")
     parser.add_argument("--past", type=int, default=0, help="complete runs of the same machine to learn from")
     parser.add_argument("--auto", action="store_true", help="and the effects that are found in them")
+    parser.add_argument("--lasting", type=float, default=COMPLETE, help="how long these runs last, in times to 63 %%")
+    parser.add_argument("--late", type=float, default=0.0, help="times to 63 %% that are over where a record begins")
     parser.add_argument("--read", default=",".join(map(str, READ)), help="median times to 63 %% that are read")
     given = parser.parse_args()
     read = tuple(map(float, given.read.split(",")))
@@ -287,7 +302,8 @@ def main() -> None:
         priors: dict[str, str | Imperfection] = dict.fromkeys(kinds, "typical")
         if given.calibrated:
             priors |= zip(kinds, pool.map(learnt, [(kind, given.seed, given.calibrated) for kind in kinds]), strict=True)
-        jobs = [(kind, given.seed + i, priors[kind], read, given.past, given.auto) for kind in kinds for i in range(given.each)]
+        past = Past(given.past, given.auto, given.lasting, given.late)
+        jobs = [(kind, given.seed + i, priors[kind], read, past) for kind in kinds for i in range(given.each)]
         for rows in pool.map(rows_of, jobs):
             for kind, share, ok, low, high in rows:
                 for name in (kind, "all"):

@@ -44,10 +44,6 @@ AROUND_KNOWN, AROUND_GUESSED = 6.0, 4.0
 #: A machine that is known may have been changed since (a fan, a filter, other oil): Student's t with so many degrees of freedom, as
 #: scatter between few runs has, log rates that are looked at on either side at least, and how many of them at first.
 KNOWN_FREE, KNOWN_REACH, KNOWN_COARSE = 3.0, 0.5, 24
-#: A machine that is warm where its record begins was perhaps on its way: its slow parts have the size that the whole rise gives
-#: them, of which the record shows the last part. Sensors within so many kelvin of the coolest, or of the room, begin cold; what one
-#: rose before counts up to so many times its rise.
-APART_K, MOST_BEFORE = 1.0, 4.0
 #: Log evidence of one sensor that counts with others, at most: a probe that fell off says much, and nothing of its neighbours.
 MOST_SAID = 20.0
 
@@ -61,14 +57,6 @@ class Foretold(NamedTuple):
     mean: Array
     variance: Array
     squares: Array
-
-
-def risen_before(parts: Sequence[Part]) -> Array:
-    """How much warmer (S,) [K] than the coolest of them, or than a room that is logged, sensors were where the record begins."""
-    first = [np.median(p.reading[:, :3], axis=1) for p in parts]
-    rooms = [float(p.room[0]) for p in parts if p.room is not None]
-    coolest = min([float(f.min()) for f in first] + rooms)
-    return np.maximum(np.concatenate(first) - coolest - APART_K, 0.0)
 
 
 class Run:
@@ -112,7 +100,6 @@ class Run:
         self.shape = [p.known for p in parts]
         there = list(zip(self.shape, self.blocks, self.asked, strict=True))
         self.moved = [np.ones((len(p.reading), 1)) if p.known is None else p.known.moved[:, None] for p in parts]
-        self.before = risen_before(parts) if self.known is None else np.zeros(self.count)
         self.wrong = [(NOTHING, NOTHING) if k is None else k.wrong(b.time, a, not prior.none) for k, b, a in there]
         self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, b.spread, a) for k, b, a in there]
         law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
@@ -145,8 +132,6 @@ class Run:
             of_law, node, share, known = self.rows_of(i, some)
             reading = blocks.mean[:, None] - known[..., :m]
             rise[first:behind] = law_slope(blocks, reading, of_law[..., :m]) / np.exp(some)
-            shown = np.abs(rise[first:behind])
-            whole = shown + np.minimum(self.before[first:behind, None] * (rise[first:behind] > 0.0), MOST_BEFORE * shown)
             reading = np.ascontiguousarray(np.broadcast_to(reading, (*some.shape, m)))
             known = np.broadcast_to(known, of_law.shape)
             doubts = (self.wrong if wrong is None else wrong)[i]
@@ -170,7 +155,7 @@ class Run:
                     self.covariance[i],
                     self.relative,
                     self.absolute,
-                    np.ascontiguousarray((self.moved[i][own] * whole[own]) ** 2),
+                    np.ascontiguousarray((self.moved[i][own] * rise[rows]) ** 2),
                     *(d[own] for d in doubts),
                     self.kind[of],
                     self.scale[of],

@@ -11,6 +11,11 @@ Array = NDArray[np.float64]
 
 #: Time constants after which the law has done 95 %, and how many readings there must be behind them.
 DONE, FEWEST = 3.0, 24
+#: Within so many kelvin, and within such a share of what a sensor moved, cold sensors begin alike.
+APART_K, APART = 1.0, 0.1
+#: Of a rise, what slow parts may add after so many time constants, at first and by which rate that falls (machines of a stranger's
+#: hand; tried on ``benchmarks.machines.bodies --late``).
+REST, REST_FALLS = 0.5, 0.5
 
 
 def faster(rate: Array, span: float, median: float, slowest: float, until: float) -> Array:
@@ -49,3 +54,23 @@ def moved_since(time: Array, reading: Array, rate: Array, ahead: Array) -> Array
         limit = reading[i] + ahead[i] * np.exp(-rate[i] * since)
         found[i] = np.median(limit[len(time) - third :]) - np.median(limit[first : first + third])
     return found
+
+
+def risen_before(first: Array, last: Array, coolest: float) -> Array:
+    """How much warmer (S,) [K] than the coolest, another sensor or the room [degC], sensors were where the record begins.
+
+    first, last (S,) [degC] are where they begin and end; within APART_K, and a share APART of that way, they began alike.
+    """
+    return np.asarray(np.nan_to_num(np.maximum(first - coolest - np.maximum(APART_K, APART * np.abs(last - first)), 0.0)))
+
+
+def rest_of_warm(before: Array, shown: Array, turns: Array) -> Array:
+    """How far [K] beyond its limit by the law that of a sensor may lie which had risen `before` (S,) [K] where its record begins.
+
+    Such a machine was perhaps on its way, and slow parts of the whole rise are no part of the law's rise `shown` (S,) [K], whose
+    last part the record is. turns (S,): time constants that were read; those before are what the law needs for `before`.
+    """
+    warm = (before > 0.0) & (shown > 0.0)
+    rise = np.where(warm, shown, 1.0)
+    whole = np.log1p(np.where(warm, before, 0.0) / rise) + turns
+    return np.where(warm, REST * np.exp(-REST_FALLS * whole) * before, 0.0)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     help="Where the heat that one RUN needs follows its logged columns, write that as an effect of your own, to read and add.",
 )
 @click.option(
-    "--next", "next_experiment", is_flag=True, help="Where causes remain open: simulate which run would settle it (a minute)."
+    "--next", "next_experiment", is_flag=True, help="Where causes remain open: simulate which run would settle it (minutes)."
 )
 @model_option
 @reading_options

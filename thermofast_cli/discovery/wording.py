@@ -144,7 +144,7 @@ def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, s
         [
             *(
                 [f"{s}, where the model fails: look at it first" for s in steps]
-                or [f"log what {_when(begins, seen)}{_unlogged(seen)}"]
+                or [f"log what {_changed(found) or _when(begins, seen)}{_unlogged(seen)}"]
             ),
             *([ON_AND_OFF] if cycle else []),
             *_coolants(seen),
@@ -294,6 +294,15 @@ def _unlogged(seen: Observations) -> str:
     logged = _logged(seen)
     usual = [k for k in ("speed", "power", "coolant") if not logged[k]] + ([] if logged["ambient"] else ["room"])
     return f" ({', '.join(usual)})" if usual else ""
+
+
+def _changed(found: Discovery) -> str:
+    """What to look for where one of the models told as nearest has something change in the run: it is worst only later."""
+    for candidate in rivals(found)[:3]:
+        for k, part in enumerate(candidate.parts):
+            if part.effect.event and part.effect.scope == "run":
+                return f"changed at about {float(candidate.fit.values[Key(k, part.effect.event)]):.3g} min"
+    return ""
 
 
 def _when(begins: tuple[float, float, float] | None, seen: Observations) -> str:

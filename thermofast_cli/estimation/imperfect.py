@@ -14,7 +14,7 @@ from thermofast.models import averaging_window, bridged, spike_weights, third_di
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.companions import faster, moved_since
+from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 GROUP = 50
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
-
 
 #: What is said where a drive, effects that a search chose or past runs are not counted, because the readings contradict them.
 NOT_FOLLOWED = "the readings do not follow the drive or the effects added, and they are not counted"
@@ -167,6 +166,7 @@ def claims(
             _let_go(closed, members, empty, prior, rates, name, past)
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
+        _with_before(closed, alone, empty)
         _mark_behind(closed, members, empty)
         _mark_settled(closed, members, empty, past is not None and not past.guessed)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
@@ -280,6 +280,18 @@ def _let_go(
         if wide:
             _at_least(one, own, m & one.known & of_end)
             one.as_fast[m & one.known] = off if other else np.nan
+
+
+def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+    """Limits of members (S,) that were warm where the record begins reach on, as those of one from the beginning would."""
+    some = [float(c.found.initial[m].min()) for c, m in zip(closed, members, strict=True) if m.any()]
+    coolest = min([*some, *(float(c.room[0]) for c in closed if c.room is not None)], default=math.nan)
+    for c, mine, one in zip(closed, members, into, strict=True):
+        first, minutes = c.found.initial, float(c.sensors.time[c.count - 1] - c.sensors.time[0])
+        before = risen_before(first, c.found.state[:, 0], coolest)
+        on = rest_of_warm(before, one.steady[:, 1] - first, one.rate[:, 1] * minutes)
+        warm = mine & (on > 0.0)
+        one.steady[warm, 2] = np.maximum(one.steady[:, 2], one.steady[:, 1] + on)[warm]
 
 
 def _with_unreached(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], share: Array) -> None:

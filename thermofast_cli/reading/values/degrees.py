@@ -159,7 +159,8 @@ class Temperatures:
         if first > HOT_C or ROOM_F[0] <= first <= ROOM_F[1]:
             self._hot.append(f"{name} begins at {first:g}")
             if ROOM_F[0] <= first <= ROOM_F[1] and values[np.isfinite(values)][-1] > first + EVEN_F:
-                self._begin.append(first)
+                # What is heated at once is degrees warmer by its third reading.
+                self._begin.append(begins[0] if ROOM_F[0] <= begins[0] <= ROOM_F[1] else first)
             self._tenths |= first.is_integer() and ROOM_TENTHS[0] <= first <= ROOM_TENTHS[1]
 
     def notes(self) -> list[str]:
