@@ -128,7 +128,7 @@ def test_a_jump_that_no_machine_makes_is_doubtful(what, said):
 def test_how_far_a_sensor_rose_before_its_record_begins():
     first, last = np.array([20.5, 45.0, 20.0, 24.0]), np.array([25.0, 50.0, 21.0, 84.0])
     assert risen_before(first, last, 20.0) == pytest.approx([0.0, 24.0, 0.0, 0.0])  # a tenth of what it moved is no sign of it
-    assert risen_before(first, last, np.nan) == pytest.approx(np.zeros(4))
+    assert risen_before(first, last, np.inf) == pytest.approx(np.zeros(4))
 
 
 def test_what_slow_parts_of_the_whole_rise_may_add():

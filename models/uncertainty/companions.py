@@ -61,7 +61,7 @@ def risen_before(first: Array, last: Array, coolest: float) -> Array:
 
     first, last (S,) [degC] are where they begin and end; within APART_K, and a share APART of that way, they began alike.
     """
-    return np.asarray(np.nan_to_num(np.maximum(first - coolest - np.maximum(APART_K, APART * np.abs(last - first)), 0.0)))
+    return np.asarray(np.maximum(first - coolest - np.maximum(APART_K, APART * np.abs(last - first)), 0.0))
 
 
 def rest_of_warm(before: Array, shown: Array, turns: Array) -> Array:

@@ -285,7 +285,7 @@ def _let_go(
 def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
     """Limits of members (S,) that were warm where the record begins reach on, as those of one from the beginning would."""
     some = [float(c.found.initial[m].min()) for c, m in zip(closed, members, strict=True) if m.any()]
-    coolest = min([*some, *(float(c.room[0]) for c in closed if c.room is not None)], default=math.nan)
+    coolest = float(np.nanmin([np.inf, *some, *(c.room[0] for c in closed if c.room is not None)]))
     for c, mine, one in zip(closed, members, into, strict=True):
         first, minutes = c.found.initial, float(c.sensors.time[c.count - 1] - c.sensors.time[0])
         before = risen_before(first, c.found.state[:, 0], coolest)
