@@ -2,6 +2,7 @@
 
 import json
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -149,3 +150,24 @@ def test_several_runs_together_are_asked_for_the_next_one_once(tool, tmp_path):
     told = [r["next_experiment"] for r in records]
     assert all(t == told[0] for t in told)
     assert len(told[0]) == 8
+
+
+def test_only_experiments_that_settled_most_are_simulated_on(monkeypatch):
+    """Two runs of each cause by every experiment, six more by the three that settled most; the counts are those of all."""
+    offers = [Experiment(f"run {k}", k) for k in range(1, 7)]
+    asked = []
+
+    def trial(item, **_):
+        experiment, cause, draw = item
+        asked.append((experiment.name, cause, draw))
+        return experiment.effort in (2.0, 4.0, 5.0) and (experiment.effort != 5.0 or draw < 2)
+
+    open_ = [SimpleNamespace(ids=(name,), fit=None) for name in "ab"]
+    for name, made in {"causes": lambda _: open_, "possible": lambda *_: offers, "_trial": trial}.items():
+        monkeypatch.setattr(f"thermofast.experiments.next_experiment.{name}", made)
+    found = SimpleNamespace(base=SimpleNamespace(run=None))
+    told = next_experiments(found, [])
+    assert [(e.name, e.settled, e.runs) for e in told[:3]] == [("run 2", 16, 16), ("run 4", 16, 16), ("run 5", 4, 16)]
+    assert {(e.settled, e.runs) for e in told[3:]} == {(0, 4)}
+    assert len(asked) == len(set(asked)) == 6 * 4 + 3 * 12
+    assert experiment_words(told) == "next: run 2 would settle it, in 16 of 16 simulated (run 1: 0 of 4)"

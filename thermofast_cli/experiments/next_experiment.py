@@ -26,6 +26,8 @@ from ..errors import rounded
 
 #: Runs simulated for each cause and experiment; causes that are told apart.
 DRAWS, MOST_CAUSES = 8, 3
+#: Runs of these after which only so many experiments, those that settled most, are simulated on.
+FEW_DRAWS, KEPT = 2, 3
 #: An experiment that settles so large a share is good enough: the least effort among such is proposed.
 GOOD = 0.9
 #: One that settles less is not proposed.
@@ -266,14 +268,20 @@ def next_experiments(
     some = [e for e in effects if any(e.id in i for i in ids)]
     fits = [c.fit for c in open_]
     offers = possible(found.base.run, open_)
-    items = [(offer, c, d) for offer in offers for c in range(len(fits)) for d in range(draws)]
-    said = list(spread(partial(_trial, truths=fits, ids=ids, effects=some, before=before or (found.base.run,)), items))
-    told = []
-    for offer in offers:
-        mine = [s for s, item in zip(said, items, strict=True) if item[0] is offer]
-        told.append(replace(offer, settled=sum(mine), runs=len(mine)))
-    good = [e for e in told if e.share >= GOOD]
-    first = min(good, key=lambda e: (e.effort, -e.share)) if good else max(told, key=lambda e: (e.share, -e.effort))
+    trial = partial(_trial, truths=fits, ids=ids, effects=some, before=before or (found.base.run,))
+
+    def tried(of: Sequence[Experiment], drawn: range) -> list[Experiment]:
+        items = [(offer, c, d) for offer in of for c in range(len(fits)) for d in drawn]
+        settled = [item[0] for item, yes in zip(items, spread(trial, items), strict=True) if yes]
+        count = len(fits) * len(drawn)
+        return [replace(offer, settled=offer.settled + settled.count(offer), runs=offer.runs + count) for offer in of]
+
+    best = told = sorted(tried(offers, range(min(FEW_DRAWS, draws))), key=lambda e: (-e.share, e.effort))
+    if draws > FEW_DRAWS:
+        best = tried(told[:KEPT], range(FEW_DRAWS, draws))
+        told = [*best, *told[KEPT:]]
+    good = [e for e in best if e.share >= GOOD]
+    first = min(good, key=lambda e: (e.effort, -e.share)) if good else max(best, key=lambda e: (e.share, -e.effort))
     return [first, *sorted((e for e in told if e is not first), key=lambda e: -e.share)]
 
 
@@ -283,7 +291,8 @@ def experiment_words(experiments: Sequence[Experiment]) -> str:
         return ""
     first = experiments[0]
     again = next(e for e in experiments if e.effort == 1)
-    beside = "" if first is again else f" ({again.name}: {again.settled})"
+    of = "" if again.runs == first.runs else f" of {again.runs}"
+    beside = "" if first is again else f" ({again.name}: {again.settled}{of})"
     if first.share < LEAST:
         return (
             f"no run that was simulated settles it: the best, {first.name}, in {first.settled} of {first.runs}{beside}; "
