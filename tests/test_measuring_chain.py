@@ -1,5 +1,7 @@
 """What goes wrong between machine and file: a sensor logged twice, a probe that comes off, a workbook's notes beside its record."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xlsxwriter
@@ -8,7 +10,12 @@ from conftest import ROOT
 import thermofast as tf
 from thermofast.discovery.observe import observe
 from thermofast.discovery.wording import _coarse, _unlogged, _when
+from thermofast.models.effects import BUILT_IN
+from thermofast.models.effects.base import Choice
+from thermofast.models.joint import Key, Part
 from thermofast.models.noise.chain import came_off, originals
+
+KINDS = {kind.id: kind for kind in BUILT_IN}
 
 TIME = np.arange(360.0)
 
@@ -133,6 +140,12 @@ def test_advice_names_what_is_not_logged_the_moment_and_a_coarse_logger():
     assert _unlogged(observe(tf.read({**columns, **logged}, ambient="room")).seen) == " (power, coolant)"
     assert _when((130.0, 150.0, 0.4), seen) == "changed at 130 min"
     assert _when((2.0, 150.0, 0.4), seen) == _when(None, seen) == "may change"
+    # Where the nearest model has a change of the run, that is when; a probe that jumped is not.
+    jump, load = (Part(KINDS[name](), Choice("")) for name in ("reading_jump", "load_step"))
+    near = SimpleNamespace(parts=(jump, load), fit=SimpleNamespace(values={Key(0, "event"): 9.0, Key(1, load.effect.event): 110.3}))
+    assert _when((130.0, 150.0, 0.4), seen, [near]) == "changed at about 110 min"
+    assert _when((130.0, 150.0, 0.4), seen, [SimpleNamespace(parts=(jump,), fit=near.fit)]) == "changed at 130 min"
+    assert _when((2.0, 150.0, 0.4), seen, [near]) == "may change"
     assert _coarse(seen) == []
     whole = observe(tf.read({n: np.round(v) for n, v in columns.items()})).seen
     assert _coarse(whole) == ["readings in steps of 1 K hide what is smaller: log more digits"]

@@ -144,7 +144,7 @@ def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, s
         [
             *(
                 [f"{s}, where the model fails: look at it first" for s in steps]
-                or [f"log what {_changed(found) or _when(begins, seen)}{_unlogged(seen)}"]
+                or [f"log what {_when(begins, seen, rivals(found)[:3])}{_unlogged(seen)}"]
             ),
             *([ON_AND_OFF] if cycle else []),
             *_coolants(seen),
@@ -296,19 +296,18 @@ def _unlogged(seen: Observations) -> str:
     return f" ({', '.join(usual)})" if usual else ""
 
 
-def _changed(found: Discovery) -> str:
-    """What to look for where one of the models told as nearest has something change in the run: it is worst only later."""
-    for candidate in rivals(found)[:3]:
+def _when(begins: tuple[float, float, float] | None, seen: Observations, nearest: Sequence[Candidate] = ()) -> str:
+    """What to look for: something that changed where the model begins to fail; from the first reading on nothing need have.
+
+    It fails most after that: where one of the nearest models has something change, that tells when.
+    """
+    if begins is None or not begins[0] > seen.time[0] + FROM_THE_START * seen.span:
+        return "may change"
+    for candidate in nearest:
         for k, part in enumerate(candidate.parts):
             if part.effect.event and part.effect.scope == "run":
                 return f"changed at about {float(candidate.fit.values[Key(k, part.effect.event)]):.3g} min"
-    return ""
-
-
-def _when(begins: tuple[float, float, float] | None, seen: Observations) -> str:
-    """What to look for: something that changed where the model begins to fail; from the first reading on nothing need have."""
-    there = begins is not None and begins[0] > seen.time[0] + FROM_THE_START * seen.span
-    return f"changed at {begins[0]:.4g} min" if begins is not None and there else "may change"
+    return f"changed at {begins[0]:.4g} min"
 
 
 def _coolants(seen: Observations) -> list[str]:
