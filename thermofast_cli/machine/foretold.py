@@ -56,7 +56,10 @@ def from_first_part(file: ModelFile, tasks: Sequence[LoopTask], plain: Sequence[
         for until in (task.start_min + turn * tau for turn in TURNS if turn * tau < MOST_READ * length):
             told = knowledge(replace(task, until_min=until, model=model, drive=None, names=(), auto=False))[0]
             if told.past is not None and not told.failed:
-                of = [_told(task, until, past, not told.uses_room or past is others) for past in (told.past, others)]
+                effects_alone = replace(
+                    told.past, open_end=frozenset(), unreached={}
+                )  # what the readings leave open is no merit of theirs
+                of = [_told(task, until, past, not told.uses_room or past is others) for past in (effects_alone, others)]
                 pairs += [(of[0][c], of[1][c]) for c in of[0] if c in of[1]]
     if not pairs:
         return Foretold()
