@@ -349,3 +349,14 @@ def test_marks_of_a_long_table():
         ("quality", ["0x00", "0x80000000", "0x1"]),
     ):
         assert marks.unsure(_table(value=value, **{name: cells})) == ()
+
+
+def test_what_is_heated_at_once_begins_where_its_first_reading_is():
+    """Of a room in degF too: by the third reading the heated ones are degrees apart, and they were read as degC."""
+    table = {"front": [67.95, 71.98, 75.4, 150.0], "rear": [67.98, 70.9, 73.3, 140.0], "bed": [68.05, 67.98, 68.0, 77.0]}
+    found = degrees.Temperatures(_table(**table), {}, Options(), list(table))
+    for name, values in table.items():
+        found.of(name, np.array(values))
+    with pytest.raises(InputError) as told:
+        found.guesses()
+    assert told.value.found == "all 3 begin at 67.95 to 68.05: in a room in degF, or as evenly hot in degC"

@@ -207,12 +207,18 @@ def without_neighbours(model: ModelFile, channels: Sequence[str]) -> dict[str, l
     """Sensors among `channels` that a model links to others which are not, and those others."""
     found: dict[str, list[str]] = {}
     for entry in model.effects:
-        for other in (o for o in entry.constants.values() if isinstance(o, dict)):
-            for channel in channels:
-                gone = channel in other and other[channel] not in channels
-                if gone and (entry.channels is None or channel in entry.channels) and other[channel] not in found.get(channel, []):
-                    found.setdefault(channel, []).append(other[channel])
+        for channel, others in _not_read(entry, channels).items():
+            told = found.setdefault(channel, [])
+            told += [other for other in others if other not in told]
     return found
+
+
+def _not_read(entry: EffectEntry, channels: Sequence[str]) -> dict[str, list[str]]:
+    """The same of one effect."""
+    links = [other for other in entry.constants.values() if isinstance(other, dict)]
+    mine = [c for c in channels if entry.channels is None or c in entry.channels]
+    gone = {c: [other[c] for other in links if c in other and other[c] not in channels] for c in mine}
+    return {c: others for c, others in gone.items() if others}
 
 
 def changed_files(model: ModelFile) -> list[str]:
@@ -238,8 +244,7 @@ def _part(entry: EffectEntry, effect: Effect, seen: Observations, source: str) -
     omitted = tuple(n for n in names if n not in searched)
     constants, by_sensor = constants_of(entry, seen.channels)
     choice = Choice(entry.acts, constants, omitted, by_sensor=by_sensor)
-    neighbours: list[dict[str, str]] = [entry.constants[key] for key in by_sensor]
-    alone = [c for c in seen.channels if any(c in other and other[c] not in seen.channels for other in neighbours)]
+    alone = _not_read(entry, seen.channels)
     mine = seen.channels if entry.channels is None else entry.channels
     concerned = None if entry.channels is None and not alone else tuple(c in mine and c not in alone for c in seen.channels)
     return Part(effect, choice, concerned)
