@@ -13,6 +13,7 @@ from ..effects.base import Choice, Effect
 from ..joint import LEVEL, MOST_ITERATIONS, RATE, START, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
 from .judge import Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
+from .mutual import completed, go_both_ways, linked_alike
 from .rules import RULES
 from .scan import Scan, own_starts, scan, shared_starts
 
@@ -74,37 +75,6 @@ def partners(effects: Sequence[Effect], parts: Sequence[Part]) -> list[Effect]:
 def once_more(effect: Effect, parts: Sequence[Part]) -> Effect:
     """An effect that stands among parts, as it is named when it stands there once more."""
     return effect.numbered(1 + max(p.effect.number for p in parts if type(p.effect) is type(effect)))
-
-
-def in_order(candidate: Candidate) -> Candidate:
-    """The set with the second of an effect behind the first: events by their time, in each sensor the slow behind the fast."""
-    for name in candidate.ids:
-        if f"{name}.2" in candidate.ids:
-            candidate = _second_behind(candidate, name)
-    return candidate
-
-
-def _second_behind(candidate: Candidate, name: str) -> Candidate:
-    old, places = candidate.parts, [candidate.ids.index(name), candidate.ids.index(f"{name}.2")]
-    first, second = (old[k].effect for k in places)
-    values = {key: np.array(value) for key, value in candidate.fit.values.items()}
-    if first.event:
-        places.sort(key=lambda k: float(np.min(values.get(Key(k, first.event or ""), -np.inf))))
-    at = sorted(places)
-    parts = list(old)
-    parts[at[0]], parts[at[1]] = replace(old[places[0]], effect=first), replace(old[places[1]], effect=second)
-    moved = {Key(dict(zip(places, at, strict=True)).get(p, p), n): value for (p, n), value in values.items()}
-    own = [p.name for p in first.parameters if p.each == "sensor"]
-    pace = next((p.name for p in first.parameters if p.settles == "rate" and p.name in own), None)
-    if pace is not None and not first.event:
-        sensors = candidate.fit.run.sensors
-        behind = moved[Key(at[0], pace)] < moved[Key(at[1], pace)]
-        behind &= parts[at[0]].concerns(sensors) & parts[at[1]].concerns(sensors)
-        for n in own:
-            one, two = (moved[Key(k, n)] for k in at)
-            moved[Key(at[0], n)], moved[Key(at[1], n)] = np.where(behind, two, one), np.where(behind, one, two)
-    model = Model(candidate.fit.run, parts)
-    return replace(candidate, fit=search(model, *model.vector(moved), most=0))
 
 
 def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Scan]]]:
@@ -265,11 +235,11 @@ def _mutual(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple
     """
     run, (value, fit, part) = before.run, best
     ends = [part.choice.ends(i) for i in range(run.sensors)]
-    if not part.choice.by_sensor or not part.concerns(run.sensors).all() or _go_both_ways(ends):
+    if not part.choice.by_sensor or not part.concerns(run.sensors).all() or go_both_ways(ends):
         return best
     found = best
     for choice in effect.choices(run):
-        if not choice.by_sensor or not _go_both_ways([choice.ends(i) for i in range(run.sensors)]):
+        if not choice.by_sensor or not go_both_ways([choice.ends(i) for i in range(run.sensors)]):
             continue
         other = Part(effect, choice)
         parts = [*before.model.parts, other]
@@ -282,10 +252,6 @@ def _mutual(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple
             if again.physical and gained > value - RULES.one_way and (found is best or gained > found[0]):
                 found = gained, again, other
     return found
-
-
-def _go_both_ways(ends: Sequence[set[int]]) -> bool:
-    return all(i in ends[j] for i, mine in enumerate(ends) for j in mine)
 
 
 def _single(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick: bool) -> Candidate:
@@ -434,10 +400,29 @@ def _joined(
             local[i] = rows_of(r[1], np.array([r[2]])).local[0]
     fit = search(model, local, shared, None, RULES.quick if quick else MOST_ITERATIONS)
     fit = unmirrored(fit, len(parts) - 1)
+    fit, part = _taken_in(before, effect, *(fit, part) if quick else _pruned(fit, part))
     if not quick:
-        fit, part = _pruned(fit, part)
         _, fit, part = _mutual(before, effect, _elaborate(before, effect, (_value(before, fit, part), fit, part)))
     return _candidate(before, fit, effect, part)
+
+
+def _taken_in(before: Fit, effect: Effect, fit: Fit, part: Part) -> tuple[Fit, Part]:
+    """The fit with links of sensors that gain nothing by one alone, where what all sensors share has to move with it.
+
+    Beside a loss that changed, a link left out draws half: the change is then less than it is, and most links gain nothing by that.
+    """
+    at, who = len(fit.model.parts) - 1, part.concerns(fit.run.sensors)
+    if not effect.reads_sensors or not any(0 <= c.part != at for c in fit.model.shared):
+        return fit, part
+    if not (~who & (sensor_p_values(fit) < RULES.pattern)).any():
+        return fit, part
+    best, wider = fit, part
+    for more in (completed(fit, at, map(int, np.flatnonzero(~who))), *linked_alike(fit, at)):
+        more, found = _pruned(more, more.model.parts[at])
+        costs = RULES.worth * int((found.concerns(len(who)) & ~wider.concerns(len(who))).sum())
+        if _value(before, more, found) > _value(before, best, wider) + costs:
+            best, wider = more, found
+    return best, wider
 
 
 def _pruned(fit: Fit, part: Part) -> tuple[Fit, Part]:

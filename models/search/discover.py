@@ -18,10 +18,12 @@ from ..core.kernel import Array
 from ..effects.base import Effect
 from ..joint import Fit, fit_model, with_parts
 from ..observations import Observations
-from .candidates import Candidate, in_order, try_add
+from .candidates import Candidate, try_add
 from .dominant import Stage, beats_disturbance, beside_others, explain, foreseen, misfit_power, try_all, weigh
 from .heldout import held_out_errors
 from .judge import least_p, likelihood_ratios, sensor_p_values
+from .mutual import beside_shared
+from .order import in_order
 from .rules import RULES
 from .sets import Spread, larger_sets, total_likelihood_ratio, tried_pairs
 
@@ -34,7 +36,8 @@ class Discovery:
 
     stages are the steps to it where effects were named one after the other, held their errors (S,) [K] on readings left out from
     the base model's on. singles are in the order of their gain; also_possible are those models that fit as well, or for
-    `unexplained` the nearest. ahead_base, ahead (S,) [K] are errors on readings left out.
+    `unexplained` the nearest. ahead_base, ahead (S,) [K] are errors on readings left out. around is the fit of a set that holds
+    what is named and more and leaves no pattern, where that more is not sure enough to be named: sizes may be as it has them.
     """
 
     base: Fit
@@ -48,6 +51,7 @@ class Discovery:
     why: str
     stages: tuple[Stage, ...] = ()
     held: tuple[Array, ...] = ()
+    around: Fit | None = None
 
     @cached_property
     def partly(self) -> bool:
@@ -104,6 +108,7 @@ def discover(
         pairs = tried_pairs(base, singles, effects, sound, spread)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
+    around = named
     if named is not None and _arbitrary(base, named, pairs):
         also, named = [named, *also], None
     if named is not None and not beats_disturbance(base, named, false_alarm, number):
@@ -124,10 +129,12 @@ def discover(
         found = _in_stages([base], [[c] for c in singles], effects, false_alarm, spread)[0]
         found = _of_two(found, pairs, number, false_alarm) or found
         if found.named is not None:
-            return found
+            wider = around is not None and set(found.named.ids) < set(around.ids)
+            return replace(found, around=beside_shared(around.fit)) if around is not None and wider else found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, found.ahead_base, None, "nothing fits")
-    named, also = in_order(named), [in_order(c) for c in also]
+    named = in_order(replace(named, fit=beside_shared(named.fit)))
+    also = [in_order(c) for c in also]
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
         why = "none" if not above else "the error on readings left out does not fall"

@@ -19,9 +19,10 @@ from ..core.tails import chi2_tail
 from ..effects.base import Effect
 from ..joint import Fit, Key, Part, fit_model, with_parts
 from ..noise.spectral import block_means, spectral_likelihood
-from .candidates import Candidate, in_order, once_more, partners, places, try_add
+from .candidates import Candidate, once_more, partners, places, try_add
 from .judge import least_p, likelihood_ratios, sensor_p_values
 from .logged import follows_machine
+from .order import in_order
 from .rules import RULES
 
 

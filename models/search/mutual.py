@@ -1,6 +1,6 @@
 """Links in both directions: a sensor that warms another is warmed by it, whether or not the readings ask for that."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from ..core.kernel import Array
 from ..effects.base import Choice
 from ..joint import RATE, Fit, Key, Part, fit_model, with_parts
+from .rules import RULES
 
 
 def both_ways(fit: Fit) -> Fit:
@@ -18,12 +19,42 @@ def both_ways(fit: Fit) -> Fit:
     """
     for at, part in enumerate(fit.model.parts):
         if part.effect.reads_sensors:
-            fit = _each_its_own(_completed(fit, at), at)
+            fit = _each_its_own(completed(fit, at, range(fit.run.sensors)), at)
     return fit
 
 
-def _completed(fit: Fit, at: int) -> Fit:
-    for sensor in range(fit.run.sensors):
+def beside_shared(fit: Fit) -> Fit:
+    """The fit with its links in both directions where all sensors share something beside them: how large that is depends on these.
+
+    Sensors that hardly move are left as they are: what would flow from them nothing tells.
+    """
+    moved = [int(i) for i in np.flatnonzero(np.ptp(fit.curve, axis=1) > RULES.moved * fit.noise)]
+    for at, part in enumerate(fit.model.parts):
+        if part.effect.reads_sensors and any(0 <= c.part != at for c in fit.model.shared):
+            found = [_each_its_own(other, at) for other in (completed(fit, at, moved), *linked_alike(fit, at, moved))]
+            fit = min((other for other in found if other.physical), key=lambda other: float(other.rss.sum()), default=fit)
+    return fit
+
+
+def linked_alike(fit: Fit, at: int, sensors: Sequence[int] | None = None) -> Iterator[Fit]:
+    """The fit with all sensors, or these, linked both ways in each of the ways in which all of a run may be."""
+    part, parts, n = fit.model.parts[at], [*fit.model.parts], fit.run.sensors
+    for choice in part.effect.choices(fit.run):
+        if choice.simple and choice.by_sensor and go_both_ways([choice.ends(i) for i in range(n)]):
+            who = [bool(sensors is None or i in sensors or w) for i, w in enumerate(part.concerns(n))]
+            parts[at] = Part(part.effect, choice, None if all(who) else tuple(who))
+            values, key = with_parts(fit, parts), Key(at, part.effect.amplitude)
+            yield fit_model(fit.run, parts, values | {key: np.maximum(values[key], 0.5 * fit.values[RATE])})
+
+
+def go_both_ways(ends: Sequence[set[int]]) -> bool:
+    """Whether each of the sensors that a sensor is linked to, ends (S,), is linked to it in turn."""
+    return all(i in ends[j] for i, mine in enumerate(ends) for j in mine)
+
+
+def completed(fit: Fit, at: int, sensors: Iterable[int]) -> Fit:
+    """The fit in which the sensors are also warmed by those that they warm, where that is no worse fit."""
+    for sensor in sensors:
         found = [_with(fit, at, sensor, choice) for choice in _fuller(fit, fit.model.parts[at], sensor)]
         better = [other for other in found if other.physical and other.rss.sum() <= fit.rss.sum() * (1.0 + 1e-9)]
         fit = min(better, key=lambda other: float(other.rss.sum()), default=fit)

@@ -46,6 +46,7 @@ class SearchRules:
         "what a neighbour may lose of a sensor's fit against one that is not warmed by the sensor in turn",
         "four deviations of one parameter: heat is conducted both ways",
     )
+    moved: float = rule(10.0, "noise", "a sensor that moves by less warms no other so that it shows", BY_HAND)
     concerned: float = rule(0.01, "1", "chance at which a sensor's gain makes it one that has the effect", "once in a hundred runs")
     in_part: float = rule(
         0.75,

@@ -20,8 +20,11 @@ from ..search.dominant import misfit
 LEAST, MOST = 0.1, 3.0
 
 
-def disturbed_deviations(fit: Fit) -> dict[Key, Any]:
-    """Standard deviations in search coordinates by (part, name), as :attr:`Fit.deviations`, that a disturbance adds to those."""
+def disturbed_deviations(fit: Fit, around: Fit | None = None) -> dict[Key, Any]:
+    """Standard deviations in search coordinates by (part, name), as :attr:`Fit.deviations`, that a disturbance adds to those.
+
+    around is a fit with more effects that leaves no pattern: what `fit` has may be as far off as it is from what that has.
+    """
     run, rate = fit.run, fit.values[RATE]
     tau = float(np.median(1.0 / rate))
     usual = TYPICAL.background
@@ -36,7 +39,20 @@ def disturbed_deviations(fit: Fit) -> dict[Key, Any]:
     size = float(np.clip(remains / max(expected, 1e-12), LEAST, MOST))
     of_own, of_shared = (size * np.sqrt((moved**2).sum(axis=0)) for moved in (own, shared))
     found: dict[Key, Any] = {c.key: of_own[:, j] for j, c in enumerate(fit.model.local)}
-    return found | {c.key: float(of_shared[j]) for j, c in enumerate(fit.model.shared)}
+    found |= {c.key: float(of_shared[j]) for j, c in enumerate(fit.model.shared)}
+    return found if around is None else {key: np.hypot(value, _apart(fit, around, key)) for key, value in found.items()}
+
+
+def _apart(fit: Fit, around: Fit, key: Key) -> Any:
+    """How far the values of a fit's effect are from those that a fit with more effects has, in search coordinates."""
+    ids = [p.id for p in around.model.parts]
+    if key.part < 0 or fit.model.parts[key.part].id not in ids:
+        return 0.0
+    one, other = fit.values[key], around.values.get(Key(ids.index(fit.model.parts[key.part].id), key.name))
+    column = next(c for c in (*fit.model.local, *fit.model.shared) if c.key == key)
+    if other is None or column.parameter.periodic:
+        return 0.0
+    return np.abs(np.log(other / one) if column.parameter.log else np.asarray(other) - one)
 
 
 def _taken_up(fit: Fit, shapes: Array) -> tuple[Array, Array]:

@@ -196,7 +196,7 @@ def _records(
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
     evidence, advice, status, also = _verdict(task, found, seen)
     times = widening(found.named.fit) if found.named is not None else 1.0
-    beside = disturbed_deviations(found.named.fit) if found.named is not None else None
+    beside = disturbed_deviations(found.named.fit, found.around) if found.named is not None else None
     left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
     advice = f"{experiment_words(after)}; {advice}" if after else advice
     records = []

@@ -165,7 +165,7 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
     for step, stage, ahead, left in zip(shares(found), found.stages, found.held, found.held[1:], strict=False):
         new = [p for p in parts if p.id in str(step["effect"]).split("+")]
         rival = f" (or {step['or']})" if step["or"] else ""
-        said = "; and ".join(_described(named.fit, named.parts.index(p), seen, times) for p in new)
+        said = "; and ".join(_described(named.fit, named.parts.index(p), seen, times, found.around) for p in new)
         # Of an effect that some sensors have, what it does there: all sensors together may hold another misfit, far larger.
         who = np.any([p.concerns(seen.sensors) for p in new], axis=0) if new else np.ones(seen.sensors, dtype=bool)
         share = 100.0 * (float(str(step["share"])) if who.all() else stage.named.share)
@@ -207,20 +207,23 @@ def _steps_by_itself(part: Part) -> bool:
     return bool(part.effect.event and part.effect.uses_sink and not part.choice.constants.get("column"))
 
 
-def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0) -> str:
-    """What part k of a model is, where, and how large; times multiplies the errors that its numbers have under white noise."""
+def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0, around: Fit | None = None) -> str:
+    """What part k of a model is, where, and how large; times multiplies the errors that its numbers have under white noise.
+
+    around is a fit with more effects that leaves no pattern.
+    """
     part = fit.model.parts[k]
     who = part.concerns(seen.sensors)
     sensors = "all sensors" if who.all() else _listed([c for c, w in zip(seen.channels, who, strict=True) if w])
     ways = part.choice.ways(seen.channels, who)
     acts = f" ({_listed(ways)})" if ways else ""
-    numbers = ", ".join(_numbers(fit, k, who, times))
+    numbers = ", ".join(_numbers(fit, k, who, times, around))
     return f"{part.effect.summary}{acts}, in {sensors}: {numbers}{' (95 %)' if '±' in numbers else ''}"
 
 
-def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float) -> list[str]:
+def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float, around: Fit | None) -> list[str]:
     """The values of part k's parameters in words with their 95 % half-widths, where who (S,) have it."""
-    numbers, beside = [], disturbed_deviations(fit)
+    numbers, beside = [], disturbed_deviations(fit, around)
     for name in fit.model.parts[k].effect.parameters:
         key = Key(k, name.name)
         if key not in fit.values or name.periodic:
