@@ -15,7 +15,7 @@ from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 @pytest.mark.parametrize("seed", [703, 708])
 def test_the_size_of_a_change_holds_where_parts_warm_each_other(seed):
-    # 2.5 and 0.5 times the loss: told as 4.6 and 7.8 standard errors off without the links in the other direction.
+    # Told as 4.6 and 7.8 standard errors off where links in one direction only were fitted.
     record, factor = machine("loss", seed)
     rows = tf.diagnose(tf.read(record))
     named = {name for row in rows for name in row.verdict.split("+")}
@@ -36,7 +36,7 @@ def test_a_link_beside_a_change_takes_in_the_sensors_that_gain_nothing_alone():
     moved = np.ptp(before.run.filled, axis=1) > 1.0
     assert part.concerns(before.run.sensors)[moved].all()
     assert found.fit.values[Key(0, "ratio")] == pytest.approx(machine("loss", 708)[1], abs=0.06)
-    assert (before.values[Key(0, "ratio")] - machine("loss", 708)[1]) > 0.1
+    assert (before.values[Key(0, "ratio")] - machine("loss", 708)[1]) > 0.05
 
 
 def test_links_are_completed_only_beside_what_all_sensors_share():
