@@ -76,9 +76,9 @@ def test_what_may_act_again_is_a_partner_once_more():
 
 def test_links_go_both_ways_where_each_neighbour_answers():
     """0 and 1 warm each other, 2 warms nobody."""
-    assert candidates._go_both_ways([{1}, {0}, set()])
-    assert not candidates._go_both_ways([{1}, set(), set()])
-    assert not candidates._go_both_ways([{1}, {2}, {0}])
+    assert mutual.go_both_ways([{1}, {0}, set()])
+    assert not mutual.go_both_ways([{1}, set(), set()])
+    assert not mutual.go_both_ways([{1}, {2}, {0}])
 
 
 def test_the_best_three_looks_of_each_sensor_are_carried_on():

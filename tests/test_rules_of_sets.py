@@ -200,6 +200,7 @@ def search(monkeypatch, base):
     """A search of a run whose singles, pairs and verdicts are told beforehand."""
     told = SimpleNamespace(floor=1e-9, pairs=[], larger=(None, []), beats=True, first=None, ahead={}, ambiguous=False, asked=[])
     monkeypatch.setattr(discover, "fit_model", lambda run: base)
+    monkeypatch.setattr(discover, "beside_shared", lambda fit: fit)
     monkeypatch.setattr(discover, "sensor_p_values", lambda fit: np.array([told.floor]))
     monkeypatch.setattr(discover, "try_add", lambda fit, effect: effect.single)
     monkeypatch.setattr(discover, "tried_pairs", lambda base, singles, effects, good, spread: told.asked.append(good) or told.pairs)

@@ -225,6 +225,8 @@ def _of_every_point(kind: str, directions: Array, found: tuple[int | None, float
 
 def _mixed(shares: Array, sizes: Sequence[tuple[int | None, float, float] | None]) -> tuple[int | None, float | None, float | None]:
     """Sensor, size and deviation of a change that may have come in several ways; None where it has no size."""
+    if not shares.any():  # as unlikely in every way as can be told: which way says nothing
+        shares = np.full(len(sizes), 1.0 / len(sizes))
     likeliest = sizes[int(np.argmax(shares))]
     told = [(s, one) for s, one in zip(shares, sizes, strict=True) if one is not None]
     if likeliest is None or not told:

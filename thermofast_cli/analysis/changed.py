@@ -44,7 +44,11 @@ ROOM = 0.5
 #: Share of a room's drift that a logged room leaves unknown.
 LOGGED_DRIFT = 0.3
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
-APART = 1.0
+APART = 0.5
+#: So much farther than the others did, against each other, between the runs that are compared, or those before [deviations].
+FARTHER = 4.0
+#: Means of a logged column, new runs over old ones, as logarithms: from which they are said, and how near to the change of the heat.
+LOGGED, AS_ASKED = 0.05, 0.1
 #: Share of their rise on which new runs are well up where they begin, beyond the old ones, and how uneven that is in a machine:
 #: another room moves all points alike.
 LATE, UNEVEN = 0.1, 0.1
@@ -133,6 +137,9 @@ def compare_runs(
         begin, stands_for = (starts, 1) if model is None else (first, 1 + len(model.file.also_from))
         found = with_offset(found, begin, levels - starts, many, deviation[len(channels) :], stands_for)
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
+    asked = _asked_for([f.run for f in fits], many) if model is None else {}
+    if verdict == "heat" and any(_accounts_for(found[0], ratio) for ratio in asked.values()):
+        verdict, status = "nothing or heat", "not_determined"
     names = ", ".join(run.name for run, _ in new)
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
     apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
@@ -140,7 +147,9 @@ def compare_runs(
     late = _late(warmer[others], rise[others]) if verdict in ("sensor", "contact") else []
     if late:  # what each sensor does by itself then is how the machine had warmed
         verdict, status = "cannot tell", "not_determined"
-    notes = [*late, *(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
+    if verdict == "nothing" and apart:  # rates and rises do not know of a probe that is off
+        verdict, status = "nothing or sensor", "not_determined"
+    notes = [*late, *_asked_words(asked, verdict), *(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -240,7 +249,7 @@ def _said(c: Change, channels: Sequence[str]) -> str:
 
 def _or_else(likely: Sequence[Change], channels: Sequence[str], status: str) -> list[str]:
     """What it may be as well, where that nothing changed is likeliest and not sure: the next change, with its size."""
-    if status == "ok" or likely[0].kind != "nothing" or len(likely) < 2:
+    if status == "ok" or likely[0].kind != "nothing" or likely[0].probability >= SURE or len(likely) < 2:
         return []
     return [f"it is not sure: with {100.0 * likely[1].probability:.0f} % {_said(likely[1], channels)}"]
 
@@ -308,6 +317,34 @@ def _rooms(first: Array, old: int) -> list[str]:
     return [f"they began at {after:.3g} degC, the old ones at {before:.3g}"] if abs(after - before) > ROOM else []
 
 
+def _asked_for(runs: Sequence[Observations], old: int) -> dict[str, float]:
+    """Of each column that all runs log and of which the new runs had more, or less, than the `old` ones: by which factor."""
+    found = {}
+    for name in runs[0].inputs if all(r.inputs for r in runs) else ():
+        means = np.array([float(np.mean(r.inputs[name][r.used.any(axis=0)])) if name in r.inputs else np.nan for r in runs])
+        if not (np.all(means > 0.0) or np.all(means < 0.0)):
+            continue
+        level = np.log(np.abs(means))
+        moved = float(level[old:].mean() - level[:old].mean())
+        if abs(moved) > max(LOGGED, FARTHER * float(level[:old].std())):
+            found[name] = math.exp(moved)
+    return found
+
+
+def _accounts_for(heat: Change, ratio: float) -> bool:
+    """Whether a column that became `ratio` times as much is why the heat did."""
+    unsure = 1.96 * (heat.deviation or 0.0)
+    return heat.size is not None and abs(math.log(ratio) - heat.size) < max(unsure, AS_ASKED * abs(heat.size))
+
+
+def _asked_words(asked: dict[str, float], verdict: str) -> list[str]:
+    """What to say of logged columns that were not as they were."""
+    words = [f"{name} was {abs(100.0 * (r - 1.0)):.0f} % {'more' if r > 1.0 else 'less'} than in the old runs" for name, r in asked.items()]
+    if words and verdict == "nothing or heat":
+        words.append("so much heat was asked for, and the machine may be as it was: compare runs of the same load")
+    return words
+
+
 def _late(warmer: Array, rise: Array) -> list[str]:
     """What to say where the new runs begin well up on their rise, warmer (S,) [K] each in its way, with `rise` (S,) [K] to go."""
     up = warmer * np.sign(rise)
@@ -323,7 +360,9 @@ def _apart(first: Array, old: int, channels: Sequence[str]) -> list[str]:
     if len(channels) < 2:
         return []
     begun, alone = begun_beside(first, old)
-    far = np.abs(begun[old:].mean(axis=0) - begun[:old].mean(axis=0)) > np.maximum(APART, 4.0 * begun[:old].std(axis=0))
+    went = np.abs(begun[old:].mean(axis=0) - begun[:old].mean(axis=0))
+    others = np.array([float(np.median(np.delete(went, i))) for i in range(len(went))])
+    far = went > np.maximum(APART, FARTHER * np.maximum(begun[:old].std(axis=0), others))
     moved = alone[old:].mean(axis=0) - alone[:old].mean(axis=0)
     words = {True: ("higher", "warmer than they were", "high"), False: ("lower", "colder than they were", "low")}
     found = []
