@@ -133,7 +133,8 @@ def discover(
             return replace(found, around=beside_shared(around.fit)) if around is not None and wider else found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, found.ahead_base, None, "nothing fits")
-    named = in_order(replace(named, fit=beside_shared(named.fit)) if len(named.ids) > 1 else named)
+    whole = beside_shared(named.fit)
+    named = in_order(named if whole is named.fit else replace(named, fit=whole))
     also = [in_order(c) for c in also]
     ahead_base, ahead = held_out_errors(base), held_out_errors(named.fit)
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):

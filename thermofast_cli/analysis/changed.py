@@ -148,7 +148,7 @@ def compare_runs(
     if late:  # what each sensor does by itself then is how the machine had warmed
         verdict, status = "cannot tell", "not_determined"
     if verdict == "nothing" and apart:  # rates and rises do not know of a probe that is off
-        verdict, status = "nothing or sensor", "not_determined"
+        status = "not_determined"
     notes = [*late, *_asked_words(asked, verdict), *(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
