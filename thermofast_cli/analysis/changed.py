@@ -106,9 +106,10 @@ def compare_runs(
     many = max(len(old), 1)
     channels = [c for c in seen[0].channels if all(c in s.channels for s in seen)]
     if not channels:
+        other = min(seen[1:], key=lambda s: len({*s.channels} & {*seen[0].channels}))
         raise UsageError(
             "the runs have no sensor in common",
-            found=f"{seen[0].name}: {', '.join(seen[0].channels[:6])}; {seen[-1].name}: {', '.join(seen[-1].channels[:6])}",
+            found=f"{seen[0].name}: {', '.join(seen[0].channels[:6])}; {other.name}: {', '.join(other.channels[:6])}",
             do="give runs of one machine, their sensors named alike",
         )
     span = min(s.span for s in seen)

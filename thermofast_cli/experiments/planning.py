@@ -60,13 +60,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class Option:
-    """A way to test: its design, what machines do beside the law, what sensors share, and what past runs have told."""
+    """A way to test: its design, what machines do beside the law, what sensors share, and what past runs have told.
+
+    beside: each sensor that was asked for stands beside so many alike, itself among them, which are not waited for.
+    """
 
     name: str
     design: Design
     prior: Imperfection
     rates: Rates = "auto"
     past: Past | None = None
+    beside: int = 1
 
 
 def alternatives(design: Design, prior: Imperfection, past: Past | None = None) -> list[Option]:
@@ -75,7 +79,7 @@ def alternatives(design: Design, prior: Imperfection, past: Past | None = None) 
         Option("as asked", design, prior, past=past),
         Option("readings ten times as often", replace(design, interval_s=design.interval_s / 10.0), prior, past=past),
         Option("half the noise", replace(design, noise_c=design.noise_c / 2.0), prior, past=past),
-        Option("twice the sensors", replace(design, sensors=2 * design.sensors), prior, past=past),
+        Option("twice the sensors", replace(design, sensors=2 * design.sensors), prior, past=past, beside=2),
     ]
     if not prior.none:
         if past is not None:
@@ -237,11 +241,12 @@ def _rises(design: Design, sensors: int) -> Array:
 
 def _curve(option: Option) -> Curve:
     design, past = option.design, option.past
-    sensors = min(design.sensors, MOST_SENSORS)
-    rises, prior, known, shape = _rises(design, sensors), option.prior, None, None
+    sensors = min(design.sensors, MOST_SENSORS) // option.beside * option.beside
+    rises = np.repeat(_rises(design, sensors // option.beside), option.beside)
+    prior, known, shape = option.prior, None, None
     if past is not None:
         told = list(past.shapes.values())
-        own = {str(i): replace(told[i % len(told)], log_rate=-math.log(design.tau_min)) for i in range(sensors)}
+        own = {str(i): replace(told[i // option.beside % len(told)], log_rate=-math.log(design.tau_min)) for i in range(sensors)}
         known, prior = replace(past, shapes=own, rises={}).known(tuple(own)), past.prior(prior)
         shape = known.curve[:, 0] + np.expm1(-known.x)
     half = np.full((DRAWS, len(TURNS)), np.nan)
@@ -261,7 +266,7 @@ def _curve(option: Option) -> Curve:
             part = Part(time, reading, noise, np.zeros(sensors), known=known)
             found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=option.rates)
             width = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
-            half[d, k] = of_all(np.where(found.rate_unknown > 0.5, np.inf, width), prior.none)
+            half[d, k] = of_all(np.where(found.rate_unknown > 0.5, np.inf, width)[:: option.beside], prior.none)
     middle = np.median(half, axis=0)
     half = np.where(np.isfinite(half), half, np.nan)
     return Curve(option.name, TURNS * design.tau_min, np.where(np.isfinite(middle), middle, np.nan), half)

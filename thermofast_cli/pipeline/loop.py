@@ -59,6 +59,11 @@ def loop_tasks(
     ]
 
 
+def _named_alike(started: Sequence[Started]) -> list[Started]:
+    """Runs that are looked at beside each other, with the first one's names where only the unit behind these differs."""
+    return [(named_as(run, started[0][0].channels), start) for run, start in started]
+
+
 def check_ranges(started: Sequence[Started], input_ranges: Sequence[tuple[str, float]]) -> None:
     """Raises UsageError where a range is of a column that a run does not log."""
     for run, _ in started:
@@ -109,7 +114,7 @@ def diagnose_runs(
     ------
     UsageError: a model with runs together, runs together not of one machine, and as :func:`loop_tasks`.
     """
-    tasks = loop_tasks(started, names=effects, **options)
+    tasks = loop_tasks(_named_alike(started) if together else started, names=effects, **options)
     if together and options.get("model") is not None:
         raise UsageError("--together searches beside the base model, and --model takes its place", do="leave one of them out")
     long = bool(options.get("next_experiment"))
@@ -152,7 +157,7 @@ def improve_runs(
     """
     if add and auto:
         raise UsageError("--add and --auto exclude each other", do="name the effects, or let the search name them")
-    tasks = loop_tasks(started, names=add, auto=auto, **options)
+    tasks = loop_tasks(_named_alike(started), names=add, auto=auto, **options)
     if together and tasks:
         work = how or Work()
         all_ = improve_together(tasks)
