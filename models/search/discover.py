@@ -113,6 +113,8 @@ def discover(
         also, named = [named, *also], None
     if named is not None and not beats_disturbance(base, named, false_alarm, number):
         also, named = [named, *also], None
+    if named is not None and _roundabout(base, named, singles):
+        also, named = [named, *also], None
     if named is not None:
         also += _nearly(base, named, also, singles)
     if named is None and above and most > 1 and known is None:
@@ -298,6 +300,17 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
         c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_likelihood_ratio(base, c) > best - RULES.nearly[1]
     ]
     return bool(rivals)
+
+
+def _roundabout(base: Fit, named: Candidate, singles: list[Candidate]) -> bool:
+    """Whether a set draws, with what a background adds, what one effect that is not in it explains nearly all of."""
+    best = max(singles, key=lambda c: total_likelihood_ratio(base, c))
+    if len(named.ids) < 2 + len(base.model.parts) or set(best.ids) <= set(named.ids):
+        return False
+    leaves, gains = RULES.roundabout
+    little = misfit_power(best.fit) <= leaves * misfit_power(base)
+    enough = total_likelihood_ratio(base, best) >= gains * total_likelihood_ratio(base, named)
+    return bool(little and enough and best.identifiable.ok and best.fit.physical)
 
 
 def _nearly(base: Fit, named: Candidate, also: list[Candidate], singles: list[Candidate]) -> list[Candidate]:

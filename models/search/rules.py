@@ -82,6 +82,13 @@ class SearchRules:
         "the same for an effect beside those named: what remains is a machine's usual background",
         BY_HAND,
     )
+    roundabout: tuple[float, float] = rule(
+        (0.001, 0.95),
+        "1",
+        "share of the misfit that one effect may leave at most, and share of a pair's gain that it has at least, to be named before "
+        "a pair without it",
+        "a load that fell to 0.63: a changed loss and a friction that ran in drew it with what the room did",
+    )
     pair_leaves: float = rule(
         0.1,
         "of what the best single effect leaves",
