@@ -12,7 +12,7 @@ from scipy.stats import norm
 import thermofast as tf
 from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
-from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, _size, changes, other_room, scatter, with_room
+from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, _mixed, _size, changes, other_room, scatter, with_room
 
 RISES = np.array([10.0, 7.0, 5.0])
 
@@ -471,3 +471,55 @@ def test_a_copy_of_a_run_is_no_further_run():
         tf.changed([one, two, again], new)
     with pytest.raises(tf.UsageError, match="again is a copy of one"):
         tf.changed([one, two], again)
+
+
+def loaded(rng, name, load, power=None):
+    """A run at a load, which a column tells, or another number in its place."""
+    one = run(rng, name, heat=load)
+    column = 100.0 * (load if power is None else power) + rng.standard_normal(len(one.time_s))
+    return tf.read({"time_min": one.time_s / 60.0, **one.channels, "power_W": column}, name=name)
+
+
+def test_a_heat_that_a_logged_column_asked_for_is_no_change_of_the_machine():
+    rng = np.random.default_rng(5)
+    old = [loaded(rng, "one", 1.0), loaded(rng, "two", 1.0)]
+    told = tf.changed(old, loaded(rng, "new", 0.7))
+    assert (told.verdict, told[0].status) == ("nothing or heat", "not_determined")
+    assert "power_W was 30 % less than in the old runs; so much heat was asked for" in told[0].message
+    # As much power as before, and less heat: the machine's, or what turns power into heat.
+    told = tf.changed(old, loaded(rng, "new", 0.7, power=1.0))
+    assert (told.verdict, told[0].status) == ("heat", "ok")
+    assert "power_W" not in told[0].message
+    # The heat is as it was though twice as much was asked for: said, and left to the reader.
+    told = tf.changed(old, loaded(rng, "new", 1.0, power=2.0))
+    assert told.verdict == "nothing"
+    assert "power_W was 100 % more than in the old runs" in told[0].message
+
+
+def test_nothing_is_not_sure_where_a_sensor_began_elsewhere():
+    rng = np.random.default_rng(3)
+    new = run(rng, "new")
+    columns = {c: v + 0.8 * (c == "b") for c, v in new.channels.items()}
+    told = tf.changed([run(rng, "one")], tf.read({"time_min": new.time_s / 60.0, **columns}, name="high"))
+    assert (told.verdict, told[0].status) == ("nothing", "not_determined")
+    words = r"b began 0\.(79|8|81) K higher against the others than before: warmer than they were, or its probe reads high"
+    assert re.search(words, told[0].message)
+    # All began warmer, each by as much as another: a machine that was warm.
+    told = tf.changed([run(rng, "one")], run(rng, "warm", warm=2.0))
+    assert (told.verdict, told[0].status) == ("nothing", "ok")
+
+
+def test_what_is_as_unlikely_in_every_way_has_a_size_all_the_same():
+    """Of a heat capacity that no way could explain it was said that 0 % of it would have shown."""
+    sizes = [(None, -0.11, 0.08), (None, -0.12, 0.08)]
+    at, size, deviation = _mixed(np.zeros(2), sizes)
+    assert at is None
+    assert (size, deviation) == pytest.approx((-0.115, 0.0802), abs=2e-4)
+
+
+def test_runs_that_share_no_sensor_are_told_by_name():
+    rng = np.random.default_rng(4)
+    one, two = run(rng, "one"), run(rng, "two")
+    other = tf.read({"time_min": one.time_s / 60.0, **{f"z{c}": v for c, v in one.channels.items()}}, name="odd")
+    with pytest.raises(tf.UsageError, match="odd: za, zb, zc"):
+        tf.changed([one, other], two)

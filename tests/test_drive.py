@@ -89,6 +89,11 @@ def test_a_sensor_that_does_not_follow_leaves_the_others_alone(tool, tmp_path):
     frame.to_csv(path, index=False)
     still = json.loads(tool("identify", path, "--drive", "power_W", "--until", 150, "--format", "json", "-q").out)["records"]
     assert all("never changes" in r["message"] for r in still)
+    # The sensors' last readings are missing: the whole record was read all the same (no until: this was a traceback).
+    frame.loc[len(frame) - 2 :, ["T1", "T2", "T3"]] = np.nan
+    frame.to_csv(path, index=False)
+    still = json.loads(tool("identify", path, "--drive", "power_W", "--format", "json", "-q").out)["records"]
+    assert all("never changes while it was read" in r["message"] for r in still)
 
 
 @pytest.mark.parametrize("command", ["identify", "sweep"])

@@ -1,12 +1,14 @@
 """How long a test must run: known limits on machines that are the law, and words where no time will do."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import thermofast as tf
 from thermofast.experiments import planning
+from thermofast.experiments.planning import Design, _curve, alternatives
 from thermofast.models.imperfection import TYPICAL
 from thermofast.models.imperfection.draw import draw_record
 
@@ -136,3 +138,17 @@ def test_a_wish_that_is_reached_but_does_not_stay_is_not_said_to_be_the_machines
     said = planning._why(curve, curve, 1.0, 0.9)
     assert said.startswith("within 7 time constants (455 min) it comes to +-0.9 K at best, but not on half of the machines")
     assert "the readings are the limit" in planning._why(curve, curve, 0.5, 0.9)
+
+
+def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
+    """All of twice as many take longer than the half of them, whatever they tell each other."""
+    monkeypatch.setattr(planning, "DRAWS", 6)
+    monkeypatch.setattr(planning, "TURNS", np.array([1.5, 2.5]))
+    design = Design(sensors=3)
+    asked, twice = (o for o in alternatives(design, TYPICAL) if o.name in ("as asked", "twice the sensors"))
+    assert (asked.beside, twice.beside, twice.design.sensors) == (1, 2, 6)
+    half = _curve(replace(twice, beside=1)).half_width
+    both = np.isfinite(half)
+    assert both.any()
+    assert np.all(_curve(twice).half_width[both] < half[both] * 1.3)
+    assert np.nanmean(_curve(twice).half_width[both] / half[both]) < 1.0

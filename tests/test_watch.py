@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import thermofast as tf
@@ -425,3 +426,25 @@ def test_past_runs_are_advised_where_none_are_counted():
         said = Look(60.0, (row,), (False,), False, tolerance_c=0.1, known=known).words
         assert "the machine is the limit" in said
         assert ("calibrate, or --model" in said) == advised
+
+
+def test_a_load_that_stepped_is_no_reason_to_wait_where_it_is_logged(tmp_path):
+    """Without the column a test whose load steps in the middle is in doubt from there on, to its end."""
+    rng, time = np.random.default_rng(8), np.arange(0.0, 301.0, 6.0)
+    after = np.clip(time - 150.0, 0.0, None)
+    columns = {"time_min": time, "power_W": np.where(time < 150.0, 400.0, 600.0)}
+    for name, rise, tau in (("T1", 8.0, 30.0), ("T2", 6.0, 36.0)):
+        columns[name] = (
+            20.0 - rise * np.expm1(-time / tau) - 0.5 * rise * np.expm1(-after / tau) + 0.02 * rng.standard_normal(len(time))
+        )
+    path = tmp_path / "step.csv"
+    pd.DataFrame(columns).round(3).to_csv(path, index=False)
+    last = tf.watch(path, 0.02, replay="max", drive="power_W", start=0).records
+    assert [r.status for r in last] == ["ok", "ok"]
+    for row, truth in zip(last, (32.0, 29.0), strict=True):
+        assert row.steady_state_lo_c < truth < row.steady_state_hi_c
+        assert row.steady_state_hi_c - row.steady_state_lo_c < 1.0
+    blind = tf.identify(tf.read(path))
+    assert not any(r.status == "ok" and r.steady_state_lo_c > 31.0 and r.steady_state_hi_c < 31.8 for r in blind)
+    with pytest.raises(tf.UsageError, match="speed"):
+        tf.watch(path, replay="max", drive="speed")

@@ -195,6 +195,7 @@ def watch(
     poll: float = 1.0,
     give_up: float | None = None,
     model: "Model | str | Path | None" = None,
+    drive: str | None = None,
     imperfection: "Imperfection | str" = "typical",
     rates: "Rates" = "auto",
     start: Start = "auto",
@@ -204,7 +205,7 @@ def watch(
     """Follow a file while it is written until the test can be stopped (`leave`), or none comes for `give_up` [min]; its last look.
 
     tolerance [K] is the half-width that every sensor is to have; replay (``600x``, ``max``) plays a finished record; `told`
-    hears of every look, `poll` [s] says how often the file is looked at.
+    hears of every look, `poll` [s] says how often the file is looked at. drive: a logged column that the heat follows.
 
     Raises
     ------
@@ -224,7 +225,7 @@ def watch(
 
     method = choose("afukf", None, (), read_imperfection(imperfection), rates)
     how = options_from(reading), str(start), method, tolerance, model_of(model), leave, speed_of(replay), poll, give_up
-    last, run = watch_run(str(source), *how, tell)
+    last, run = watch_run(str(source), *how, tell, drive)
     return Watching(last.records, (run,), looked=last)
 
 

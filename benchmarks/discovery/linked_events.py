@@ -1,7 +1,7 @@
 """A loss or a heat that changed on machines of parts that warm each other: is it named, and is it as large as is told?
 
 python -m benchmarks.discovery.linked_events [--machines 24] [--seed 700] draws machines of three to five lumps in a row, integrated
-by scipy, every one read, with nothing else in them: the loss of all of them, or the heat, becomes another multiple of itself at some
+by scipy, each of them read, with nothing else in them: the loss of all, or the heat, becomes another multiple of itself at some
 time of the record. Each is searched as `diagnose` does. Told are the shares in which the event is named (with the links, or alone),
 in which the size that is told for it holds (95 %), its median half-width, and in which something is named that is not there. Links
 that are left out draw half of such a change: the size told without them is then too small, whatever its standard error.
@@ -74,7 +74,8 @@ def main() -> None:
         sized = [f for f in mine if f[4] is not None and f[2]]
         holds = sum(abs(f[4] or 0.0) <= 1.96 for f in sized)
         wide = np.median([f[5] for f in sized]) if sized else np.nan
-        print(f"| {kind} | {len(mine)} | {sum(f[2] for f in mine)} | {sum(f[3] for f in mine)} | {holds} of {len(sized)} | {wide:.2g} |")
+        counts = f"{len(mine)} | {sum(f[2] for f in mine)} | {sum(f[3] for f in mine)}"
+        print(f"| {kind} | {counts} | {holds} of {len(sized)} | {wide:.2g} |")
     for (kind, seed), (_, verdict, named, other, error, _) in zip(jobs, found, strict=True):
         if not named or other or (error is not None and abs(error) > 1.96):
             print(f"{kind} {seed}: {verdict}, error {'-' if error is None else f'{error:.1f}'} standard errors")

@@ -85,8 +85,8 @@ class SearchRules:
     roundabout: tuple[float, float] = rule(
         (0.001, 0.95),
         "1",
-        "share of the misfit that one effect may leave at most, and share of a pair's gain that it has at least, to be named before "
-        "a pair without it",
+        "share of the misfit that one effect may leave at most, and share of a pair's gain that it has at least, to be named "
+        "before a pair without it",
         "a load that fell to 0.63: a changed loss and a friction that ran in drew it with what the room did",
     )
     pair_leaves: float = rule(

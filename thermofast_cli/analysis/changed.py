@@ -47,7 +47,7 @@ LOGGED_DRIFT = 0.3
 APART = 0.5
 #: So much farther than the others did, against each other, between the runs that are compared, or those before [deviations].
 FARTHER = 4.0
-#: Means of a logged column, new runs over old ones, as logarithms: from which they are said, and how near to the change of the heat.
+#: Means of a logged column, new runs over old ones, as logarithms: from which they are said; how near to the heat's.
 LOGGED, AS_ASKED = 0.05, 0.1
 #: Share of their rise on which new runs are well up where they begin, beyond the old ones, and how uneven that is in a machine:
 #: another room moves all points alike.
@@ -150,7 +150,12 @@ def compare_runs(
         verdict, status = "cannot tell", "not_determined"
     if verdict == "nothing" and apart:  # rates and rises do not know of a probe that is off
         status = "not_determined"
-    notes = [*late, *_asked_words(asked, verdict), *(_rooms(first, many) if first is not None and (model is None or not logged) else []), *apart]
+    notes = [
+        *late,
+        *_asked_words(asked, verdict),
+        *(_rooms(first, many) if first is not None and (model is None or not logged) else []),
+        *apart,
+    ]
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
@@ -340,7 +345,10 @@ def _accounts_for(heat: Change, ratio: float) -> bool:
 
 def _asked_words(asked: dict[str, float], verdict: str) -> list[str]:
     """What to say of logged columns that were not as they were."""
-    words = [f"{name} was {abs(100.0 * (r - 1.0)):.0f} % {'more' if r > 1.0 else 'less'} than in the old runs" for name, r in asked.items()]
+    words = [
+        f"{name} was {abs(100.0 * (r - 1.0)):.0f} % {'more' if r > 1.0 else 'less'} than in the old runs"
+        for name, r in asked.items()
+    ]
     if words and verdict == "nothing or heat":
         words.append("so much heat was asked for, and the machine may be as it was: compare runs of the same load")
     return words

@@ -8,6 +8,7 @@ import click
 from ..shell.options import (
     Finite,
     RunCommand,
+    drive_option,
     filter_options,
     imperfection_options,
     model_option,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 @imperfection_options
 @model_option
 @own_effect_option
+@drive_option
 @filter_options
 @reading_options
 @table_options
@@ -57,6 +59,7 @@ def command(
     rates: "Rates",
     model: str | None,
     extra: tuple[str, ...],
+    drive: str | None,
     filter_name: str,
     preset: str | None,
     settings: tuple[str, ...],
@@ -91,7 +94,7 @@ def command(
     learnt = load_model(model, extra)
     options = options_from({name: value for name, value in reading.items() if name != "start"})
     with shown(tolerance, quiet, jsonl, execute) as tell:
-        last, read = watch_run(run, options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up, tell)
+        last, read = watch_run(run, options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up, tell, drive)
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),

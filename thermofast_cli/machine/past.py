@@ -159,7 +159,7 @@ def _guessed(task: LoopTask) -> Knowledge:
         until = task.run.time_s <= 60.0 * (task.start_min + float(seen.time[seen.last])) + 1e-6
         logged = column[until & np.isfinite(column)]
         if len(logged) < 2 or stays(logged):
-            when = "while it was read" if until.all() else f"before {task.until_min:g} min"
+            when = "while it was read" if until.all() or task.until_min is None else f"before {task.until_min:g} min"
             how = "never changes" if not len(logged) or float(np.ptp(logged)) == 0.0 else "changes by no more than its noise"
             return Knowledge(name, notes=(f"{task.drive} {how} {when}, and it is not counted",))
         mine, strange = followers(task, seen)

@@ -97,8 +97,11 @@ def watch_run(
     poll_s: float = 1.0,
     give_up_min: float | None = None,
     tell: Tell = lambda _look, _notes: None,
+    drive: str | None = None,
 ) -> tuple[Look, Run]:
     """The last look at a growing file (``-``: standard input), and the run it was at; `tell` hears of every look.
+
+    drive: a logged column that the heat follows: what the load did is then known, and a step of it is no reason to wait.
 
     It ends with the input, when `leave` and the test can be stopped, when no reading came for give_up_min, or by an interrupt.
 
@@ -109,10 +112,11 @@ def watch_run(
     begin = None if start == "auto" else float(start)
 
     def identify(run: Run, start_min: float | None) -> tuple[IdentifyRecord, ...]:
-        return tuple(identify_runs([with_start(run, start_min, from_rise(model))], method, None, model, how=Work(1)).records)
+        started = [with_start(run, start_min, from_rise(model, drive))]
+        return tuple(identify_runs(started, method, None, model, drive=drive, how=Work(1)).records)
 
     def happened(run: Run, minute: float) -> bool:
-        return events_before(with_start(run, begin, from_rise(model)), minute)
+        return events_before(with_start(run, begin, from_rise(model, drive)), minute)
 
     watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong, happened, begin)
     if speed is not None:
