@@ -504,6 +504,8 @@ def test_nothing_is_not_sure_where_a_sensor_began_elsewhere():
     assert (told.verdict, told[0].status) == ("nothing", "not_determined")
     words = r"b began 0\.(79|8|81) K higher against the others than before: warmer than they were, or its probe reads high"
     assert re.search(words, told[0].message)
+    assert "a probe that is off only shows beside two old runs and more" in told[0].message
+    assert "a probe" not in tf.changed([run(rng, "one"), run(rng, "two")], run(rng, "three"))[0].message.replace("one probe by", "")
     # All began warmer, each by as much as another: a machine that was warm.
     told = tf.changed([run(rng, "one")], run(rng, "warm", warm=2.0))
     assert (told.verdict, told[0].status) == ("nothing", "ok")

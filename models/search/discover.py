@@ -37,7 +37,7 @@ class Discovery:
     stages are the steps to it where effects were named one after the other, held their errors (S,) [K] on readings left out from
     the base model's on. singles are in the order of their gain; also_possible are those models that fit as well, or for
     `unexplained` the nearest. ahead_base, ahead (S,) [K] are errors on readings left out. around is the fit of a set that holds
-    what is named and more and leaves no pattern, where that more is not sure enough to be named: sizes may be as it has them.
+    what is named and more, and leaves far less, where that more is not sure enough to be named: sizes may be as it has them.
     """
 
     base: Fit
@@ -131,8 +131,8 @@ def discover(
         found = _in_stages([base], [[c] for c in singles], effects, false_alarm, spread)[0]
         found = _of_two(found, pairs, number, false_alarm) or found
         if found.named is not None:
-            wider = around is not None and set(found.named.ids) < set(around.ids)
-            return replace(found, around=beside_shared(around.fit)) if around is not None and wider else found
+            wider = _around(found.named, [around, *pairs] if around is not None else pairs)
+            return replace(found, around=beside_shared(wider.fit)) if wider is not None else found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, found.ahead_base, None, "nothing fits")
     whole = beside_shared(named.fit)
@@ -300,6 +300,13 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
         c for c in pairs if set(c.ids) != set(named.ids) and c.at_floor and total_likelihood_ratio(base, c) > best - RULES.nearly[1]
     ]
     return bool(rivals)
+
+
+def _around(named: Candidate, sets: Sequence[Candidate]) -> Candidate | None:
+    """The first of some sets that has an effect more than what is named and takes away half of what that leaves."""
+    left = (1.0 - RULES.takes) * misfit_power(named.fit)
+    more = (c for c in sets if set(named.ids) < set(c.ids) and c.identifiable.ok and c.fit.physical)
+    return next((c for c in more if misfit_power(c.fit) <= left), None)
 
 
 def _roundabout(base: Fit, named: Candidate, singles: list[Candidate]) -> bool:

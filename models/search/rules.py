@@ -98,6 +98,13 @@ class SearchRules:
     pair_rival: float = rule(3.0, "times", "what such two leave, up to which other two may be as good", BY_HAND)
     beyond_pair: float = rule(4.0, "times what chance gives", "evidence asked of each of such two beside the other", BY_HAND)
     least_share: float = rule(0.25, "1", "share of the misfit that an effect must explain to be named so", BY_HAND)
+    takes: float = rule(
+        0.5,
+        "1",
+        "share of what a named effect leaves that one more must take away, not sure enough to be named, for the first one's size to "
+        "be told as uncertain as this has it",
+        "benchmarks.discovery.linked_events: links are seldom surer than a disturbance, and draw half of a change of the loss",
+    )
     mostly: float = rule(
         0.9,
         "1",

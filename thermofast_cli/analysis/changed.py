@@ -157,7 +157,7 @@ def compare_runs(
         *apart,
     ]
     if verdict.startswith("nothing") or verdict == "cannot tell":
-        notes.append(_visible(found))
+        notes.append(_visible(found, len(channels)))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
         notes.append("so much differs that they may be another machine's, or of sensors in other places")
     left = sorted({c for s in seen for c in s.channels} - set(channels))
@@ -290,15 +290,16 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
     )
 
 
-def _visible(found: Sequence[Change]) -> str:
-    """How large a change would most likely have shown."""
+def _visible(found: Sequence[Change], sensors: int) -> str:
+    """How large a change would most likely have shown, of so many sensors."""
     sizes = [
         f"{c.kind} by {rounded(100.0 * math.expm1(SHOWS * c.deviation))} %"
         for c in found
         if c.kind in WHOLE and c.deviation is not None
     ]
     sizes += [f"one probe by {rounded(SHOWS * c.shows)} K" for c in found if c.kelvin and c.kind == "sensor" and c.shows]
-    return f"would most likely have shown: {', '.join(sizes)}"
+    alone = "" if sensors < 3 or any(c.kelvin for c in found) else "; a probe that is off only shows beside two old runs and more"
+    return f"would most likely have shown: {', '.join(sizes)}{alone}"
 
 
 def _first(seen: Sequence[Observations], channels: Sequence[str], model: Model | None) -> Array | None:
