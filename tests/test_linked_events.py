@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from benchmarks.discovery.linked_events import machine
+from benchmarks.analysis.linked_events import machine
 from thermofast.discovery.observe import observe
 from thermofast.models.effects import CoolingSwitch, NeighbourHeat
 from thermofast.models.joint import Key, Part, fit_model

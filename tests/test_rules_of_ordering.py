@@ -8,7 +8,7 @@ import pytest
 from thermofast.models.effects.base import Choice
 from thermofast.models.joint import RATE, Key
 from thermofast.models.noise.spectral import block_means, spectral_likelihood
-from thermofast.models.search import candidates, dominant
+from thermofast.models.search import dominant, order
 
 
 def _fit(residual, parts=(), searched=4, noise=0.1):
@@ -144,7 +144,7 @@ def _twice(monkeypatch, values, event=None, who=((True, True), (True, True))):
         candidates, "search", lambda model, values, parts, most: SimpleNamespace(values=values, model=model, most=most)
     )
     fit = SimpleNamespace(model=SimpleNamespace(parts=tuple(parts)), values=values, run=SimpleNamespace(sensors=2))
-    return candidates.in_order(candidates.Candidate(fit, np.zeros(2), 0.5))
+    return order.in_order(candidates.Candidate(fit, np.zeros(2), 0.5))
 
 
 def test_of_two_the_slower_stands_behind_the_faster_in_each_sensor(monkeypatch):

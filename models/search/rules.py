@@ -103,7 +103,7 @@ class SearchRules:
         "1",
         "share of what a named effect leaves that one more must take away, not sure enough to be named, for its "
         "size to be told as uncertain as this has it",
-        "benchmarks.discovery.linked_events: links are seldom surer than a disturbance, and draw half of a change of the loss",
+        "benchmarks.analysis.linked_events: links are seldom surer than a disturbance, and draw half of a change of the loss",
     )
     mostly: float = rule(
         0.9,

@@ -1,6 +1,6 @@
 """A loss or a heat that changed on machines of parts that warm each other: is it named, and is it as large as is told?
 
-python -m benchmarks.discovery.linked_events [--machines 24] [--seed 700] draws machines of three to five lumps in a row, integrated
+python -m benchmarks.analysis.linked_events [--machines 24] [--seed 700] draws machines of three to five lumps in a row, integrated
 by scipy, each of them read, with nothing else in them: the loss of all, or the heat, becomes another multiple of itself at some
 time of the record. Each is searched as `diagnose` does. Told are the shares in which the event is named (with the links, or alone),
 in which the size that is told for it holds (95 %), its median half-width, and in which something is named that is not there. Links
