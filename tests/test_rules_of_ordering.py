@@ -8,7 +8,7 @@ import pytest
 from thermofast.models.effects.base import Choice
 from thermofast.models.joint import RATE, Key
 from thermofast.models.noise.spectral import block_means, spectral_likelihood
-from thermofast.models.search import dominant, order
+from thermofast.models.search import candidates, dominant, order
 
 
 def _fit(residual, parts=(), searched=4, noise=0.1):
@@ -139,10 +139,8 @@ def _twice(monkeypatch, values, event=None, who=((True, True), (True, True))):
     for name, number, concerned in (("load", 1, who[0]), ("door", 1, who[0]), ("load", 2, who[1])):
         effect = _Effect(name=name, number=number, event=event, parameters=[pace, size])
         parts.append(candidates.Part(effect, Choice(f"{name} {number}"), concerned))
-    monkeypatch.setattr(candidates, "Model", lambda run, parts: SimpleNamespace(parts=parts, vector=lambda values: (values, parts)))
-    monkeypatch.setattr(
-        candidates, "search", lambda model, values, parts, most: SimpleNamespace(values=values, model=model, most=most)
-    )
+    monkeypatch.setattr(order, "Model", lambda run, parts: SimpleNamespace(parts=parts, vector=lambda values: (values, parts)))
+    monkeypatch.setattr(order, "search", lambda model, values, parts, most: SimpleNamespace(values=values, model=model, most=most))
     fit = SimpleNamespace(model=SimpleNamespace(parts=tuple(parts)), values=values, run=SimpleNamespace(sensors=2))
     return order.in_order(candidates.Candidate(fit, np.zeros(2), 0.5))
 
