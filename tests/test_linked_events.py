@@ -1,5 +1,7 @@
 """A loss that changed on a machine of parts that warm each other: its size is told with the links in both directions."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,17 @@ def test_the_size_of_a_change_holds_where_parts_warm_each_other(seed):
     assert "cooling_switch" in named
     assert named <= {"cooling_switch", "neighbour_heat"}
     assert abs(size["value"] - factor) < 1.96 * size["standard_error"] < 0.5 * abs(factor - 1.0) + 0.1
+
+
+def test_a_change_that_is_named_alone_is_as_uncertain_as_links_would_make_it():
+    # Told as 5.2 standard errors off where only the change was asked how sure it is.
+    record, factor = machine("loss", 7715)
+    row = tf.diagnose(tf.read(record))[0]
+    size = row.parameters["cooling_switch.ratio"]
+    assert row.verdict == "cooling_switch"
+    assert abs(size["value"] - factor) < 1.96 * size["standard_error"]
+    said = float(re.search(r"ratio \S+ ± (\S+),", row.message)[1])
+    assert said == pytest.approx(1.96 * size["standard_error"], rel=0.5)
 
 
 def switched(seed):

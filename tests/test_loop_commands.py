@@ -470,3 +470,26 @@ def test_a_sensor_may_be_warmed_by_two_neighbours(tool, tmp_path):
     assert links == pytest.approx([0.01, 0.015], rel=0.1)
     assert last["rmse_ahead_c"] < 0.012
     assert next(r for r in steps if r["step"] == 0 and r["channel"] == "T_a")["rmse_ahead_c"] > 0.03
+
+
+def test_runs_learnt_together_may_be_exported_in_other_units(tool, tmp_path):
+    """`T1 [degF]` of one run is `T1` of another, in the model, in every row and on the page."""
+    time, paths = np.arange(0.0, 241.0, 2.0), []
+    for k, (unit, scale, zero) in enumerate((("", 1.0, 0.0), (" [degF]", 1.8, 32.0), ("", 1.0, 0.0))):
+        rng = np.random.default_rng(k)
+        columns = {"time_min": time}
+        for name, rise, tau in (("T1", 8.0, 40.0), ("T2", 12.0, 55.0)):
+            told = 20.0 - (1.0 + 0.1 * k) * rise * np.expm1(-time / tau) + 0.02 * rng.standard_normal(len(time))
+            columns[f"{name}{unit}"] = scale * told + zero
+        paths.append(tmp_path / f"run{k}.csv")
+        pd.DataFrame(columns).round(3).to_csv(paths[-1], index=False)
+    page, model = tmp_path / "page.html", tmp_path / "machine.toml"
+    told = tool("improve", *paths, "--together", "-o", model, "-o", page, "--format", "json", "-q")
+    assert told.code == 0
+    assert {r["channel"] for r in json.loads(told.out)["records"]} == {"T1", "T2"}
+    assert tuple(read_model(str(model)).channels) == ("T1", "T2")
+    assert page.read_text().count("T1 [degF]") == 2  # what is said of the reading alone
+    searched = tool("diagnose", *paths[:2], "--together", "--format", "json", "-q")
+    assert {(r["run"], r["channel"]) for r in json.loads(searched.out)["records"]} == {
+        (str(p), c) for p in paths[:2] for c in ("T1", "T2")
+    }

@@ -142,7 +142,7 @@ def test_a_wish_that_is_reached_but_does_not_stay_is_not_said_to_be_the_machines
 
 def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
     """All of twice as many take longer than the half of them, whatever they tell each other."""
-    monkeypatch.setattr(planning, "DRAWS", 6)
+    monkeypatch.setattr(planning, "DRAWS", 4)
     monkeypatch.setattr(planning, "TURNS", np.array([1.5, 2.5]))
     design = Design(sensors=3)
     asked, twice = (o for o in alternatives(design, TYPICAL) if o.name in ("as asked", "twice the sensors"))
@@ -152,3 +152,16 @@ def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
     assert both.any()
     assert np.all(_curve(twice).half_width[both] < half[both] * 1.3)
     assert np.nanmean(_curve(twice).half_width[both] / half[both]) < 1.0
+    # As many are waited for with either, however many were asked for.
+    assert planning.MOST_SENSORS == 12
+    drawn = []
+    monkeypatch.setattr(planning, "DRAWS", 1)
+    monkeypatch.setattr(
+        planning,
+        "draw_record",
+        lambda prior, time, tau, rises, *rest: drawn.append(rises) or draw_record(prior, time, tau, rises, *rest),
+    )
+    for option in (o for o in alternatives(Design(sensors=30), TYPICAL) if o.name in ("as asked", "twice the sensors")):
+        _curve(option)
+    assert sorted({len(r) for r in drawn}) == [12, 24]
+    assert drawn[-1][::2] == pytest.approx(drawn[0])

@@ -489,3 +489,28 @@ def test_a_pair_stands_behind_that_of_its_effects_which_is_there_by_itself(monke
     assert discover._behind_a_single(base, pair, [_set("b", 9.0), _set("a", 90.0)])[1].ids == ("b",)
     assert discover._behind_a_single(base, pair, [_set("c", 9.0)]) == (pair, None)
     assert len(asked) == 1
+
+
+def test_a_pair_is_not_named_around_one_effect_that_explains_nearly_all(base):
+    """That leaves a thousandth of the misfit, gains 95 % of what the pair does, is no part of it, determined and possible."""
+    pair = _made("a+b", 1000.0, left=0.01)
+    near = {"left": 0.09, "at_floor": False}
+    assert discover._roundabout(base, pair, [_made("a", 600.0, left=5.0), _made("c", 960.0, **near)])
+    for other in (
+        _made("c", 940.0, **near),
+        _made("c", 960.0, **(near | {"left": 0.11})),
+        _made("c", 960.0, **near, ok=False),
+        _made("c", 960.0, **near, physical=False),
+        _made("a", 960.0, **near),
+    ):
+        assert not discover._roundabout(base, pair, [other])
+    assert not discover._roundabout(base, _made("a", 1000.0), [_made("c", 960.0, **near)])
+
+
+def test_the_size_of_what_is_named_is_told_beside_the_best_pair_that_holds_it(base):
+    """One that takes away half of what it leaves, and is determined and possible."""
+    named = _made("a", 500.0, left=4.0)
+    best, other = _made("a+b", 900.0, left=1.0), _made("a+c", 800.0, left=0.5)
+    pairs = [other, _made("b+c", 990.0, left=0.1), best, _made("a+d", 950.0, left=2.1), _made("a+e", 950.0, left=0.1, ok=False)]
+    assert discover._around(base, named, pairs) is best
+    assert discover._around(base, named, [_made("a+d", 950.0, left=2.1), _made("a+e", 950.0, left=0.1, physical=False)]) is None

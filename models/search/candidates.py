@@ -13,7 +13,7 @@ from ..effects.base import Choice, Effect
 from ..joint import LEVEL, MOST_ITERATIONS, RATE, START, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
 from .judge import Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
-from .mutual import completed, go_both_ways, linked_alike
+from .mutual import completed, go_both_ways, linked_alike, ways_for_all
 from .rules import RULES
 from .scan import Scan, own_starts, scan, shared_starts
 
@@ -238,9 +238,7 @@ def _mutual(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple
     if not part.choice.by_sensor or not part.concerns(run.sensors).all() or go_both_ways(ends):
         return best
     found = best
-    for choice in effect.choices(run):
-        if not choice.by_sensor or not go_both_ways([choice.ends(i) for i in range(run.sensors)]):
-            continue
+    for choice in ways_for_all(effect, run):
         other = Part(effect, choice)
         parts = [*before.model.parts, other]
         key = Key(len(parts) - 1, effect.amplitude)

@@ -108,7 +108,6 @@ def discover(
         pairs = tried_pairs(base, singles, effects, sound, spread)
     finalists = good + [c for c in pairs if passes(c)]
     named, also = _choose(base, finalists)
-    around = named
     if named is not None and _arbitrary(base, named, pairs):
         also, named = [named, *also], None
     if named is not None and not beats_disturbance(base, named, false_alarm, number):
@@ -131,8 +130,8 @@ def discover(
         found = _in_stages([base], [[c] for c in singles], effects, false_alarm, spread)[0]
         found = _of_two(found, pairs, number, false_alarm) or found
         if found.named is not None:
-            wider = _around(found.named, [around, *pairs] if around is not None else pairs)
-            return replace(found, around=beside_shared(wider.fit)) if wider is not None else found
+            around = _around(base, found.named, pairs)
+            return replace(found, around=beside_shared(around.fit)) if around is not None else found
         near = also or [*singles[:1], *sorted(pairs, key=lambda c: -total_likelihood_ratio(base, c))[:2]]
         return Discovery(base, floor, tuple(singles), None, tuple(near), p, found.ahead_base, None, "nothing fits")
     whole = beside_shared(named.fit)
@@ -302,11 +301,12 @@ def _arbitrary(base: Fit, named: Candidate, pairs: list[Candidate]) -> bool:
     return bool(rivals)
 
 
-def _around(named: Candidate, sets: Sequence[Candidate]) -> Candidate | None:
-    """The first of some sets that has an effect more than what is named and takes away half of what that leaves."""
+def _around(base: Fit, named: Candidate, pairs: Sequence[Candidate]) -> Candidate | None:
+    """The best pair that holds what is named and takes away half of what that leaves; mostly None."""
     left = (1.0 - RULES.takes) * misfit_power(named.fit)
-    more = (c for c in sets if set(named.ids) < set(c.ids) and c.identifiable.ok and c.fit.physical)
-    return next((c for c in more if misfit_power(c.fit) <= left), None)
+    more = [c for c in pairs if set(named.ids) < set(c.ids) and c.identifiable.ok and c.fit.physical]
+    more = [c for c in more if misfit_power(c.fit) <= left]
+    return max(more, key=lambda c: total_likelihood_ratio(base, c), default=None)
 
 
 def _roundabout(base: Fit, named: Candidate, singles: list[Candidate]) -> bool:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..core.kernel import Array
-from ..effects.base import Choice
+from ..effects.base import Choice, Effect
 from ..joint import RATE, Fit, Key, Part, fit_model, with_parts
+from ..observations import Observations
 from .rules import RULES
 
 
@@ -36,15 +37,21 @@ def beside_shared(fit: Fit) -> Fit:
     return fit
 
 
-def linked_alike(fit: Fit, at: int, sensors: Sequence[int] | None = None) -> Iterator[Fit]:
-    """The fit with all sensors, or these, linked both ways in each of the ways in which all of a run may be."""
+def linked_alike(fit: Fit, at: int, sensors: Sequence[int] = ()) -> Iterator[Fit]:
+    """The fit with all sensors, or these and those that are linked, linked in each plain way in which all of a run may be."""
     part, parts, n = fit.model.parts[at], [*fit.model.parts], fit.run.sensors
-    for choice in part.effect.choices(fit.run):
-        if choice.simple and choice.by_sensor and go_both_ways([choice.ends(i) for i in range(n)]):
-            who = [bool(sensors is None or i in sensors or w) for i, w in enumerate(part.concerns(n))]
+    who = [not sensors or i in sensors or bool(w) for i, w in enumerate(part.concerns(n))]
+    for choice in ways_for_all(part.effect, fit.run):
+        if choice.simple:
             parts[at] = Part(part.effect, choice, None if all(who) else tuple(who))
             values, key = with_parts(fit, parts), Key(at, part.effect.amplitude)
             yield fit_model(fit.run, parts, values | {key: np.maximum(values[key], 0.5 * fit.values[RATE])})
+
+
+def ways_for_all(effect: Effect, run: Observations) -> list[Choice]:
+    """The ways of acting in which every sensor of a run is linked, each to those that are linked to it in turn."""
+    sensors = range(run.sensors)
+    return [c for c in effect.choices(run) if c.by_sensor and go_both_ways([c.ends(i) for i in sensors])]
 
 
 def go_both_ways(ends: Sequence[set[int]]) -> bool:

@@ -52,7 +52,10 @@ def _apart(fit: Fit, around: Fit, key: Key) -> Any:
     column = next(c for c in (*fit.model.local, *fit.model.shared) if c.key == key)
     if other is None or column.parameter.periodic:
         return 0.0
-    return np.abs(np.log(other / one) if column.parameter.log else np.asarray(other) - one)
+    if not column.parameter.log:
+        return np.abs(np.asarray(other) - one)
+    with np.errstate(all="ignore"):  # a sensor that does not have it, here or there, is not apart
+        return np.nan_to_num(np.abs(np.log(np.asarray(other) / one)), nan=0.0, posinf=0.0)
 
 
 def _taken_up(fit: Fit, shapes: Array) -> tuple[Array, Array]:

@@ -241,8 +241,8 @@ def _rises(design: Design, sensors: int) -> Array:
 
 def _curve(option: Option) -> Curve:
     design, past = option.design, option.past
-    sensors = min(design.sensors, MOST_SENSORS) // option.beside * option.beside
-    rises = np.repeat(_rises(design, sensors // option.beside), option.beside)
+    asked = min(design.sensors // option.beside, MOST_SENSORS)
+    sensors, rises = asked * option.beside, np.repeat(_rises(design, asked), option.beside)
     prior, known, shape = option.prior, None, None
     if past is not None:
         told = list(past.shapes.values())

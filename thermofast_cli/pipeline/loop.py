@@ -114,7 +114,8 @@ def diagnose_runs(
     ------
     UsageError: a model with runs together, runs together not of one machine, and as :func:`loop_tasks`.
     """
-    tasks = loop_tasks(_named_alike(started) if together else started, names=effects, **options)
+    started = _named_alike(started) if together else started
+    tasks = loop_tasks(started, names=effects, **options)
     if together and options.get("model") is not None:
         raise UsageError("--together searches beside the base model, and --model takes its place", do="leave one of them out")
     long = bool(options.get("next_experiment"))
@@ -157,7 +158,8 @@ def improve_runs(
     """
     if add and auto:
         raise UsageError("--add and --auto exclude each other", do="name the effects, or let the search name them")
-    tasks = loop_tasks(_named_alike(started), names=add, auto=auto, **options)
+    started = _named_alike(started)
+    tasks = loop_tasks(started, names=add, auto=auto, **options)
     if together and tasks:
         work = how or Work()
         all_ = improve_together(tasks)
