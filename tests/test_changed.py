@@ -480,12 +480,15 @@ def loaded(rng, name, load, power=None):
     return tf.read({"time_min": one.time_s / 60.0, **one.channels, "power_W": column}, name=name)
 
 
-def test_a_heat_that_a_logged_column_asked_for_is_no_change_of_the_machine():
+def test_a_heat_that_a_logged_column_asked_for_is_no_change_of_the_machine(tmp_path):
     rng = np.random.default_rng(5)
     old = [loaded(rng, "one", 1.0), loaded(rng, "two", 1.0)]
     told = tf.changed(old, loaded(rng, "new", 0.7))
     assert (told.verdict, told[0].status) == ("nothing or heat", "not_determined")
     assert "power_W was 30 % less than in the old runs; so much heat was asked for" in told[0].message
+    assert all(type(row.difference_k) in (float, type(None)) for row in told)
+    told.save(tmp_path / "page.html")  # with two old runs a probe has a size: the page was a traceback
+    assert "power_W was 30 % less" in (tmp_path / "page.html").read_text()
     # As much power as before, and less heat: the machine's, or what turns power into heat.
     told = tf.changed(old, loaded(rng, "new", 0.7, power=1.0))
     assert (told.verdict, told[0].status) == ("heat", "ok")

@@ -291,7 +291,7 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     i = int(np.argmax(odds))
     share = float(odds[i] / (1.0 + odds[i]))
     others = [replace(c, probability=c.probability * (1.0 - share)) for c in found]
-    size = float(alone[old:, i].mean() - alone[:old, i].mean()) * PROBE**2 / (PROBE**2 + variance)
+    size = float((alone[old:, i].mean() - alone[:old, i].mean()) * PROBE**2 / (PROBE**2 + variance))
     deviation, shows = float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), float(np.sqrt(variance + unsure[i]))
     probe = Change("sensor", i, share, size, deviation, kelvin=True, shows=shows)
     return sorted([probe, *others], key=lambda c: -c.probability)

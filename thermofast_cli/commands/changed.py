@@ -50,7 +50,8 @@ def command(
 
     Every sensor of every run gives a rate and a rise, over the length of the shortest run; each kind of change moves them in its
     own way. One row for each kind, the likeliest first, with its size and 95 % interval; run-to-run scatter is counted, and is
-    better known from more earlier runs. The tests must be alike: the same heat asked for, the same places of the sensors.
+    better known from more earlier runs. The tests must be alike: the same heat asked for, the same places of the
+    sensors. A power or speed that all runs log, and that was not as it was, is told; it may be why the heat changed.
     """
     from ..errors import UsageError
     from ..output.screen import interval, number, percent, text

@@ -120,9 +120,14 @@ def _ranking(rows: Sequence[dict[str, Any]]) -> str:
     return f"<h2>Ranking of the effects</h2>{''.join(parts)}" if parts else ""
 
 
+def _there(value: Any) -> bool:
+    """Whether a cell says anything; a number of numpy's does, and is not to be compared with a list."""
+    return isinstance(value, int | float) or value not in (None, "", [], {})
+
+
 def _table(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
     """The records without columns that are empty throughout, to be sorted, copied and saved."""
-    kept = [c for c in columns if any(r[c] not in (None, "", [], {}) for r in rows)]
+    kept = [c for c in columns if any(_there(r[c]) for r in rows)]
     head = "".join(f'<th scope="col"><button type="button">{escape(c)}</button></th>' for c in kept)
     body = "".join(f"<tr>{''.join(_cell(c, r[c]) for c in kept)}</tr>" for r in rows)
     tools = (
