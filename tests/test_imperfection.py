@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
 import thermofast as tf
@@ -667,3 +668,19 @@ def test_a_machine_that_is_warm_where_its_record_begins_may_be_on_its_way():
         "body"
     ]
     assert room.steady_state_hi_c > limit
+
+
+def test_where_a_slow_mass_leaves_the_limit_open_so_it_does_the_settling_time():
+    """Two exponentials, the slow one ten times as slow with a quarter of the rise: the time is known no better than the limit.
+
+    By the slope of the law alone the time ended where four fifths of what was left were still to come.
+    """
+    rng, time = np.random.default_rng(11), np.arange(0.0, 400.0)
+    fast, slow, tau = np.array([6.0, 7.5, 9.0]), np.array([2.0, 2.5, 3.2]), 50.0
+    rise = fast[:, None] * -np.expm1(-time / tau) + slow[:, None] * -np.expm1(-time / (10.0 * tau))
+    table = {"time_min": time} | {f"T{i}": 20.0 + line + rng.normal(0.0, 0.02, time.size) for i, line in enumerate(rise)}
+    for record, one, other in zip(tf.identify(table, until=200.0), fast, slow, strict=True):
+        done = brentq(lambda t, a=one, b=other: a * np.exp(-t / tau) + b * np.exp(-t / 500.0) - 0.05 * (a + b), 0.0, 1e4)
+        assert record.steady_state_lo_c <= 20.0 + one + other <= record.steady_state_hi_c
+        assert record.t95_lo_min <= done <= record.t95_hi_min
+        assert record.t95_hi_min < 2.0 * done

@@ -50,6 +50,42 @@ def test_from_half_of_the_5_percent_on_the_tangent_stands():
     assert (nowhere[0][0], nowhere[1][0]) == (pytest.approx(math.log(20.0) / 0.02), 1e6)
 
 
+@pytest.mark.parametrize("mode", [0.05, 0.1, 0.4])
+@pytest.mark.parametrize("size", [1e-4, 0.02, 0.45, 5.0])
+def test_behind_a_slow_part_95_percent_are_where_scipy_finds_them(mode, size):
+    """exp(-x) + p exp(-mode x) = 0.05 (1 + p) by brentq, its slope by a difference; three parts make one normal."""
+    turns, b, rise = math.log(20.0), 0.02, -10.0
+
+    def settles(p):
+        return brentq(lambda x: math.exp(-x) + p * math.exp(-mode * x) - 0.05 * (1.0 + p), 0.0, 400.0)
+
+    def ahead(p):
+        return np.array([rise * p * (0.05 - math.exp(-mode * turns))])
+
+    spread = np.array([1e-3 * abs(ahead(size)[0])])
+    shares, time, deviation = numerics.settled_behind(
+        np.array([b]), np.array([rise]), ahead(size), spread, turns, 1.0, np.array([mode])
+    )
+    sizes = size * (1.0 + 1e-3 * numerics.NODES)
+    assert time[:, 0] == pytest.approx([settles(p) / b for p in sizes], rel=1e-7)
+    slope = (settles(size * 1.0001) - settles(size * 0.9999)) / (0.0002 * size)
+    assert deviation[1, 0] == pytest.approx(slope * size * 1e-3 * numerics.WITHIN_NODE / b, rel=1e-3)
+    assert shares.sum() == pytest.approx(1.0)
+    assert (shares[:, 0] * (numerics.NODES**2 + numerics.WITHIN_NODE**2)).sum() == pytest.approx(1.0)
+
+
+def test_ahead_of_the_law_a_slow_part_settles_as_any_other():
+    """What is done sooner is not waited for; no rise at all leaves times finite."""
+    given = np.array([0.02]), np.array([10.0]), np.array([0.4]), np.array([1e-9])
+    assert numerics.settled_behind(*given, math.log(20.0), 1.0, np.array([0.1]))[1][:, 0] == pytest.approx(
+        numerics.settled_after(*given, math.log(20.0), 1.0)[0][0]
+    )
+    nowhere = numerics.settled_behind(
+        np.array([0.02]), np.zeros(1), np.array([0.4]), np.ones(1), math.log(20.0), 1.0, np.array([0.1])
+    )
+    assert all(np.isfinite(part).all() for part in nowhere)
+
+
 def test_slope_of_a_law_is_that_of_weighted_least_squares():
     """By numpy's polyfit, each mean weighed by its variance; nothing for a law that stands still."""
     rng = np.random.default_rng(1)

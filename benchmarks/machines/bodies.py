@@ -1,13 +1,14 @@
 """Bodies of many kinds, far from one exponential: does ``identify`` hold what it says of the first part of their records?
 
 python -m benchmarks.machines.bodies [--each 10] [--seed 70000] [--kinds rod,motor,...] [--read 0.3,0.5,1,2] prints, by how much
-was read (in median times to 63 % of the sensors' rises): the share of rows that are ``ok``, how many of these and of all hold the
-limit with room and load as they are, the median half-width over the rise, and the mean interval score (Winkler, 95 %) over the
-rise. Networks of heat capacities [J/K] and conductances [W/K] by scipy's LSODA. The size of strong effects and how far slow ones
-lean were chosen on such machines by another hand. --calibrated 12: after `calibrate` on twelve complete runs of other machines of
-each kind. --past 3: with a model of three complete runs of the same machine, each with a load (5 %, 1 sd), a room (1.5 K) and
-readings of its own; --auto: with the effects that `improve --together --auto` finds in them; --lasting 2.5: such
-runs are so long. --late 0.7: a record begins when its machine has been running for so many times to 63 %.
+was read (in median times to 63 % of the sensors' rises): the share of rows that are ``ok``, how many of these and of all hold
+the limit with room and load as they are, the median half-width over the rise, the mean interval score (Winkler, 95 %) over the
+rise; and the same of the settling time, of `ok` rows and of all. Networks of heat capacities [J/K] and conductances [W/K] by
+scipy's LSODA. The size of strong effects and how far slow ones lean were chosen on such machines by another hand. --calibrated
+12: after `calibrate` on twelve complete runs of other machines of each kind. --past 3: with a model of three complete runs of
+the same machine, each with a load (5 %, 1 sd), a room (1.5 K) and readings of its own; --auto: with the effects that `improve
+--together --auto` finds in them; --lasting 2.5: such runs are so long. --late 0.7: a record begins when its machine has been
+running for so many times to 63 %.
 
 rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
 two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
@@ -81,6 +82,13 @@ class Bodies:
         still = Bodies(**{**vars(self), "room": lambda _: self.steady_room})
         late = solve_ivp(still.slope, (0.0, 3e4), near, "LSODA", rtol=1e-8, atol=1e-7).y[:, -1]
         return np.asarray(root(lambda state: still.slope(0.0, state), late).x)
+
+    def beyond(self, state: Array) -> tuple[Array, Array]:
+        """(times (k,) [min], temperatures (n, k) [degC]) after those of :meth:`curves`, in the mean room."""
+        still = Bodies(**{**vars(self), "room": lambda _: self.steady_room})
+        times = LONGEST + np.geomspace(GRID, 3e4, 4000)
+        solved = solve_ivp(still.slope, (LONGEST, times[-1]), state, "LSODA", times, rtol=1e-8, atol=1e-7)
+        return times, solved.y
 
     def again(self, rng: np.random.Generator) -> "Bodies":
         """The same machine on another day: another load and another room, but where heat and room are of one piece (oven)."""
@@ -203,18 +211,29 @@ KINDS |= {"oven": oven, "coolant": coolant, "motor": motor}
 
 @dataclass(frozen=True)
 class Record:
-    """minutes (n,), readings (S, n) and limits (S,) [degC], rises (S,) [K] of the sensors; turn [min], their median to 63 %."""
+    """minutes (n,), readings (S, n) and limits (S,) [degC], rises (S,) [K] of the sensors; settles (S,) [min]: within 5 % for good;
+    turn [min], their median to 63 %.
+    """
 
     minutes: Array
     reading: Array
     limit: Array
     rise: Array
+    settles: Array
     turn: float
 
     def table(self, until: float, late: float = 0.0) -> dict[str, Array]:
         """Columns of the first minutes, or of as many from a later one on."""
         some = (self.minutes >= late) & (self.minutes <= late + until)
         return {"time_min": self.minutes[some] - late, **{f"T{i}": line[some] for i, line in enumerate(self.reading)}}
+
+
+def within(times: Array, curves: Array, late: tuple[Array, Array], limit: Array) -> Array:
+    """When each curve (S, k), continued by late ones, is within 5 % of its rise to its limit (S,) for good (S,) [min]."""
+    times, curves = np.concatenate([times, late[0]]), np.concatenate([curves, late[1]], axis=1)
+    outside = np.abs(curves - limit[:, None]) > 0.05 * np.abs(limit - curves[:, 0])[:, None]
+    last = outside.shape[1] - 1 - outside[:, ::-1].argmax(axis=1)
+    return times[np.minimum(last + 1, len(times) - 1)]
 
 
 def record(kind: str, seed: int, turns: float) -> Record:
@@ -226,17 +245,19 @@ def record(kind: str, seed: int, turns: float) -> Record:
 def measured(bodies: Bodies, rng: np.random.Generator, turns: float) -> Record:
     """So many median times to 63 % of bodies, by probes that lag."""
     times, curves = bodies.curves()
-    limit, curves = bodies.limits(curves[:, -1])[bodies.probes], curves[bodies.probes]
+    limit, late = bodies.limits(curves[:, -1])[bodies.probes], bodies.beyond(curves[:, -1])
+    curves = curves[bodies.probes]
     fall = np.exp(-GRID / 10.0 ** rng.uniform(-1.3, -0.3))
     for k in range(1, curves.shape[1]):  # probes follow what they touch
         curves[:, k] = curves[:, k] + fall * (curves[:, k - 1] - curves[:, k])
     rise = limit - curves[:, 0]
+    settles = within(times, curves, (late[0], late[1][bodies.probes]), limit)
     done = (curves - curves[:, :1]) / rise[:, None] >= 1.0 - np.exp(-1.0)
     turn = float(np.clip(np.median([times[d.argmax()] if d.any() else LONGEST for d in done]), 12.0, 600.0))
     step, noise = rng.choice([1.0 / 60.0, 1.0 / 6.0, 1.0 / 6.0, 1.0]), 10.0 ** rng.uniform(-2.3, -1.3)
     minutes = np.arange(0.0, min(turns * turn, LONGEST) + 0.5 * step, step)
     reading = np.array([np.interp(minutes, times, line) for line in curves])
-    return Record(minutes, reading + noise * rng.standard_normal(reading.shape), limit, rise, turn)
+    return Record(minutes, reading + noise * rng.standard_normal(reading.shape), limit, rise, settles, turn)
 
 
 def of_its_past(kind: str, seed: int, runs: int, auto: bool, lasting: float) -> tf.Model:
@@ -261,17 +282,23 @@ class Past:
     late: float = 0.0
 
 
-def rows_of(job: tuple[str, int, str | Imperfection, tuple[float, ...], Past]) -> list[tuple[str, float, bool, float, float]]:
-    """(kind, read, ok, sides of the interval less the limit over the rise) of each sensor of one machine at each time."""
+def rows_of(
+    job: tuple[str, int, str | Imperfection, tuple[float, ...], Past],
+) -> list[tuple[str, float, bool, float, float, float, float]]:
+    """(kind, read, ok, sides of the interval less the limit over the rise, and of settling times over the true one) of each sensor
+    of one machine at each time; an open side of a settling time is infinite.
+    """
     kind, seed, prior, read, past = job
     seen, found = record(kind, seed, max(read) + past.late), []
     model = of_its_past(kind, seed, past.runs, past.auto, past.lasting) if past.runs else None
     for share in read:
         told = tf.identify(seen.table(share * seen.turn, past.late * seen.turn), imperfection=prior, model=model, jobs=1)
-        for r, limit, rise in zip(told, seen.limit, seen.rise, strict=True):
+        for r, limit, rise, settles in zip(told, seen.limit, seen.rise, seen.settles, strict=True):
             sides = [np.nan if side is None else (side - limit) / rise for side in (r.steady_state_lo_c, r.steady_state_hi_c)]
             bounded = bool(np.isfinite(sides).all())
-            found.append((kind, share, r.status == "ok", *((min(sides), max(sides)) if bounded else (np.nan, np.nan))))
+            own = settles - past.late * seen.turn
+            times = [edge if side is None else side / own for side, edge in ((r.t95_lo_min, 0.0), (r.t95_hi_min, np.inf))]
+            found.append((kind, share, r.status == "ok", *((min(sides), max(sides)) if bounded else (np.nan, np.nan)), *times))
     return found
 
 
@@ -296,7 +323,7 @@ def main() -> None:
     parser.add_argument("--read", default=",".join(map(str, READ)), help="median times to 63 %% that are read")
     given = parser.parse_args()
     read = tuple(map(float, given.read.split(",")))
-    by: dict[tuple[str, float], list[tuple[bool, float, float]]] = defaultdict(list)
+    by: dict[tuple[str, float], list[tuple[bool, float, float, float, float]]] = defaultdict(list)
     kinds = given.kinds.split(",")
     with ProcessPoolExecutor() as pool:
         priors: dict[str, str | Imperfection] = dict.fromkeys(kinds, "typical")
@@ -305,20 +332,26 @@ def main() -> None:
         past = Past(given.past, given.auto, given.lasting, given.late)
         jobs = [(kind, given.seed + i, priors[kind], read, past) for kind in kinds for i in range(given.each)]
         for rows in pool.map(rows_of, jobs):
-            for kind, share, ok, low, high in rows:
+            for kind, *row in rows:
                 for name in (kind, "all"):
-                    by[name, share].append((ok, low, high))
-    print("| bodies | read | rows | `ok` | of these held | all held | half-width / rise | score / rise |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+                    by[name, row[0]].append(tuple(row[1:]))
+    print(
+        "| bodies | read | rows | `ok` | of these held | all held | half-width / rise | score / rise "
+        "| t95 held of `ok` | of all | half-width / t95 |"
+    )
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for kind in (*kinds, "all"):
         for share in read:
-            ok, low, high = map(np.array, zip(*by[kind, share], strict=True))
+            ok, low, high, soon, late = map(np.array, zip(*by[kind, share], strict=True))
             told = np.isfinite(low) & np.isfinite(high)
             held = (low <= 0.0) & (high >= 0.0)
             score = (high - low + 40.0 * np.maximum(low, 0.0) + 40.0 * np.maximum(-high, 0.0))[told]
             good = f"{np.mean(held[ok & told]):.2f}" if (ok & told).any() else "-"
             half = 0.5 * np.median((high - low)[told])
             cells = [f"{len(ok)}", f"{ok.mean():.2f}", good, f"{held[told].mean():.2f}", f"{half:.2f}", f"{score.mean():.2f}"]
+            settled = (soon <= 1.0) & (late >= 1.0)
+            of_ok = f"{settled[ok].mean():.2f}" if ok.any() else "-"
+            cells += [of_ok, f"{settled.mean():.2f}", f"{0.5 * np.median(late - soon):.2f}"]
             print(f"| {kind} | {share:g} | {' | '.join(cells)} |", flush=True)
 
 

@@ -21,6 +21,10 @@ LEVELS = np.array([0.025, 0.5, 0.975])
 SIGMAS = 1.96
 #: Weights of a mixture that together are less than this are left out of its quantiles, the smallest first.
 LEAST_TOGETHER = 2e-3
+#: A normal in three parts: where they lie, how much of it each is, and the deviation of each, in its deviations.
+NODES, NODE_SHARES, WITHIN_NODE = np.array([-1.2, 0.0, 1.2]), np.array([0.3, 0.4, 0.3]), float(np.sqrt(1.0 - 0.6 * 1.2**2))
+#: Newton's steps to where a slow part has settled.
+NEWTON = 6
 
 
 def negligible(weight: Array) -> float:
@@ -44,6 +48,38 @@ def settled_after(
         left = 0.05 + near
         time = (turns - (np.log(left / 0.05) + (share - near) / left) / pace) / rate
         return np.maximum(time, 0.0), np.minimum(np.nan_to_num(spread / np.abs(rise), posinf=1e6) / (left * pace * rate), 1e6)
+
+
+def settled_behind(
+    rate: Array, rise: Array, ahead: Array, spread: Array, turns: Array | float, pace: Array | float, mode: Array
+) -> tuple[Array, Array, Array]:
+    """As :func:`settled_after` where a slow part is at work, `mode` (n,) times as fast as the law: (shares, minutes, their
+    deviations), each (nodes, n).
+
+    What is still to come then comes as slowly as that part: exp(-x) + p exp(-mode x) = 0.05 (1 + p), of the amplitude p that
+    leaves as much at the law's own time. The time grows faster than what is left, so that a normal is taken in three parts.
+    """
+    share_of, turns, pace = (np.broadcast_to(a, rate.shape) for a in (1.0, turns, pace))
+    at = ahead + NODES[:, None] * spread
+    shares = NODE_SHARES[:, None] * share_of
+    time, deviation = settled_after(*np.broadcast_arrays(rate, rise, at, WITHIN_NODE * spread, turns, pace))
+    with np.errstate(all="ignore"):
+        left = np.nan_to_num(-at / rise, nan=0.0, posinf=0.0, neginf=0.0)
+        then = np.exp(-mode * turns) - 0.05
+        size = np.minimum(left / then, 1e3)
+        late = (left > 0.0) & (then > 0.0)
+        # From the left, where the sum is above its mark, Newton's steps do not pass the root of what falls ever more slowly.
+        x = np.fmax(turns + 0.0 * size, np.log(size / (0.05 * (1.0 + size))) / mode)
+        for _ in range(NEWTON):
+            law, slow = 0.05 * np.exp(-pace * (x - turns)), size * np.exp(-mode * x)
+            falls = pace * law + mode * slow
+            x = x + (law + slow - 0.05 * (1.0 + size)) / falls
+        open_ = WITHIN_NODE * np.abs(spread / rise) * (np.exp(-mode * x) - 0.05) / then / (falls * rate)
+        time, deviation = (
+            np.where(late, x / rate, time),
+            np.where(late, np.minimum(np.nan_to_num(np.abs(open_), posinf=1e6), 1e6), deviation),
+        )
+    return shares, time, deviation
 
 
 def law_slope(blocks: Blocks, reading: Array, of_law: Array) -> Array:

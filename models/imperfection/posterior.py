@@ -10,7 +10,7 @@ from ..core.tails import f_tail, normal_tail
 from .blocks import Part
 from .draw import Drawn, conditional, normal_draws
 from .evidence import SLOWER, Rates, Run
-from .numerics import LEVELS, SIGMAS, cells, negligible, quantiles, reach, settled_after, stretch
+from .numerics import LEVELS, SIGMAS, cells, negligible, quantiles, reach, settled_after, settled_behind, stretch
 from .prior import COMPONENTS, SLOW, Imperfection
 from .shapes import FIRST_TIME, LIMIT, SETTLING, SLOW_AHEAD, constant
 from .usual import deviations
@@ -73,6 +73,19 @@ def settle(
     return _predicted(run, log_rate, weight, agrees, run.taken_evidence(log_rate), draws)
 
 
+def _settling(weight: Array, mode: Array, foretold: tuple[Array, ...], law: tuple[Array | float, Array | float]) -> Array:
+    """Quantiles (3,) [min] of when 95 % are done; mode (n,): how fast a slow part at work is against the law, 0 without one."""
+    slow = mode > 0.0
+    turns, pace = (np.broadcast_to(a, mode.shape) for a in law)
+    late, spread = settled_after(*(a[~slow] for a in (*foretold, turns, pace)))
+    if slow.any():
+        shares, times, own = settled_behind(*(a[slow] for a in (*foretold, turns, pace, mode)))
+        weight = np.concatenate([weight[~slow], (weight[slow] * shares).ravel()])
+        late, spread = np.concatenate([late, times.ravel()]), np.concatenate([spread, own.ravel()])
+    found: Array = np.maximum(quantiles(weight, late, spread), 0.0)
+    return found
+
+
 def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool_], evidence: Array, draws: int) -> Settled:
     asked = run.asked[0].count
     active = weight > LEAST_WEIGHT
@@ -88,6 +101,7 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
     brief = np.array([COMPONENTS.index(name) for name in ("fast", "start")])
     others = np.delete(run.relative + run.absolute, brief, axis=1)
     lasting = np.concatenate([[False], others[1:].any(axis=1)])[run.kind]
+    modes_of = np.array([0.0] + [SLOW[q] if q >= 0 else 0.0 for _, q in run.prior.effects()])[run.kind]
     drawn = Drawn.none(count, draws, run.times) if draws else None
     cell_of = cells(log_rate)
     usual = deviations(run, log_rate, weight)
@@ -99,8 +113,7 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
         mu, sd = foretold[i].mean, np.sqrt(foretold[i].variance)
         steady[i] = quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
         b, r = np.exp(log_rate[i, places]), rise[i, places]
-        late, spread = settled_after(b, r, mu[:, SETTLING], sd[:, SETTLING], *run.settles(i, log_rate[i, places]))
-        t95[i] = np.maximum(quantiles(w, late, spread), 0.0)
+        t95[i] = _settling(w, modes_of[hypotheses], (b, r, mu[:, SETTLING], sd[:, SETTLING]), run.settles(i, log_rate[i, places]))
         for k in range(run.times):
             at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
         of_rate, cell = weight[i].sum(axis=1), cell_of[i]
