@@ -45,7 +45,7 @@ def test_an_archive_holds_what_identify_says_of_each_file(archive, tool, tmp_pat
     into = tmp_path / "results"
     done = tool("identify", archive / "in", "--until", 60, "-o", f"{into}/", "--jobs", 1)
     assert done.code == 1  # one file is no record
-    assert done.err == f"{into}/: 9 files done (sensors: 1 model_doubtful, 31 ok, 1 unreadable)\n"
+    assert done.err == f"{into}/: 9 files done (rows: 1 model_doubtful, 31 ok, 1 unreadable)\n"
     table = pd.read_parquet(into)
     assert set(table["folder"]) == {"machine 0", "machine 1", "machine 2"}
     assert (table["status"] == "ok").sum() == 31
@@ -381,3 +381,50 @@ def test_an_empty_name_is_no_folder(tool, tmp_path, monkeypatch):
         "Error: -o: empty\n  allowed: a file, or a folder as results/\n  do: name it, or leave -o out\n",
     )
     assert [p.name for p in tmp_path.iterdir()] == ["in"]
+
+
+def test_results_of_every_name_are_seen_by_those_who_read_folders_of_parquet(archive, tmp_path):
+    """They leave out what begins with a dot or an underscore."""
+    source = next((archive / "in").rglob("run*.csv")).read_bytes()
+    (tmp_path / "in").mkdir()
+    names = ["_front.csv", ".rear.csv", "plain.csv"]
+    for name in names:
+        (tmp_path / "in" / name).write_bytes(source)
+    found = tf.archive("identify", [str(tmp_path / "in" / n) for n in names], str(tmp_path / "results"), until=60, jobs=1)
+    assert set(pd.read_parquet(tmp_path / "results")["source"]) == set(names) == set(found.to_frame()["source"])
+
+
+def test_a_pattern_in_a_folder_that_is_not_there_is_refused(archive, tool, tmp_path):
+    done = tool("identify", archive / "in" / "*" / "*.csv", tmp_path / "nope" / "**" / "*.csv", "-o", f"{tmp_path}/results/")
+    assert done.code == 2
+    assert "no folder" in done.err
+    assert "nope" in done.err
+    assert not (tmp_path / "results").exists()
+    assert tool("identify", tmp_path / "nope" / "*.csv").code == 2
+
+
+def test_a_record_that_ends_before_a_window_is_too_short_not_unreadable(archive, tmp_path):
+    """As one that ends before --until: of the others each sensor has its rows."""
+    source = next((archive / "in").rglob("run*.csv")).read_text().splitlines()
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "long.csv").write_text("\n".join(source))
+    (tmp_path / "in" / "short.csv").write_text("\n".join(source[:60]))
+    tf.archive("sweep", str(tmp_path / "in"), str(tmp_path / "results"), windows=[40.0, 100.0], jobs=1)
+    told = pd.read_parquet(tmp_path / "results").groupby("source")["status"].agg(set)
+    assert told["short.csv"] == {"too_short"}
+    assert not told["long.csv"] & {"too_short", "unreadable"}
+
+
+def test_prune_without_resume_is_refused(archive, tmp_path):
+    with pytest.raises(tf.UsageError, match="resume=True"):
+        tf.archive("identify", str(archive / "in"), str(tmp_path / "results"), prune=True)
+
+
+def test_a_folder_is_no_place_for_one_file(archive, tool, tmp_path):
+    source = next((archive / "in").rglob("run*.csv"))
+    done = tool("improve", source, "-o", f"{tmp_path}/results/")
+    assert done.code == 2
+    assert "one file is written here" in done.err
+    assert "-o results/" not in done.err
+    assert "results/" in tool("identify", source, "-o", tmp_path / "a.foo").err
+    assert "results/" not in tool("improve", source, "-o", tmp_path / "a.foo").err

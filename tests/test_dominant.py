@@ -388,3 +388,22 @@ def test_what_leaves_as_little_of_the_misfit_is_told_beside_however_less_its_evi
     cooling, load = _candidate(106.0, 0.9852, gain=11118.0), _candidate(67.0, 0.9841, gain=10948.0)
     assert decide(before, [cooling, load]).rival is load
     assert decide(before, [cooling, _candidate(67.0, 0.97, gain=10948.0)]).rival is None
+
+
+def test_what_was_found_takes_no_sure_answer_away():
+    """Where the readings do not bound the end with what was found, and settle without it as usual machines do, it is not counted."""
+
+    def record(status, low, high, message=""):
+        return IdentifyRecord(
+            "run", "T", "afukf", status=status, steady_state_c=30.0, steady_state_lo_c=low, steady_state_hi_c=high, message=message
+        )
+
+    told = "these readings do not bound the steady state; --auto: neighbour_heat added, which explains 99.9 % of the misfit"
+    added, plain = record("not_determined", 20.0, None, told), record("ok", 29.0, 32.0)
+    found = averaged(added, plain, 1)
+    assert (found.status, found.steady_state_lo_c, found.steady_state_hi_c) == ("ok", 29.0, 32.0)
+    assert "neighbour_heat found" in found.message
+    assert "not counted" in found.message
+    for other in (record("model_doubtful", 29.0, 32.0), record("not_determined", 29.0, None)):
+        assert averaged(added, other, 1).steady_state_hi_c is None
+    assert averaged(record("ok", 29.5, 30.5, told), plain, 1).status == "ok"

@@ -684,3 +684,13 @@ def test_where_a_slow_mass_leaves_the_limit_open_so_it_does_the_settling_time():
         assert record.steady_state_lo_c <= 20.0 + one + other <= record.steady_state_hi_c
         assert record.t95_lo_min <= done <= record.t95_hi_min
         assert record.t95_hi_min < 2.0 * done
+
+
+def test_a_named_time_far_ahead_moves_nothing_else():
+    """Readings ahead are foretold as without it; a random room had steps as long as the way to it."""
+    run = tf.read("sample_runs/spindle.csv", channels=["T2", "T7"])
+    bare, far = (tf.identify(run, until=60.0, at=at) for at in (None, 20_000.0))
+    for one, other in zip(bare, far, strict=True):
+        assert other.rmse_ahead_c == pytest.approx(one.rmse_ahead_c, rel=1e-9)
+        assert other.steady_state_hi_c == pytest.approx(one.steady_state_hi_c, rel=1e-9)
+        assert other.at_c is not None

@@ -7,6 +7,7 @@ import pytest
 
 from thermofast.errors import InputError, UsageError
 from thermofast.reading.moments import order
+from thermofast.reading.moments.glitches import without_repeats
 from thermofast.reading.moments.in_turn import each_in_turn
 from thermofast.reading.moments.times import Time
 from thermofast.reading.table import Table
@@ -232,3 +233,25 @@ def test_each_sensor_of_a_long_table_has_its_clock_mended_alone():
     assert each_in_turn(newest, {"a": np.arange(9.0)})[0].seconds.tolist() == newest.seconds.tolist()
     lone = Time(np.array([5.0, 0.0]), frozenset(), "")
     assert each_in_turn(lone, {"a": np.array([1.0, nan]), "b": np.array([nan, 1.0])})[0].seconds.tolist() == [5.0, 0.0]
+
+
+def _once(time, *columns):
+    time = np.asarray(time, dtype=float)
+    named = {f"T{i}": np.asarray(c, dtype=float) for i, c in enumerate(columns)}
+    kept, notes = without_repeats(time, named, range(1, len(time) + 1))
+    return kept.tolist(), notes
+
+
+def test_rows_of_exports_that_overlap_are_there_once():
+    """All that stood from that time on must stand again, in every column, and say something."""
+    time, reading = [0, 1, 2, 3, 2, 3, 4], [5.0, 6, 7, np.nan, 7, np.nan, 8]
+    assert _once(time, [5, 6, 7, 8, 7, 8, 9]) == ([0, 1, 2, 3, 6], ("rows written twice left out: lines 6 to 7",))
+    assert _once(time, reading, [1, 2, 3, 4, 3, 4, 5])[0] == [0, 1, 2, 3, 6]
+    assert _once(time, [5, 6, 7, 8, 7, 8.1, 9]) == (list(range(7)), ())
+    assert _once(time, [5, 6, 7, 8, 7, 8, 9], [1, 2, 3, 4, 3, 5, 5]) == (list(range(7)), ())
+    assert _once(time, [5, 6, 7, 7, 7, 7, 9]) == (list(range(7)), ())  # a clock set back while nothing moved
+    assert _once([0, 1, 2, 2, 3], [1, 2, 3, 3, 4]) == (list(range(5)), ())
+    assert _once([0, 1, 2, 1, 2], [1, 2, 3, 2, 3])[0] == [0, 1, 2]
+    assert _once([0, 1, 2, 1], [1, 2, 3, 2]) == (list(range(4)), ())
+    assert _once([0, 1, 2, 0, 1, 2], [1, 2, 3, 1, 2, 3])[0] == [0, 1, 2]
+    assert _once([0, 1, 2, 0, 1, 2], [1, 2, 3, 1, 2, 3.5])[0] == list(range(6))

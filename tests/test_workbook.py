@@ -137,3 +137,15 @@ def test_one_call_writes_a_page_a_workbook_and_a_table(tool, tmp_path):
     wrong = tool("identify", SPINDLE, "-o", paths[0], "-o", tmp_path / "x.doc")
     assert wrong.code == 2
     assert "x.doc" in wrong.err
+
+
+def test_a_disk_that_is_full_is_said_in_words(monkeypatch, tmp_path):
+    """The workbook is put together in memory: its package's own error, with a traceback, is never met."""
+
+    def full(self, data):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(tf.UsageError, match="No space left"):
+        tf.identify(tf.read(SPINDLE, channels=["T1"]), until=60.0).save(tmp_path / "report.xlsx")
+    assert not list(tmp_path.iterdir())

@@ -2,13 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from .errors import UsageError
-from .output.columns import Records
-from .reading import Run, told
+from .output.columns import Records, told_more
+from .reading import Run, columns_named, told
 from .records import (
     BenchRecord,
     CalibrateRecord,
@@ -74,7 +74,15 @@ class Result:
         """Whether there is a record of a sensor: its name, or (run, name); or a record itself."""
         if isinstance(key, self.kind):
             return key in list(self._with_guesses())
-        return any(key in self._names(r) for r in self.records)
+        named = self._whole(key)
+        return any(named in self._names(r) for r in self.records)
+
+    def _whole(self, key: object) -> object:
+        """The name of the sensor that is meant, with its unit; any other key as it is."""
+        return columns_named(key, self._sensors(), ())[0] if isinstance(key, str) else key
+
+    def _sensors(self) -> list[str]:
+        return list(dict.fromkeys(str(self._names(r)[0]) for r in self.records))
 
     def _names(self, record: Any) -> tuple[object, object]:
         """What a record is asked for by: its sensor, and (run, sensor)."""
@@ -104,11 +112,12 @@ class Result:
             raise IndexError(f"record {key} of {len(held)}")
         if isinstance(key, int | slice):
             return held[key]
-        found = [r for r in held if key in self._names(r)]
+        named = self._whole(key)
+        found = [r for r in held if named in self._names(r)]
         if len({getattr(r, "run", "") for r in found}) > 1:
             raise KeyError(f"{key!r} is a sensor of several runs; say ({found[0].run!r}, {key!r})")
         if not found:
-            raise KeyError(f"no sensor {key!r}; there are {', '.join(dict.fromkeys(str(self._names(r)[0]) for r in self.records))}")
+            raise KeyError(f"no sensor {key!r}; there are {', '.join(self._sensors())}")
         return found[0]
 
     def statuses(self) -> list[str]:
@@ -125,12 +134,7 @@ class Result:
     def _with_guesses(self) -> Sequence[Any]:
         """The records; what was guessed of a run stands in the message of each of its own."""
         guessed = {run.name: told(run.guesses) for run in self.runs if run.guesses}
-        if not guessed:
-            return self.records
-        if not isinstance(self.records, Records):
-            return [replace(r, message=_joined(r.message, guessed.get(r.run, ""))) for r in self.records]
-        said = zip(self.records.column("message"), self.records.column("run"), strict=True)
-        return self.records.changed(message=[_joined(message, guessed.get(run, "")) for message, run in said])
+        return told_more(self.records, guessed) if guessed else self.records
 
     def input(self) -> list[dict[str, Any]]:
         """How each run was read: notes and guesses."""
@@ -195,10 +199,6 @@ class Result:
         """For a notebook: the table without columns that are empty throughout; names stay text."""
         frame = self.to_frame().replace("", None).dropna(axis=1, how="all")
         return str(frame.to_html(index=False, float_format=lambda v: f"{v:.4g}", escape=True, na_rep="", max_rows=SHOWN_ROWS))
-
-
-def _joined(message: str, guesses: str) -> str:
-    return f"{message}; {guesses}" if message and guesses else message or guesses
 
 
 def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":

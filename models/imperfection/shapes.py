@@ -6,6 +6,7 @@ leaves 1 - exp(-b (t - s)). A quantity asked for is a row beside the blocks: it 
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ PERIODS = (6.0, 9.0, 13.0, 20.0, 30.0, 45.0)
 LOAD_MEMORY, START_MEMORY, START_DECAY = 30.0, 5.0, 10.0
 #: Steps by which a random drive is drawn over the readings, and over the time ahead.
 STEPS, STEPS_AHEAD = 24, 12
+#: A time asked for is far behind the others where it is so many times as far from the last of them as that from the readings.
+FAR = 0.25
 #: Quantities asked for first: the limit, 95 % of the rise, what slow modes still add after the last reading.
 LIMIT, SETTLING, SLOW_AHEAD, FIRST_TIME = 0, 1, 2, 3
 FOREVER = 1e9
@@ -200,10 +203,7 @@ def covariances(
     fast = squares([size * np.exp(-k * x) for k, size in zip(FAST, FAST_SIZES, strict=True)])
     exponent = squares([loss_bend(x)])
     decay = squares([(np.exp(-k * x) - np.exp(-x)) / (1.0 - k) / np.sqrt(len(DECAY)) for k in DECAY])
-    steps = np.linspace(0.0, last, STEPS + 1)[:-1]
-    until = float(asked.times.max(initial=0.0))
-    if until > last:
-        steps = np.concatenate([steps, np.linspace(last, until, STEPS_AHEAD + 1)[:-1]])
+    steps = np.concatenate([np.linspace(0.0, last, STEPS + 1)[:-1], _steps_ahead(last, asked.times)])
     since = times[:, :, None] - steps
     response = np.where(since > 0.0, -np.expm1(-np.minimum(b[..., None] * np.maximum(since, 0.0), 700.0)), 0.0)
     response[:, waits, STEPS:] = 0.0
@@ -250,6 +250,18 @@ def covariances(
         else:
             found[:, i] = np.swapaxes(_differences(np.swapaxes(_differences(by_name[name], m), 1, 2), m), 1, 2)
     return found
+
+
+def _steps_ahead(last: float, times: Array) -> Array:
+    """When a random drive steps on after the last reading until the last of the times asked for (k,) [min].
+
+    What is asked for far behind all else, as by name, has steps of its own: those over readings stay as fine as without it.
+    """
+    later = np.unique(times[times > last])
+    alone = len(later) > 1 and later[-1] - later[-2] > FAR * (later[-2] - last)
+    ends = [last, *([later[-2]] if alone else []), *later[-1:]]
+    found = [np.linspace(begin, end, STEPS_AHEAD + 1)[:-1] for begin, end in pairwise(ends)]
+    return np.concatenate(found) if found else np.zeros(0)
 
 
 def _differences(values: Array, m: int) -> Array:

@@ -90,6 +90,8 @@ def archive(
 
     reading = {name: options.pop(name) for name in [f.name for f in fields(Options)] if name in options}
     work = partial(getattr(api, command), **options, **({} if command == "diagnose" else {"details": False}))
+    if prune and not resume:
+        raise UsageError("prune=True takes parts out of results that resume=True goes on with", do="give both, or leave it out")
     if unknown := sorted(set(options) - set(signature(getattr(api, command)).parameters)):
         raise UsageError(f"tf.{command} has no option {unknown[0]!r}", do="see docs/api.md")
     work(NOTHING)  # wrong options are told before any file is read

@@ -121,8 +121,10 @@ class Parts:
 
     @staticmethod
     def _stem(source: SourceFile) -> str:
-        base = source.name.rpartition("/")[2]
-        return f"{_named(base)}-{hashlib.sha256(source.name.encode(errors='surrogateescape')).hexdigest()[:8]}"
+        named = _named(source.name.rpartition("/")[2])
+        # Readers of folders of Parquet leave out what begins so.
+        named = f"%{ord(named[0]):02X}{named[1:]}" if named[:1] in {"_", "."} else named
+        return f"{named}-{hashlib.sha256(source.name.encode(errors='surrogateescape')).hexdigest()[:8]}"
 
 
 def _may_be_better(table: Any) -> int:

@@ -91,6 +91,8 @@ def sources_of(given: Sequence[str], aside: str | None = None) -> list[SourceFil
             allowed = f"files of {' '.join(SUFFIXES)}, packed or not"
         elif is_pattern(one):
             root = _fixed(Path(one))
+            if not root.exists():
+                raise InputError(f"{one}: no folder {root.as_posix()}", do="check the path")
             wanted = Path(one).relative_to(root).parts
             deep = None if "**" in wanted else len(wanted)
             paths = sorted(p for p, readable in _below(root, deep) if not readable or _fits(p.relative_to(root).parts, wanted))

@@ -194,7 +194,7 @@ def _records(
     ranking = [ranked(c, found) for c in found.singles]
     if found.named is not None:
         ranking.insert(0, ranked(found.named, found)) if len(found.named.ids) > 1 else None
-    evidence, advice, status, also = _verdict(task, found, seen)
+    evidence, advice, status, also = verdict_of(task, found, seen)
     times = widening(found.named.fit) if found.named is not None else 1.0
     beside = disturbed_deviations(found.named.fit, found.around) if found.named is not None else None
     left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
@@ -231,7 +231,7 @@ def _records(
     return records
 
 
-def _verdict(task: LoopTask, found: Discovery, seen: Observations) -> tuple[str, str, str, list[str]]:
+def verdict_of(task: LoopTask, found: Discovery, seen: Observations) -> tuple[str, str, str, list[str]]:
     """(evidence, advice, status, what is also possible) of a verdict, with what the rest of the record and an unlogged room say."""
     evidence, advice, status = words(found, seen, task.again)
     also = list(dict.fromkeys("+".join(sorted(c.ids)) for c in rivals(found)))
@@ -254,7 +254,7 @@ def _next(
     """Possible experiments where they were asked for and two causes are open, or one is not determined."""
     if not task.next_experiment:
         return []
-    _, _, status, _ = _verdict(task, found, prepared.seen)
+    _, _, status, _ = verdict_of(task, found, prepared.seen)
     if len(causes(found)) < 2 and (found.named is None or status != "not_determined"):
         return []
     return next_experiments(found, chosen_effects(task.names, task.extra), spread, before=before)

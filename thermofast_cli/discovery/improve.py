@@ -1,5 +1,6 @@
 """``improve``: add effects, refit, and watch the error fall."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, permutations
 from typing import Any
@@ -20,7 +21,7 @@ from ..machine.modelfile import ModelFile, model_file
 from ..machine.past import learnt_past, run_learnt_from
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
-from .diagnose import search_run
+from .diagnose import search_run, verdict_of
 from .loop import (
     LoopTask,
     Ready,
@@ -88,6 +89,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
         return Improved(refused_records(ImproveRecord, task.run.name, observed))
     base = _step(fit_model(prepared.seen), prepared, task.until_min)
     steps, stopped, notes = [base], "", prepared.notes_of()
+    undecided = False
     if task.auto:
         told = search_run(task, prepared, spread)
         found = told.discovery
@@ -98,7 +100,9 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
         else:
             steps, remark = _found_steps(prepared, task.until_min, base, found)
             notes += [room] if (room := unlogged_room(found, prepared.seen)) else []
-            stopped = f"{remark}{_why_enough(found)}"
+            _, _, status, also = verdict_of(task, found, prepared.seen)
+            undecided = status == "not_determined"
+            stopped = f"{remark}{_why_enough(found)}{_or_else(also)}"
     elif task.names:
         effects = chosen_effects(task.names, task.extra)
         check_inputs(effects, prepared.whole)
@@ -117,7 +121,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
                 notes.append(f"not determined by this record: {added.identifiable.why}")
     else:
         stopped = "the base model was asked for"
-    return _improved(task, observed, prepared, steps, stopped, notes)
+    return _improved(task, observed, prepared, steps, stopped, notes, undecided)
 
 
 def _found_steps(prepared: Ready, until: float | None, base: Step, found: Discovery) -> tuple[list[Step], str]:
@@ -138,6 +142,11 @@ def _why_enough(found: Discovery) -> str:
         f"no further effect explains what remains ({remaining_words(found.named.fit)}) better than an unknown disturbance would, "
         "or makes the error on readings left out fall"
     )
+
+
+def _or_else(also: Sequence[str]) -> str:
+    """What to say of models that do as well: a cause is named only where it stands alone."""
+    return f"; as good: {', '.join(also)}: see thermofast diagnose for how to tell them apart" if also else ""
 
 
 def _all_added(base: Fit, effects: list[Effect]) -> Candidate | None:
@@ -185,7 +194,17 @@ def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidat
     return best[2], ""
 
 
-def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[Step], stopped: str, notes: list[str]) -> Improved:
+def _status(down: bool, searched: bool, undecided: bool) -> str:
+    """Of a sensor that is down to its noise or not, at a step that a search made or not."""
+    if down:
+        return "not_determined" if searched and undecided else "ok"
+    return "partly_explained" if searched else "model_doubtful"
+
+
+def _improved(
+    task: LoopTask, observed: Observed, prepared: Ready, steps: list[Step], stopped: str, notes: list[str], undecided: bool
+) -> Improved:
+    """undecided: whether what was found is one cause of several that do as well."""
     seen = prepared.seen
     records: list[Any] = []
     labels = []
@@ -209,11 +228,7 @@ def _improved(task: LoopTask, observed: Observed, prepared: Ready, steps: list[S
                     whiteness_p=float(step.floor[i]),
                     parameters=parameters_of(step.fit, i),
                     stopped_because=stopped if final else "",
-                    status="ok"
-                    if step.floor[i] >= RULES.pattern
-                    else "partly_explained"
-                    if number and task.auto
-                    else "model_doubtful",
+                    status=_status(step.floor[i] >= RULES.pattern, number > 0 and task.auto, undecided),
                     message="; ".join(dict.fromkeys(notes)) if final else "",
                 )
             )

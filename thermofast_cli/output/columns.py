@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache, cached_property
 from itertools import repeat
 from typing import Any, NamedTuple
@@ -146,3 +146,16 @@ def _taken(column: Column, order: NDArray[np.intp]) -> Column:
     if isinstance(column, Same):
         return column
     return [column[i] for i in order.tolist()] if isinstance(column, list) else column[order]
+
+
+def told_more(records: Sequence[Any], more: Mapping[str, str]) -> Sequence[Any]:
+    """Records whose message says more of their run: by the run's name."""
+
+    def joined(message: str, run: str) -> str:
+        said = more.get(run, "")
+        return f"{message}; {said}" if message and said else message or said
+
+    if not isinstance(records, Records):
+        return [replace(r, message=joined(r.message, r.run)) for r in records]
+    said = zip(records.column("message"), records.column("run"), strict=True)
+    return records.changed(message=[joined(message, run) for message, run in said])

@@ -32,20 +32,22 @@ def check_targets(targets: Sequence[str | None], sources: Sequence[str]) -> None
         seen[real] = "another output of this command"
 
 
-def check_target(path: str, suffixes: Sequence[str]) -> None:
-    """Refuses a target before any work is done for it.
+def check_target(path: str, suffixes: Sequence[str], or_else: str = "") -> None:
+    """Refuses a target before any work is done for it; or_else: what else could be named.
 
     Raises
     ------
     UsageError: unknown suffix, or no such folder.
     """
     target = Path(path)
+    if path.endswith(("/", os.sep)):
+        raise UsageError(f"{path}: one file is written here", found="a folder", allowed=" ".join(suffixes), do="name a file")
     if target.suffix.lower() not in suffixes:
         raise UsageError(
             f"{path}: cannot tell the format from the name",
             found=target.suffix or "no suffix",
             allowed=" ".join(suffixes),
-            do="end the name so" + ("; for -o a folder of results ends with /, as in -o results/" if ".jsonl" in suffixes else ""),
+            do="end the name so" + or_else,
         )
     if not target.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {str(target.parent)!r}", do="make it first")

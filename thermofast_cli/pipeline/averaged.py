@@ -14,6 +14,8 @@ from ..records import IdentifyRecord
 UNTRUE, SET_UNTRUE = 0.15, 0.25
 #: Effects from which on a set is no ground for ``ok``.
 MANY = 3
+#: How what a search added begins in a message.
+FOUND = "--auto: "
 #: An interval that grows by more than this factor is told.
 WIDER = 1.5
 #: Estimate and both sides.
@@ -31,10 +33,16 @@ TRIPLES = (
 def averaged(added: IdentifyRecord, plain: IdentifyRecord, effects: int) -> IdentifyRecord:
     """The record with so many effects added, its 95 % intervals those of a mixture with the record without them.
 
-    A side that one of the two leaves open is that of the first. What was found and is not counted has no part in it.
+    A side that one of the two leaves open is that of the first. What was found and is not counted has no part in it. Where the
+    readings do not determine what it adds, and settle by themselves as a machine with usual disturbances may, it is not counted.
     """
     if NOT_LIKELIER in added.message:
         return added
+    sides = added.steady_state_lo_c, added.steady_state_hi_c
+    if added.status == "not_determined" and None in sides and plain.status == "ok":
+        found = [part.replace(" added, ", " found, ") for part in added.message.split("; ") if part.startswith(FOUND)]
+        told = "with it these readings would not bound the steady state, and it is not counted"
+        return replace(plain, message="; ".join(part for part in (plain.message, *found, told) if part))
     changed: dict[str, float | str] = {}
     untrue = UNTRUE if effects < MANY else SET_UNTRUE
     for middle, low, high in TRIPLES:

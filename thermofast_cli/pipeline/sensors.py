@@ -282,11 +282,11 @@ def sweep_runs(
     for run, _ in started:
         length = float(run.time_s[-1]) / 60.0
         if windows_min[-1] > length * 1.001:
-            raise UsageError(
+            raise TooShortError(
                 f"{run.name}: the window of {windows_min[-1]:g} min is longer than the record",
                 found=f"{length:.4g} min",
                 allowed="windows inside the record",
-                do="say --windows",
+                do=f"say --windows with none above {length:.4g}, or leave the record out",
             )
     if model is not None or drive is not None:
         from ..machine.settle import sweep_model_lost, sweep_with_model

@@ -30,6 +30,8 @@ from .options import EXCEL_CSV, MORE_OUTPUTS, scale_of
 
 #: Outputs that show more than the records.
 DETAILED = (".xlsx", ".html")
+#: Commands whose -o may be a folder of results.
+OF_ARCHIVES = ("identify", "sweep", "compare", "diagnose")
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
@@ -177,9 +179,11 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
             raise UsageError("--excel-csv is for CSV", do="add -o FILE.csv or --format csv")
     # The result itself may be a page; it comes first.
     results = [*tables[:1], *more_outputs()]
+    folder = "; for -o a folder of results ends with /, as in -o results/"
+    or_else = folder if click.get_current_context().command.name in OF_ARCHIVES else ""
     for target in [*results, *tables[1:]]:
         if target:
-            check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if target in results else ())))
+            check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if target in results else ())), or_else)
     if picture:
         from ..output.pictures.plots import check_picture
 

@@ -1,10 +1,12 @@
 """A result as an Excel workbook: a summary, the records, what pictures show as numbers, and charts that Excel draws of them."""
 
+import io
 import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import date, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..text import plain
@@ -42,8 +44,16 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
     """Sheets in their order, their charts on a sheet of their own behind them."""
     import xlsxwriter
 
-    settings = {"strings_to_formulas": False, "strings_to_urls": False, "strings_to_numbers": False, "nan_inf_to_errors": False}
-    with xlsxwriter.Workbook(path, settings) as book:
+    # Put together in memory: a disk that is full is then met where the file is written, as with every other format.
+    settings = {
+        "in_memory": True,
+        "strings_to_formulas": False,
+        "strings_to_urls": False,
+        "strings_to_numbers": False,
+        "nan_inf_to_errors": False,
+    }
+    whole = io.BytesIO()
+    with xlsxwriter.Workbook(whole, settings) as book:
         head = book.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"})
         fills = {status: book.add_format({"bg_color": colour}) for status, colour in COLOURS.items()}
         fills[""] = book.add_format({"bg_color": "#F8CECC"})
@@ -55,6 +65,7 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
             drawn = book.add_worksheet("charts")
             for k, drawing in enumerate(drawings):
                 drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, drawing))
+    Path(path).write_bytes(whole.getbuffer())
 
 
 def _summary(result: "Result", rows: Sequence[dict[str, Any]], made: Mapping[str, str]) -> Sheet:

@@ -1,4 +1,6 @@
-"""Rows whose clock was wrong for a moment: a stamp years away, or an hour ahead, between rows that go on evenly."""
+"""Rows to leave out: whose clock was wrong for a moment (a stamp years away, or an hour ahead, between rows that go on evenly), and
+those written twice, as where two exports overlap.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,8 +18,31 @@ MOST_ROWS, MOST_GLITCHES = 3, 20
 LOOSE, NEAR = 3.0, 0.5
 #: Usual steps from its place, and from all of the record, from which on a moment is a wrong one.
 OFF_PLACE, FAR = 2.5, 10.0
+#: Rows that stand again, all alike, from which on it is no chance.
+FEWEST_REPEATED = 2
 #: Share of the steps that are the usual one in a record read evenly.
 EVEN = 0.9
+
+
+def without_repeats(time: Array, columns: dict[str, Array], lines: Sequence[int]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+    """Rows to keep (k,) of times (n,) [s] and columns (n,) as written, and a note on the others.
+
+    Where the time falls back to that of a row before, and the rows from there on say again, in every column, what stood between,
+    they are those rows again. A run that begins anew reads otherwise.
+    """
+    keep = np.ones(len(time), dtype=bool)
+    told = []
+    for at in (np.flatnonzero(np.diff(time) < 0.0) + 1).tolist():
+        ahead = time[:at][::-1] >= time[at]
+        count = at if ahead.all() else int(ahead.argmin())
+        before, again = slice(at - count, at), slice(at, at + count)
+        if count < FEWEST_REPEATED or at + count > len(time):
+            continue
+        moves = any(len(np.unique(c[before][np.isfinite(c[before])])) > 1 for c in columns.values())
+        if moves and all(np.array_equal(v[before], v[again], equal_nan=True) for v in (time, *columns.values())):
+            keep[again] = False
+            told.append(f"{lines[at] + 1} to {lines[at + count - 1] + 1}")
+    return np.flatnonzero(keep), ((f"rows written twice left out: lines {listed(told, 3)}",) if told else ())
 
 
 def without_glitches(time: Array, lines: Sequence[int]) -> tuple[NDArray[np.intp], list[Guess]]:

@@ -12,7 +12,7 @@ from ..run import Array, Guess
 from ..table import Table
 from ..values.time_units import unit_of
 from .epochs import UNITS, calendar
-from .glitches import without_glitches
+from .glitches import without_glitches, without_repeats
 from .stamps import looks_like_stamp, parse_stamps, plain
 from .times import BARE, Time, is_time_name
 
@@ -84,6 +84,10 @@ def in_order(
     if newest_first(time):
         time, columns, lines = time[::-1], {n: c[::-1] for n, c in columns.items()}, list(lines)[::-1]
         turned, headers = ("newest first: sorted by time",), ()
+    else:
+        once, turned = without_repeats(time, columns, lines)
+        if turned:
+            time, columns, lines = time[once], {n: c[once] for n, c in columns.items()}, np.asarray(lines)[once].tolist()
     found = _runs(time, columns, name, lines, starts, dated, headers, guesses)
     return [replace(one, notes=(*turned, *one.notes)) for one in found]
 
