@@ -1,6 +1,7 @@
 """A run made ready for a joint fit: all sensors on one grid, thinned where that loses nothing, noise and rounding told apart."""
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -181,13 +182,24 @@ def _warm(run: Run, inputs: Mapping[str, Array]) -> tuple[str, ...]:
     """Names of the inputs that are temperatures, as of a coolant."""
     told = () if run.seen is None else run.seen.columns
     units = {c.name: parse_unit(c.unit) for c in told if c.name in inputs}
-    return tuple(n for n, unit in units.items() if (unit.temperature if unit is not None else sign_of(n, "").temperature))
+    return tuple(n for n, unit in units.items() if (unit.temperature if unit is not None else _degrees(n)))
+
+
+def _degrees(name: str) -> bool:
+    """Whether a name without unit says that it is in degC: of what flows past the machine a C at its end does, as in coolant_C."""
+    return sign_of(name, "").temperature or (re.search(r"[ _]C\d*$", name) is not None and _of_medium(name))
+
+
+def _of_medium(name: str) -> bool:
+    """Whether a name is that of what flows past the machine, with no more than the letter of a unit behind it."""
+    said = set(words(name))
+    return bool(said & MEDIA) and said - set("cfk") <= MEDIA
 
 
 def _unsaid(run: Run, inputs: Collection[str], warm: Collection[str]) -> list[str]:
     """Names of inputs that are what flows past the machine, of which nothing says whether they are its temperature."""
     units = {c.name: c.unit for c in (() if run.seen is None else run.seen.columns)}
-    return [n for n in inputs if n not in warm and not units.get(n) and set(words(n)) <= MEDIA]
+    return [n for n in inputs if n not in warm and not units.get(n) and _of_medium(n)]
 
 
 def _sides(run: Run, inputs: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

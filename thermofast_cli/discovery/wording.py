@@ -308,8 +308,10 @@ def _when(begins: tuple[float, float, float] | None, seen: Observations, nearest
         return "may change"
     for candidate in nearest:
         for k, part in enumerate(candidate.parts):
-            if part.effect.event and part.effect.scope == "run":
-                return f"changed at about {float(candidate.fit.values[Key(k, part.effect.event)]):.3g} min"
+            # What follows a logged column has no event of its own.
+            when = candidate.fit.values.get(Key(k, part.effect.event or ""))
+            if when is not None and part.effect.scope == "run":
+                return f"changed at about {float(when):.3g} min"
     return f"changed at {begins[0]:.4g} min"
 
 
@@ -332,8 +334,13 @@ def _coarse(seen: Observations) -> list[str]:
 def _seen_as(named: Candidate) -> str:
     """The tell-tale of each effect, with 1/b in minutes where it speaks of that."""
     late = 1.0 / float(np.median(named.fit.values[RATE]))
-    tales = [p.effect.tell_tale.replace("1/b", f"1/b = {late:.3g} min") for p in named.parts if p.effect.tell_tale]
+    tales = [p.effect.tell_tale.replace("1/b", f"1/b = {late:.3g} min") for p in named.parts if p.effect.tell_tale and _searched(p)]
     return f"Seen as: {'; '.join(dict.fromkeys(tales))}. " if tales else ""
+
+
+def _searched(part: Part) -> bool:
+    """Whether the moment of what happens is searched for: what follows a logged column shows as that does."""
+    return part.effect.event is None or part.effect.event in {p.name for p in part.effect.active(part.choice)}
 
 
 def _rounded(value: float, error: float) -> str:
