@@ -210,7 +210,8 @@ class Run:
         counted = prior.from_others * min(1.0, COUNTED_OTHERS / max(count - 1, 1))
         weight = np.broadcast_to(self.log_prior, kinds.shape).copy()
         level = log_sum(kinds[:, self.base] + background, 1)
-        relative = np.maximum(kinds - level[:, None], -60.0)
+        with np.errstate(invalid="ignore"):  # of a sensor that no hypothesis explains, both are minus infinity
+            relative = np.maximum(kinds - level[:, None], -60.0)
         weight[:, ~self.base] += (prior.evidence_power - 1.0) * relative[:, ~self.base]
         said = np.clip(relative, -MOST_SAID, MOST_SAID)
         weight += counted * (said.sum(axis=0) - said)

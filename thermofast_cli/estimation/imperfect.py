@@ -21,7 +21,7 @@ from ..errors import rounded
 from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
 from .estimate import Estimates
 from .rules import RULES
-from .sensor import Sensors
+from .sensor import Sensors, left_at_end
 
 Array = NDArray[np.float64]
 
@@ -165,25 +165,15 @@ def claims(
             )
             _let_go(closed, members, empty, prior, rates, name, past)
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
-        _claim(closed, alone, empty, prior, rates, name, criterion=criterion)
+        # What has hardly moved may be far behind the others: that it is as fast as they is no guess to begin with.
+        moved, most = _moved(closed, members)
+        little = [a & (m < RULES.behind * most) for a, m in zip(alone, moved, strict=True)]
+        _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, prior, rates, name, criterion=criterion)
+        _claim(closed, little, empty, prior, "own", name, criterion=criterion)
         _with_before(closed, alone, empty)
         _mark_behind(closed, members, empty)
         _mark_settled(closed, members, empty, past is not None and not past.guessed)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
-
-
-def left_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
-    """How many of the last readings used (S,) were left out in a row, those of weights (S, n) 0.
-
-    No machine goes faster than its heat drives it: a reading farther from the one before than several times any other step is the
-    logger's.
-    """
-    out, reading = weights == 0.0, sensors.reading[:, : weights.shape[1]]
-    row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
-    step = np.abs(np.diff(reading, axis=1))
-    usual = np.where(out[:, 1:] | out[:, :-1], 0.0, step).max(axis=1, initial=0.0)
-    first = step[np.arange(len(row)), np.minimum(step.shape[1] - row, step.shape[1] - 1)] if step.shape[1] else usual
-    return np.where(first <= RULES.fastest_step * usual, row, 0)
 
 
 def _mark_changes(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
@@ -194,10 +184,15 @@ def _mark_changes(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np
         one.left_last[:] = np.where(mine & (row >= (1 if together else RULES.last_alone)), row, one.left_last)
 
 
+def _moved(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> tuple[list[Array], float]:
+    """How far the sensors of each block have moved (S,) [K], and how far that one of the members which moved most."""
+    moved = [np.abs(c.found.state[:, 0] - c.found.initial) for c in closed]
+    return moved, max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
+
+
 def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
     """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little."""
-    moved = [np.abs(c.found.state[:, 0] - c.found.initial) for c in closed]
-    most = max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
+    moved, most = _moved(closed, members)
     rates = [one.rate[one.held & mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
     rate = float(np.median(every)) if len(every := np.concatenate(rates)) else math.nan
     for c, m, mine, one in zip(closed, moved, members, into, strict=True):
@@ -214,10 +209,13 @@ def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]
 
     learnt: what is known of some is from past runs, in which they may have been as fast.
     """
+    moved, most = _moved(closed, members)
     asked = [m & ~(o.known & learnt) for m, o in zip(members, into, strict=True)]
     rate = np.concatenate([np.where(m, o.rate[:, 1], np.nan) for m, o in zip(asked, into, strict=True)])
     span = max(float(c.sensors.time[c.count - 1] - c.sensors.time[0]) for c in closed)
-    many = faster(rate, span, RULES.faster, RULES.faster_slowest, RULES.faster_until)
+    # What has hardly moved, and is slower, has little to move the others by.
+    went = np.concatenate([k >= RULES.behind * most for k in moved])
+    many = faster(np.where(went, rate, np.nan), span, RULES.faster, RULES.faster_slowest, RULES.faster_until)
     row = 0
     for c, mine, one in zip(closed, members, into, strict=True):
         own = slice(row, row + len(mine))
@@ -225,8 +223,8 @@ def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]
         one.faster[:] = np.where(mine, many[own], one.faster)
         if c.room is None and not one.other_rise.any():
             time, reading = c.sensors.time[: c.count], c.sensors.reading[:, : c.count]
-            moved = moved_since(time, reading, rate[own], one.steady[:, 1] - c.found.initial)
-            one.moved[:] = np.where(mine, moved, one.moved)
+            since = moved_since(time, reading, rate[own], one.steady[:, 1] - c.found.initial)
+            one.moved[:] = np.where(mine, since, one.moved)
 
 
 def _let_go(

@@ -347,3 +347,17 @@ def run_start(time_min: Array, channels: list[Array], most: int = 32) -> float:
     picked = channels[:: max(1, len(channels) // most)]
     starts = [s for s in (rise_start(time_min, c) for c in picked) if s is not None]
     return min(starts, default=0.0)
+
+
+def left_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
+    """How many of the last readings used (S,) were left out in a row, those of weights (S, n) 0.
+
+    No machine goes faster than its heat drives it: a reading farther from the one before than several times any other step is the
+    logger's.
+    """
+    out, reading = weights == 0.0, sensors.reading[:, : weights.shape[1]]
+    row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
+    step = np.abs(np.diff(reading, axis=1))
+    usual = np.where(out[:, 1:] | out[:, :-1], 0.0, step).max(axis=1, initial=0.0)
+    first = step[np.arange(len(row)), np.minimum(step.shape[1] - row, step.shape[1] - 1)] if step.shape[1] else usual
+    return np.where(first <= RULES.fastest_step * usual, row, 0)

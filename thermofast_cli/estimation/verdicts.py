@@ -16,10 +16,10 @@ from thermofast.models.uncertainty.companions import DONE
 from ..errors import rounded
 from ..records import IdentifyRecord
 from .estimate import Estimate, Estimates
-from .imperfect import Claims, left_at_end
+from .imperfect import Claims
 from .measured import outlying, went, words
 from .rules import RULES
-from .sensor import Sensor, Sensors
+from .sensor import Sensor, Sensors, left_at_end
 
 Array = NDArray[np.float64]
 
