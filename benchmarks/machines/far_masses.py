@@ -24,7 +24,7 @@ LONGEST, SETTLED = 3000.0, 60_000.0
 
 
 def machine(seed: int) -> tuple[Array, Array, Array, Array, int, float]:
-    """(minutes (n,), readings (S, n) [degC], limits (S,) [degC], settling times (S,) [min], quick parts, their time to 63 % [min])."""
+    """(minutes (n,), readings (S, n) and limits (S,) [degC], settling times (S,) [min], quick parts, their time to 63 % [min])."""
     rng = np.random.default_rng([77, seed])
     quick, heavy = int(rng.integers(2, 5)), int(rng.integers(1, 4))
     size = quick + heavy

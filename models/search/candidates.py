@@ -77,9 +77,15 @@ def once_more(effect: Effect, parts: Sequence[Part]) -> Effect:
     return effect.numbered(1 + max(p.effect.number for p in parts if type(p.effect) is type(effect)))
 
 
+def _choices(fit: Fit, effect: Effect) -> list[Choice]:
+    """The ways of an effect to act beside those of a fit: one column is followed once, else two laws of it draw a third."""
+    taken = {p.choice.constants.get("column") for p in fit.model.parts if type(p.effect) is type(effect)} - {None, ""}
+    return [c for c in effect.choices(fit.run) if c.constants.get("column") not in taken]
+
+
 def first_order(fit: Fit, effect: Effect) -> tuple[float, list[tuple[Choice, Scan]]]:
     """Gain that a straight-line step promises, over all simple ways of acting, and the scans behind it."""
-    scans = [(c, scan(fit, effect, c)) for c in effect.choices(fit.run) if c.simple]
+    scans = [(c, scan(fit, effect, c)) for c in _choices(fit, effect) if c.simple]
     if not scans:
         return 0.0, []
     if effect.scope == "run":
@@ -198,7 +204,7 @@ def unmirrored(fit: Fit, at: int) -> Fit:
 
 def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tuple[float, Fit, Part]:
     """Less simple ways of acting of the last part, where the simple one leaves a pattern."""
-    more = [c for c in effect.choices(before.run) if not c.simple]
+    more = [c for c in _choices(before, effect) if not c.simple]
     # Beside a heat that is not constant, a source of its own and a change of all of it are different things.
     varies = before.run.heat is not None or any(part.effect.changes_heat for part in before.model.parts)
     if effect.changes_heat and varies:

@@ -118,6 +118,8 @@ def discover(
         also += _nearly(base, named, also, singles)
     if named is None and above and most > 1 and known is None:
         named, rivals = _several(base, pairs, effects, false_alarm, spread)
+        if named is not None and _roundabout(base, named, singles):
+            named = None
         also = also if named is None else rivals
     first = foreseen(base, singles, false_alarm) if above and known is None else None
     if first is not None and (named is None or first.named.effect.id not in named.ids):
@@ -310,9 +312,10 @@ def _around(base: Fit, named: Candidate, pairs: Sequence[Candidate]) -> Candidat
 
 
 def _roundabout(base: Fit, named: Candidate, singles: list[Candidate]) -> bool:
-    """Whether a set draws, with what a background adds, what one effect that is not in it explains nearly all of."""
+    """Whether a set draws, with what a background adds, what one effect that is not in it, or not so, explains nearly all of."""
     best = max(singles, key=lambda c: total_likelihood_ratio(base, c))
-    if len(named.ids) < 2 + len(base.model.parts) or set(best.ids) <= set(named.ids):
+    ways = {(type(p.effect), p.choice.label) for p in named.parts}
+    if len(named.ids) < 2 + len(base.model.parts) or {(type(p.effect), p.choice.label) for p in best.parts} <= ways:
         return False
     leaves, gains = RULES.roundabout
     little = misfit_power(best.fit) <= leaves * misfit_power(base)
