@@ -75,7 +75,7 @@ class Choice:
 
     constants are carried in the model file; by_sensor names those that are (S,) indices of sensors, one for each sensor. omitted
     are parameters that this way does not search, coupled those of the run that it makes the machine's. simple is False for a
-    way that is tried only where the simple ones do not do.
+    way that is tried only where the simple ones do not do; rare is one that gives way to what does as well.
     """
 
     label: str = ""
@@ -84,6 +84,7 @@ class Choice:
     simple: bool = True
     by_sensor: tuple[str, ...] = ()
     coupled: tuple[str, ...] = ()
+    rare: bool = False
 
     def acts_as(self, other: "Choice") -> bool:
         """Whether it is the same way to act; constants may be arrays."""

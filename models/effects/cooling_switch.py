@@ -8,15 +8,18 @@ import numpy as np
 from ..drive import Drive
 from ..observations import Observations
 from .base import Choice, Effect, Parameter, tried_columns
-from .load_step import endings, held
+from .load_step import STEADILY, endings, held, so_far
 
 
 class CoolingSwitch(Effect):
-    """The loss steps at an unknown time, or follows a logged column."""
+    """The loss steps at an unknown time, changes steadily until the last reading, or follows a logged column."""
 
     id = "cooling_switch"
     summary = "coolant, fan or door changes the loss"
-    equation = "loss(t) = ratio after event, 1 before; or 1 + (ratio - 1) u/u_max, u a logged column"
+    equation = (
+        "loss(t) = ratio after event, 1 before; or 1 + (ratio - 1) t/t_last (steadily); "
+        "or 1 + (ratio - 1) u/u_max, u a logged column"
+    )
     tell_tale = "kink at the event, then a new exponential with another b"
     mistaken_for = ("load_step",)
     separate = "log the coolant or the fan; wait longer after the change"
@@ -35,12 +38,16 @@ class CoolingSwitch(Effect):
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
-        found = [Choice("", {"column": ""})]
+        steadily = {"column": "", "event": 0.0, "steady": 1.0}
+        found = [Choice("", {"column": ""}), Choice(STEADILY, steadily, ("event",), simple=False, rare=True)]
         for name, column in tried_columns(run, but=run.heats).items():
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
             found += [Choice(name, {**constants, "ending": ending}, ("event",), coupled=("ratio",)) for ending in endings(column)]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
-        changed = held(run, p.column, p.scale, 1.0, p.ending) if p.column else run.after(p.event)
+        if p.column:
+            changed = held(run, p.column, p.scale, 1.0, p.ending)
+        else:
+            changed = so_far(run) if getattr(p, "steady", 0.0) else run.after(p.event)
         drive.loss = drive.loss * np.maximum(1.0 + (p.ratio - 1.0) * changed, 1e-3)

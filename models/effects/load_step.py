@@ -1,6 +1,7 @@
 """``load_step``: the load changes during the run."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,20 @@ from .base import Choice, Effect, Parameter, driven, heated, tried_columns
 
 #: Levels of a drive of which more say to which power the heat follows it: of on and off all powers are one.
 FEWEST_LEVELS = 2
+#: How a change without an event is called, and what it does not search.
+STEADILY, NO_EVENT = "steadily, until the last reading", ("event", "power", "delay")
 
 
 class LoadStep(Effect):
-    """The heat steps at an unknown time, follows a logged column, or follows the drive in another way than in proportion."""
+    """The heat steps at an unknown time, changes steadily until the last reading, follows a logged column, or follows the drive in
+    another way than in proportion.
+    """
 
     id = "load_step"
     summary = "the load changes during the run"
     equation = (
-        "heat(t) = 1 + change after event; or 1 + change ((u(t - delay)/u0)^power - 1), u a logged column; "
+        "heat(t) = 1 + change after event; or 1 + change t/t_last (steadily); "
+        "or 1 + change ((u(t - delay)/u0)^power - 1), u a logged column; "
         "or (u(t - delay)/u0)^(1 + change), u the drive"
     )
     tell_tale = "kink in slope at the event, then a new exponential with the same b"
@@ -61,7 +67,8 @@ class LoadStep(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         free = Choice("", {"column": "", "power": 1.0, "ending": 0.5, **driven(run)}, ("power", "delay"))
-        found = [free]
+        steadily = {**free.constants, "event": 0.0, "steady": 1.0}
+        found = [free, replace(free, label=STEADILY, constants=steadily, omitted=NO_EVENT, simple=False, rare=True)]
         if run.heat is not None and len(np.unique(run.heat)) > FEWEST_LEVELS and float(run.heat.min()) >= 0.0:
             own = {"column": "", "own": str(run.drive)}
             way = f"{run.drive} to the power 1 + change"
@@ -85,10 +92,16 @@ class LoadStep(Effect):
             drive.heat = later(run, drive.heat * raised(run.heat, p.change), getattr(p, "delay", 0.0))
             return
         if not p.column:
-            drive.heat = heated(drive, p.change * run.after(p.event), p)
+            drive.heat = heated(drive, p.change * (so_far(run) if getattr(p, "steady", 0.0) else run.after(p.event)), p)
             return
         level = held(run, p.column, p.scale, p.power, p.ending)
         drive.heat = heated(drive, p.change * (later(run, level, getattr(p, "delay", 0.0)) - 1.0), p)
+
+
+def so_far(run: Observations) -> Any:
+    """The share of the way to the last reading used, from 0 to 1 (N,), mean over the interval that ends at each reading."""
+    first, last = run.time[0], run.time[run.last]
+    return np.clip((run.middle - first) / max(float(last - first), 1e-9), 0.0, 1.0)
 
 
 def raised(level: Any, power: Any) -> Any:

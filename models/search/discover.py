@@ -262,7 +262,7 @@ def _choose(base: Fit, finalists: list[Candidate]) -> tuple[Candidate | None, li
     best = max(finalists, key=lambda c: value[id(c)] - 2.0 * c.fit.complexity)
     limit = value[id(best)]
     equal = [c for c in finalists if value[id(c)] > limit - RULES.equal - 2.0 * max(0.0, best.fit.complexity - c.fit.complexity)]
-    equal.sort(key=lambda c: (len(c.ids), c.fit.complexity, -value[id(c)]))
+    equal.sort(key=lambda c: (len(c.ids), any(p.choice.rare for p in c.parts), c.fit.complexity, -value[id(c)]))
     named = equal[0]
     also = [c for c in equal[1:] if len(c.ids) <= len(named.ids)]
     return named, also[: RULES.most_also]
