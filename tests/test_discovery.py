@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from machines import EFFECTS
+from scipy.integrate import solve_ivp
 from scipy.stats import truncnorm
 from test_effects_contract import record
 
+import thermofast as tf
 from benchmarks.discovery.proof import Job, guarded
 from benchmarks.estimation.coarse_readings import trial
 from thermofast.discovery.compare import failing_stretches
@@ -122,3 +124,26 @@ def test_a_stretch_ends_where_the_residual_goes_over_to_the_other_side():
     assert above[:2] == (pytest.approx(233.0, abs=4.0), pytest.approx(398.0, abs=4.0))
     assert below[2] == pytest.approx(-0.6 / np.pi, abs=0.02)
     assert above[2] == pytest.approx(0.8 / np.pi, abs=0.02)
+
+
+@pytest.mark.parametrize(("of", "name", "value"), [("loss", "cooling_switch", 0.7), ("heat", "load_step", 0.25)])
+def test_what_changes_all_the_while_is_no_second_mass(of, name, value):
+    """Lumps by scipy's solver of which the loss falls, or the heat grows, evenly through the record; the room is logged."""
+    rng, minutes = np.random.default_rng(19), np.arange(0.0, 400.0)
+    tau, rise = np.array([45.0, 60.0, 75.0]), np.array([9.0, 7.0, 12.0])
+
+    def slope(time, state):
+        passed = min(time / minutes[-1], 1.0)
+        heat, loss = (1.0, 1.0 - 0.3 * passed) if of == "loss" else (1.0 + 0.25 * passed, 1.0)
+        return (rise * heat - loss * state) / tau
+
+    curves = 20.0 + solve_ivp(slope, (0.0, minutes[-1]), np.zeros(3), t_eval=minutes, rtol=1e-9, atol=1e-9).y
+    columns = {"time_min": minutes, "ambient": 20.0 + rng.normal(0.0, 0.03, 400)}
+    columns |= {f"T{i}": line + rng.normal(0.0, 0.02, 400) for i, line in enumerate(curves)}
+    for told in tf.diagnose(columns):
+        assert (told.verdict, told.status) == (name, "ok")
+        size, error = (told.parameters[f"{name}.{'ratio' if of == 'loss' else 'change'}"][k] for k in ("value", "standard_error"))
+        assert abs(size - value) < 1.96 * error + 0.002
+        assert "steadily" in told.message
+        assert "kink" not in told.message
+        assert told.event_min is None

@@ -111,7 +111,7 @@ def test_a_first_step_promises_what_the_scope_of_an_effect_shares(monkeypatch):
     monkeypatch.setattr(candidates, "scan", lambda fit, effect, choice: SimpleNamespace(gain=gains[choice.label]))
     choices = [Choice("a"), Choice("b"), Choice("c", simple=False)]
     effect = SimpleNamespace(choices=lambda run: choices, scope="sensor", event="")
-    fit = SimpleNamespace(run=None)
+    fit = SimpleNamespace(run=None, model=SimpleNamespace(parts=[]))
     assert candidates.first_order(fit, effect)[0] == 14.0
     effect.scope = "one"
     assert candidates.first_order(fit, effect)[0] == 9.0
@@ -233,7 +233,8 @@ def _set(ids, gain, complexity=1, p=0.5, ok=True, physical=True, parts=None):
     found = SimpleNamespace(
         ids=tuple(ids.split("+")), fit=fit, own=None, p=p, floor=np.array([p]), identifiable=Identifiability(ok)
     )
-    found.parts, found.at_floor = parts or [SimpleNamespace(id=i) for i in found.ids], p > 0.001
+    plain = [SimpleNamespace(id=i, choice=SimpleNamespace(label="", rare=False)) for i in found.ids]
+    found.parts, found.at_floor = parts or plain, p > 0.001
     return found
 
 
@@ -342,6 +343,35 @@ def test_a_set_is_named_by_its_worth_and_the_smallest_of_equals(by_gain):
     assert discover._choose(by_gain, []) == (None, [])
     many = [_set(str(k), 100.0 - k) for k in range(9)]
     assert discover._choose(by_gain, many) == (many[0], many[1:7])
+    # A rare way to act gives way to what does as well, though that has more parameters.
+    rare, usual = _set("a", 100.0, 1), _set("b", 105.0, 4)
+    assert discover._choose(by_gain, [usual, rare]) == (rare, [usual])
+    rare.parts[0].choice.rare = True
+    assert discover._choose(by_gain, [usual, rare]) == (usual, [rare])
+
+
+def test_one_column_is_followed_once(monkeypatch):
+    """Beside a part that follows a column the same effect has other ways to act, another effect has all."""
+    choices = [
+        Choice(""),
+        Choice("u", {"column": "u"}),
+        Choice("v", {"column": "v"}),
+        Choice("u later", {"column": "u"}, simple=False),
+    ]
+
+    class One:
+        def choices(self, run):
+            return choices
+
+    class Other(One):
+        pass
+
+    parts = [SimpleNamespace(effect=One(), choice=choices[1])]
+    fit = SimpleNamespace(run=None, model=SimpleNamespace(parts=parts))
+    assert [c.label for c in candidates._choices(fit, One())] == ["", "v"]
+    assert len(candidates._choices(fit, Other())) == 4
+    parts[0].choice = choices[0]
+    assert len(candidates._choices(fit, One())) == 4
 
 
 def test_a_single_that_gains_nearly_as_much_stays_possible(by_gain):

@@ -13,7 +13,7 @@ from thermofast.models.search.judge import Identifiability
 def _set(ids, gain, complexity=1, p=0.5, ok=True, physical=True, left=1.0):
     """A candidate that gains so much and leaves a misfit of such a power."""
     effects = [SimpleNamespace(id=i, number=1, mistaken_for=(), logged=False, again=False) for i in ids.split("+")]
-    parts = [SimpleNamespace(id=e.id, effect=e) for e in effects]
+    parts = [SimpleNamespace(id=e.id, effect=e, choice=SimpleNamespace(label="", rare=False)) for e in effects]
     fit = SimpleNamespace(
         gain=gain, complexity=complexity, physical=physical, left=left, values={}, model=SimpleNamespace(parts=parts)
     )
@@ -505,6 +505,9 @@ def test_a_pair_is_not_named_around_one_effect_that_explains_nearly_all(base):
     ):
         assert not discover._roundabout(base, pair, [other])
     assert not discover._roundabout(base, _made("a", 1000.0), [_made("c", 960.0, **near)])
+    otherwise = _made("a", 960.0, **near)  # the same effect, that follows a column by another law
+    otherwise.parts[0].choice.label = "u, to a power"
+    assert discover._roundabout(base, pair, [otherwise])
 
 
 def test_the_size_of_what_is_named_is_told_beside_the_best_pair_that_holds_it(base):

@@ -314,8 +314,8 @@ def _around(base: Fit, named: Candidate, pairs: Sequence[Candidate]) -> Candidat
 def _roundabout(base: Fit, named: Candidate, singles: list[Candidate]) -> bool:
     """Whether a set draws, with what a background adds, what one effect that is not in it, or not so, explains nearly all of."""
     best = max(singles, key=lambda c: total_likelihood_ratio(base, c))
-    ways = {(type(p.effect), p.choice.label) for p in named.parts}
-    if len(named.ids) < 2 + len(base.model.parts) or {(type(p.effect), p.choice.label) for p in best.parts} <= ways:
+    so, instead = ({(p.id.partition(".")[0], p.choice.label) for p in c.parts} for c in (named, best))
+    if len(named.ids) < 2 + len(base.model.parts) or instead <= so:
         return False
     leaves, gains = RULES.roundabout
     little = misfit_power(best.fit) <= leaves * misfit_power(base)

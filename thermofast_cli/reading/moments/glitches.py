@@ -28,7 +28,7 @@ def without_repeats(time: Array, columns: dict[str, Array], lines: Sequence[int]
     """Rows to keep (k,) of times (n,) [s] and columns (n,) as written, and a note on the others.
 
     Where the time falls back to that of a row before, and the rows from there on say again, in every column, what stood between,
-    they are those rows again. A run that begins anew reads otherwise.
+    they are those rows again. A run that begins anew reads otherwise, or is all of it.
     """
     keep = np.ones(len(time), dtype=bool)
     told = []
@@ -36,7 +36,7 @@ def without_repeats(time: Array, columns: dict[str, Array], lines: Sequence[int]
         ahead = time[:at][::-1] >= time[at]
         count = at if ahead.all() else int(ahead.argmin())
         before, again = slice(at - count, at), slice(at, at + count)
-        if count < FEWEST_REPEATED or at + count > len(time):
+        if not FEWEST_REPEATED <= count < at or at + count > len(time):
             continue
         moves = any(len(np.unique(c[before][np.isfinite(c[before])])) > 1 for c in columns.values())
         if moves and all(np.array_equal(v[before], v[again], equal_nan=True) for v in (time, *columns.values())):
