@@ -13,6 +13,9 @@ from thermofast.main import run
 
 # Where it is set, each process that a test starts would compile the program anew: half a second, some hundreds of times.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# Tests run beside each other, one on each core: threads of the linear algebra would only wait for each other.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"

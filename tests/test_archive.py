@@ -222,6 +222,7 @@ def test_a_run_on_which_workers_die_is_named_and_the_others_are_done(archive, tm
     assert failed["message"].str.contains("the worker process died").all()
 
 
+@pytest.mark.proof
 def test_a_signal_ends_it_in_order_and_resume_ends_byte_equal(archive, tmp_path):
     make_archive(tmp_path / "in", 16, seed=2, sensors=6)
     call = [sys.executable, "-m", "thermofast", "identify", "in", "--until", "60", "-o", "r/", "--jobs", "2"]

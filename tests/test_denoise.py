@@ -119,6 +119,7 @@ def test_a_few_readings_in_a_time_constant_are_enough(step, tau, n):
         assert "T" in tf.compare({"time_min": time, "T": reading}, denoise=True).denoised[0].sensors
 
 
+@pytest.mark.proof
 def test_a_record_that_hardly_bends_may_still_deviate():
     time, held = np.arange(300.0), []
     for seed in range(6):

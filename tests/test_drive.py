@@ -29,6 +29,7 @@ def record(rng, tau_a=60.0, tau_b=90.0):
     return pd.DataFrame({"time_min": TIME, "T1": a + noise[0], "T2": b + noise[1], "power_W": POWER}), (a, b)
 
 
+@pytest.mark.proof
 def test_intervals_hold_for_power_that_changes_before_and_after_the_identification_time():
     rng, inside, width = np.random.default_rng(1), [], []
     for _ in range(7):

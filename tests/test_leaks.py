@@ -96,7 +96,7 @@ def in_a_room_that_moves(later, rng, drifting):
     return {"time_min": minutes, "T1 [°C]": np.array(reading) + noise, "ambient [°C]": logged, "P [kW]": power}
 
 
-@pytest.mark.parametrize("later", LATER)
+@pytest.mark.parametrize("later", [name if name == "a walk" else pytest.param(name, marks=pytest.mark.proof) for name in LATER])
 @pytest.mark.parametrize("how", [{"drive": "P [kW]"}, {"auto": True}, {"model": True}], ids=lambda how: next(iter(how)))
 def test_a_room_after_the_identification_time_moves_nothing(later, how):
     run = in_a_room_that_moves(later, np.random.default_rng(9), drifting="model" in how)

@@ -39,6 +39,7 @@ def test_draws_of_the_background_are_of_its_size():
     assert apart == pytest.approx(slow, rel=0.15)  # room and load are common to a run
 
 
+@pytest.mark.proof
 def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path):
     monkeypatch.setattr(planning, "DRAWS", 2)
     monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 5))
@@ -68,6 +69,7 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     assert f"{told} tests: {waits}" in drawn.out
 
 
+@pytest.mark.proof
 def test_a_record_of_the_machine_tells_what_it_takes_without_its_past_runs(monkeypatch, tmp_path):
     """The row said what machines in general take: 148 min where the record's own intervals took 545."""
     monkeypatch.setattr(planning, "DRAWS", 2)

@@ -144,7 +144,15 @@ TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
 OWN = [line for line in EXAMPLES if line.split(" --")[0] not in TUTORIAL]
 
 
-@pytest.mark.parametrize("line", OWN)
+#: Those that take the longest: what they do has tests of its own, and the figures that they print are not held here.
+LONG = (" --next", " --unknown-heat", " --together", " plan ")
+
+
+def _example(line: str) -> object:
+    return pytest.param(line, marks=pytest.mark.proof) if any(word in line for word in LONG) else line
+
+
+@pytest.mark.parametrize("line", [_example(line) for line in OWN])
 def test_an_example_of_the_readme_runs(line, tmp_path, tool, monkeypatch):
     (tmp_path / "sample_runs").symlink_to(ROOT / "sample_runs")
     if "|" not in line and "&&" not in line:  # nothing for a shell: in this process

@@ -110,7 +110,7 @@ def test_a_duty_sequence_is_one_run_when_its_duty_drives_it(shared):
 @pytest.mark.parametrize(
     ("name", "channels", "drive", "first", "falls_to"),
     [
-        ("tclab/second_order.csv", ("T1", "T2"), "heater_1", "transport_delay", 0.75),
+        pytest.param("tclab/second_order.csv", ("T1", "T2"), "heater_1", "transport_delay", 0.75, marks=pytest.mark.proof),
         pytest.param("cooking_pot/20cm_3L_b.csv", ("T10", "T5"), None, "neighbour_heat", 0.35, marks=pytest.mark.proof),
     ],
 )

@@ -22,7 +22,7 @@ def same(shown, printed):
     )
 
 
-@pytest.mark.parametrize(("path", "commands"), [(PAGE, 9), (REAL_PAGE, 5)])
+@pytest.mark.parametrize(("path", "commands"), [pytest.param(PAGE, 9, marks=pytest.mark.proof), (REAL_PAGE, 5)])
 def test_every_command_prints_what_the_page_shows(path, commands, tool, monkeypatch):
     if path == REAL_PAGE and not REAL.exists():
         pytest.skip(f"{REAL} is not there")

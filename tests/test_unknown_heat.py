@@ -134,6 +134,7 @@ def test_a_room_that_the_model_counts_is_taken_off_at_the_learnt_rate():
     assert np.mean((low <= true) & (true <= high)) > 0.9
 
 
+@pytest.mark.proof
 def test_the_lag_of_a_probe_is_no_heat_and_no_other_rate():
     """Speed squared in steps, read by a probe that is 0.9 min late: by scipy's solver, at two readings a minute."""
     time = np.linspace(0.0, 300.0, 601)

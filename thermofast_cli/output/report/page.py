@@ -108,7 +108,7 @@ def _ranking(rows: Sequence[dict[str, Any]]) -> str:
         lines = "".join(
             f'<tr><td>{escape(e["effect"])}</td><td><svg viewBox="0 0 100 8" width="160" height="13" aria-hidden="true">'
             f'<rect width="{100.0 * max(float(e["gain"]), 0.0) / most:.1f}" height="8" class="bar"/></svg></td>'
-            f'<td class="number">{max(e["gain"], 0.0) + 0.0:g}</td><td class="number">{e["p"]:.2g}</td>'
+            f'<td class="number">{max(e["gain"], 0.0) + 0.0:g}</td><td class="number">{_chance(float(e["p"]))}</td>'
             f'<td class="long">{escape(e["why_not"])}</td></tr>'
             for e in ranking
         )
@@ -151,7 +151,10 @@ def _cell(column: str, value: Any) -> str:
     if isinstance(value, list) and all(isinstance(v, str) for v in value):
         value = ", ".join(value)
     if not isinstance(value, str):
-        return _folded(f"{len(value)} entries", json.dumps(value, ensure_ascii=False)) if value else "<td></td>"
+        if not value:
+            return "<td></td>"
+        count = f"{len(value)} entr{'y' if len(value) == 1 else 'ies'}"
+        return _folded(count, json.dumps(value, ensure_ascii=False), json.dumps(_brief(value), ensure_ascii=False))
     if column == "status":
         return f'<td class="{"ok" if value == "ok" else "doubt" if value in DOUBT else "failed"}">{escape(value)}</td>'
     if len(value) > FOLDED:
@@ -159,9 +162,23 @@ def _cell(column: str, value: Any) -> str:
     return f"<td{' class=long' if len(value) > LONG else ''}>{escape(value)}</td>"
 
 
-def _folded(summary: str, whole: str) -> str:
-    """A cell that opens on request; sorted and copied by all of it."""
-    told = f"<details><summary>{escape(summary)}</summary><code>{escape(whole)}</code></details>"
+def _brief(value: Any) -> Any:
+    """Lists and dictionaries with numbers as a reader takes them in: five digits."""
+    if isinstance(value, float):
+        return float(f"{value:.5g}") if math.isfinite(value) else value
+    if isinstance(value, dict):
+        return {name: _brief(one) for name, one in value.items()}
+    return [_brief(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def _chance(p: float) -> str:
+    """A probability; one that is less than what a number can hold is not nothing."""
+    return f"{p:.2g}" if p > 0.0 else "&lt; 1e-300"
+
+
+def _folded(summary: str, whole: str, shown: str | None = None) -> str:
+    """A cell that opens on request, as it is `shown`; sorted and copied by all of it."""
+    told = f"<details><summary>{escape(summary)}</summary><code>{escape(shown or whole)}</code></details>"
     return f'<td data-value="{escape(whole, quote=True)}">{told}</td>'
 
 
