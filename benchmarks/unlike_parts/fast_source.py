@@ -1,6 +1,6 @@
 """When is it settled? A small source that is warm within minutes, on a body: 95 % of the whole rise, by the program and in truth.
 
-python -m benchmarks.machines.fast_source [--machines 25] [--seed 500] draws machines of four sensors: two on a source of one to
+python -m benchmarks.unlike_parts.fast_source [--machines 25] [--seed 500] draws machines of four sensors: two on a source of one to
 four minutes (5 to 50 % of their rise), two on the body (45 to 80 min), by scipy's solver; 20 mK, steps of 10 mK, a reading a minute
 for 900 min; and prints, by how much is read: sensors, rows that are `ok`, true times of 95 % that lie in the interval, the median
 of its half-width and of the error of its middle over the true time, and how far `t95_measured_min` is off.

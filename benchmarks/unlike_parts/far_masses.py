@@ -1,6 +1,6 @@
 """Heavy masses behind a quick spindle: does ``identify`` wait for what has hardly been warmed?
 
-python -m benchmarks.machines.far_masses [--machines 30] [--seed 0] prints, for the quick parts and for the heavy ones behind them
+python -m benchmarks.unlike_parts.far_masses [--machines 30] [--seed 0] prints, for the quick parts and for the heavy ones behind them
 and by how much was read (in median times to 63 % of the quick ones' rises): rows, how many are ``ok``, of these how many hold the
 limit and the settling time, how many of all hold the limit, and the median width of the ``ok`` intervals over the rise.
 

@@ -1,0 +1,1 @@
+"""Machines whose parts are far apart in time: quick sources, heavy masses."""
