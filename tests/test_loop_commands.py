@@ -493,3 +493,19 @@ def test_runs_learnt_together_may_be_exported_in_other_units(tool, tmp_path):
     assert {(r["run"], r["channel"]) for r in json.loads(searched.out)["records"]} == {
         (str(p), c) for p in paths[:2] for c in ("T1", "T2")
     }
+
+
+def test_improve_says_what_would_do_as_well(tool, tmp_path):
+    """As diagnose does: a name is sure only where it stands alone, also where the other is a room that nobody logged."""
+    rng, minutes = np.random.default_rng(3), np.arange(0.0, 300.0)
+    slow = 6.0 * -np.expm1(-minutes / 40.0) + 2.0 * -np.expm1(-minutes / 220.0)
+    path = tmp_path / "run.csv"
+    lines = [f"{t:g},{a:.3f}" for t, a in zip(minutes, 20.0 + slow + rng.normal(0.0, 0.02, 300), strict=True)]
+    path.write_text("time_min,T1\n" + "\n".join(lines) + "\n")
+    told = json.loads(tool("diagnose", path, "-q", "--format", "json").out)["records"][0]
+    done = json.loads(tool("improve", path, "--auto", "-q", "--format", "json").out)["records"]
+    assert told["status"] == "not_determined" == done[-1]["status"]
+    assert [r["status"] for r in done[:1]] == ["model_doubtful"]
+    rivals = [name for name in told["also_possible"] if name != "ambient"]
+    assert all(name in done[-1]["stopped_because"] for name in rivals)
+    assert "not logged" in done[-1]["message"]

@@ -37,7 +37,7 @@ from .loop import (
 )
 from .observe import Observed
 from .remains import remaining_words
-from .wording import unlogged_room, words
+from .wording import ROOMS, unlogged_room, words
 
 Array = NDArray[np.float64]
 
@@ -99,10 +99,11 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
             stopped = f"{found.verdict}: {evidence}. {advice}"
         else:
             steps, remark = _found_steps(prepared, task.until_min, base, found)
-            notes += [room] if (room := unlogged_room(found, prepared.seen)) else []
+            room = unlogged_room(found, prepared.seen)
+            notes += [room] if room else []
             _, _, status, also = verdict_of(task, found, prepared.seen)
             undecided = status == "not_determined"
-            stopped = f"{remark}{_why_enough(found)}{_or_else(also)}"
+            stopped = f"{remark}{_why_enough(found)}{_or_else([a for a in also if not (room and a in ROOMS)])}"
     elif task.names:
         effects = chosen_effects(task.names, task.extra)
         check_inputs(effects, prepared.whole)
