@@ -1,8 +1,9 @@
 """Heavy masses behind a quick spindle: does ``identify`` wait for what has hardly been warmed?
 
-python -m benchmarks.unlike_parts.far_masses [--machines 30] [--seed 0] prints, for the quick parts and for the heavy ones behind them
-and by how much was read (in median times to 63 % of the quick ones' rises): rows, how many are ``ok``, of these how many hold the
-limit and the settling time, how many of all hold the limit, and the median width of the ``ok`` intervals over the rise.
+python -m benchmarks.unlike_parts.far_masses [--machines 30] [--seed 0] prints, for the quick parts and for the heavy ones
+behind them and by how much was read (in median times to 63 % of the quick ones' rises): rows, how many are ``ok``, of these how
+many hold the limit and the settling time, how many of all hold the limit, and the median width of the ``ok`` intervals over the
+rise.
 
 Chains of two to four lumps of 4 to 16 kJ/K and one to three of 25 to 120 kJ/K, each linked to the next (2 to 8 W/K among the quick
 ones, 0.7 to 4 W/K on), a room that stays, a reading a minute, 8 to 30 mK, by scipy's LSODA.
