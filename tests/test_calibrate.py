@@ -146,7 +146,7 @@ def test_complete_runs_of_machines_that_are_far_from_the_law_are_used_too():
 @pytest.mark.proof
 def test_machines_with_a_slow_mass_each_are_not_said_to_have_none():
     """What each run goes on to climb is no room's wandering, of which the priors that take strong effects for rare make it."""
-    past = [tf.read({n: c for n, c in machine(3000 + k, 1)[1][0][0].items() if n != "ambient"}, name=f"p{k}") for k in range(5)]
+    past = [tf.read({n: c for n, c in machine(3000 + k, 1)[2][0][0].items() if n != "ambient"}, name=f"p{k}") for k in range(5)]
     lab = tf.calibrate(past)
     assert lab.prior.strong_share == TYPICAL.strong_share
     assert not lab.prior.rarely_strong

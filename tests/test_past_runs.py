@@ -260,7 +260,7 @@ def test_past_runs_are_believed_of_a_large_slow_mass():
     """A column 4 to 10 times slower than the spindle, with a fifth to a third of its rise, that three time constants do not show."""
     held = below = 0
     for seed in range(700, 712):
-        tau, runs = machine(seed, 3)
+        tau, _, runs = machine(seed, 3)
         bare = [{n: c for n, c in columns.items() if n != "ambient"} for columns, _ in runs]
         model = tf.improve([tf.read(c, name=f"past {k}") for k, c in enumerate(bare[1:])], together=True).model
         kept = bare[0]["time_min"] <= 4.5 * tau

@@ -75,7 +75,8 @@ class Choice:
 
     constants are carried in the model file; by_sensor names those that are (S,) indices of sensors, one for each sensor. omitted
     are parameters that this way does not search, coupled those of the run that it makes the machine's. simple is False for a
-    way that is tried only where the simple ones do not do; rare is one that gives way to what does as well.
+    way that is tried only where the simple ones do not do; rare is one that is taken where it leaves no pattern, and gives way to
+    what does as well.
     """
 
     label: str = ""

@@ -229,7 +229,8 @@ def _elaborate(before: Fit, effect: Effect, best: tuple[float, Fit, Part]) -> tu
         for start in starts:
             fit = fit_model(before.run, parts, start)
             value = _value(before, fit, part)
-            if value > best[0] + RULES.worth:
+            # A slow change draws half of many things: it is taken where it is all that there is.
+            if value > best[0] + RULES.worth and not (choice.rare and least_p(sensor_p_values(fit)) < RULES.pattern):
                 best = value, fit, part
     return best
 
