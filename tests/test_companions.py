@@ -6,6 +6,7 @@ from scipy.linalg import expm
 
 import thermofast as tf
 from benchmarks.machines.odd_heats import DOUBTS, KINDS, judge, simulate
+from benchmarks.unlike_parts.far_masses import machine
 from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before
 
 
@@ -137,3 +138,21 @@ def test_what_slow_parts_of_the_whole_rise_may_add():
     # Three quarters were done: log 4 time constants before the first reading.
     expected = [0.5 * 0.5 * 30.0, 0.25 * np.exp(-0.5) * 30.0, 0.5 / np.sqrt(31.0) * 30.0, 0.0, 0.0]
     assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", [4, 10, 17])
+def test_heavy_masses_that_have_hardly_moved_are_not_said_to_settle_with_a_spindle(seed):
+    """Chains by scipy's solver, read for two of the spindle's times: with its rate these were `ok`, far too low."""
+    minutes, reading, limit, _, quick, turn = machine(seed)
+    some = minutes <= 2.0 * turn
+    table = {"time_min": minutes[some]} | {f"T{i}": line[some] for i, line in enumerate(reading)}
+    heavy = [(r, end) for r, end in zip(tf.identify(table), limit, strict=True) if int(r.channel[1:]) >= quick]
+    moved = np.abs(reading[:, some][:, -1] - reading[:, 0])
+    little = [(r, end) for r, end in heavy if moved[int(r.channel[1:])] < 0.08 * moved.max()]
+    assert little
+    for r, end in little:
+        assert r.rate_shared_with == "" or not set(r.rate_shared_with.split(", ")) & {f"T{i}" for i in range(quick)}
+        assert r.status != "ok" or r.steady_state_lo_c <= end <= r.steady_state_hi_c
+    # Who says that all have one rate is believed.
+    asked = {r.channel: r.rate_shared_with for r in tf.identify(table, rates="shared")}
+    assert any(asked[r.channel] for r, _ in little)

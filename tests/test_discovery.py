@@ -15,9 +15,10 @@ from benchmarks.discovery.proof import Job, guarded
 from benchmarks.estimation.coarse_readings import trial
 from thermofast.discovery.compare import failing_stretches
 from thermofast.discovery.diagnose import own_verdict
+from thermofast.discovery.wording import _when
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.effects.load_step import LoadStep
-from thermofast.models.joint import fit_model
+from thermofast.models.joint import Key, fit_model
 from thermofast.models.noise.rounding import _in_cell
 from thermofast.models.search.discover import discover
 from thermofast.models.search.scan import scan
@@ -147,3 +148,34 @@ def test_what_changes_all_the_while_is_no_second_mass(of, name, value):
         assert "steadily" in told.message
         assert "kink" not in told.message
         assert told.event_min is None
+
+
+def test_a_coolant_in_degrees_by_the_letter_of_its_name_brings_heat():
+    """A lump by scipy's solver beside a coolant that swings; told without a unit it follows a column that has no event."""
+    rng, minutes = np.random.default_rng(31), np.arange(0.0, 400.0)
+    coolant = 18.0 + 3.0 * np.sin(minutes / 55.0)
+    tau, rise, kappa = np.array([45.0, 70.0]), np.array([9.0, 7.0]), 0.008
+
+    def slope(time, state):
+        return (rise - state) / tau + kappa * (np.interp(time, minutes, coolant) - 20.0 - state)
+
+    curves = 20.0 + solve_ivp(slope, (0.0, minutes[-1]), np.zeros(2), t_eval=minutes, rtol=1e-9, atol=1e-9, max_step=1.0).y
+    sensors = {f"T{i}": line + rng.normal(0.0, 0.02, 400) for i, line in enumerate(curves)}
+    for told in tf.diagnose({"time_min": minutes, **sensors, "coolant_C": coolant}):
+        assert told.verdict == "coolant_heat"
+        assert told.parameters["coolant_heat.kappa"]["value"] == pytest.approx(kappa, rel=0.1)
+    for told in tf.diagnose({"time_min": minutes, **sensors, "coolant": coolant}):  # of no unit, and said so
+        assert "coolant_heat" not in told.verdict
+        assert "kink" not in told.message
+        assert "--units coolant=C" in told.message
+
+
+def test_when_something_changed_is_told_by_a_model_whose_moment_was_searched():
+    """What follows a logged column has none: it was a KeyError."""
+    seen = SimpleNamespace(time=np.arange(10.0), span=9.0)
+    effect = SimpleNamespace(event="event", scope="run")
+    part = SimpleNamespace(effect=effect)
+    followed = SimpleNamespace(parts=[part], fit=SimpleNamespace(values={}))
+    searched = SimpleNamespace(parts=[part], fit=SimpleNamespace(values={Key(0, "event"): 3.25}))
+    assert _when((6.0, 7.0, 0.1), seen, [followed, searched]) == "changed at about 3.25 min"
+    assert _when((6.0, 7.0, 0.1), seen, [followed]) == "changed at 6 min"

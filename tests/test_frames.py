@@ -183,3 +183,14 @@ def test_a_number_that_says_whose_record_it_is_is_no_sensor(name):
     assert len(run.channels) == 10
     assert any(f"columns that never change left out: {name} is 3" in note for note in run.notes)
     assert len(tf.read(SPINDLE.assign(**{name: 3}), channels=["T1", name]).channels) == 2
+
+
+def test_a_sensor_is_asked_for_by_its_name_without_the_unit_too():
+    minutes = np.arange(60.0)
+    rise = 20.0 + 5.0 * -np.expm1(-minutes / 20.0) + np.random.default_rng(0).normal(0.0, 0.02, 60)
+    result = tf.identify({"time_min": minutes, "T1 [degC]": rise, "T2 [degC]": rise + 1.0})
+    assert result["T1"] == result["T1 [degC]"] == result[0]
+    assert "T2" in result
+    assert "T3" not in result
+    with pytest.raises(KeyError, match=r"T1 \[degC\], T2 \[degC\]"):
+        result["T3"]

@@ -59,9 +59,8 @@ def settled_behind(
     What is still to come then comes as slowly as that part: exp(-x) + p exp(-mode x) = 0.05 (1 + p), of the amplitude p that
     leaves as much at the law's own time. The time grows faster than what is left, so that a normal is taken in three parts.
     """
-    share_of, turns, pace = (np.broadcast_to(a, rate.shape) for a in (1.0, turns, pace))
     at = ahead + NODES[:, None] * spread
-    shares = NODE_SHARES[:, None] * share_of
+    shares = np.broadcast_to(NODE_SHARES[:, None], at.shape)
     time, deviation = settled_after(*np.broadcast_arrays(rate, rise, at, WITHIN_NODE * spread, turns, pace))
     with np.errstate(all="ignore"):
         left = np.nan_to_num(-at / rise, nan=0.0, posinf=0.0, neginf=0.0)

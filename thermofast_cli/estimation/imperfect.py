@@ -167,7 +167,7 @@ def claims(
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         # What has hardly moved may be far behind the others: that it is as fast as they is no guess to begin with.
         moved, most = _moved(closed, members)
-        little = [a & (m < RULES.behind * most) for a, m in zip(alone, moved, strict=True)]
+        little = [a & (m < RULES.behind * most) & (rates == "auto") for a, m in zip(alone, moved, strict=True)]
         _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, prior, rates, name, criterion=criterion)
         _claim(closed, little, empty, prior, "own", name, criterion=criterion)
         _with_before(closed, alone, empty)

@@ -108,7 +108,7 @@ class EstimationRules:
     behind: float = rule(
         0.1,
         "largest movement of a sensor of the run",
-        "below which another one is not determined at first",
+        "below which another one is not determined at first, and tells its own rate",
         "a quarter of the ok rows of short records along a bar was wrong without it (benchmarks.machines.bodies --kinds far)",
     )
     behind_until: float = rule(

@@ -111,11 +111,11 @@ def run_archive(
             say(f"{into}: what was finished stands there; the same line with --resume goes on")
         raise
     if not quiet:
-        sensors = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
+        rows = ", ".join(f"{count} {status}" for status, count in sorted(found.statuses.items()))
         lost = ", ".join(f"{count} {status}" for status, count in sorted(found.lost.items()))
         there = f"; {found.skipped} were there already{f' ({lost})' if lost else ''}" if found.skipped else ""
         files = f"{found.done} file{'' if found.done == 1 else 's'}"
-        say(f"{into}: {files} done{f' (rows: {sensors})' if sensors else ''}{there}")
+        say(f"{into}: {files} done{f' (rows: {rows})' if rows else ''}{there}")
         if found.others:
             left = "taken out" if scale.prune else "left, and count in every query: --resume --prune takes them out"
             parts = "1 part is of a file" if found.others == 1 else f"{found.others} parts are of files"

@@ -30,8 +30,6 @@ from .options import EXCEL_CSV, MORE_OUTPUTS, scale_of
 
 #: Outputs that show more than the records.
 DETAILED = (".xlsx", ".html")
-#: Commands whose -o may be a folder of results.
-OF_ARCHIVES = ("identify", "sweep", "compare", "diagnose")
 
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
@@ -180,7 +178,8 @@ def check_outputs(tables: Sequence[str | None], picture: str | None = None) -> N
     # The result itself may be a page; it comes first.
     results = [*tables[:1], *more_outputs()]
     folder = "; for -o a folder of results ends with /, as in -o results/"
-    or_else = folder if click.get_current_context().command.name in OF_ARCHIVES else ""
+    # Commands that go on with such a folder make one.
+    or_else = folder if any(p.name == "resume" for p in click.get_current_context().command.params) else ""
     for target in [*results, *tables[1:]]:
         if target:
             check_target(target, (*TABLE_SUFFIXES, *(REPORT_SUFFIXES if target in results else ())), or_else)

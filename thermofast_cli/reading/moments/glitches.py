@@ -30,9 +30,9 @@ def without_repeats(time: Array, columns: dict[str, Array], lines: Sequence[int]
     Where the time falls back to that of a row before, and the rows from there on say again, in every column, what stood between,
     they are those rows again. A run that begins anew reads otherwise, or is all of it.
     """
-    keep = np.ones(len(time), dtype=bool)
-    told = []
-    for at in (np.flatnonzero(np.diff(time) < 0.0) + 1).tolist():
+    keep, told = np.ones(len(time), dtype=bool), []
+    begins = np.flatnonzero(np.diff(time) < 0.0) + 1
+    for at in begins.tolist() if len(begins) <= MOST_GLITCHES else []:
         ahead = time[:at][::-1] >= time[at]
         count = at if ahead.all() else int(ahead.argmin())
         before, again = slice(at - count, at), slice(at, at + count)
