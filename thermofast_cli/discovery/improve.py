@@ -103,7 +103,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
             notes += [room] if room else []
             _, _, status, also = verdict_of(task, found, prepared.seen)
             undecided = status == "not_determined"
-            stopped = f"{remark}{_why_enough(found)}{_or_else([a for a in also if not (room and a in ROOMS)])}"
+            stopped = f"{remark}{_why_enough(found)}{or_else([a for a in also if not (room and a in ROOMS)])}"
     elif task.names:
         effects = chosen_effects(task.names, task.extra)
         check_inputs(effects, prepared.whole)
@@ -145,7 +145,7 @@ def _why_enough(found: Discovery) -> str:
     )
 
 
-def _or_else(also: Sequence[str]) -> str:
+def or_else(also: Sequence[str]) -> str:
     """What to say of models that do as well: a cause is named only where it stands alone."""
     return f"; as good: {', '.join(also)}: see thermofast diagnose for how to tell them apart" if also else ""
 
@@ -195,7 +195,7 @@ def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidat
     return best[2], ""
 
 
-def _status(down: bool, searched: bool, undecided: bool) -> str:
+def status_of(down: bool, searched: bool, undecided: bool) -> str:
     """Of a sensor that is down to its noise or not, at a step that a search made or not."""
     if down:
         return "not_determined" if searched and undecided else "ok"
@@ -229,7 +229,7 @@ def _improved(
                     whiteness_p=float(step.floor[i]),
                     parameters=parameters_of(step.fit, i),
                     stopped_because=stopped if final else "",
-                    status=_status(step.floor[i] >= RULES.pattern, number > 0 and task.auto, undecided),
+                    status=status_of(step.floor[i] >= RULES.pattern, number > 0 and task.auto, undecided),
                     message="; ".join(dict.fromkeys(notes)) if final else "",
                 )
             )

@@ -13,7 +13,7 @@ from thermofast.models.effects.base import Effect
 from thermofast.models.imperfection import SCATTER, Past, PastRun
 from thermofast.models.joint import Fit, Part, fit_model, with_parts
 from thermofast.models.search.candidates import try_add
-from thermofast.models.search.discover import Discovery, Spread
+from thermofast.models.search.discover import Discovery, Spread, total_likelihood_ratio
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
@@ -27,14 +27,20 @@ from ..machine.rise import free_runs, together
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
-from .improve import Improved
+from .improve import Improved, or_else, status_of
 from .loop import LoopTask, Ready, check_inputs, ids_of, parameters_of, pooled
 from .several import OneOf, common_runs, ready_runs
+from .wording import rivals
 
 Array = NDArray[np.float64]
 
 #: The search's effects stay where the error on runs left out falls to this share.
 WORTH = 0.9
+#: What no run by itself may name stays where the error on runs left out falls to this share: to half, as is asked of a cause.
+HALVED = 0.5
+NOTHING = "the search names no effect in any run"
+#: So many effects are tried there, those first that explain most.
+MOST_NEAR = 3
 #: A run whose rates lie this many usual scatters off is named.
 STRETCHED = 2.0
 
@@ -62,13 +68,14 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     first = runs[0].task
     stages = [_stage(runs, [fit_model(r.prepared.seen) for r in runs])]
     own: dict[int, list[str]] = {}
+    undecided = False
     if first.auto:
-        stopped, stages, own = _auto(runs, stages[0], spread)
+        stopped, stages, own, undecided = _auto(runs, stages[0], spread)
     elif first.names:
         stopped, stages = _added(runs, stages[0], chosen_effects(first.names, first.extra))
     else:
         stopped = "the base model was asked for"
-    return [*_told(runs, stages, stopped, notes, own), *failed]
+    return [*_told(runs, stages, stopped, notes, own, undecided), *failed]
 
 
 def _stage(runs: Sequence[OneOf], fits: Sequence[Fit]) -> Stage:
@@ -131,18 +138,18 @@ def _added(runs: Sequence[OneOf], base: Stage, effects: Sequence[Effect]) -> tup
     return "the effects asked for are in" + ("; a pattern remains: see thermofast diagnose" if left else ""), stages
 
 
-def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list[Stage], dict[int, list[str]]]:
-    """Effects that the search names, as long as the runs left out are foretold better; and by its number each run's own events."""
+def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list[Stage], dict[int, list[str]], bool]:
+    """Effects that the search names, as long as the runs left out are foretold better; by its number each run's own events; and
+    whether another model does as well.
+    """
     named: dict[str, tuple[Effect, int]] = {}
     found = search_together(runs, spread)
     if found.another:
-        return found.another, [base], {}
+        return found.another, [base], {}, False
     discoveries = found.discoveries if any(d.named is not None for d in found.discoveries) else _each(runs, spread)
     for one in discoveries:
         for part in one.named.parts if one.named is not None else ():
             named[part.id] = part.effect, named.get(part.id, (part.effect, 0))[1] + 1
-    if not named:
-        return "the search names no effect in any run", [base], {}
     own: dict[int, list[str]] = {}
     for k, one in enumerate(discoveries):
         for part in one.named.parts if one.named is not None else ():
@@ -161,7 +168,76 @@ def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list
             said.append(f"{told}, and runs left out are foretold better with it")
         elif effect.id in named:
             said.append(f"{told}, but runs left out are foretold no better with it")
-    return "; ".join(said), stages, own
+    if not named:
+        near, by, as_good = _nearest(runs, stages[-1], discoveries)
+        stages += near
+        return "; ".join([NOTHING + by, *said]) + or_else(as_good), stages, own, bool(as_good)
+    known = {e.id: e for one in discoveries for c in (one.named, *one.also) if c is not None for e in (p.effect for p in c.parts)}
+    stages, others = _or_instead(runs, stages, _swaps(discoveries), known)
+    open_, worse = ([ids for ids, as_good in others if as_good == way] for way in (True, False))
+    if worse:
+        said.append(f"with {' or '.join(worse)}, which would explain each run as well, runs left out are foretold worse")
+    return "; ".join(said) + or_else(open_), stages, own, bool(open_)
+
+
+def _nearest(runs: Sequence[OneOf], before: Stage, discoveries: Sequence[Discovery]) -> tuple[list[Stage], str, list[str]]:
+    """What explains most of all runs and is no event, where it foretells the runs left out far better: the model with it, what to
+    say of it, and what does as well; empty where nothing does.
+
+    No run by itself gives the right to its name: that an effect learnt from some runs foretells another is evidence of its own.
+    """
+    gains: dict[str, list[float]] = {}
+    effects: dict[str, Effect] = {}
+    for one in discoveries:
+        for c in one.singles:
+            gains.setdefault(c.ids[0], []).append(total_likelihood_ratio(one.base, c))
+            effects[c.ids[0]] = c.parts[0].effect
+    there = {part.id for part in before.fits[0].model.parts}
+    likely = sorted((i for i in gains if len(gains[i]) == len(runs) and i not in there), key=lambda i: -sum(gains[i]))
+    near = [effects[i] for i in likely if not effects[i].event and effects[i].scope != "one"][:MOST_NEAR]
+    tried = {e.id: more for e in near if (more := _with(runs, before, e)) is not None}
+    errors = {i: _error(stage) / _error(before) for i, stage in tried.items()}
+    best = min(errors, key=lambda i: errors[i], default="")
+    if not best or not errors[best] < HALVED:
+        return [], "", []
+    told = f", but with {best} the error on runs left out falls to {rounded(100.0 * errors[best])} % of what it was"
+    return [tried[best]], told, [i for i, e in errors.items() if i != best and HALVED * e <= errors[best]]
+
+
+def _swaps(discoveries: Sequence[Discovery]) -> list[tuple[frozenset[str], frozenset[str]]]:
+    """What does as well in every run that names an effect: the effects it stands for, and those in their place."""
+    found: list[list[tuple[frozenset[str], frozenset[str]]]] = []
+    for one in discoveries:
+        if one.named is not None:
+            named = frozenset(one.named.ids)
+            found.append([(named - set(c.ids), frozenset(c.ids) - named) for c in rivals(one)])
+    shared = found[0] if found else []
+    return [(out, into) for out, into in shared if into and all((out, into) in other for other in found[1:])]
+
+
+def _or_instead(
+    runs: Sequence[OneOf],
+    stages: list[Stage],
+    swaps: Sequence[tuple[frozenset[str], frozenset[str]]],
+    known: dict[str, Effect],
+) -> tuple[list[Stage], list[tuple[str, bool]]]:
+    """The stages of the model to take, and of each other one that explains every run as well: its effects, and whether it foretells
+    the runs left out as well, too. Another than what the search named is taken where it does so far better.
+    """
+    mine = ids_of(stages[-1].fits[0].model.parts)
+    ways = {"+".join(sorted(mine)): stages}
+    for out, into in swaps:
+        if not out <= set(mine):
+            continue
+        way: list[Stage] | None = stages[:1]
+        for effect in [known[i] for i in mine if i in known and i not in out] + [known[i] for i in sorted(into)]:
+            more = _with(runs, way[-1], effect) if way else None
+            way = [*way, more] if way and more is not None else None
+        if way:
+            ways.setdefault("+".join(sorted(ids_of(way[-1].fits[0].model.parts))), way)
+    errors = {ids: _error(way[-1]) for ids, way in ways.items()}
+    best = min(errors, key=lambda ids: errors[ids] * (HALVED if ways[ids] is stages else 1.0))
+    return ways[best], [(ids, HALVED * e <= errors[best]) for ids, e in errors.items() if ids != best]
 
 
 def _each(runs: Sequence[OneOf], spread: Spread) -> list[Discovery]:
@@ -177,8 +253,14 @@ def _scattering(past: Past) -> str:
 
 
 def _told(
-    runs: Sequence[OneOf], stages: Sequence[Stage], stopped: str, notes: list[str], alone: dict[int, list[str]]
+    runs: Sequence[OneOf],
+    stages: Sequence[Stage],
+    stopped: str,
+    notes: list[str],
+    alone: dict[int, list[str]],
+    undecided: bool,
 ) -> list[Improved]:
+    """undecided: whether another model does as well as the last one."""
     last, first = stages[-1], runs[0]
     # A run with an event of its own, which the others have not, says nothing of how the machine goes without.
     plain = [k for k in range(len(runs)) if k not in alone or len(alone) == len(runs)]
@@ -221,7 +303,6 @@ def _told(
             fit_errors.append(fit.rmse)
             ahead_errors.append(stage.left_out[k])
             final = number == len(stages) - 1
-            left = "partly_explained" if number and task.auto else "model_doubtful"
             for i, channel in enumerate(fit.run.channels):
                 records.append(
                     ImproveRecord(
@@ -236,7 +317,7 @@ def _told(
                         whiteness_p=float(floor[i]),
                         parameters=parameters_of(fit, i),
                         stopped_because=stopped if final else "",
-                        status="ok" if floor[i] >= RULES.pattern else left,
+                        status=status_of(bool(floor[i] >= RULES.pattern), bool(number and task.auto), undecided),
                         message="; ".join(dict.fromkeys([*notes, *run.prepared.notes_of(channel)])) if final else "",
                     )
                 )
