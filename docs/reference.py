@@ -8,6 +8,7 @@ import click
 
 from thermofast import records
 from thermofast.main import TASKS, cli
+from thermofast.output.meanings import meaning_of, unit_of
 from thermofast.plugins.effects import known_effects
 from thermofast.plugins.filters import known_filters
 
@@ -59,7 +60,9 @@ def _columns() -> str:
     for kind in kinds:
         name = kind.__name__.removesuffix("Record").lower()
         told = "\n\n".join(" ".join(p.split()) for p in re.split(r"\n\s*\n", kind.__doc__ or ""))
-        parts.append(f"## {name}\n\n{told}\n\n" + ", ".join(f"`{f.name}`" for f in fields(kind)) + "\n")
+        parts.append(f"## {name}\n\n{told}\n\n| column | unit | what it is |\n| --- | --- | --- |")
+        parts += [f"| `{f.name}` | {unit_of(f.name)} | {meaning_of(f.name)} |" for f in fields(kind)]
+        parts.append("")
     return "\n".join(parts)
 
 

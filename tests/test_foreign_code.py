@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -401,3 +402,57 @@ def test_a_model_file_without_the_key_of_what_was_searched_is_read(tool, tmp_pat
     assert "searched" not in text
     model.write_text(text)
     assert tool("compare", "sample_runs/hidden.csv", "--channels", "T1,T2", "--model", model, "-q").out == before
+
+
+@pytest.mark.parametrize("inside", ["import os; os.chdir('/')", "import numpy; numpy.seterr(all='raise')"])
+def test_what_an_import_changes_of_the_process_ends_with_it(inside, tmp_path, tool):
+    path = tmp_path / "mine.py"
+    path.write_text(inside + "\n" + effect_of(tmp_path, "drive.heat = drive.heat + p.change * run.after(p.begin)").read_text())
+    before, folder = np.geterr(), Path.cwd()
+    load_effect(str(path))
+    assert (np.geterr(), Path.cwd()) == (before, folder)
+
+
+@pytest.mark.parametrize(
+    ("raised", "told"),
+    [
+        ("raise BaseException('x')", "raised BaseException"),
+        ("raise type('Odd', (Exception,), {'__str__': lambda self: 1 / 0})()", "Odd: (no text)"),
+    ],
+)
+def test_whatever_a_plug_in_raises_is_told(raised, told, tmp_path, tool):
+    refused = tool("effects", "--effect", effect_of(tmp_path, raised))
+    assert refused.code == 2
+    assert told in refused.err
+    mine = tmp_path / "filter.py"
+    mine.write_text(FILTER.replace("{body}", f"\n        if len(time) != 60:\n            {raised}"))
+    done = tool("identify", SPINDLE, "--until", "80", "--channels", "T1", "--filter", mine, "--format", "json", "-q")
+    (record,) = json.loads(done.out)["records"]
+    assert record["status"] == "diverged"
+    assert told.split(": ")[-1].removeprefix("raised ") in record["message"]
+
+
+def test_one_effect_that_cannot_be_used_keeps_nobody_elses_out_of_the_list(tmp_path, tool):
+    good = effect_of(tmp_path, "drive.heat = drive.heat + p.change * run.after(p.begin)")
+    bad = tmp_path / "bad.py"
+    bad.write_text("import nothing_of_that_name\n")
+    listed = tool("effects", "--effect", bad, "--effect", good)
+    assert listed.code == 2
+    assert "\nmine " in listed.out
+    assert f"{bad}" in listed.out
+    assert listed.out.count("cannot be used") == 1
+    assert "nothing_of_that_name" in listed.err
+
+
+def test_an_effect_that_adds_a_column_for_others_is_refused(tmp_path, tool):
+    body = "run.ambient['mine'] = run.time; drive.heat = drive.heat + p.change * run.after(p.begin)"
+    refused = tool("effects", "--effect", effect_of(tmp_path, body))
+    assert refused.code == 2
+    assert "it writes to run.ambient, which other effects use, too" in refused.err
+
+
+def test_a_null_that_is_no_number_is_refused(tmp_path, tool):
+    path = effect_of(tmp_path, "drive.heat = drive.heat + p.change * run.after(p.begin)")
+    path.write_text(path.read_text().replace("null=0.0", "null='none'"))
+    refused = tool("effects", "--effect", path)
+    assert "its null must be a number (found 'none')" in refused.err

@@ -361,3 +361,31 @@ def test_a_sheet_with_a_table_has_three_rows_of_two_numbers():
     assert list(workbook._with_rows_of(workbook._is_number, {"x": rows, "y": rows[:3], "z": [[1.0]] * 5})) == ["x"]
     for cell, reads in (("1.5", True), ("1,5", True), ("08:00", True), ("x", False), (None, False), (2, True)):
         assert workbook._reads(cell) is reads
+
+
+def _of(found, word):
+    return [g.text for g in found.guesses if word in g.text]
+
+
+def test_a_word_that_takes_a_moving_sensor_away_is_a_guess():
+    """Housing diff gear is a place, not a difference; what stands still, begins at nothing or hardly moves is what its name says."""
+    names = {"front [°C]": WARMING, "Housing diff gear [°C]": WARMING + 0.4, "set screw [°C]": WARMING - 0.3}
+    found = _roles(**names, **{"Ambient side cover [°C]": WARMING + 0.1})
+    assert found.sensors == ("front [°C]",)
+    (said,) = _of(found, "moves as the sensors do")
+    assert said.endswith("Housing diff gear [°C], set screw [°C], Ambient side cover [°C]")
+    told = {
+        "Setpoint [°C]": np.repeat([20.0, 24.0], 30),
+        "Target temp [°C]": np.full(60, 25.0),
+        "diff front rear [°C]": WARMING - 20.0,
+        "Room [°C]": 20.0 + 0.005 * np.arange(60.0),
+    }
+    assert _of(_roles(**{"front [°C]": WARMING}, **told), "moves as the sensors do") == []
+    asked = Options(inputs=("set screw [°C]", "Housing diff gear [°C]"))
+    assert _of(_roles(**names, options=asked), "moves as the sensors do") == []
+
+
+def test_thousandths_of_a_kelvin_are_temperatures_and_small_ones_a_noise():
+    found = _roles(**{"front [mK]": 1000.0 * (WARMING + 273.15), "noise of front [mK]": 12.0 + 0.1 * WARMING, "gap [mK]": WARMING})
+    assert found.sensors == ("front [mK]",)
+    assert found.inputs == ("noise of front [mK]", "gap [mK]")

@@ -6,6 +6,7 @@ import pytest
 from thermofast.errors import InputError
 from thermofast.reading.tables import lines, text
 from thermofast.reading.tables.dialect import Dialect
+from thermofast.reading.tables.encoding import to_utf8
 from thermofast.reading_options import Options
 
 
@@ -339,3 +340,16 @@ def test_the_sample_ends_with_a_line_and_offsets_are_those_of_lines():
     assert text._sample_end(long * 20) == 9 * len(long)
     assert text._sample_end(b"a\nb") == 3
     assert [text._offset(b"a\r\nb\rc\nd", k) for k in range(5)] == [0, 3, 5, 7, 8]
+
+
+@pytest.mark.parametrize("told", [None, "utf-8", "cp1252"])
+def test_nuls_are_left_out_whether_the_encoding_is_told_or_not(told):
+    data, encoding, notes = to_utf8(b"time_s,a\n0,20.3\n\0\x0060,20.4\n", "f", told)
+    assert data == b"time_s,a\n0,20.3\n60,20.4\n"
+    assert encoding == (told or "utf-8")
+    assert notes == ["2 NUL bytes left out (the logger lost power?)"]
+
+
+def test_nuls_of_utf_16_are_letters():
+    data, encoding, notes = to_utf8("time_s,a\n0,20.3\n".encode("utf-16-le"), "f", "utf-16-le")
+    assert (data, notes) == (b"time_s,a\n0,20.3\n", [])

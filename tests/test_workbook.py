@@ -4,13 +4,16 @@ import csv
 import io
 import re
 import zipfile
+from dataclasses import is_dataclass
 
 import pytest
 import python_calamine
 from conftest import ROOT
 
 import thermofast as tf
-from thermofast.output.report.excel import write_rows
+from thermofast import records
+from thermofast.output.meanings import meaning_of
+from thermofast.output.report.excel import _shown, write_rows
 
 SPINDLE = ROOT / "sample_runs" / "spindle.csv"
 
@@ -31,7 +34,7 @@ def test_identify_has_a_summary_the_records_the_curves_and_a_chart_of_each_senso
     done = tool("identify", SPINDLE, "--channels", "T1,T8", "--until", "60", "-o", path, "-q")
     assert done.code == 0, done.err
     found = sheets(path)
-    assert list(found) == ["summary", "identify", "curves", "charts"]
+    assert list(found) == ["summary", "identify", "columns", "curves", "charts"]
     result = tf.identify(tf.read(SPINDLE, channels=["T1", "T8"]), until=60.0)
     head, *rows = found["identify"]
     for row, record in zip(rows, result, strict=True):
@@ -53,15 +56,15 @@ def test_identify_has_a_summary_the_records_the_curves_and_a_chart_of_each_senso
 @pytest.mark.parametrize(
     ("arguments", "names", "charts"),
     [
-        (("compare", "sample_runs/hidden.csv"), ["summary", "compare", "curves", "charts"], 8),
-        (("diagnose", "sample_runs/hidden.csv"), ["summary", "diagnose", "ranking 1", "charts"], 1),
-        (("improve", "sample_runs/hidden.csv", "--auto"), ["summary", "improve", "steps 1", "charts"], 1),
+        (("compare", "sample_runs/hidden.csv"), ["summary", "compare", "columns", "curves", "charts"], 8),
+        (("diagnose", "sample_runs/hidden.csv"), ["summary", "diagnose", "columns", "ranking", "charts"], 1),
+        (("improve", "sample_runs/hidden.csv", "--auto"), ["summary", "improve", "columns", "steps", "charts"], 1),
         (
             ("sweep", SPINDLE, "--windows", "40,50", "--channels", "T5"),
-            ["summary", "sweep", "times 1", "charts"],
+            ["summary", "sweep", "columns", "times", "charts"],
             1,
         ),
-        (("inspect", SPINDLE), ["summary", "inspect"], 0),
+        (("inspect", SPINDLE), ["summary", "inspect", "columns"], 0),
     ],
     ids=lambda a: a[0] if isinstance(a, tuple) else "",
 )
@@ -81,6 +84,57 @@ def test_each_command_writes_its_own_sheets(tool, tmp_path, arguments, names, ch
             cells = [row[at - 1] for row in of[sheet][1 : int(last)]]
             assert len(cells) == int(last) - 1
             assert any(c != "" for c in cells)
+
+
+def test_a_sweep_of_several_sensors_is_one_sheet_that_names_them(tmp_path):
+    path = tmp_path / "sweep.xlsx"
+    tf.sweep(tf.read(SPINDLE, channels=["T1", "T5"]), windows=(40.0, 50.0)).save(path)
+    found = sheets(path)
+    assert list(found) == ["summary", "sweep", "columns", "times", "charts"]
+    assert found["times"][0] == [
+        *("T1 time min", "T1 window 40 min K", "T1 window 50 min K"),
+        *("T5 time min", "T5 window 40 min K", "T5 window 50 min K"),
+    ]
+
+
+def test_a_sheet_says_what_each_column_is(tmp_path):
+    path = tmp_path / "one.xlsx"
+    tf.identify(tf.read(SPINDLE, channels=["T1"]), until=60.0).save(path)
+    told = {row[0]: row[1:] for row in sheets(path)["columns"][1:]}
+    assert list(told) == list(records.IdentifyRecord.columns())
+    assert told["t95_hi_min"] == ["min", "upper end of the 95 % interval: when 95 % of the rise is done, after its start"]
+    assert told["noise_c"][0] == "K"
+    assert told["initial_c"][0] == "degC"
+    assert told["status"][0] == ""
+
+
+def test_columns_that_say_nothing_are_hidden_and_numbers_are_shown_short(tmp_path):
+    path = tmp_path / "one.xlsx"
+    tf.identify(tf.read(SPINDLE, channels=["T1"]), until=60.0).save(path)
+    page, style = inside(path, r"worksheets/sheet2")[0], inside(path, r"styles")[0]
+    columns = list(records.IdentifyRecord.columns())
+    hidden = [int(n) for n in re.findall(r'<col min="(\d+)"[^>]*hidden="1"', page)]
+    assert columns.index("trip_min") + 1 in hidden
+    assert columns.index("steady_state_c") + 1 not in hidden
+    assert 'formatCode="0.000"' in style
+
+
+def test_the_summary_says_whose_message_it_is(tmp_path):
+    columns = {"time_min": list(range(40)), "A_degC": [20.0 + 0.1 * i for i in range(40)], "B_degC": [21.0] * 40}
+    tf.identify(tf.read(columns, name="two")).save(tmp_path / "two.xlsx")
+    said = {row[0]: row[1] for row in sheets(tmp_path / "two.xlsx")["summary"]}
+    assert said["message of B_degC"].startswith("every reading is 21 degC")
+
+
+def test_parameters_are_read_as_numbers_with_their_errors():
+    told = {"load_step.change": {"value": 0.3125, "standard_error": 0.0213, "unit": "1"}, "t": {"value": 5.0, "unit": "min"}}
+    assert _shown(told) == "load_step.change = 0.3125 ± 0.021; t = 5 min"
+
+
+@pytest.mark.parametrize("kind", [k for k in vars(records).values() if isinstance(k, type) and issubclass(k, records.Row)])
+def test_every_column_has_a_meaning(kind):
+    if is_dataclass(kind):
+        assert [c for c in kind.columns() if not meaning_of(c)] == []
 
 
 def test_hostile_names_stay_text(tmp_path):
@@ -130,7 +184,7 @@ def test_one_call_writes_a_page_a_workbook_and_a_table(tool, tmp_path):
     assert done.out == ""
     assert all(p.stat().st_size > 1000 for p in paths)
     assert tf.Model.load(tmp_path / "machine.toml").effects == ("second_mode",)
-    assert list(sheets(paths[1])) == ["summary", "improve", "steps 1", "charts"]
+    assert list(sheets(paths[1])) == ["summary", "improve", "columns", "steps", "charts"]
     refused = tool("identify", SPINDLE, "-o", paths[0], "-o", paths[0])
     assert refused.code == 2
     assert "another output of this command" in refused.err

@@ -8,19 +8,32 @@ import click
 @click.option("--effect", "extra", multiple=True, metavar="FILE.py[:CLASS]", help="An effect of your own, checked and shown too.")
 def command(name: str | None, extra: tuple[str, ...]) -> int:
     """List the effects, or show one: equation, parameters, what its absence looks like, and what it is mistaken for."""
-    from ..errors import UsageError, nearest
+    from ..errors import ThermofastError, UsageError, in_one_line, nearest
     from ..output.screen import show_text
     from ..plugins.effects import broken_effects, known_effects, load_effect
 
     if name is not None and name.partition(":")[0].endswith(".py"):
         extra = (*extra, name)
         name = load_effect(name).id
-    known = known_effects(extra)
     if name is None:
+        known, good = known_effects(), list[str]()
+        wrong: dict[str, ThermofastError] = {}
+        for spec in extra:  # one that cannot be used keeps nobody else's out of the list
+            try:
+                known = known_effects([*good, spec])
+                good.append(spec)
+            except ThermofastError as error:
+                wrong[spec] = error
+        if wrong and not good:
+            raise next(iter(wrong.values()))
         width = max(map(len, known))
         show_text("".join(f"{i:<{width}}  {e.summary}\n" for i, e in known.items()))
         show_text("".join(f"{b.name:<{width}}  cannot be used: {b.why}\n" for b in broken_effects()))
+        show_text("".join(f"{spec:<{width}}  cannot be used: {in_one_line(e)}\n" for spec, e in wrong.items()))
+        if wrong:
+            raise next(iter(wrong.values()))
         return 0
+    known = known_effects(extra)
     if name not in known:
         for broken in broken_effects():
             if broken.name == name:

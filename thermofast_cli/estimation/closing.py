@@ -1,10 +1,8 @@
 """Joins a filter and the model: the estimates that tracks support, closed by a likelihood where the filter says so."""
 
 import math
-import sys
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -33,7 +31,7 @@ from thermofast.models.observations import read_only
 
 from ..errors import in_one_line
 from ..plugins.filters import track_problem
-from ..plugins.guard import PATIENCE_EACH_S, PATIENCE_S, PluginError, alarm
+from ..plugins.guard import PATIENCE_EACH_S, PATIENCE_S, PluginError, alarm, contained, said_by
 from .estimate import Estimate, Estimates, FilterError, Model
 from .rules import RULES
 from .sensor import Sensors
@@ -50,17 +48,18 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
     """
     time, reading = read_only(time), read_only(reading)  # other filters see the same arrays
     try:
-        # What it prints is for a person, not for the table that a pipe reads.
-        with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * len(time)), redirect_stdout(sys.stderr):
+        with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * len(time)), contained():
             track = method.track(model, time, reading, resolution)
     except PluginError as error:
         raise FilterError(in_one_line(error)) from None
     except ValueError as error:
-        raise FilterError(f"{method.name}: {error}") from None
-    except (Exception, SystemExit) as error:  # whatever a plug-in does is one sensor's trouble
+        raise FilterError(f"{method.name}: {said_by(error)}") from None
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:  # whatever a plug-in does is one sensor's trouble
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{last.filename}, line {last.lineno}"
-        raise FilterError(f"{method.name} raised {type(error).__name__}: {error} ({place})") from None
+        raise FilterError(f"{method.name} raised {type(error).__name__}: {said_by(error)} ({place})") from None
     problem = track_problem(track, len(time))
     if problem:
         raise FilterError(f"{method.name}: {problem}")
@@ -83,7 +82,9 @@ def tracks_of(method: Filter, model: Model, time: Array, reading: Array, resolut
     try:
         with alarm(f"filter {method.name!r}", PATIENCE_S + PATIENCE_EACH_S * reading.size):
             return method.tracks(model, read_only(time), read_only(reading), resolution)
-    except (Exception, SystemExit):  # one record's trouble is found, and told, when each is filtered alone
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException:  # one record's trouble is found, and told, when each is filtered alone
         return None
 
 

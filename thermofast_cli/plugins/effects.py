@@ -183,6 +183,8 @@ def declaration_problem(kind: Any) -> str | None:
     for p in parameters:
         if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (p.low, p.high, p.start)):
             return f"parameter {p.name!r}: low, high and start must be numbers (found {p.low!r}, {p.high!r}, {p.start!r})"
+        if p.null is not None and (not isinstance(p.null, int | float) or isinstance(p.null, bool)):
+            return f"parameter {p.name!r}: its null must be a number (found {p.null!r})"
     if slip := misspelt(kind, Effect):
         return slip
     if kind.amplitude not in names:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
+from .guard import contained, said_by
+
 Member = TypeVar("Member")
 
 
@@ -23,8 +25,12 @@ def installed(group: str, check: Callable[[Any, str], Member]) -> tuple[list[Mem
     for point in entry_points(group=group):
         origin = f"plug-in {point.name!r} ({point.value})"
         try:
-            good.append(check(point.load(), origin))
-        except (Exception, SystemExit) as error:
+            with contained():
+                member = point.load()
+            good.append(check(member, origin))
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
             broken.append(Broken(point.name, _why(point, error)))
     return good, broken
 
@@ -42,6 +48,5 @@ def taken(members: Sequence[Any], names: Sequence[str], attribute: str) -> list[
 
 
 def _why(point: EntryPoint, error: BaseException) -> str:
-    text = " ".join(str(error).split())
     package = point.dist.name if point.dist is not None else "?"
-    return f"of package {package}, {point.value}: {type(error).__name__}: {text}"
+    return f"of package {package}, {point.value}: {type(error).__name__}: {said_by(error)}"

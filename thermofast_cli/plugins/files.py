@@ -6,12 +6,11 @@ import inspect
 import re
 import sys
 import traceback
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError, listed
-from .guard import PluginError, alarm, where
+from .guard import PluginError, alarm, contained, where
 
 
 def is_file(name: str) -> bool:
@@ -40,7 +39,7 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
     module = importlib.util.module_from_spec(module_spec)
     sys.modules[name] = module
     try:
-        with alarm(f"{path}: still importing"), redirect_stdout(sys.stderr):
+        with alarm(f"{path}: still importing"), contained():
             module_spec.loader.exec_module(module)
     except PluginError:
         raise

@@ -1,6 +1,7 @@
 """The one place where foreign code is called: what it raises is told with its line, and it may not run for ever."""
 
 import inspect
+import os
 import re
 import signal
 import sys
@@ -10,6 +11,8 @@ from contextlib import contextmanager, redirect_stdout
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from thermofast.models import Observations
 from thermofast.models.drive import Drive
@@ -36,14 +39,26 @@ def watched(member: Any, what: str) -> Any:
     """Turns whatever a plug-in raises into a :class:`PluginError` that names its line; `what` is it in words, as ``effect 'x'``."""
     file = source_of(member)
     try:
-        # What it prints is for a person, not for the table that a pipe reads.
-        with alarm(f"{what} ({file})"), redirect_stdout(sys.stderr):
+        with alarm(f"{what} ({file})"), contained():
             yield
-    except PluginError:
+    except (PluginError, KeyboardInterrupt, GeneratorExit):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         do = advice(error, what.startswith("effect"))
         raise PluginError(f"{what} raised {type(error).__name__}", found=where(error, file), do=do) from None
+
+
+@contextmanager
+def contained() -> Any:
+    """Keeps to itself what foreign code changes of the process: where it prints, numpy's errors, the folder."""
+    folder = Path.cwd()
+    try:
+        # What it prints is for a person, not for the table that a pipe reads.
+        with redirect_stdout(sys.stderr), np.errstate(all="ignore"):
+            yield
+    finally:
+        if Path.cwd() != folder:
+            os.chdir(folder)
 
 
 @contextmanager
@@ -75,7 +90,15 @@ def where(error: BaseException, file: str) -> str:
     place = f"{Path(file).name}, line {lines[-1]}: " if lines else f"{Path(file).name}: "
     if isinstance(error, SyntaxError) and error.lineno:
         place = f"{Path(file).name}, line {error.lineno}: "
-    return f"{place}{type(error).__name__}: {error}"
+    return f"{place}{type(error).__name__}: {said_by(error)}"
+
+
+def said_by(error: BaseException) -> str:
+    """The text of an exception in one line, also of one whose text raises itself."""
+    try:
+        return " ".join(str(error).split())
+    except Exception:  # whatever a stranger's __str__ does
+        return "(no text)"
 
 
 def source_of(member: Any) -> str:
@@ -110,14 +133,14 @@ def advice(error: BaseException, of_effect: bool) -> str:
     if isinstance(error, TypeError) and "'Field'" in str(error):
         return "its settings are not made yet: write @dataclass(frozen=True) above the class"
     # A number, or an array, added to an empty list.
-    if (isinstance(error, TypeError) and "to list" in str(error)) or (
+    if (isinstance(error, TypeError) and "to list" in said_by(error)) or (
         isinstance(error, ValueError) and "shapes (0,)" in str(error)
     ):
         return "drive.hidden and drive.links are lists: write drive.hidden.append((coupling, rate))"
     if isinstance(error, ValueError) and "read-only" in str(error):
         new = "drive.heat = drive.heat * p.x" if of_effect else "reading = reading - reading[0]"
         return f"others use these numbers, too: make new ones, as in {new}, in place of *= or [...] ="
-    found = re.search(r"'(\w+)' object has no attribute '(\w+)'", str(error))
+    found = re.search(r"'(\w+)' object has no attribute '(\w+)'", said_by(error))
     if found and found.group(1, 2) == ("Drive", "hidden_rate"):
         return "a hidden mass is a pair: write drive.hidden.append((coupling, rate))"
     if not isinstance(error, AttributeError) or not found:

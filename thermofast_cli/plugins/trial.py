@@ -210,11 +210,22 @@ def _applied(
 ) -> Drive:
     drive = _trial(run, changed)
     p = Values(values, constants)
+    logged = {name: dict(columns) for name, columns in (("ambient", run.ambient), ("inputs", run.inputs))}
     with guarded_call(effect):
         if by_row:
             row_by_row(type(effect).apply, effect, drive, run, p)
         else:
             effect.apply(drive, run, p)
+    for name, before in logged.items():
+        after = getattr(run, name)
+        if after.keys() != before.keys() or any(after[c] is not column for c, column in before.items()):
+            after.clear()
+            after.update(before)
+            raise PluginError(
+                f"effect {effect.id!r} ({source_of(effect)}): it writes to run.{name}, which other effects use, too",
+                allowed="to read it",
+                do="change drive.heat, drive.loss or drive.sink instead",
+            )
     check_shapes(effect, drive, run)
     return drive
 

@@ -35,6 +35,8 @@ _ANY_EXTREME = re.compile("|".join(sorted(EXTREMES | SPREADS, key=len, reverse=T
 _QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
 #: A machine and what flows past it begin within this much of each other [K].
 BEGIN_ALIKE = 10.0
+#: Readings that are asked for to say that two columns move alike, and how far apart they begin then at most [K].
+LEAST_ALIKE, STARTS_ALIKE = 20, 3.0
 #: Ends of a name that tell something of the reading which is called so without them: how many, whose, how sure; of air how moist.
 COUNTED = frozenset(["n", "count", "id"])
 TELLS_OF, OF_AIR = frozenset(["rssi", "unc", "uncertainty", "battery", "batt"]), frozenset(["h", "rh", "hum", "p"])
@@ -97,6 +99,7 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     signs |= {n: replace(signs[n], kind="other", unit=None, temperature=False) for n in _companions(names, values)}
     signs |= {n: replace(signs[n], kind="sensor", temperature=True) for n in names if _spindles(n, signs[n], values[n])}
+    signs |= {n: replace(signs[n], kind="input") for n in names if _small(signs[n], values[n])}
     overall = [n for n in names if signs[n].temperature and names_all_sensors(n)]
     if any(s.kind == "sensor" and n not in overall for n, s in signs.items()):
         signs |= {n: replace(signs[n], kind="input") for n in overall}
@@ -320,6 +323,41 @@ def _settings(names: Sequence[str], saying: Sequence[str], values: Mapping[str, 
     return [n for n in still if not low <= float(_finite(values[n])[0]) <= high]
 
 
+def _moving_alike(
+    roles: Mapping[str, Sequence[str]], signs: Mapping[str, Sign], values: Mapping[str, Array], options: Options
+) -> list[str]:
+    """Temperatures that a word made an input or the surroundings, and that begin and rise as the sensors do.
+
+    A set point stands still, a difference begins at nothing, a room moves less: a ``Housing diff gear`` is a place on a machine.
+    """
+    said = (*options.channels, *options.inputs, options.ambient)
+    suspects = [n for n in (*roles["input"], *roles["ambient"]) if signs[n].temperature and n not in said]
+    sensors = [c for n in roles["sensor"] if len(c := _finite(values[n])) > LEAST_ALIKE] if suspects else []
+    if options.channels or not sensors:
+        return []
+    begin, moved = [float(np.median(c[:5])) for c in sensors], [_movement(c) for c in sensors]
+    found = []
+    for n in suspects:
+        c = _finite(values[n])
+        still = len(c) <= LEAST_ALIKE or np.mean(np.diff(c) == 0.0) > 0.5 or len(np.unique(c)) < 0.1 * len(c)
+        near = not still and min(begin) - STARTS_ALIKE <= np.median(c[:5]) <= max(begin) + STARTS_ALIKE
+        if near and 0.5 * min(moved) <= _movement(c) <= 2.0 * max(moved) and _movement(c) > 0.0:
+            found.append(n)
+    return found
+
+
+def _small(sign: Sign, column: Array) -> bool:
+    """Whether a column in mK is a difference or a noise: no machine is colder than 100 K."""
+    unit = sign.unit
+    thousandths = unit is not None and unit.symbol == "K" and unit.scale == 1e-3
+    return thousandths and bool(len(seen := _finite(column))) and float(np.median(seen)) < 1e5
+
+
+def _movement(column: Array) -> float:
+    """By how much a column rose in all: a mean of its first readings against one of its last."""
+    return float(np.mean(column[-5:]) - np.mean(column[:5]))
+
+
 def _finite(column: Array) -> Array:
     return column[np.isfinite(column)]
 
@@ -398,6 +436,10 @@ def _with_words(
     if levels and max(levels.values()) - min(levels.values()) > ROOMS_APART:
         told = listed([f"{n} at {level:.3g}" for n, level in levels.items()], 4)
         guesses.append(Guess("role", f"the surroundings are the mean of columns that differ: {told}", "--ambient says which it is"))
+    alike = _moving_alike(roles, signs, values, options)
+    if alike:
+        what = f"left out by a word in its name, though it moves as the sensors do: {listed(alike)}"
+        guesses.append(Guess("role", what, "--channels reads it"))
     references = [n for n in roles["input"] if n not in options.inputs and set(words(n)) & REFERENCE]
     if references:
         guesses.append(Guess("role", f"a reference of the instrument, not a sensor: {listed(references)}", "--channels uses it"))

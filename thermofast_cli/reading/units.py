@@ -42,7 +42,8 @@ _BEHIND = re.compile(r"(?:o|O)?([cfk])(?:°|º)|o([cf])", re.IGNORECASE)
 _WORD = re.compile(r"(celsius|kelvin|fahrenheit|cel|degc|degf|degk|℃|℉)$", re.IGNORECASE)
 _SCALED = re.compile(r"(?:[x×*]\s*)?(1/10{1,3}|0[.,]0*1|10\^?-[123])\s*[x×*]?\s*(.+)$")
 #: Thousandths, and what a controller keeps as whole numbers: degC times ten.
-_MILLI, _TIMES = re.compile(r"(?:milli|m) ?((?:°|º|deg).+|celsius|℃|C(?<=mC))$", re.I), re.compile(r"(.+?) ?[x×*·/] ?(10{1,3})$")
+_MILLI = re.compile(r"(?:milli|m) ?((?:°|º|deg).+|celsius|kelvin|℃|(?-i:[CK](?<=m[CK])))$", re.I)
+_TIMES = re.compile(r"(.+?) ?[x×*·/] ?(10{1,3})$")
 #: A bracket that holds one of these signs holds a unit, though none that is known: °C/min, W/(m²K), Vol%.
 _UNIT_SIGNS = re.compile(r"[/%°²³^µμΩ·⁻]")
 _ODD = re.compile(r"-|[mkM]?V ?(AC|DC)|g RMS|mK|kvar|VAr?|cos.*")

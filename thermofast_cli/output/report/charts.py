@@ -140,7 +140,7 @@ def _staircase(result: Any) -> list[Chart]:
         lines = tuple(Series("line", c, x, errors[:, i], number=i) for i, c in enumerate(one.channels))
         label = f"{one.run}: error on readings that were not fitted, step by step: {', then '.join(one.labels)}"
         names = tuple(one.labels)
-        found.append(Chart(Path(one.run).name, label, "step", (Strip("K", lines),), names=names, sheet=f"steps {len(found) + 1}"))
+        found.append(Chart(Path(one.run).name, label, "step", (Strip("K", lines),), names=names, sheet="steps"))
     return found
 
 
@@ -154,8 +154,8 @@ def _sweep(result: Any) -> list[Chart]:
             for k, (r, e) in enumerate(zip(swept.records, swept.rmse, strict=False))
         )
         name = sensor_name(swept.records[0].run, swept.records[0].channel, result)
-        label = f"{name}: error of the steady state against the identification time, a line for each window"
-        found.append(Chart(name, label, "min", (Strip("K", lines),), sheet=f"times {len(found) + 1}"))
+        label = f"{name}: RMS error of the model over the window against the identification time, a line for each window"
+        found.append(Chart(name, label, "min", (Strip("K", lines),), sheet="times"))
     return found
 
 

@@ -9,6 +9,8 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...errors import listed
+from ..meanings import meaning_of, unit_of
 from ..text import plain
 from .sheets import Drawing, Sheet, extra_sheets
 
@@ -21,6 +23,8 @@ LONGEST, MOST_ROWS = 32_767, 1_048_575
 NARROW, WIDE = 9, 60
 #: Charts side by side, and their size [rows, columns of cells].
 ACROSS, DOWN, OVER = 2, 18, 9
+#: How numbers of a unit are shown; what they are is in the cell.
+SHOWN = {"degC": "0.00", "K": "0.000", "min": "0.0", "µm": "0.00"}
 #: Colours of rows by their status.
 COLOURS = {"not_determined": "#FFF2CC", "model_doubtful": "#FFF2CC", "partly_explained": "#FFF2CC", "ok": "#FFFFFF"}
 
@@ -32,12 +36,18 @@ def write_result(path: str, result: "Result", made: Mapping[str, str]) -> None:
     """
     rows, columns = result.rows(), list(result.kind.columns())
     records = Sheet(result.command, columns, [[row[c] for c in columns] for row in rows])
-    write_sheets(path, [_summary(result, rows, made), records, *extra_sheets(result)])
+    write_sheets(path, [_summary(result, rows, made), records, _key(columns), *extra_sheets(result)])
 
 
 def write_rows(path: str, command: str, columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> None:
     """One table as a workbook."""
-    write_sheets(path, [Sheet(command, list(columns), [[row[c] for c in columns] for row in rows])])
+    told = [_key(columns)] if any(map(meaning_of, columns)) else []
+    write_sheets(path, [Sheet(command, list(columns), [[row[c] for c in columns] for row in rows]), *told])
+
+
+def _key(columns: Sequence[str]) -> Sheet:
+    """What the columns of the records mean."""
+    return Sheet("columns", ["column", "unit", "what it is"], [[c, unit_of(c), meaning_of(c)] for c in columns])
 
 
 def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
@@ -57,9 +67,10 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
         head = book.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"})
         fills = {status: book.add_format({"bg_color": colour}) for status, colour in COLOURS.items()}
         fills[""] = book.add_format({"bg_color": "#F8CECC"})
+        shown = {unit: book.add_format({"num_format": form}) for unit, form in SHOWN.items()}
         drawings: list[Drawing] = []
         for sheet in sheets:
-            _write(book.add_worksheet(sheet.title[:31]), sheet, head, fills)
+            _write(book.add_worksheet(sheet.title[:31]), sheet, head, fills, shown)
             drawings += sheet.drawings
         if drawings:
             drawn = book.add_worksheet("charts")
@@ -81,12 +92,16 @@ def _summary(result: "Result", rows: Sequence[dict[str, Any]], made: Mapping[str
         lines.append(["run", told["run"]])
         lines += [["read as", note] for note in told["notes"]]
         lines += [["guessed", f"{g['text']} ({g['option']})"] for g in told["guesses"]]
-    for message in dict.fromkeys(str(row["message"]) for row in rows if row.get("message")):
-        lines.append(["message", message])
+    of_whom: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.get("message"):
+            of_whom.setdefault(str(row["message"]), {})[str(row.get("channel") or row.get("run") or "")] = None
+    for message, whom in of_whom.items():
+        lines.append([f"message of {listed(list(whom), 6)}" if any(whom) else "message", message])
     return Sheet("summary", ["what", "said"], lines)
 
 
-def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any]) -> None:
+def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any], shown: dict[str, Any]) -> None:
     for column, title in enumerate(sheet.columns):
         page.write_string(0, column, title, head)
     status = sheet.columns.index("status") if "status" in sheet.columns else None
@@ -98,7 +113,9 @@ def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any]) -> None:
             page.set_row(number, None, fills.get(told, fills[""]) if told != "ok" else None)
     for column, title in enumerate(sheet.columns):
         longest = max([len(title) // 2, *(len(_shown(row[column])) for row in sheet.rows[:200])], default=NARROW)
-        page.set_column(column, column, min(max(longest + 1, NARROW), WIDE))
+        # A column of records that says nothing is folded away, not left out: a table keeps its columns.
+        empty = status is not None and not any(_said(row[column]) for row in sheet.rows)
+        page.set_column(column, column, min(max(longest + 1, NARROW), WIDE), shown.get(unit_of(title)), {"hidden": empty})
     page.freeze_panes(1, min(2, len(sheet.columns)) if status is not None else 0)
     if sheet.rows and status is not None:
         page.autofilter(0, 0, len(sheet.rows), len(sheet.columns) - 1)
@@ -113,8 +130,13 @@ def _cell(page: Any, row: int, column: int, value: Any) -> None:
             page.write_number(row, column, float(value))
     elif isinstance(value, datetime):
         page.write_string(row, column, value.isoformat(sep=" "))
-    elif value not in (None, "", [], {}):
+    elif _said(value):
         page.write_string(row, column, _shown(value)[:LONGEST])
+
+
+def _said(value: Any) -> bool:
+    """Whether a cell says anything."""
+    return isinstance(value, int | float) or value not in (None, "", [], {})
 
 
 def _shown(value: Any) -> str:
@@ -122,9 +144,19 @@ def _shown(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
         return ", ".join(value)
+    if isinstance(value, dict) and value and all(isinstance(v, dict) and "value" in v for v in value.values()):
+        return "; ".join(_parameter(name, v) for name, v in value.items())
     if isinstance(value, list | tuple | dict):
         return json.dumps(plain(value), ensure_ascii=False)
     return "" if value is None else str(value)
+
+
+def _parameter(name: str, told: dict[str, Any]) -> str:
+    """A parameter as a reader takes it in: load_step.change = 0.31 ± 0.02, for one standard error."""
+    error, unit = told.get("standard_error"), told.get("unit", "")
+    beside = f" ± {error:.2g}" if isinstance(error, float) and math.isfinite(error) else ""
+    value = f"{told['value']:.6g}" if isinstance(told["value"], int | float) else str(told["value"])
+    return f"{name} = {value}{beside}{f' {unit}' if unit not in ('', '1') else ''}"
 
 
 def _label(text: str) -> str:

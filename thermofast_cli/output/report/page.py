@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from ..meanings import meaning_of, unit_of
 from ..text import plain
 from .figures import figures_of
 from .verdicts import verdict_of
@@ -128,7 +129,8 @@ def _there(value: Any) -> bool:
 def _table(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
     """The records without columns that are empty throughout, to be sorted, copied and saved."""
     kept = [c for c in columns if any(_there(r[c]) for r in rows)]
-    head = "".join(f'<th scope="col"><button type="button">{escape(c)}</button></th>' for c in kept)
+    told = {c: f"{meaning_of(c)}{f' [{unit_of(c)}]' if unit_of(c) else ''}" for c in kept}
+    head = "".join(f'<th scope="col" title="{escape(told[c])}"><button type="button">{escape(c)}</button></th>' for c in kept)
     body = "".join(f"<tr>{''.join(_cell(c, r[c]) for c in kept)}</tr>" for r in rows)
     tools = (
         '<div class="tools"><button type="button" id="copy">Copy the table</button>'
@@ -137,7 +139,9 @@ def _table(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
     region = '<div class="wide" tabindex="0" role="region" aria-label="Table of the records">'
     hint = '<p class="dim">A press on a heading sorts.</p>'
     table = f'<table id="records"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
-    return f"<h2>Records</h2>{tools}{hint}{region}{table}</div>"
+    means = "".join(f"<dt>{escape(c)}</dt><dd>{escape(told[c])}</dd>" for c in kept)
+    key = f"<details><summary>What the columns mean</summary><dl>{means}</dl></details>"
+    return f"<h2>Records</h2>{tools}{hint}{region}{table}</div>{key}"
 
 
 def _cell(column: str, value: Any) -> str:

@@ -68,7 +68,7 @@ def _sheet(title: str, charts: list[Chart]) -> Sheet:
     drawings = []
     for chart in charts:
         kept = thinned(chart, MOST_POINTS, MOST_POINTS)
-        before = f"{chart.title} " if chart.sheet == "curves" else ""
+        before = f"{chart.title} " if chart.sheet != "steps" or len(charts) > 1 else ""
         held = sorted(((s, e) for s in chart.strips for e in s.series), key=lambda pair: pair[1].kind != "points")
         lines: dict[int, list[Line]] = {id(strip): [] for strip in chart.strips}
         for axis in dict.fromkeys(id(e.x) for _, e in held):
@@ -114,7 +114,8 @@ def _ranking(result: Any) -> list[Sheet]:
     sheets = []
     firsts = {r.run: r for r in reversed(result.records) if r.ranking}
     for number, (run, record) in enumerate(reversed(firsts.items()), 1):
-        title, names = f"ranking {number}", list(dict.fromkeys(k for row in record.ranking for k in row))
+        title = "ranking" if len(firsts) == 1 else f"ranking {number}"
+        names = list(dict.fromkeys(k for row in record.ranking for k in row))
         rows = [[row.get(n) for n in names] for row in record.ranking]
         gain = (Line("gain", names.index("effect"), names.index("gain"), len(rows), STROKES[0][0]),)
         sheets.append(Sheet(title, names, rows, [Drawing("bar", f"{run}: what each effect gains", "", "", title, gain)]))

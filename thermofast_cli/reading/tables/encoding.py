@@ -112,6 +112,9 @@ def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[
         notes.append(f"{len(data) - len(tail)} NUL bytes at the end left out (the logger lost power?)")
         data = tail
     encoding = told or detect_encoding(data, name)
+    if told and b"\0" in data and _is_bytewise(told):  # as where it is not told
+        notes.append(f"{data.count(0)} NUL bytes left out (the logger lost power?)")
+        data = data.replace(b"\0", b"")
     if told or encoding.startswith("utf-16") or encoding in BY_WORDS:
         try:
             text = data.decode(encoding)
@@ -135,6 +138,14 @@ def to_utf8(data: bytes, name: str, told: str | None) -> tuple[bytes, str, list[
         except UnicodeDecodeError:
             pass
     return *_mixed(data, encoding), notes
+
+
+def _is_bytewise(encoding: str) -> bool:
+    """Whether an ASCII letter is one byte in an encoding, so that a NUL is none of its letters; False where it is not known."""
+    try:
+        return "A".encode(encoding) == b"A"
+    except LookupError:
+        return False
 
 
 def _mixed(data: bytes, encoding: str) -> tuple[bytes, str]:

@@ -261,7 +261,7 @@ def _told(units: tuple[str, ...], table: Table) -> tuple[Unit | None, dict[str, 
         if unit is None or not unit.temperature:
             raise UsageError(
                 f"--units: {letter!r} is no unit of temperature",
-                allowed="C, K or F, degR, m°C, '°C x10' for tenths, Pt100 or Pt1000 for ohms, or COLUMN=C",
+                allowed="C, K or F, degR, m°C, mK, '°C x10' for tenths, Pt100 or Pt1000 for ohms, or COLUMN=C",
             )
         if not sign:
             whole = unit
