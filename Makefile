@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test coverage check audit site dist bench proof docs clean
+.PHONY: help demo test coverage check audit site dist bench proof docs clean
 
 demo: $(STAMP)  ## install, run the main job on a sample run, say where the pictures are
 	@mkdir -p out
@@ -56,7 +56,10 @@ docs: $(STAMP)  ## pictures and tables in docs/ that programs make
 	$(BIN)/python -m pip install --quiet nbclient ipykernel
 	$(BIN)/python -m benchmarks.documents.notebook
 
-clean:
+help:  ## what can be made
+	@grep -hE '^[a-z]+:.*##' Makefile | sed -E 's/^([a-z]+):[^#]*##/  \1:/'
+
+clean:  ## take away what was made
 	rm -rf .venv build dist out *.egg-info models/core/*.so models/imperfection/*.so filters/*.so models/core/*.c models/imperfection/*.c filters/*.c
 
 $(STAMP): pyproject.toml setup.py $(wildcard models/*/*.pyx) filters/_loop.pyx

@@ -191,7 +191,7 @@ def test_time_is_understood(name, tmp_path):
 @pytest.mark.parametrize(
     ("cells", "do"),
     [
-        ([2 * i for i in range(1000)], "--time-unit ms, s, min, h or d"),  # 33 min or 33 h
+        ([2 * i for i in range(1000)], "--time-unit us, ms, s, min, h or d"),  # 33 min or 33 h
         ([clock(120 * i, "{h:02d}:{m:02d}") for i in range(700)], "--time-format"),  # 23 h or 23 min
     ],
 )

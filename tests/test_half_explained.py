@@ -16,6 +16,7 @@ import thermofast as tf
 from benchmarks.intervals.half_explained import machine
 from thermofast.discovery.observe import observe
 from thermofast.estimation import imperfect
+from thermofast.estimation.estimate import none_yet
 from thermofast.estimation.imperfect import _with_unreached
 from thermofast.machine.learnt import EFFECT_AGAIN, carry
 from thermofast.machine.model import Model
@@ -169,7 +170,7 @@ class _Two:
 def test_what_is_known_beyond_the_readings_is_let_go_of_by_evidence(monkeypatch, past, without, let_go):
     """without: the log likelihood that the readings of each sensor gain without it."""
     closed = [SimpleNamespace(sensors=_Two())]
-    told = imperfect._empty(closed[0], np.zeros(0), np.zeros(0, dtype=bool), TYPICAL)
+    told = none_yet(2, np.zeros(0), np.zeros(0, dtype=bool))
     for name, value in (("known", True), ("check_p", 0.5), ("strong", 0.0), ("evidence", 0.0)):
         getattr(told, name)[:] = value
 
@@ -200,7 +201,7 @@ def test_a_run_of_other_rates_than_past_runs_had_is_told_no_surer_than_alone(mon
     shape = SensorShape(-4.0, 0.06, np.zeros(11), 1e-6 * np.eye(11))
     past = Past({"0": shape, "1": shape}, scatter=0.08, guessed=guessed)
     closed = [SimpleNamespace(sensors=_Two())]
-    told = imperfect._empty(closed[0], np.zeros(0), np.zeros(0, dtype=bool), TYPICAL)
+    told = none_yet(2, np.zeros(0), np.zeros(0, dtype=bool))
     for name, value in (("known", True), ("check_p", 0.5), ("strong", 0.0), ("evidence", 0.0), ("steady", [29.9, 30.0, 30.1])):
         getattr(told, name)[:] = value
     told.t95[:], told.rate[:] = [99.0, 100.0, 101.0], np.exp(np.array(log_rates))[:, None]

@@ -5,6 +5,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from conftest import ROOT
 from simulator import held_response
 
 import thermofast as tf
@@ -446,3 +447,9 @@ def test_a_mark_for_the_whole_row_takes_all_its_readings(tmp_path):
 def test_a_channel_that_another_option_takes_is_told_so(option, name):
     with pytest.raises(UsageError, match="both name"):
         tf.read("sample_runs/spindle.csv", channels=["T5"], **{option: "T5" if option == "ambient" else ["T5"]})
+
+
+def test_a_setting_may_be_called_with_its_filters_name():
+    run = tf.read(ROOT / "sample_runs" / "spindle.csv", channels=["T1"])
+    bare, whole = (tf.identify(run, until=60.0, settings={key: 0.97}) for key in ("forgetting", "afukf.forgetting"))
+    assert bare[0] == whole[0]

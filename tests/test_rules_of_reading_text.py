@@ -351,5 +351,5 @@ def test_nuls_are_left_out_whether_the_encoding_is_told_or_not(told):
 
 
 def test_nuls_of_utf_16_are_letters():
-    data, encoding, notes = to_utf8("time_s,a\n0,20.3\n".encode("utf-16-le"), "f", "utf-16-le")
+    data, _, notes = to_utf8("time_s,a\n0,20.3\n".encode("utf-16-le"), "f", "utf-16-le")
     assert (data, notes) == (b"time_s,a\n0,20.3\n", [])

@@ -223,7 +223,8 @@ def setting_texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, .
         from .plugins.filters import load_filter
 
         name = load_filter(name).name if is_file(name) else name
-    return tuple(f"{name}.{key}={str(value).lower()}" for key, value in (settings or {}).items())
+    bare = {key.removeprefix(f"{name}."): value for key, value in (settings or {}).items()}
+    return tuple(f"{name}.{key}={str(value).lower()}" for key, value in bare.items())
 
 
 def model_of(model: "Model | str | Path | None", extra: Sequence[str] = ()) -> "Model | None":

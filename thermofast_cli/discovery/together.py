@@ -171,7 +171,8 @@ def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list
     if not named:
         near, by, as_good = _nearest(runs, stages[-1], discoveries)
         stages += near
-        return "; ".join([NOTHING + by, *said]) + or_else(as_good), stages, own, bool(as_good)
+        # No search gives the right to its name: it may stand for what goes like it in the next run, too.
+        return "; ".join([NOTHING + by, *said]) + or_else(as_good), stages, own, bool(near)
     known = {e.id: e for one in discoveries for c in (one.named, *one.also) if c is not None for e in (p.effect for p in c.parts)}
     stages, others = _or_instead(runs, stages, _swaps(discoveries), known)
     open_, worse = ([ids for ids, as_good in others if as_good == way] for way in (True, False))

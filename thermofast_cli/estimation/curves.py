@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Track
 
 from ..records import IdentifyRecord
-from .estimate import Estimate, Model
-from .imperfect import Claims
+from .estimate import Claims, Estimate, Model
 from .sensor import Sensor
 from .verdicts import marks
 

@@ -193,6 +193,110 @@ class Estimates:
         return half
 
 
+@dataclass(frozen=True)
+class Claims:
+    """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names.
+
+    known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
+    rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
+    when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet, or
+    have `hidden` (S,) whether they do.
+    averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
+    out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
+    did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
+    (S,) [K]: so far it has moved since it settled by the law; else nan. alone (S, 3) [degC]: as steady, by the readings without
+    the past that is counted; as_fast (S,): how many times as fast as in past runs it is, where that is more than chance.
+    """
+
+    steady: Array
+    t95: Array
+    at: Array
+    rate: Array
+    rate_unknown: Array
+    check_p: Array
+    strong: Array
+    unseen: Array
+    unseen_from: Array
+    hides: Array
+    evidence: Array
+    shared_with: tuple[str, ...]
+    times: Array
+    ahead: NDArray[np.bool_]
+    known: NDArray[np.bool_]
+    let_go: NDArray[np.bool_]
+    other_rise: NDArray[np.bool_]
+    trips: Array
+    missing: Array
+    hidden: NDArray[np.bool_]
+    averaged: NDArray[np.int_]
+    left_last: NDArray[np.int_]
+    behind: Array
+    faster: Array
+    moved: Array
+    alone: Array
+    as_fast: Array
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which sensors have a posterior (S,)."""
+        return np.isfinite(self.steady[:, 1])
+
+    @property
+    def unknown_rate(self) -> NDArray[np.bool_]:
+        """Whose readings shrink the prior spread of the log rate by less than half (S,)."""
+        with np.errstate(invalid="ignore"):
+            found: NDArray[np.bool_] = self.rate_unknown > 0.5
+        return found
+
+    def curves(self, times: Array, drawn: bool = False) -> tuple[Array, Array, Array]:
+        """Temperatures foretold (S, n) [degC] at times (n,) [min of the run] between the sides of their 95 % band.
+
+        Straight over 1 - exp(-rate t) between those asked for over the readings ahead, or where `drawn`, between all.
+        """
+        some = np.ones_like(self.ahead) if drawn else self.ahead
+        rate = np.where(self.held, self.rate[:, 1], 1.0)[:, None]
+        first = min(times.min(initial=np.inf), self.times[some].min(initial=np.inf))  # the run may have idled for hours
+        there, asked = (-np.expm1(-rate * (minutes - first)) for minutes in (times, self.times[some]))
+        sides = np.moveaxis(self.at[:, some], 2, 0)
+        low, middle, high = (np.array([np.interp(*line) for line in zip(there, asked, side, strict=True)]) for side in sides)
+        return low, middle, high
+
+
+def none_yet(count: int, times: Array, ahead: NDArray[np.bool_]) -> Claims:
+    """Claims of `count` sensors of which nothing is said yet."""
+    numbers = {
+        n: np.full(count, np.nan)
+        for n in (
+            "rate_unknown",
+            "check_p",
+            "strong",
+            "unseen",
+            "unseen_from",
+            "hides",
+            "evidence",
+            "behind",
+            "faster",
+            "moved",
+            "as_fast",
+        )
+    }
+    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing", "alone")}
+    return Claims(
+        **numbers,
+        **threes,
+        at=np.full((count, len(times), 3), np.nan),
+        shared_with=[""] * count,  # type: ignore[arg-type]
+        times=times,
+        ahead=ahead,
+        known=np.zeros(count, dtype=bool),
+        let_go=np.zeros(count, dtype=bool),
+        hidden=np.zeros(count, dtype=bool),
+        left_last=np.zeros(count, dtype=int),
+        other_rise=np.zeros(count, dtype=bool),
+        averaged=np.ones(count, dtype=int),
+    )
+
+
 def lost(found: Estimates, reading: Array) -> dict[int, str]:
     """Why a sensor's estimate is none, by sensor: its state is LOST times as far from the readings (S, n) used as a constant is."""
     far = np.flatnonzero(found.misfit > LOST * np.ptp(reading, axis=1)).tolist()

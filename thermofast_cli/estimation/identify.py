@@ -20,8 +20,8 @@ from ..records import IdentifyRecord
 from ..standards.stopping import Rule, Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns
-from .estimate import Estimates, FilterError, Model, lost, remaining, times_asked
-from .imperfect import Claims, Closed, claims, said_of_slow, together_of, why_let_go, without_past
+from .estimate import Claims, Estimates, FilterError, Model, lost, remaining, times_asked
+from .imperfect import Closed, claims, said_of_slow, together_of, why_let_go, without_past
 from .measured import (
     comes_back,
     contradicts,
@@ -398,7 +398,7 @@ class _Block:
         said = [*about_numbers, *self.sensors.notes[i], *(without_past(about) if let_go else about)]
         said[:0] = tripped.said(i) if tripped is not None else []
         if let_go:
-            said.insert(0, why_let_go(self.method.past))
+            said.insert(0, why_let_go(self.method.past, float(np.ptp(self.sensors.time[: self.count]))))
         if claimed is not None:
             if self.room_c is not None and self.room is None and (self.method.past is None or self.method.past.guessed):
                 said.append("--room needs a column of the surroundings, and there is none")

@@ -19,7 +19,7 @@ from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
 from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
-from .estimate import Estimates
+from .estimate import Claims, Estimates, none_yet
 from .rules import RULES
 from .sensor import Sensors, left_at_end
 
@@ -34,6 +34,7 @@ NAMED = 6
 NOT_FOLLOWED = "the readings do not follow the drive or the effects added, and they are not counted"
 NOT_LIKELIER = "what was found makes the readings hardly likelier than a machine's usual disturbances do, and is not counted"
 NOT_THIS_RUN = "past runs of this machine do not fit this one and are not counted"
+NOT_YET = "; so early the intervals reach to what they say, too"
 
 
 @dataclass(frozen=True)
@@ -48,75 +49,6 @@ class Closed:
     found: Estimates
     usable: NDArray[np.bool_]
     room: Array | None = None
-
-
-@dataclass(frozen=True)
-class Claims:
-    """What a block's sensors may claim, rows as in the block; nan where there is none. See :class:`Settled` for the names.
-
-    known (S,): past runs of the machine were counted; let_go (S,): they were asked, and do not fit this run; other_rise (S,): the
-    rise that was fitted is not the law's, and what a filter of the law said of these readings says nothing. trips, missing (S, 3):
-    when a stopping rule holds [min of the run] and what is missing then [K], as of readings that have not kept to it yet, or
-    have `hidden` (S,) whether they do.
-    averaged (S,): over how many readings each is the logger's moving average; left_last (S,): how many of the last ones were left
-    out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
-    did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
-    (S,) [K]: so far it has moved since it settled by the law; else nan. alone (S, 3) [degC]: as steady, by the readings without
-    the past that is counted; as_fast (S,): how many times as fast as in past runs it is, where that is more than chance.
-    """
-
-    steady: Array
-    t95: Array
-    at: Array
-    rate: Array
-    rate_unknown: Array
-    check_p: Array
-    strong: Array
-    unseen: Array
-    unseen_from: Array
-    hides: Array
-    evidence: Array
-    shared_with: tuple[str, ...]
-    times: Array
-    ahead: NDArray[np.bool_]
-    known: NDArray[np.bool_]
-    let_go: NDArray[np.bool_]
-    other_rise: NDArray[np.bool_]
-    trips: Array
-    missing: Array
-    hidden: NDArray[np.bool_]
-    averaged: NDArray[np.int_]
-    left_last: NDArray[np.int_]
-    behind: Array
-    faster: Array
-    moved: Array
-    alone: Array
-    as_fast: Array
-
-    @property
-    def held(self) -> NDArray[np.bool_]:
-        """Which sensors have a posterior (S,)."""
-        return np.isfinite(self.steady[:, 1])
-
-    @property
-    def unknown_rate(self) -> NDArray[np.bool_]:
-        """Whose readings shrink the prior spread of the log rate by less than half (S,)."""
-        with np.errstate(invalid="ignore"):
-            found: NDArray[np.bool_] = self.rate_unknown > 0.5
-        return found
-
-    def curves(self, times: Array, drawn: bool = False) -> tuple[Array, Array, Array]:
-        """Temperatures foretold (S, n) [degC] at times (n,) [min of the run] between the sides of their 95 % band.
-
-        Straight over 1 - exp(-rate t) between those asked for over the readings ahead, or where `drawn`, between all.
-        """
-        some = np.ones_like(self.ahead) if drawn else self.ahead
-        rate = np.where(self.held, self.rate[:, 1], 1.0)[:, None]
-        first = min(times.min(initial=np.inf), self.times[some].min(initial=np.inf))  # the run may have idled for hours
-        there, asked = (-np.expm1(-rate * (minutes - first)) for minutes in (times, self.times[some]))
-        sides = np.moveaxis(self.at[:, some], 2, 0)
-        low, middle, high = (np.array([np.interp(*line) for line in zip(there, asked, side, strict=True)]) for side in sides)
-        return low, middle, high
 
 
 def together_of(rates: Rates) -> int:
@@ -143,7 +75,7 @@ def claims(
         held = claims(closed, asked, prior, rates, name, rule.held, Rule(rule.criterion))
         whole = claims(closed, asked, prior, rates, name, past)
         return [replace(one, trips=h.trips, missing=h.missing, hidden=h.hidden) for one, h in zip(whole, held, strict=True)]
-    empty = [_empty(c, *asked, prior) for c in closed]
+    empty = [none_yet(len(c.sensors), *asked) for c in closed]
     together = together_of(rates)
     groups = sorted({int(row) // together for c in closed for row in c.sensors.rows})
     left = [left_at_end(c.found.weights, c.sensors) for c in closed]
@@ -163,6 +95,7 @@ def claims(
                 past,
                 criterion,
             )
+            by_past = [replace(e, steady=e.steady.copy(), t95=e.t95.copy(), at=e.at.copy()) for e in empty]
             _let_go(closed, members, empty, prior, rates, name, past)
         alone = [m & ~e.known for m, e in zip(members, empty, strict=True)]
         # What has hardly moved may be far behind the others: that it is as fast as they is no guess to begin with.
@@ -171,6 +104,8 @@ def claims(
         _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, prior, rates, name, criterion=criterion)
         _claim(closed, little, empty, prior, "own", name, criterion=criterion)
         _with_before(closed, alone, empty)
+        if past is not None and not past.guessed:
+            _with_past(closed, members, empty, by_past, past)
         _mark_behind(closed, members, empty)
         _mark_settled(closed, members, empty, past is not None and not past.guessed)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
@@ -254,7 +189,7 @@ def _let_go(
     wide = bool(past.open_end) or other
     open_end = [np.array([other or name(int(r)) in past.open_end for r in c.sensors.rows], dtype=bool) for c in closed]
     count = None if wide else 0
-    alone = [_empty(c, e.times[:count], e.ahead[:count], prior) for c, e in zip(closed, told, strict=True)]
+    alone = [none_yet(len(c.sensors), e.times[:count], e.ahead[:count]) for c, e in zip(closed, told, strict=True)]
     _claim(closed, looked, alone, prior, rates, name, scale=past)
     for_none = [np.where(m, a.evidence - e.evidence, 0.0) for m, a, e in zip(looked, alone, told, strict=True)]
     together = sum(float(f.sum()) for f in for_none)
@@ -278,6 +213,21 @@ def _let_go(
         if wide:
             _at_least(one, own, m & one.known & of_end)
             one.as_fast[m & one.known] = off if other else np.nan
+
+
+def _with_past(
+    closed: Sequence[Closed],
+    members: Sequence[NDArray[np.bool_]],
+    into: Sequence[Claims],
+    by_past: Sequence[Claims],
+    past: Past,
+) -> None:
+    """Intervals of members (S,) whose past was let go reach to what it says, as long as too little has been read to tell a machine
+    that is another one from a beginning that is: what is left is then like past runs, whatever the first minutes were.
+    """
+    for c, mine, one, learnt in zip(closed, members, into, by_past, strict=True):
+        if float(c.sensors.time[c.count - 1] - c.sensors.time[0]) < RULES.past_until * past.time_constant:
+            _at_least(one, learnt, mine & one.let_go & learnt.held)
 
 
 def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
@@ -400,10 +350,11 @@ def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
     return f"a second mass slower than {rounded(claimed.unseen_from[i])} min, up to {rounded(min(share, 999.0))} % of the rise"
 
 
-def why_let_go(past: Past | None) -> str:
-    """What is said of a sensor whose past was let go."""
+def why_let_go(past: Past | None, read_min: float) -> str:
+    """What is said of a sensor whose past was let go after so long [min]."""
     if past is None or not past.guessed:
-        return NOT_THIS_RUN
+        early = past is not None and read_min < RULES.past_until * past.time_constant
+        return NOT_THIS_RUN + (NOT_YET if early else "")
     return NOT_LIKELIER if past.searched else NOT_FOLLOWED
 
 
@@ -431,41 +382,6 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
         spread = np.log(found.t95_high[rows] / found.t95_low[rows]) / 3.92
         log_rate = np.stack([np.log(found.rate[rows]), np.where(spread > 0.0, spread, np.nan)], axis=1)
     return Part(time, reading, noise, sensors.resolution[rows], room, log_rate, averaged=window)
-
-
-def _empty(closed: Closed, times: Array, ahead: NDArray[np.bool_], prior: Imperfection) -> Claims:
-    count = len(closed.sensors)
-    numbers = {
-        n: np.full(count, np.nan)
-        for n in (
-            "rate_unknown",
-            "check_p",
-            "strong",
-            "unseen",
-            "unseen_from",
-            "hides",
-            "evidence",
-            "behind",
-            "faster",
-            "moved",
-            "as_fast",
-        )
-    }
-    threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing", "alone")}
-    return Claims(
-        **numbers,
-        **threes,
-        at=np.full((count, len(times), 3), np.nan),
-        shared_with=[""] * count,  # type: ignore[arg-type]
-        times=times,
-        ahead=ahead,
-        known=np.zeros(count, dtype=bool),
-        let_go=np.zeros(count, dtype=bool),
-        hidden=np.zeros(count, dtype=bool),
-        left_last=np.zeros(count, dtype=int),
-        other_rise=np.zeros(count, dtype=bool),
-        averaged=np.ones(count, dtype=int),
-    )
 
 
 def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: NDArray[np.intp], names: Sequence[str]) -> None:

@@ -22,8 +22,7 @@ from .rules import RULES
 from .sensor import Sensors
 
 if TYPE_CHECKING:
-    from .estimate import Estimates
-    from .imperfect import Claims
+    from .estimate import Claims, Estimates
 
 Array = NDArray[np.float64]
 

@@ -39,6 +39,12 @@ class EstimationRules:
     contradicted: float = rule(
         3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
     )
+    past_until: float = rule(
+        1.0,
+        "time constants of past runs",
+        "read, up to which intervals reach to what past runs say, where the readings let these go",
+        "a stranger's machines: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8",
+    )
     tried_until: float = rule(
         0.8, "of the window", "up to which identification times must be tried where the last has the least error", BY_HAND
     )

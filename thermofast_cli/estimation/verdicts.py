@@ -15,8 +15,7 @@ from thermofast.models.uncertainty.companions import DONE
 
 from ..errors import rounded
 from ..records import IdentifyRecord
-from .estimate import Estimate, Estimates
-from .imperfect import Claims
+from .estimate import Claims, Estimate, Estimates
 from .measured import outlying, went, words
 from .rules import RULES
 from .sensor import Sensor, Sensors, left_at_end

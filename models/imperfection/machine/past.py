@@ -193,6 +193,11 @@ class Past:
             factors=self.factors,
         )
 
+    @property
+    def time_constant(self) -> float:
+        """The median of those that were known [min]."""
+        return float(np.exp(-np.median([s.log_rate for s in self.shapes.values()])))
+
     def rates_off(self, rate: Mapping[str, float]) -> tuple[float, float]:
         """How many times as fast the sensors of a run are as they were, by their rates [1/min], and how many deviations from run to
         run that is, either way. Both by the median; (1, 0) where none was known or is told.

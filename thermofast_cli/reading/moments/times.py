@@ -432,7 +432,7 @@ def _without_unit(table: Table, name: str, column: Array) -> Time:
             f"{table.name}: column {name!r} does not say its unit of time",
             found=f"{column[0]:g} to {column[-1]:g}: {lengths}",
             allowed="a name as time_s, time_min, 'Time [h]', or a unit line",
-            do=f"say --time-unit ms, s, min, h or d{'' if is_time_name(name) else ', or --time with the right column'}",
+            do=f"say --time-unit us, ms, s, min, h or d{'' if is_time_name(name) else ', or --time with the right column'}",
         )
     unit = likely[0]
     text = f"{name!r} has no unit, taken as {unit}: the record is then {length_of(float(np.ptp(column)) * UNITS[unit])} long"
