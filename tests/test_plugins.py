@@ -282,3 +282,17 @@ def test_hidden_masses_of_an_effect_written_for_one_sensor_are_those_of_all(tmp_
         effect.apply(drive, run, p)
         curves.append(drive.forward(run, np.array([0.02, 0.03, 0.04]), np.array([8.0, 6.0, 5.0]), np.full(3, 18.0)))
     assert curves[0] == pytest.approx(curves[1], abs=1e-12)
+
+
+def test_what_is_installed_is_looked_for_once_along_a_path(monkeypatch):
+    """Each look reads the metadata of every package: a third of the time of a small `tf.identify`."""
+    from thermofast.plugins import entrypoints
+
+    asked = []
+    monkeypatch.setattr(entrypoints, "entry_points", lambda group: asked.append(group) or [])
+    for _ in range(3):
+        assert entrypoints.installed("thermofast.nothing", lambda member, origin: member) == ([], [])
+    assert asked == ["thermofast.nothing"]
+    monkeypatch.syspath_prepend(".")
+    entrypoints.installed("thermofast.nothing", lambda member, origin: member)
+    assert asked == ["thermofast.nothing"] * 2

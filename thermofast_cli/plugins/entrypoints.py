@@ -1,7 +1,9 @@
 """Plug-ins of installed packages: a broken one is told with its reason and never stops another's work."""
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
@@ -22,7 +24,7 @@ def installed(group: str, check: Callable[[Any, str], Member]) -> tuple[list[Mem
     """The members of a group that load and pass `check`, and those that do not."""
     good: list[Member] = []
     broken: list[Broken] = []
-    for point in entry_points(group=group):
+    for point in _points(group, tuple(sys.path), entry_points):
         origin = f"plug-in {point.name!r} ({point.value})"
         try:
             with contained():
@@ -33,6 +35,12 @@ def installed(group: str, check: Callable[[Any, str], Member]) -> tuple[list[Mem
         except BaseException as error:
             broken.append(Broken(point.name, _why(point, error)))
     return good, broken
+
+
+@lru_cache(maxsize=16)
+def _points(group: str, path: tuple[str, ...], find: Callable[..., Sequence[EntryPoint]]) -> tuple[EntryPoint, ...]:
+    """The entry points of a group, which are looked for in the files of all that is installed, along `path`: 30 ms each time."""
+    return tuple(find(group=group))
 
 
 def taken(members: Sequence[Any], names: Sequence[str], attribute: str) -> list[Broken]:
