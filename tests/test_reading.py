@@ -457,6 +457,7 @@ def rising(count=40):
         ("Time (100ms)", lambda t: f"{10 * t:g}", 60.0),
         ("Time [x10 s]", lambda t: f"{t / 10:g}", 60.0),
         ("Time (min.sec)", lambda t: f"{t // 60:.0f}.{t % 60:02.0f}", 60.0),
+        ("Time (hh.mm)", lambda t: f"{t // 3600:.0f}.{t % 3600 // 60:02.0f}", 60.0),
         ("Time (s)", lambda t: f"{t:g}", 60.0),
     ],
 )

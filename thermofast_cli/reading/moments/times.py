@@ -15,7 +15,7 @@ from ..headings.called import check_names
 from ..run import Array, Guess
 from ..table import Table
 from ..units import unit_in_name
-from ..values.time_units import MINUTES_SECONDS, one_unit_alone, steps_of, unit_of
+from ..values.time_units import one_unit_alone, sixtieths, steps_of, unit_of
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
 from .epochs import UNITS, clock_with_a_point, compact, epoch_of, is_date_number, of_archive, serial, ticks_of
 from .fractions import padded
@@ -362,16 +362,18 @@ def _clock_of(table: Table, name: str, column: Array, in_seconds: bool) -> Time 
 
 def _counted(name: str, column: Array, unit_cell: str = "") -> Time | None:
     """Numbers that count otherwise than in one unit of time: steps, minutes.seconds, the clock of an archive."""
-    minutes = np.floor(column + 1e-9)
+    ones = np.floor(column + 1e-9)
     if words(name) == ["time", "ms"] and of_archive(column):
         seconds, said, guessed = np.round((column - column[0]) * DAY_S / 1e6, 3), "millionths of days, as archives have it", False
     elif step := steps_of(name, unit_cell):
         size, unit = step
         seconds, said, guessed = column * size * UNITS[unit], f"steps of {size:g} {unit}", size != 1.0
-    elif MINUTES_SECONDS.search(name) and (column - minutes < 0.5999).all():
-        seconds, said, guessed = 60.0 * minutes + np.round(100.0 * (column - minutes), 3), "minutes and seconds", True
-    elif MINUTES_SECONDS.search(name):  # 0.75 is no minute and 75 seconds
-        seconds, said, guessed = 60.0 * column, "minutes, with decimals", True
+    elif parts := sixtieths(name):
+        whole, said, sixty = parts
+        seconds, guessed, more = whole * column, True, ", with decimals"  # 0.75 is no minute and 75 seconds
+        if (column - ones < 0.5999).all():
+            seconds, more = whole * ones + whole / 60.0 * np.round(100.0 * (column - ones), 3), f" and {sixty}"
+        said += more
     else:
         return None
     guess = (Guess("time", f"{name!r} read in {said}", "--time-unit says otherwise"),) if guessed else ()

@@ -7,7 +7,8 @@ from ..vocabulary import TIME_UNITS, words
 
 #: Steps of a clock in brackets, as (100ms) and [x10 s]; minutes and seconds with a point between them.
 _STEPS = re.compile(r"[\[(]\s*[x×*]?\s*(\d+(?:[.,]\d+)?)\s*[x×*]?\s*(us|ms|s|sec|min|h)\s*[\])]", re.I)
-MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)[.,](?:sec|ss|s)\s*[\])]", re.I)
+_MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)[.,](?:sec|ss|s)\s*[\])]", re.I)
+_HOURS_MINUTES = re.compile(r"[\[(]\s*(?:h|hh|hr|hrs|hours?|std)[.,](?:min|mm|m)\s*[\])]", re.I)
 #: Parts of a unit, as 1/10 s and s/10; and a unit that is not one alone: a factor, a sum, two of them.
 _PARTS = re.compile(r"(?:^|[\[(])\s*(?:1\s*/\s*(10+)\s*([a-z]+)|([a-z]+)\s*/\s*(10+))\s*(?:$|[\])])", re.I)
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
@@ -36,6 +37,13 @@ def steps_of(name: str, unit_cell: str) -> tuple[float, str] | None:
     return (1.0 / float(part[1] or part[4]), unit) if part and unit else None
 
 
+def sixtieths(name: str) -> tuple[float, str, str] | None:
+    """(seconds of a whole one, whole ones, their sixtieths) of a clock with a point between them, as min.sec and hh.mm; else None."""
+    if _MINUTES_SECONDS.search(name):
+        return 60.0, "minutes", "seconds"
+    return (3600.0, "hours", "minutes") if _HOURS_MINUTES.search(name) else None
+
+
 def one_unit_alone(source: str, name: str, unit_cell: str) -> None:
     """That the unit of a column of time has no factor and no second one beside it, which would be dropped.
 
@@ -50,6 +58,6 @@ def one_unit_alone(source: str, name: str, unit_cell: str) -> None:
             raise InputError(
                 f"{source}: column {name!r}: the unit of time is not one alone",
                 found=repr(told.strip()),
-                allowed=f"{', '.join(TIME_UNITS)}, 0.1 s, 1/10 s, x10 s, min.sec",
+                allowed=f"{', '.join(TIME_UNITS)}, 0.1 s, 1/10 s, x10 s, min.sec, hh.mm",
                 do="--time-unit UNIT where the numbers count whole ones, --interval SECONDS where rows are evenly apart",
             )
