@@ -205,7 +205,8 @@ class Claims:
     out and are no outliers: something has just changed. behind (S,): it has moved by this share of what another sensor of the run
     did, too little so early to be foretold; faster (S,): it would be so many times as fast as others that have not settled; moved
     (S,) [K]: so far it has moved since it settled by the law; else nan. alone (S, 3) [degC]: as steady, by the readings without
-    the past that is counted; as_fast (S,): how many times as fast as in past runs it is, where that is more than chance.
+    the past that is counted; as_fast (S,): how many times as fast as in past runs it is, where that is more than chance. early (S,)
+    [min]: from when on a slower part behind what moved so far would show, where that is later than the last reading; else nan.
     """
 
     steady: Array
@@ -235,6 +236,7 @@ class Claims:
     moved: Array
     alone: Array
     as_fast: Array
+    early: Array
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -278,6 +280,7 @@ def none_yet(count: int, times: Array, ahead: NDArray[np.bool_]) -> Claims:
             "faster",
             "moved",
             "as_fast",
+            "early",
         )
     }
     threes = {n: np.full((count, 3), np.nan) for n in ("steady", "t95", "rate", "trips", "missing", "alone")}

@@ -107,6 +107,8 @@ def claims(
         if past is not None and not past.guessed:
             _with_past(closed, members, empty, by_past, past)
         _mark_behind(closed, members, empty)
+        if not prior.rarely_strong:
+            _mark_early(closed, members, empty, past is not None and not past.guessed)
         _mark_settled(closed, members, empty, past is not None and not past.guessed)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
 
@@ -137,6 +139,18 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
             little &= (m < RULES.at_rest * c.found.noise) & (most > RULES.still_others * c.found.noise)
         if read < RULES.still_until:
             one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
+
+
+def _mark_early(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:
+    """Marks the sensors of a group whose record is too short for the slow parts behind quick ones, as windings in their oil.
+
+    Until then one exponential is all that there is; where past runs are counted (learnt), these have told.
+    """
+    for c, mine, one in zip(closed, members, into, strict=True):
+        read = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            shows = np.minimum(RULES.heard_min, RULES.heard_turns / one.rate[:, 1])
+        one.early[:] = np.where(mine & one.held & (read < shows) & ~(one.known & learnt), shows, one.early)
 
 
 def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:
@@ -348,6 +362,14 @@ def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
         return ""
     share = 100.0 * size / abs(rise)
     return f"a second mass slower than {rounded(claimed.unseen_from[i])} min, up to {rounded(min(share, 999.0))} % of the rise"
+
+
+def said_of_early(claimed: Claims, i: int) -> str:
+    """What is said of a sensor whose record is too short for slow parts behind quick ones."""
+    return (
+        f"so early a slower part behind what has moved so far does not show: measure for {rounded(claimed.early[i])} min at least, "
+        "or say what past runs told: --model, or --imperfection of the lab"
+    )
 
 
 def why_let_go(past: Past | None, read_min: float) -> str:

@@ -39,6 +39,18 @@ class EstimationRules:
     contradicted: float = rule(
         3.0, "1", "log likelihood that readings gain without past runs, at which those are let go", "Markov: once in 20 at most"
     )
+    heard_min: float = rule(
+        25.0,
+        "min",
+        "read from which on a slow part behind a quick one shows, of machines that warm for hours: below it no row is `ok`",
+        "a stranger's machines: of rows at 15, 20, 30, 40 min 46, 35, 9, 2 % of limits were missed",
+    )
+    heard_turns: float = rule(
+        6.0,
+        "time constants",
+        "read that do as well: of what is small, and quick",
+        "benchmarks.intervals.two_masses: at 7 it is seen",
+    )
     past_until: float = rule(
         1.0,
         "time constants of past runs",

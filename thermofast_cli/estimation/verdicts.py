@@ -16,6 +16,7 @@ from thermofast.models.uncertainty.companions import DONE
 from ..errors import rounded
 from ..records import IdentifyRecord
 from .estimate import Claims, Estimate, Estimates
+from .imperfect import said_of_early
 from .measured import outlying, went, words
 from .rules import RULES
 from .sensor import Sensor, Sensors, left_at_end
@@ -152,10 +153,8 @@ def _undetermined(case: _Case, back: NDArray[np.bool_]) -> list[Reason]:
         behind = ~back & (short > RULES.backwards * np.maximum(case.seen, 4.0 * noise))
 
     def backwards(i: int) -> str:
-        return (
-            f"the steady state is known only to within {case.width[i]:.3g} K, from {short[i]:.3g} K behind where it began on: "
-            "these readings hardly say that it moves on; measure longer"
-        )
+        far = f"the steady state is known only to within {case.width[i]:.3g} K, from {short[i]:.3g} K behind where it began on"
+        return f"{far}: these readings hardly say that it moves on; measure longer"
 
     return [
         Reason(~bounded, lambda i: _open_side(found.one(i))),
@@ -164,6 +163,7 @@ def _undetermined(case: _Case, back: NDArray[np.bool_]) -> list[Reason]:
             lambda i: _wide_words(float(case.width[i]), float(case.seen[i]), float(case.went[i]), float(noise[i])),
         ),
         Reason(bounded & ~wide & behind, backwards),
+        Reason(bounded & ~wide & ~behind & np.isfinite(case.claimed.early), lambda i: said_of_early(case.claimed, i)),
     ]
 
 

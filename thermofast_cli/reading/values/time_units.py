@@ -38,7 +38,7 @@ def steps_of(name: str, unit_cell: str) -> tuple[float, str] | None:
 
 
 def sixtieths(name: str) -> tuple[float, str, str] | None:
-    """(seconds of a whole one, whole ones, their sixtieths) of a clock with a point between them, as min.sec and hh.mm; else None."""
+    """(seconds of a whole one, what these are, their sixtieths) of a clock with a point between, as min.sec and hh.mm; else None."""
     if _MINUTES_SECONDS.search(name):
         return 60.0, "minutes", "seconds"
     return (3600.0, "hours", "minutes") if _HOURS_MINUTES.search(name) else None
