@@ -1,15 +1,15 @@
 """A spindle before a column that is 4 to 10 times slower and carries 15 to 45 % of the rise: what does a short record say?
 
 python -m benchmarks.intervals.two_masses [--machines 20] [--seed 700] [--share 0.15 0.45] [--slower 4 10] [--still] [--drive]
-[--own 0]
+[--own 0] [--fast 15 40]
 draws machines of two exponentials a sensor (three sensors, 20 mK, a reading a minute, a room that wanders by 0.1 K per root
 hour; --still: it does not) and prints, for records of so many time constants of the fast mass: rows that are `ok`, limits held,
 the median width of the interval and how far below the limit the estimate lies, and of the `ok` rows the settling times held (of
 a room that stays) and their median width over the time; alone, with one complete run of the same machine (`improve --together`
 of it and another), and with the room logged. --drive: half of the load for the first fast time constant, then all of it, logged
 and told (`--drive`); without the rows of past runs. --calibrated: with the room logged, after `calibrate` on complete runs of
-ten other such machines, too. --own: share by which the time constants of the sensors differ from the machine's at most. --share
-2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise.
+ten other such machines, too. --fast: the time constant of the fast mass [min]. --own: share by which the time constants of the sensors
+differ from the machine's at most. --share 2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise.
 """
 
 import argparse
@@ -31,12 +31,13 @@ def machine(
     still: bool = False,
     steps: bool = False,
     own: float = 0.0,
+    fast_min: tuple[float, float] = (15.0, 40.0),
 ) -> tuple[float, np.ndarray, list[tuple[dict[str, np.ndarray], np.ndarray]]]:
     """(time constant of the fast mass [min], settling times (S,) [min] of a load that is whole from the start on, of each run its
     columns and the limits (S, N) [degC] with the room of each time).
     """
     rng = np.random.default_rng(seed)
-    tau, ratio, share = rng.uniform(15.0, 40.0), rng.uniform(*slower), rng.uniform(*shares)
+    tau, ratio, share = rng.uniform(*fast_min), rng.uniform(*slower), rng.uniform(*shares)
     fast = rng.uniform(5.0, 10.0, 3)
     slow = fast * share * rng.uniform(0.7, 1.3, 3)
     each = tau * rng.uniform(1.0 - own, 1.0 + own, 3) if own else np.full(3, tau)
@@ -79,13 +80,14 @@ def main() -> None:
     parser.add_argument("--drive", action="store_true")
     parser.add_argument("--calibrated", action="store_true")
     parser.add_argument("--own", type=float, default=0.0)
+    parser.add_argument("--fast", type=float, nargs=2, default=(15.0, 40.0))
     asked = parser.parse_args()
     kinds = ("alone", "room logged", "after two complete runs of it")[: 2 if asked.drive else 3]
     lab = None
     if asked.calibrated:
         kinds = (*kinds, CALIBRATED)
         others = [
-            machine(asked.seed + 500_000 + k, 1, asked.share, asked.slower, asked.still, asked.drive, asked.own)[2]
+            machine(asked.seed + 500_000 + k, 1, asked.share, asked.slower, asked.still, asked.drive, asked.own, asked.fast)[2]
             for k in range(10)
         ]
         found = tf.calibrate([tf.read(one[0][0], name=f"past {k}") for k, one in enumerate(others)])
@@ -93,7 +95,7 @@ def main() -> None:
         print(found.records[0].message or "calibrate says nothing of strong effects")
     rows: dict[tuple[str, float], list[tuple[bool, bool, float, float, bool, float]]] = {(k, t): [] for k in kinds for t in TURNS}
     for seed in range(asked.seed, asked.seed + asked.machines):
-        tau, settles, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive, asked.own)
+        tau, settles, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive, asked.own, asked.fast)
         bare = [{n: c for n, c in columns.items() if n != "ambient"} for columns, _ in runs]
         past = [tf.read(columns, name=f"past {k}") for k, columns in enumerate(bare[1:])]
         model = tf.improve(past, together=True).model if not asked.drive else None

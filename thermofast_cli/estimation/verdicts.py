@@ -131,9 +131,11 @@ def claimed_verdicts(
     later = [*_of_the_heat(case, changed_min), *_of_what_came_later(case), *_of_what_is_out(case), *_noted(case)]
     doubted = np.any([r.doubts for r in (*first, *later) if r.doubts is not None], axis=0)
     open_ = np.any([r.where for r in undetermined], axis=0)
-    status: list[str] = np.where(open_, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
+    early = Reason(np.isfinite(claimed.early) & ~open_ & ~doubted, lambda i: said_of_early(claimed, i))
+    clear = np.where(early.where, "not_determined", "ok")
+    status: list[str] = np.where(open_, "not_determined", np.where(doubted, "model_doubtful", clear)).tolist()
     messages: dict[int, list[str]] = {}
-    for reason in (*first, _faded(case, tracks, status), *later):
+    for reason in (*first, early, _faded(case, tracks, status), *later):
         for i in np.flatnonzero(reason.where).tolist():
             messages.setdefault(i, []).append(reason.say(i))
     for i, size in against.items():
@@ -163,7 +165,6 @@ def _undetermined(case: _Case, back: NDArray[np.bool_]) -> list[Reason]:
             lambda i: _wide_words(float(case.width[i]), float(case.seen[i]), float(case.went[i]), float(noise[i])),
         ),
         Reason(bounded & ~wide & behind, backwards),
-        Reason(bounded & ~wide & ~behind & np.isfinite(case.claimed.early), lambda i: said_of_early(case.claimed, i)),
     ]
 
 

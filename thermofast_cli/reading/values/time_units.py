@@ -8,7 +8,7 @@ from ..vocabulary import TIME_UNITS, words
 #: Steps of a clock in brackets, as (100ms) and [x10 s]; minutes and seconds with a point between them.
 _STEPS = re.compile(r"[\[(]\s*[x×*]?\s*(\d+(?:[.,]\d+)?)\s*[x×*]?\s*(us|ms|s|sec|min|h)\s*[\])]", re.I)
 _MINUTES_SECONDS = re.compile(r"[\[(]\s*(?:min|mm|m)[.,](?:sec|ss|s)\s*[\])]", re.I)
-_HOURS_MINUTES = re.compile(r"[\[(]\s*(?:h|hh|hr|hrs|hours?|std)[.,](?:min|mm|m)\s*[\])]", re.I)
+_HOURS_MINUTES = re.compile(r"[\[(]\s*(?:h|hh|hr|hours?)\.(?:min|mm|m)\s*[\])]", re.I)
 #: Parts of a unit, as 1/10 s and s/10; and a unit that is not one alone: a factor, a sum, two of them.
 _PARTS = re.compile(r"(?:^|[\[(])\s*(?:1\s*/\s*(10+)\s*([a-z]+)|([a-z]+)\s*/\s*(10+))\s*(?:$|[\])])", re.I)
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
@@ -38,7 +38,7 @@ def steps_of(name: str, unit_cell: str) -> tuple[float, str] | None:
 
 
 def sixtieths(name: str) -> tuple[float, str, str] | None:
-    """(seconds of a whole one, what these are, their sixtieths) of a clock with a point between, as min.sec and hh.mm; else None."""
+    """(seconds of a whole one, what these are, their sixtieths) of a clock with a point between, as min.sec, hh.mm; else None."""
     if _MINUTES_SECONDS.search(name):
         return 60.0, "minutes", "seconds"
     return (3600.0, "hours", "minutes") if _HOURS_MINUTES.search(name) else None

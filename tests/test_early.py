@@ -1,0 +1,43 @@
+"""Records too short for a slow part behind a quick one: no row is `ok` before 25 minutes, or six time constants."""
+
+import numpy as np
+import pytest
+
+import thermofast as tf
+
+
+def record(tau: float, minutes: float, load: float = 1.0) -> tf.Run:
+    rng = np.random.default_rng(int(10.0 * tau) + 7)
+    time = np.arange(0.0, minutes + 1e-9, 0.25)
+    columns = {f"T{i}": 20.0 + load * rise * -np.expm1(-time / tau) for i, rise in enumerate((6.0, 8.0, 9.0))}
+    return tf.read({"time_min": time} | {n: c + rng.normal(0.0, 0.02, len(time)) for n, c in columns.items()}, name="short")
+
+
+@pytest.mark.parametrize(
+    ("tau", "minutes", "status"),
+    [
+        (8.0, 16.0, "not_determined"),
+        (8.0, 24.0, "not_determined"),
+        (8.0, 26.0, "ok"),
+        (2.0, 10.0, "not_determined"),
+        (2.0, 14.0, "ok"),  # more than six time constants
+        (20.0, 26.0, "ok"),
+    ],
+)
+def test_a_row_is_ok_once_a_slow_part_would_show(tau, minutes, status):
+    rows = tf.identify(record(tau, minutes))
+    assert [r.status for r in rows] == [status] * 3
+    said = "so early a slower part behind what has moved so far does not show: measure for"
+    assert all((said in r.message) == (status != "ok") for r in rows)
+    assert all(r.steady_state_lo_c is not None for r in rows)  # what was found is told all the same
+
+
+def test_it_is_told_how_long_to_measure():
+    assert "measure for 25 min at least" in tf.identify(record(8.0, 16.0))[0].message
+    assert "measure for 12 min at least" in tf.identify(record(2.0, 10.0))[0].message
+
+
+def test_past_runs_and_the_law_alone_are_not_asked():
+    assert {r.status for r in tf.identify(record(8.0, 16.0), imperfection="none")} == {"ok"}
+    model = tf.improve([record(8.0, 60.0), record(8.0, 60.0, 0.8)], together=True).model
+    assert {r.status for r in tf.identify(record(8.0, 16.0, 0.9), model=model)} == {"ok"}
