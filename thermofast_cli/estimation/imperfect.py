@@ -107,7 +107,7 @@ def claims(
         if past is not None and not past.guessed:
             _with_past(closed, members, empty, by_past, past)
         _mark_behind(closed, members, empty)
-        if not prior.rarely_strong:
+        if not (prior.none or prior.rarely_strong):
             _mark_early(closed, members, empty, past is not None and not past.guessed)
         _mark_settled(closed, members, empty, past is not None and not past.guessed)
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
