@@ -150,6 +150,7 @@ def test_what_changes_all_the_while_is_no_second_mass(of, name, value):
         assert told.event_min is None
 
 
+@pytest.mark.proof
 def test_a_coolant_in_degrees_by_the_letter_of_its_name_brings_heat():
     """A lump by scipy's solver beside a coolant that swings; told without a unit it follows a column that has no event."""
     rng, minutes = np.random.default_rng(31), np.arange(0.0, 400.0)

@@ -10,7 +10,7 @@ def record(tau: float, minutes: float, load: float = 1.0) -> tf.Run:
     rng = np.random.default_rng(int(10.0 * tau) + 7)
     time = np.arange(0.0, minutes + 1e-9, 0.25)
     columns = {f"T{i}": 20.0 + load * rise * -np.expm1(-time / tau) for i, rise in enumerate((6.0, 8.0, 9.0))}
-    return tf.read({"time_min": time} | {n: c + rng.normal(0.0, 0.02, len(time)) for n, c in columns.items()}, name="short")
+    return tf.read({"time_min": time} | {n: c + rng.normal(0.0, 0.02, len(time)) for n, c in columns.items()}, name=f"load {load}")
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,7 @@ def test_what_is_not_known_of_one_end_moves_the_other_through_the_link():
         assert np.all(moved[one, other, : last + 1] == 0.0)  # what was read of a neighbour is known
 
 
+@pytest.mark.proof
 def test_a_load_that_fell_reaches_the_neighbour_too():
     """Two linked bodies of which one's heat falls at 100 min: with what was found, both settle where the load is now."""
     rng = np.random.default_rng(5)

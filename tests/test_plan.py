@@ -142,6 +142,7 @@ def test_a_wish_that_is_reached_but_does_not_stay_is_not_said_to_be_the_machines
     assert "the readings are the limit" in planning._why(curve, curve, 0.5, 0.9)
 
 
+@pytest.mark.proof
 def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
     """All of twice as many take longer than the half of them, whatever they tell each other."""
     monkeypatch.setattr(planning, "DRAWS", 4)

@@ -321,6 +321,7 @@ def test_bad_input_is_met_with_words(tool, tmp_path):
     assert len(first_readings(rising(60.0), 7).time_s) == 7
 
 
+@pytest.mark.proof
 def test_what_is_waited_for_is_said_where_all_are_within_the_tolerance(tool, tmp_path):
     path = tmp_path / "exact.csv"
     time = np.arange(0.0, 200.0, 0.5)
