@@ -8,8 +8,8 @@ the median width of the interval and how far below the limit the estimate lies, 
 a room that stays) and their median width over the time; alone, with one complete run of the same machine (`improve --together`
 of it and another), and with the room logged. --drive: half of the load for the first fast time constant, then all of it, logged
 and told (`--drive`); without the rows of past runs. --calibrated: with the room logged, after `calibrate` on complete runs of
-ten other such machines, too. --fast: the time constant of the fast mass [min]. --own: share by which the time constants of the sensors
-differ from the machine's at most. --share 2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise.
+ten other such machines, too. --fast: the time constant of the fast mass [min]. --own: share by which the time constants of the
+sensors differ from the machine's at most. --share 2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise.
 """
 
 import argparse
