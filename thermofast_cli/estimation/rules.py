@@ -52,7 +52,7 @@ class EstimationRules:
         "benchmarks.intervals.two_masses: at 7 it is seen",
     )
     past_until: float = rule(
-        1.0,
+        0.5,
         "time constants of past runs",
         "read, up to which intervals reach to what past runs say, where the readings let these go",
         "a stranger's machines: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8",
