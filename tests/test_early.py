@@ -41,3 +41,15 @@ def test_past_runs_and_the_law_alone_are_not_asked():
     assert {r.status for r in tf.identify(record(8.0, 16.0), imperfection="none")} == {"ok"}
     model = tf.improve([record(8.0, 60.0), record(8.0, 60.0, 0.8)], together=True).model
     assert {r.status for r in tf.identify(record(8.0, 16.0, 0.9), model=model)} == {"ok"}
+
+
+def test_a_sweep_counts_no_time_before():
+    """Half-widths are within 0.5 K from 15 min on."""
+    rows = tf.sweep(record(8.0, 60.0), windows=(40.0,), times=(16.0, 20.0, 24.0, 26.0, 30.0, 39.0), tolerance=0.5)
+    assert [r.tolerance_time_min for r in rows] == [26.0] * 3
+
+
+def test_a_plan_says_that_watch_waits_so_long():
+    row = tf.plan(sensors=3, tau_min=8.0, rise_c=8.0, tolerance=2.0, interval_s=15.0)[0]
+    assert row.time_min < 22.0
+    assert "watch does not stop before 3.1 time constants (25 min)" in row.message

@@ -123,6 +123,10 @@ def test_the_page_says_what_the_records_say_and_how_it_was_made(tool, tmp_path):
     assert f"T8 settles highest, at {hot.steady_state_c:.2f} degC (95 %: {low:.2f} to {high:.2f})." in page
     assert "comma-separated, decimal point, header in line 1, utf-8" in page
     assert tf.__version__ in page
+    assert '<th scope="col" title="standard deviation of the noise [K]">' in page
+    assert (
+        "<dt>t95_hi_min</dt><dd>upper end of the 95 % interval: when 95 % of the rise is done, after its start [min]</dd>" in page
+    )
     assert re.search(r"SHA-256 [0-9a-f]{64}", page)
     assert not re.search(r"(src|href)=\"?(https?:)?//", page)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.discovery import together
 from thermofast.discovery.loop import LoopTask
 from thermofast.discovery.several import OneOf, ready_runs
 from thermofast.discovery.together import _nearest, _or_instead, _stage, _swaps, _with
@@ -97,13 +98,51 @@ def test_runs_left_out_part_causes_that_explain_each_run_as_well(machine):
     assert others == [("cyclic_load", False)]
 
 
-def test_two_that_foretell_the_other_run_alike_stay_open(machine):
+def test_two_that_foretell_the_other_run_alike_stay_open(machine, monkeypatch):
     base = base_of(machine)
     known = {i: KINDS[i]() for i in ("second_mode", "friction_decay")}
     mine = [base, _with(machine, base, known["second_mode"])]
-    stages, others = _or_instead(machine, mine, [(frozenset({"second_mode"}), frozenset({"friction_decay"}))], known)
-    ratio = np.sqrt(
-        np.nanmean(np.square(mine[-1].left_out)) / np.nanmean(np.square(_with(machine, base, known["friction_decay"]).left_out))
+    monkeypatch.setattr(together, "_error", lambda stage: errors["+".join(p.id for p in stage.fits[0].model.parts)])
+    errors = {"second_mode": 0.1, "friction_decay": 0.19}
+    swap = [(frozenset({"second_mode"}), frozenset({"friction_decay"}))]
+    assert _or_instead(machine, mine, swap, known) == (mine, [("friction_decay", True)])
+    errors["friction_decay"] = 0.21  # more than twice the error
+    assert _or_instead(machine, mine, swap, known) == (mine, [("friction_decay", False)])
+    errors["friction_decay"] = 0.051  # better, and not by half
+    assert _or_instead(machine, mine, swap, known) == (mine, [("friction_decay", True)])
+    errors["friction_decay"] = 0.049
+    stages, others = _or_instead(machine, mine, swap, known)
+    assert [p.id for p in stages[-1].fits[0].model.parts] == ["friction_decay"]
+    assert others == [("second_mode", False)]
+
+
+def test_what_stands_beside_stays_where_a_cause_is_swapped(machine):
+    """Also what no search named, as a room that is logged."""
+    known = {i: KINDS[i]() for i in ("second_mode", "cyclic_load", "sensor_lag")}
+    mine = [base_of(machine)]
+    for i in ("sensor_lag", "cyclic_load"):
+        mine.append(_with(machine, mine[-1], known[i]))
+    stages, _ = _or_instead(
+        machine, mine, [(frozenset({"cyclic_load"}), frozenset({"second_mode"}))], {"second_mode": known["second_mode"]}
     )
-    assert stages is mine
-    assert others == [("friction_decay", bool(ratio > 0.5))]
+    assert [p.id for p in stages[-1].fits[0].model.parts] == ["sensor_lag", "second_mode"]
+
+
+@pytest.mark.parametrize(
+    ("friction", "effect", "said", "undecided"),
+    [
+        (0.19, "second_mode", "; as good: friction_decay: see thermofast diagnose", True),
+        (0.5, "second_mode", "with friction_decay, which would explain each run as well, runs left out are foretold worse", False),
+        (0.04, "friction_decay", "friction_decay, which explains each run as well, foretells runs left out far better", False),
+    ],
+)
+def test_it_is_said_what_runs_left_out_decide(machine, monkeypatch, friction, effect, said, undecided):
+    errors = {"": 1.0, "second_mode": 0.1, "friction_decay": friction}
+    monkeypatch.setattr(together, "_error", lambda stage: errors["+".join(p.id for p in stage.fits[0].model.parts)])
+    found = searched(machine, "second_mode", "friction_decay", named="second_mode", also=("friction_decay",))
+    monkeypatch.setattr(together, "search_together", lambda runs, spread: SimpleNamespace(another="", discoveries=found))
+    stopped, stages, own, open_ = together._auto(machine, base_of(machine), map)
+    assert [p.id for p in stages[-1].fits[0].model.parts] == [effect]
+    assert stopped.startswith("second_mode named in 2 of 2 runs")
+    assert said in stopped
+    assert (own, open_) == ({}, undecided)

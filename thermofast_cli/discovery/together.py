@@ -173,10 +173,14 @@ def _auto(runs: Sequence[OneOf], base: Stage, spread: Spread) -> tuple[str, list
         stages += near
         # No search gives the right to its name: it may stand for what goes like it in the next run, too.
         return "; ".join([NOTHING + by, *said]) + or_else(as_good), stages, own, bool(near)
-    known = {e.id: e for one in discoveries for c in (one.named, *one.also) if c is not None for e in (p.effect for p in c.parts)}
-    stages, others = _or_instead(runs, stages, _swaps(discoveries), known)
+    known = {p.effect.id: p.effect for one in discoveries for c in one.also for p in c.parts}
+    before = stages
+    stages, others = _or_instead(runs, before, _swaps(discoveries), known)
     open_, worse = ([ids for ids, as_good in others if as_good == way] for way in (True, False))
-    if worse:
+    if stages is not before:
+        taken = "+".join(ids_of(stages[-1].fits[0].model.parts))
+        said.append(f"{taken}, which explains each run as well, foretells runs left out far better and is taken in its place")
+    elif worse:
         said.append(f"with {' or '.join(worse)}, which would explain each run as well, runs left out are foretold worse")
     return "; ".join(said) + or_else(open_), stages, own, bool(open_)
 
@@ -225,13 +229,13 @@ def _or_instead(
     """The stages of the model to take, and of each other one that explains every run as well: its effects, and whether it foretells
     the runs left out as well, too. Another than what the search named is taken where it does so far better.
     """
-    mine = ids_of(stages[-1].fits[0].model.parts)
-    ways = {"+".join(sorted(mine)): stages}
+    there = {part.id: part.effect for part in stages[-1].fits[0].model.parts}
+    ways = {"+".join(sorted(there)): stages}
     for out, into in swaps:
-        if not out <= set(mine):
+        if not out <= there.keys():
             continue
         way: list[Stage] | None = stages[:1]
-        for effect in [known[i] for i in mine if i in known and i not in out] + [known[i] for i in sorted(into)]:
+        for effect in [e for i, e in there.items() if i not in out] + [known[i] for i in sorted(into)]:
             more = _with(runs, way[-1], effect) if way else None
             way = [*way, more] if way and more is not None else None
         if way:

@@ -43,7 +43,7 @@ class EstimationRules:
         25.0,
         "min",
         "read from which on a slow part behind a quick one shows, of machines that warm for hours: below it no row is `ok`",
-        "a stranger's machines: of rows at 15, 20, 30, 40 min 46, 35, 9, 2 % of limits were missed",
+        "benchmarks.intervals.two_masses --fast 3 8; of a stranger's machines' rows 46, 35, 9, 2 % missed at 15, 20, 30, 40 min",
     )
     heard_turns: float = rule(
         6.0,
@@ -55,7 +55,8 @@ class EstimationRules:
         0.5,
         "time constants of past runs",
         "read, up to which intervals reach to what past runs say, where the readings let these go",
-        "a stranger's machines: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8",
+        "a stranger's machines: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8; "
+        "at 1 benchmarks.intervals.past_runs is twice as wide",
     )
     tried_until: float = rule(
         0.8, "of the window", "up to which identification times must be tried where the last has the least error", BY_HAND

@@ -176,9 +176,9 @@ def _with_machine(swept: Sequence[Swept], identified: Callable[[float], list[Ide
 
 
 def _half_width(record: IdentifyRecord) -> float:
-    """Half-width [K] of a steady state's interval; infinite where a side is open."""
+    """Half-width [K] of a steady state's interval; infinite where a side is open, or it is not determined yet."""
     low, high = record.steady_state_lo_c, record.steady_state_hi_c
-    return 0.5 * (high - low) if low is not None and high is not None else np.inf
+    return 0.5 * (high - low) if low is not None and high is not None and record.status != "not_determined" else np.inf
 
 
 def _not_known(last: IdentifyRecord, at_min: float, alone_min: float | None, tolerance_c: float) -> str:

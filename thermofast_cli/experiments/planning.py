@@ -13,6 +13,7 @@ from thermofast.models.imperfection.draw import draw_record
 from ..analysis.watching import TOGETHER
 from ..analysis.watching import TURNS as WATCHED
 from ..errors import rounded
+from ..estimation.rules import RULES
 from ..records import PlanRecord
 
 Array = NDArray[np.float64]
@@ -192,10 +193,12 @@ def needed(time: Array, half_width: Array, tolerance_c: float) -> float | None:
 
 def _watched(option: Option, time: float) -> str:
     """What ``watch`` waits for although the tolerance is reached, where nothing tells that there is no second mass."""
-    least = WATCHED * option.design.tau_min
+    tau = option.design.tau_min
+    least = max(WATCHED * tau, min(RULES.heard_min, RULES.heard_turns * tau))
     if option.past is not None or option.prior.rarely_strong or time >= least:
         return ""
-    return f"watch does not stop before {WATCHED:g} time constants ({rounded(least, 3)} min), in which a second mass shows"
+    turns = rounded(least / tau, 2)
+    return f"watch does not stop before {turns} time constants ({rounded(least, 3)} min), in which a second mass shows"
 
 
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:

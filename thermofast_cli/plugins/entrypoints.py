@@ -7,7 +7,7 @@ from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
-from .guard import contained, said_by
+from .guard import imported, said_by
 
 Member = TypeVar("Member")
 
@@ -27,7 +27,7 @@ def installed(group: str, check: Callable[[Any, str], Member]) -> tuple[list[Mem
     for point in _points(group, tuple(sys.path), entry_points):
         origin = f"plug-in {point.name!r} ({point.value})"
         try:
-            with contained():
+            with imported():
                 member = point.load()
             good.append(check(member, origin))
         except (KeyboardInterrupt, GeneratorExit):

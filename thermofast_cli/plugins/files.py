@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import UsageError, listed
-from .guard import PluginError, alarm, contained, where
+from .guard import PluginError, alarm, imported, where
 
 
 def is_file(name: str) -> bool:
@@ -39,7 +39,7 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
     module = importlib.util.module_from_spec(module_spec)
     sys.modules[name] = module
     try:
-        with alarm(f"{path}: still importing"), contained():
+        with alarm(f"{path}: still importing"), imported():
             module_spec.loader.exec_module(module)
     except PluginError:
         raise

@@ -50,14 +50,24 @@ def watched(member: Any, what: str) -> Any:
 
 @contextmanager
 def contained() -> Any:
-    """Keeps to itself what foreign code changes of the process: where it prints, numpy's errors, the folder."""
-    folder = Path.cwd()
+    """Keeps to itself what a call of foreign code changes of the process: where it prints, numpy's errors."""
+    # What it prints is for a person, not for the table that a pipe reads.
+    with redirect_stdout(sys.stderr), np.errstate(all="ignore"):
+        yield
+
+
+@contextmanager
+def imported() -> Any:
+    """The same while foreign code is imported, with the folder that one works in: a look at that costs more than a call may."""
     try:
-        # What it prints is for a person, not for the table that a pipe reads.
-        with redirect_stdout(sys.stderr), np.errstate(all="ignore"):
+        folder = Path.cwd()
+    except OSError:  # it was taken away
+        folder = None
+    try:
+        with contained():
             yield
     finally:
-        if Path.cwd() != folder:
+        if folder is not None:
             os.chdir(folder)
 
 
