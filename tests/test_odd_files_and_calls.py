@@ -437,6 +437,36 @@ def test_a_column_with_another_decimal_sign_is_refused(tmp_path):
     assert "decimal ," in str(told.value.do)
 
 
+@pytest.mark.parametrize("few", [0, 20, 50])
+@pytest.mark.parametrize(("decimal", "cells"), [(".", "1,500"), (",", "1.500")])
+def test_thousands_of_a_speed_beside_readings_with_decimals_are_a_guess(tmp_path, decimal, cells, few):
+    """As no decimal sign would be needed twice in a file; a speed below a thousand has none."""
+    warms = [w.replace(".", decimal) for w in WARMS]
+    speed = ["800" if t < few else cells for t in range(60)]
+    path = made_of(tmp_path, "time_min;T1;Speed [rpm]", ROW_MINUTES, warms, speed, sep=";")
+    run = tf.read(path)
+    assert run.inputs["Speed [rpm]"].tolist() == [800.0] * few + [1500.0] * (60 - few)
+    assert [g.text for g in run.guesses] == [f"Speed [rpm]: {cells[1]!r} stands between thousands ({cells!r} is 1500)"]
+    with pytest.raises(InputError, match="refuses what had to be guessed"):
+        tf.read(path, strict=True)
+
+
+@pytest.mark.parametrize(("name", "cell"), [("cos phi", "0,998"), ("T2 [°C]", "1,003"), ("flow [l/min]", "1,50")])
+@pytest.mark.parametrize("few", [0, 20, 50])
+def test_what_may_be_a_decimal_sign_is_none_between_thousands(tmp_path, name, cell, few):
+    path = made_of(tmp_path, f"time_min;T1;{name}", ROW_MINUTES, WARMS, ["2"] * few + [cell] * (60 - few), sep=";")
+    with pytest.raises(InputError, match="another decimal sign than the rest|not a number"):
+        tf.read(path)
+
+
+def test_full_width_digits_are_digits(tmp_path):
+    wide = str.maketrans({c: chr(ord(c) + 0xFEE0) for c in "0123456789.:-"})
+    stamps = [f"2026-11-28 {8 + t // 60:02d}:{t % 60:02d}:00".translate(wide) for t in range(60)]
+    run = tf.read(made_of(tmp_path, "时间,温度１", stamps, [w.translate(wide) for w in WARMS]))
+    assert run.channels["温度1"].tolist() == [float(w) for w in WARMS]
+    assert (run.time_s[-1], "full-width digits read as digits" in run.notes) == (59 * 60.0, True)
+
+
 def test_a_mark_for_the_whole_row_takes_all_its_readings(tmp_path):
     marks = ["BAD" if 10 <= t < 15 else "GOOD" for t in range(60)]
     run = tf.read(made_of(tmp_path, "time_min,T1,T2,quality", ROW_MINUTES, WARMS, WARMS, marks))

@@ -72,7 +72,7 @@ def test_years_of_two_digits_reach_from_1969_to_2068(year, full):
     "cell",
     [
         "14 Mar 1899", "14 Mar 2201", "31.04.2026", "29.02.2026", "00.03.2026", "14.13.2026", "2026-00-14", "32 Mar 2026",
-        "14.03.2026 24:00:00", "14.03.2026 08:60", "14.03.2026 08:60:60", "14.03.2026 08:00:60", "14.03.2026 13:05 PM", "14.03.2026 0:05 AM",
+        "14.03.2026 24:00:01", "14.03.2026 08:60", "14.03.2026 08:60:60", "14.03.2026 08:00:60", "14.03.2026 13:05 PM", "14.03.2026 0:05 AM",
         "14 Foo 2026", "hot", "20260231 0805",
     ],
 )  # fmt: skip
@@ -243,3 +243,15 @@ def test_what_is_no_stamp(cell):
 def test_what_is_a_stamp(cell):
     """Dates, clocks and both."""
     assert looks_like_stamp(cell)
+
+
+def test_the_end_of_a_day_is_24_00():
+    """Beside its own date or without one, as ISO 8601 has it; 24:01 is no time of day."""
+    days = ["27.11.2026 23:58", "27.11.2026 23:59", "27.11.2026 24:00", "28.11.2026 00:01"]
+    assert parse_stamps(days, "x", range(4)).seconds.tolist() == [0.0, 60.0, 120.0, 180.0]
+    daily = ["23:59:58", "23:59:59", "24:00:00", "00:00:01", "00:00:02"]
+    assert parse_stamps(daily, "x", range(5)).seconds.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    elapsed = ["23:00:00", "24:00:00", "25:00:00"]
+    assert parse_stamps(elapsed, "x", range(3)).seconds.tolist() == [0.0, 3600.0, 7200.0]
+    with pytest.raises(InputError, match="unreadable time"):
+        parse_stamps(["27.11.2026 23:59", "27.11.2026 24:01"], "x", range(2))

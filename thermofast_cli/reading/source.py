@@ -39,6 +39,7 @@ from .units import parse_unit, unit_changes
 from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, warm_inputs, winding
 from .values.faults import unmoved_gap, without_faults, without_impossible
 from .values.marks import good_readings
+from .values.thousands import with_thousands
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 from .wide import read_wide
@@ -236,7 +237,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
     UsageError: an option names no column.
     """
-    table = without_switches(with_one_clock(table, options))
+    table = with_thousands(without_switches(with_one_clock(table, options)))
     time = find_time(table, replace(options, time=column_named(options.time, table.names)))
     if options.tz is not None:
         time = in_zone(time, options.tz, table.name)

@@ -272,7 +272,7 @@ def _dated(
     lines: Sequence[int],
     name: str,
 ) -> Stamps:
-    invalid = invalid | (clock >= DAY_S)
+    invalid = invalid | (clock > DAY_S)  # 24:00 is the end of the day that is told (ISO 8601)
     if invalid.any():
         raise _unreadable(cells, int(np.argmax(invalid)), place, lines)
     offset, zoned, some = _offset(matches)
@@ -373,6 +373,8 @@ def _undated(
         elapsed = elapsed or "s" in _said(name)
     if invalid.any():
         raise _unreadable(cells, int(np.argmax(invalid)), place, lines)
+    if not elapsed and bool(((clock[:-1] == DAY_S) & (np.diff(clock) < -0.5 * DAY_S)).any()) and clock.max() == DAY_S:
+        clock = clock % DAY_S  # 24:00, then 00:01: the end of a day
     if elapsed or bool((clock >= DAY_S).any()):
         return Stamps(clock - clock[0], (), guess)
     newest_first = len(clock) > 2 and float((np.diff(clock) < 0).mean()) > 0.5

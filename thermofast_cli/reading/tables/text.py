@@ -44,6 +44,9 @@ _THOUSANDS = {d: re.compile(rf"\s*[+-]?\d{{1,3}}(?:[{o}]\d{{3}}){{2,}}\s*$") for
 _THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
 #: A number with decimals in brackets, or with a letter or a sign behind it.
 _ODD_NUMBER = {d: re.compile(rf"\(?[+-]?\d+[{d}]\d+\)? ?[A-Za-z*!<>#-]?$") for d in ".,"}
+#: Numbers in the digits and signs of East Asian typesetting, which are as wide as a letter there.
+_FULL_WIDTH = re.compile(rb"(?:\xef\xbc[\x8b-\x8f\x90-\x9a])*\xef\xbc[\x90-\x99](?:\xef\xbc[\x8b-\x8f\x90-\x9a])*")
+_HALF_WIDTH = {code + 0xFEE0: code for code in range(0x2B, 0x3B)}
 #: Share of a column's cells that must be numbers for it to be one of numbers.
 MOSTLY = 0.5
 
@@ -61,6 +64,9 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     # To look for one byte takes a tenth of the time of looking for three.
     if b"\xe2" in data and (b"\xe2\x88\x92" in data or b"\xe2\x80\x93" in data):
         data = re.sub(rb"\xe2\x88\x92|(?<![^\s;,|\"])\xe2\x80\x93(?=\d)", b"-", data)  # the minus of typesetters, and their dash
+    if b"\xef" in data and _FULL_WIDTH.search(data[:SAMPLE_BYTES]):
+        data = _FULL_WIDTH.sub(lambda m: m[0].decode().translate(_HALF_WIDTH).encode(), data)
+        notes.append("full-width digits read as digits")
     if b"\r\r\n" in data[:SAMPLE_BYTES]:
         data = data.replace(b"\r\r\n", b"\r\n")  # written twice through a text layer
     if options.skip_footer:
@@ -398,7 +404,7 @@ def _cells(
         return without(values, more, column), None, unit
     odd = {c for c in told if c not in number}
     bad = [i for i, c in enumerate(cells) if c in odd]
-    if len(bad) > np.count_nonzero(np.isfinite(values)):
+    if len(bad) > np.count_nonzero(np.isfinite(values)) or all(_THOUSAND[dialect.decimal].match(c) for c in odd):
         return cells, None, ""
     found = listed(dict.fromkeys(repr(cells[i]) for i in bad), 3)
     fault = InputError(

@@ -38,6 +38,8 @@ OHMS = ((100.0, 130.0), (1000.0, 1300.0))
 BEFORE_KEY, LEAST_KEY = 3, 8.0
 #: A number with a decimal sign.
 DECIMALS = re.compile(r"[+-]?\d+[.,]\d+")
+#: A whole number, or one with a decimal sign.
+_WITH_SIGN = re.compile(r"[+-]?\d+(?:[.,]\d+)?")
 #: Numbers from 1 to 10 with three digits behind the sign in a column that may be of thousands, at least.
 FEWEST_SMALL = 10
 #: A column without unit that begins above this [degC], or at a room in degF, is told.
@@ -342,7 +344,7 @@ def refuse_words(table: Table, column: str) -> None:
         raise unit_changes(f"{table.name}, column {column!r}", told.values())
     numbers = [c for c in cells if DECIMALS.fullmatch(c.strip())]
     other = next((c.strip() for c in numbers if ("," in c) == (table.dialect is None or table.dialect.decimal == ".")), None)
-    if other is not None and 2 * len(numbers) > len(cells):
+    if other is not None and (2 * len(numbers) > len(cells) or all(_WITH_SIGN.fullmatch(c.strip()) for c in cells)):
         sign = "," if "," in other else "."
         raise InputError(
             f"{table.name}, column {column!r}: numbers with another decimal sign than the rest of the file",
