@@ -13,6 +13,7 @@ def mixture(
     node: NDArray[intp],
     share: Array,
     covariance: Array,
+    variances: Array,
     relative: Array,
     absolute: Array,
     rise: Array,

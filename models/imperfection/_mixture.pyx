@@ -188,6 +188,7 @@ def mixture(
     const Py_ssize_t[:, ::1] node,
     const double[:, ::1] share,
     const double[:, :, :, ::1] covariance,
+    const double[:, :, ::1] variances,
     const double[:, ::1] relative,
     const double[:, ::1] absolute,
     const double[:, ::1] rise,
@@ -219,8 +220,10 @@ def mixture(
     cdef double *types
     cdef double *a
     cdef double *row
-    if covariance.shape[2] < wide or law.shape[2] < wide or slow.shape[3] < wide or ones.shape[0] < wide:
+    if covariance.shape[2] < m or rows < wide or variances.shape[2] < asked or law.shape[2] < wide or slow.shape[3] < wide or ones.shape[0] < wide:
         raise ValueError("fewer rows than quantities asked for")
+    if variances.shape[0] != covariance.shape[0] or variances.shape[1] != components:
+        raise ValueError("of each rate and component a variance")
     if scale.shape[0] != hypotheses or under.shape[0] != hypotheses:
         raise ValueError("of each hypothesis its scale and that of the background under it")
     if slow.shape[0] != law.shape[0] or slow.shape[1] != law.shape[1] or leans.shape[0] != hypotheses or leans.shape[1] != modes:
@@ -265,7 +268,7 @@ def mixture(
                 for n in range(components):
                     between(parts + n * half, m, wide, &covariance[g, n, 0, 0], &covariance[g + 1, n, 0, 0], rows, w)
                     for j in range(asked):
-                        own[n * asked + j] = (1.0 - w) * covariance[g, n, m + j, m + j] + w * covariance[g + 1, n, m + j, m + j]
+                        own[n * asked + j] = (1.0 - w) * variances[g, n, j] + w * variances[g + 1, n, j]
                 for k in range(kinds):
                     if not needed[k]:
                         continue

@@ -28,6 +28,7 @@ def mixture(
     node: NDArray[np.intp],
     share: Array,
     covariance: Array,
+    variances: Array,
     relative: Array,
     absolute: Array,
     rise: Array,
@@ -46,37 +47,43 @@ def mixture(
     """Fills evidence, squares (S, F, H), mean and variance (S, F, H, asked); nan in evidence where not active or not solvable.
 
     reading (S, F, m), noise (S, m), ones (m + k,), law (S, F, m + k), to which leans (H, Q) times slow (S, F, Q, m + k) is added;
-    node (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m + k, m + k); relative, absolute
-    (kinds, components); rise (S, F) [K^2]; kind, scale, under (H,), the last of the background under an effect. doubt (S, m + k,
-    m + k) is the covariance, over the square of the rise, of a shape that past runs told; (0, 0, 0) for none. beside is another,
-    which belongs to the background and has its scale.
+    node (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m, m + k), of readings with all, and of
+    variances (G, components, k), of what is asked for; relative, absolute (kinds, components); rise (S, F) [K^2]; kind, scale and
+    under (H,), the last of the background under an effect. doubt (S, m + k, m + k) is the covariance, over the square of the rise,
+    of a shape that past runs told; (0, 0, 0) for none. beside is another, which belongs to the background and has its scale; of
+    both the rows of readings count and, of what is asked for, the variances.
     """
     m = reading.shape[2]
     wide = m + asked
     evidence[...] = np.nan
     for i, f in np.argwhere(active.any(axis=2)).tolist():
         g, w = node[i, f], share[i, f]
-        parts = (1.0 - w) * covariance[g, :, :wide, :wide] + w * covariance[g + 1, :, :wide, :wide]
-        types = np.einsum("kn,nrc->krc", rise[i, f] * relative + absolute, parts)
+        parts = (1.0 - w) * covariance[g, ..., :wide] + w * covariance[g + 1, ..., :wide]
+        singly = (1.0 - w) * variances[g, :, :asked] + w * variances[g + 1, :, :asked]
+        amounts = rise[i, f] * relative + absolute
+        types, own_types = np.einsum("kn,nrc->krc", amounts, parts), amounts @ singly
         if len(beside):
-            types[0] += rise[i, f] * beside[i, :wide, :wide]
+            types[0] += rise[i, f] * beside[i, :m, :wide]
+            own_types[0] += rise[i, f] * np.diagonal(beside[i])[m:wide]
         rows = np.flatnonzero(active[i, f])
         whole = scale[rows, None, None] * types[kind[rows]] + under[rows, None, None] * types[0]
+        own = scale[rows, None] * own_types[kind[rows]] + under[rows, None] * own_types[0]
         if len(doubt):
-            whole = whole + rise[i, f] * doubt[i, :wide, :wide]
-        factor, solved = _factors(whole[:, :m, :m] + np.diag(noise[i]))
-        whole, rows = whole[solved], rows[solved]
+            whole = whole + rise[i, f] * doubt[i, :m, :wide]
+            own = own + rise[i, f] * np.diagonal(doubt[i])[m:wide]
+        factor, solved = _factors(whole[:, :, :m] + np.diag(noise[i]))
+        whole, own, rows = whole[solved], own[solved], rows[solved]
         laws = law[i, f, :wide] + leans[rows] @ slow[i, f, :, :wide]
         known = np.empty((len(rows), m, 3))
         known[..., 0], known[..., 1], known[..., 2] = reading[i, f], ones[:m], laws[:, :m]
-        right = np.concatenate([known, whole[:, :m, m:]], axis=2)
+        right = np.concatenate([known, whole[:, :, m:]], axis=2)
         white = np.linalg.solve(factor, right)
         y, x, cross = white[..., 0], white[..., 1:3], white[..., 3:]
         normal = np.einsum("hmi,hmj->hij", x, x)
         square = normal[:, 0, 0] * normal[:, 1, 1]
         good = square - normal[:, 0, 1] ** 2 > ALIKE * square
         if not good.all():  # the law cannot be told from a constant
-            rows, whole, laws, x, y, cross, normal, factor = (a[good] for a in (rows, whole, laws, x, y, cross, normal, factor))
+            rows, own, laws, x, y, cross, normal, factor = (a[good] for a in (rows, own, laws, x, y, cross, normal, factor))
         beta = np.linalg.solve(normal, np.einsum("hmi,hm->hi", x, y)[..., None])[..., 0]
         left = y - np.einsum("hmi,hi->hm", x, beta)
         squares[i, f, rows] = (left**2).sum(axis=1)
@@ -87,9 +94,8 @@ def mixture(
         target = np.stack([np.broadcast_to(ones[m:wide], laws[:, m:].shape), laws[:, m:]], axis=2)
         mean[i, f, rows] = np.einsum("hti,hi->ht", target, beta) + np.einsum("hmt,hm->ht", cross, left)
         rest = target - np.einsum("hmt,hmi->hti", cross, x)
-        own = np.diagonal(whole[:, m:, m:], axis1=1, axis2=2) - (cross**2).sum(axis=1)
         spread = np.einsum("hti,hij,htj->ht", rest, np.linalg.inv(normal), rest)
-        variance[i, f, rows] = np.maximum(own + spread, 0.0)
+        variance[i, f, rows] = np.maximum(own - (cross**2).sum(axis=1) + spread, 0.0)
 
 
 def _factors(matrices: Array) -> tuple[Array, Any]:

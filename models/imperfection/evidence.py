@@ -6,6 +6,7 @@ where their rates agree, the rate.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from .blocks import Blocks, Part, block_means
 from .machine.known import NOTHING
 from .numerics import cells, core, law_slope, log_sum, student, within_depth
 from .prior import SLOW, Imperfection
-from .shapes import Asked, constant, kept_covariances, law, of_room, slow_rise
+from .shapes import Asked, constant, covariances, kept_covariances, law, of_room, slow_rise
 
 Array = NDArray[np.float64]
 Rates = Literal["auto", "own", "shared"]
@@ -59,6 +60,15 @@ class Foretold(NamedTuple):
     squares: Array
 
 
+@lru_cache(maxsize=4)
+def _space(prior: Imperfection) -> tuple[tuple[NDArray[np.intp], Array, Array, Array], tuple[Array, Array], Array]:
+    """Hypotheses, kinds and leans of a prior: one is used for many runs."""
+    found = prior.hypotheses(), prior.kinds(), prior.leans()
+    for array in (*found[0], *found[1], found[2]):
+        array.flags.writeable = False
+    return found
+
+
 class Run:
     """The parts of one run, one after the other, with everything about them that the passes over rates and hypotheses share."""
 
@@ -88,13 +98,13 @@ class Run:
             for p, b, asked in zip(parts, self.blocks, self.asked, strict=True)
         ]
         turns = [LOG_TWENTY if p.known is None else float(np.median(p.known.turns)) for p in parts]
+        self.unit = scale / 60.0
         self.covariance = [
-            kept_covariances(node_rates, b.time, b.last, scale / 60.0, asked, logged, late)
+            kept_covariances(node_rates, b.time, b.last, self.unit, asked, logged, late)
             for b, asked, logged, late in zip(self.blocks, self.asked, self.logged, turns, strict=True)
         ]
-        self.kind, self.scale, self.under, self.log_prior = prior.hypotheses()
-        self.relative, self.absolute = prior.kinds()
-        self.leans, self.turns = prior.leans(), turns
+        (self.kind, self.scale, self.under, self.log_prior), (self.relative, self.absolute), self.leans = _space(prior)
+        self.turns = turns
         self.base = self.kind == 0
         self.centre = np.full(self.count, -np.log(tau)) if self.known is None else self.known[:, 0]
         self.shape = [p.known for p in parts]
@@ -152,7 +162,7 @@ class Run:
                     self.leans[of],
                     node[own],
                     share[own],
-                    self.covariance[i],
+                    *self.covariance[i],
                     self.relative,
                     self.absolute,
                     np.ascontiguousarray((self.moved[i][own] * rise[rows]) ** 2),
@@ -190,10 +200,17 @@ class Run:
             return np.zeros((*log_rate.shape, len(SLOW), len(blocks.time) + self.asked[part].count))
         return np.ascontiguousarray(slow_rise(np.exp(log_rate), blocks.time, blocks.last, self.turns[part], self.asked[part]))
 
+    def whole_covariances(self, part: int, nodes: NDArray[np.intp]) -> Array:
+        """Of a part's blocks and all that is asked for (n, components, m + k, m + k) at some nodes (n,)."""
+        blocks, logged = self.blocks[part], self.logged[part]
+        of_room_there = None if logged is None else logged[nodes]
+        given = np.exp(self.nodes[nodes]), blocks.time, blocks.last, self.unit, self.asked[part], of_room_there, self.turns[part]
+        return covariances(*given)
+
     def _of_room(self, part: int, node: NDArray[np.intp], share: Array) -> Array:
         """What logged room and known inputs do at rates between nodes (s, F, m + k) [K]; nothing where none are."""
         logged, beside = self.logged[part], self.beside[part]
-        found: Array = np.zeros((1, 1, self.covariance[part].shape[-1])) if beside is None else beside[:, None]
+        found: Array = np.zeros((1, 1, len(self.blocks[part].time) + self.asked[part].count)) if beside is None else beside[:, None]
         if logged is not None:
             found = found + (1.0 - share[..., None]) * logged[node] + share[..., None] * logged[node + 1]
         return found

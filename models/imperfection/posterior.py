@@ -195,10 +195,13 @@ def _draw(
     places, hypotheses, weight = kept
     counts = rng.multinomial(into.limit.shape[1], weight / weight.sum())
     ones, at = constant(blocks.time, asked), 0
-    for k in np.flatnonzero(counts):
+    drawn = np.flatnonzero(counts)
+    nodes = np.unique(node[row, places[drawn]] + np.array([[0], [1]]))
+    at_nodes = run.whole_covariances(part, nodes)
+    for k in drawn:
         f, h = places[k], hypotheses[k]
-        g, s = node[row, f], share[row, f]
-        parts = (1.0 - s) * run.covariance[part][g] + s * run.covariance[part][g + 1]
+        g, s = int(np.searchsorted(nodes, node[row, f])), share[row, f]
+        parts = (1.0 - s) * at_nodes[g] + s * at_nodes[g + 1]
         kinds = [0, int(run.kind[h])] if run.kind[h] else [0]
         sizes = [run.under[h], run.scale[h]] if run.kind[h] else [run.scale[h]]
         amounts = [z * (rise[f] ** 2 * run.relative[n] + run.absolute[n]) for z, n in zip(sizes, kinds, strict=True)]

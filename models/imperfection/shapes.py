@@ -7,6 +7,7 @@ leaves 1 - exp(-b (t - s)). A quantity asked for is a row beside the blocks: it 
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,20 +108,22 @@ def constant(time: Array, asked: Asked) -> Array:
     return np.concatenate([np.ones(len(time)), [1.0, 0.0, 0.0], np.ones(len(asked.times))])
 
 
-def _swings(b: Array, times: Array, width: Array, waits: NDArray[np.bool_], unit: float) -> list[Array]:
-    """Responses (G, rows) to heats cos and sin of each period, switched on with the machine; means over blocks of `width` (rows,).
+def _swings(b: Array, times: Array, width: Array, waits: NDArray[np.bool_], unit: float) -> Array:
+    """Responses (G, rows, 2 periods) to heats cos and sin of each period, switched on with the machine; means over `width` (rows,).
 
-    What waits for the end waits for the mean over a cycle, to which a swing adds nothing.
+    What waits for the end waits for the mean over a cycle, to which a swing adds nothing; all other rows are at times (rows,).
     """
-    found = []
-    fading = np.exp(-np.minimum(b * times, 700.0))
-    for period in PERIODS:
+    found = np.empty((len(b), len(times), 2 * len(PERIODS)))
+    fading = np.where(waits, 0.0, np.exp(-np.minimum(b * times, 700.0)))
+    begun = b * fading
+    for k, period in enumerate(PERIODS):
         pulse = 2.0 * np.pi / (period * unit)
         angle = pulse * np.minimum(times, 1e6)
         mean = np.where(waits, 0.0, np.sinc(pulse * width / (2.0 * np.pi)))
         gain = b / (b**2 + pulse**2) / np.sqrt(len(PERIODS))
-        found.append(gain * (mean * (b * np.cos(angle) + pulse * np.sin(angle)) - np.where(waits, 0.0, b * fading)))
-        found.append(gain * (mean * (b * np.sin(angle) - pulse * np.cos(angle)) + np.where(waits, 0.0, pulse * fading)))
+        in_step, behind = mean * np.cos(angle), mean * np.sin(angle)
+        found[..., 2 * k] = gain * (b * in_step + pulse * behind - begun)
+        found[..., 2 * k + 1] = gain * (b * behind - pulse * in_step + pulse * fading)
     return found
 
 
@@ -172,6 +175,17 @@ def room_at_end(when: Array, room: Array) -> float:
     return float(np.median(room[-max(1, len(room) // 50) :]))
 
 
+class Covariances(NamedTuple):
+    """What one run's estimate needs of covariances between m blocks and k quantities asked for, at G rates.
+
+    readings (G, components, m, m + k) of the blocks with each other and with what is asked for; own (G, components, k) the
+    variances of that. Which of the quantities go together only :func:`covariances` tells.
+    """
+
+    readings: Array
+    own: Array
+
+
 def covariances(
     rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None = None, turns: float = LOG_TWENTY
 ) -> Array:
@@ -181,6 +195,13 @@ def covariances(
     [K] is what a room that is logged does to each row, as :func:`of_room` gives it: little is left of its wandering until then.
     turns: time constants after which 95 % are done.
     """
+    return _covariances(rate, time, last, unit, asked, logged, turns, len(time) + asked.count).readings
+
+
+def _covariances(
+    rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None, turns: float, left: int
+) -> Covariances:
+    """As :func:`covariances`, of the first `left` rows with all."""
     nodes = len(rate)
     b = rate[:, None]
     settles = turns / rate[:, None]
@@ -192,64 +213,76 @@ def covariances(
     x = np.minimum(b * times, 700.0)
     waits = np.arange(rows) <= m + 2  # room and load stay as they are at the last reading
     waits[:m] = False
-
-    def squares(columns: list[Array]) -> Array:
-        stacked = np.stack(columns, axis=-1)
-        found: Array = stacked @ np.swapaxes(stacked, 1, 2)
-        return found
-
-    slow = np.stack([-np.expm1(-k * x) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
-    slow_rest = np.stack([np.exp(-k * rate * last) for k in SLOW], axis=-1) / np.sqrt(len(SLOW))
-    fast = squares([size * np.exp(-k * x) for k, size in zip(FAST, FAST_SIZES, strict=True)])
-    exponent = squares([loss_bend(x)])
-    decay = squares([(np.exp(-k * x) - np.exp(-x)) / (1.0 - k) / np.sqrt(len(DECAY)) for k in DECAY])
+    each = x[..., None]
+    modes = np.array(SLOW)
+    slow = _settled(-np.expm1(-each * modes) / np.sqrt(len(SLOW)), m)
+    slow[:, m + SLOW_AHEAD] = np.exp(-rate[:, None] * modes * last) / np.sqrt(len(SLOW))
+    decays = np.array(DECAY)
     steps = np.concatenate([np.linspace(0.0, last, STEPS + 1)[:-1], _steps_ahead(last, asked.times)])
-    since = times[:, :, None] - steps
-    response = np.where(since > 0.0, -np.expm1(-np.minimum(b[..., None] * np.maximum(since, 0.0), 700.0)), 0.0)
+    response = times[:, :, None] - steps
+    np.maximum(response, 0.0, out=response)  # before a drive steps there is no response
+    response *= b[..., None]
+    np.minimum(response, 700.0, out=response)
+    np.negative(np.expm1(np.negative(response, out=response), out=response), out=response)
     response[:, waits, STEPS:] = 0.0
+    _settled(response, m)
     width = np.diff(np.append(steps, 2.0 * steps[-1] - steps[-2])) / unit / 60.0
-    wandering = response * np.sqrt(width)
-    walk = wandering @ np.swapaxes(wandering, 1, 2)
-    unlogged = wandering * np.where(steps < last, UNLOGGED, 1.0) if logged is not None else wandering
-    room = unlogged @ np.swapaxes(unlogged, 1, 2)
-    cycle = squares(_swings(b, times, np.append(np.diff(time, prepend=0.0), np.zeros(rows - m)), waits, unit))
+    walk = response * np.sqrt(width)
     units = steps / unit
     jumps = np.eye(len(steps)) - np.eye(len(steps), k=-1)
     memory = jumps @ np.exp(-np.abs(units[:, None] - units) / LOAD_MEMORY) @ jumps.T
-    load = response @ memory @ np.swapaxes(response, 1, 2)
-    at = np.minimum(times / unit, 1e6)
-    start = np.exp(-np.abs(at[:, :, None] - at[:, None]) / START_MEMORY - (at[:, :, None] + at[:, None]) / START_DECAY)
     # A room that drifts goes on to the last reading and stays; a probe that drifts is no part of the machine's temperature.
     held = np.where(waits, np.minimum(times, last), times)
     lagged = held + np.expm1(-b * held) / b
     going = -np.expm1(-np.clip(b * (times - last), 0.0, 700.0))
     lagged = np.where(waits & (times > last), lagged + (last - lagged) * going, lagged)
     probe = np.where(waits, 0.0, times)
-    ramp = squares([lagged, probe]) / (60.0 * unit) ** 2
-    by_name = {
-        "fast": fast,
-        "exponent": exponent,
-        "decay": decay,
-        "load": load,
-        "cycle": cycle,
+    swings = _swings(b, times[0], np.append(np.diff(time, prepend=0.0), np.zeros(rows - m)), waits, unit)
+    # Of each component its columns: what rows have in common is the sum of their products.
+    columns = {
+        "fast": _settled(np.exp(-each * np.array(FAST)) * FAST_SIZES, m),
+        "exponent": _settled(loss_bend(x)[..., None], m),
+        "decay": _settled((np.exp(-each * decays) - np.exp(-each)) / (1.0 - decays) / np.sqrt(len(DECAY)), m),
+        "slow": slow,
+        "cycle": _settled(swings, m),
         "walk": walk,
-        "start": start,
-        "room": room,
-        "ramp": ramp,
+        "room": walk if logged is None else walk * np.where(steps < last, UNLOGGED, 1.0),
+        "ramp": _settled(np.stack([lagged, probe], axis=-1) / (60.0 * unit), m),
+        "load": response,
     }
-    found = np.empty((nodes, len(COMPONENTS) + len(SLOW), rows, rows))
+    if logged is not None:
+        columns["logged"] = logged[..., None]
+    found = Covariances(
+        np.zeros((nodes, len(COMPONENTS) + len(SLOW), left, rows)), np.zeros((nodes, len(COMPONENTS) + len(SLOW), rows - m))
+    )
+
+    def put(place: int, these: Array, with_those: Array) -> None:
+        np.matmul(these[:, :left], np.swapaxes(with_those, 1, 2), out=found.readings[:, place])
+        np.einsum("gkn,gkn->gk", these[:, m:], with_those[:, m:], out=found.own[:, place])
+
     for i, name in enumerate(COMPONENTS):
-        if name == "slow":
-            columns = _differences(slow, m)
-            columns[:, m + SLOW_AHEAD] = slow_rest
-            for q in range(len(SLOW)):
-                found[:, len(COMPONENTS) + q] = len(SLOW) * columns[:, :, q, None] * columns[:, None, :, q]
-            found[:, i] = columns @ np.swapaxes(columns, 1, 2)
-        elif name == "logged":
-            found[:, i] = 0.0 if logged is None else logged[:, :, None] * logged[:, None, :]
-        else:
-            found[:, i] = np.swapaxes(_differences(np.swapaxes(_differences(by_name[name], m), 1, 2), m), 1, 2)
+        if name in columns:
+            put(i, columns[name] @ memory if name == "load" else columns[name], columns[name])
+    start = _begun(np.minimum(times / unit, 1e6), m)
+    found.readings[:, COMPONENTS.index("start")] = start[:, :left]
+    found.own[:, COMPONENTS.index("start")] = np.diagonal(start, axis1=1, axis2=2)[:, m:]
+    for q in range(len(SLOW)):
+        put(len(COMPONENTS) + q, len(SLOW) * slow[..., q, None], slow[..., q, None])
     return found
+
+
+def _begun(at: Array, m: int) -> Array:
+    """Covariances (G, rows, rows) of an uneven start at times (G, rows) in units, of which settling alone depends on the rate."""
+
+    def between(one: Array, other: Array) -> Array:
+        found: Array = np.exp(-np.abs(one - other) / START_MEMORY - (one + other) / START_DECAY)
+        return found
+
+    found = np.empty((*at.shape, at.shape[1]))
+    found[:] = between(at[0, :, None], at[0])
+    settling = m + SETTLING
+    found[:, settling] = found[:, :, settling] = between(at[:, settling, None], at)
+    return np.swapaxes(_settled(np.swapaxes(_settled(found, m), 1, 2), m), 1, 2)
 
 
 def _steps_ahead(last: float, times: Array) -> Array:
@@ -264,26 +297,27 @@ def _steps_ahead(last: float, times: Array) -> Array:
     return np.concatenate(found) if found else np.zeros(0)
 
 
-def _differences(values: Array, m: int) -> Array:
-    """Values (G, rows, k) of rows with 95 % less 0.95 of the limit and 0.05 of the beginning, which is left with nothing."""
-    found = values.copy()
-    found[:, m + SETTLING] = -0.95 * values[:, m] + values[:, m + SETTLING] - 0.05 * values[:, m + SLOW_AHEAD]
-    found[:, m + SLOW_AHEAD] = 0.0
-    return found
+def _settled(values: Array, m: int) -> Array:
+    """In place, values (G, rows, k) of rows with 95 % less 0.95 of the limit and 0.05 of the beginning; nothing is left of that."""
+    values[:, m + SETTLING] = -0.95 * values[:, m] + values[:, m + SETTLING] - 0.05 * values[:, m + SLOW_AHEAD]
+    values[:, m + SLOW_AHEAD] = 0.0
+    return values
 
 
 #: Designs whose covariances are kept, and rows up to which they are: a plan, or a trial, looks at many records of one.
 KEPT, KEPT_ROWS = 2, 20
 
 
-def kept_covariances(rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None, turns: float) -> Array:
-    """As :func:`covariances`; of a few rows, and where no room is logged, from what was worked out before."""
+def kept_covariances(
+    rate: Array, time: Array, last: float, unit: float, asked: Asked, logged: Array | None, turns: float
+) -> Covariances:
+    """What an estimate needs; of a few rows, and where no room is logged, from what was worked out before."""
     if logged is not None or len(time) + asked.count > KEPT_ROWS:
-        return np.ascontiguousarray(covariances(rate, time, last, unit, asked, logged, turns))
+        return _covariances(rate, time, last, unit, asked, logged, turns, len(time))
     return _kept(rate.tobytes(), time.tobytes(), last, unit, asked.times.tobytes(), turns)
 
 
 @lru_cache(maxsize=KEPT)
-def _kept(rate: bytes, time: bytes, last: float, unit: float, asked: bytes, turns: float) -> Array:
+def _kept(rate: bytes, time: bytes, last: float, unit: float, asked: bytes, turns: float) -> Covariances:
     of_rate, of_time, of_asked = (np.frombuffer(b) if b else np.zeros(0) for b in (rate, time, asked))
-    return np.ascontiguousarray(covariances(of_rate, of_time, last, unit, Asked(of_asked), None, turns))
+    return _covariances(of_rate, of_time, last, unit, Asked(of_asked), None, turns, len(of_time))

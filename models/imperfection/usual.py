@@ -12,7 +12,7 @@ from .evidence import COARSE, FEW, Run
 from .machine.known import NOTHING
 from .numerics import cells, settled_after, within_depth
 from .prior import COMPONENTS
-from .shapes import SETTLING
+from .shapes import SETTLING, Covariances
 
 Array = NDArray[np.float64]
 
@@ -68,11 +68,22 @@ def _as_usual(run: Run, log_rate: Array, missing: Array) -> list[tuple[Array, Ar
         rows = slice(run.rows[i], run.rows[i + 1])
         if run.shape[i] is None:
             node = np.abs(run.nodes - log_rate[rows, None]).argmin(axis=1)
-            usual = run.relative[0, slow] * run.covariance[i][node, slow]
+            usual = run.relative[0, slow] * _square(run.covariance[i], node, slow)
         else:
             usual = others
         more = missing[rows, None, None] * usual if len(usual) else NOTHING
         found.append((np.ascontiguousarray(doubt + more if len(doubt) and len(more) else more if len(more) else doubt), others))
+    return found
+
+
+def _square(covariance: Covariances, node: NDArray[np.intp], component: int) -> Array:
+    """(S, m + k, m + k) of one component at nodes (S,): readings with all, and of what is asked for the variances alone."""
+    readings, own = covariance.readings[node, component], covariance.own[node, component]
+    m, wide = readings.shape[1:]
+    found = np.zeros((len(node), wide, wide))
+    found[:, :m] = readings
+    asked = np.arange(m, wide)
+    found[:, asked, asked] = own
     return found
 
 
