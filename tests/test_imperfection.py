@@ -21,7 +21,17 @@ from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_
 from thermofast.models.imperfection.blocks import block_means
 from thermofast.models.imperfection.numerics import core
 from thermofast.models.imperfection.prior import COMPONENTS, SLOW
-from thermofast.models.imperfection.shapes import LIMIT, SETTLING, SLOW_AHEAD, Asked, _loss_shape, covariances, law, slow_rise
+from thermofast.models.imperfection.shapes import (
+    LIMIT,
+    SETTLING,
+    SLOW_AHEAD,
+    Asked,
+    _loss_shape,
+    covariances,
+    kept_covariances,
+    law,
+    slow_rise,
+)
 
 TIME = np.arange(2.0, 62.0, 4.0)
 RATE, LAST, UNIT = 1 / 50.0, 60.0, 50.0 / 60.0
@@ -233,6 +243,19 @@ def test_an_interval_that_past_runs_made_narrower_is_no_doubt():
     assert (wide.status, narrow.status) == ("ok", "ok")
 
 
+@pytest.mark.parametrize("room", [None, "logged"])
+@pytest.mark.parametrize("times", [[410.0], list(range(100, 160))])
+def test_what_an_estimate_needs_of_covariances_is_part_of_them(room, times):
+    """With few rows, which are kept, and with many, which are not."""
+    asked = Asked(np.array(times, dtype=float))
+    rates, m = np.array([0.5, 1.0, 2.0]) * RATE, len(TIME)
+    logged = None if room is None else np.random.default_rng(5).standard_normal((3, m + asked.count))
+    whole = covariances(rates, TIME, LAST, UNIT, asked, logged, 2.5)
+    needed = kept_covariances(rates, TIME, LAST, UNIT, asked, logged, 2.5)
+    assert needed.readings == pytest.approx(whole[:, :, :m], rel=1e-12, abs=1e-12)
+    assert needed.own == pytest.approx(np.diagonal(whole, axis1=2, axis2=3)[:, :, m:], rel=1e-12, abs=1e-12)
+
+
 def mixture_case(rng, asked=4):
     found = shapes()
     kinds = np.stack([sizes.variances() for sizes in (TYPICAL.background, *TYPICAL.strong[:4])])
@@ -252,7 +275,8 @@ def mixture_case(rng, asked=4):
         "leans": np.array([[0.0] * 4, [0.0] * 4, [0.0, 0.3, 0.0, 0.0], [0.0] * 4, [0.2, 0.0, -0.1, 0.2], [0.0, 0.5, 0.1, 0.0]]),
         "node": np.zeros((2, 3), dtype=np.intp),
         "share": np.array([[0.0, 0.4, 0.9]] * 2),
-        "covariance": found,
+        "covariance": np.ascontiguousarray(found[:, :, : len(TIME)]),
+        "variances": np.ascontiguousarray(np.diagonal(found, axis1=2, axis2=3)[:, :, len(TIME) :]),
         "relative": np.ascontiguousarray(kinds[:, 0]),
         "absolute": np.ascontiguousarray(kinds[:, 1]),
         "rise": np.full((2, 3), 64.0),
@@ -306,7 +330,7 @@ def test_evidence_and_predictions_are_those_of_one_large_gaussian():
     logs = []
     for h in range(6):
         kinds = 64.0 * given["relative"] + given["absolute"]
-        types = np.einsum("kn,nrc->krc", kinds, given["covariance"][0])
+        types = np.einsum("kn,nrc->krc", kinds, shapes()[0])
         types[0] += 64.0 * given["beside"][0]
         whole = given["scale"][h] * types[given["kind"][h]] + given["under"][h] * types[0]
         whole = whole + 64.0 * given["doubt"][0]

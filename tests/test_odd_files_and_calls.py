@@ -455,7 +455,7 @@ def test_thousands_of_a_speed_beside_readings_with_decimals_are_a_guess(tmp_path
 @pytest.mark.parametrize("few", [0, 20, 50])
 def test_what_may_be_a_decimal_sign_is_none_between_thousands(tmp_path, name, cell, few):
     path = made_of(tmp_path, f"time_min;T1;{name}", ROW_MINUTES, WARMS, ["2"] * few + [cell] * (60 - few), sep=";")
-    with pytest.raises(InputError, match="another decimal sign than the rest|not a number"):
+    with pytest.raises(InputError, match=r"another decimal sign than the rest|not a number"):
         tf.read(path)
 
 
