@@ -15,6 +15,7 @@ import pytest
 import thermofast as tf
 from thermofast.analysis.watching import HOLDS, TOGETHER, Look, Watch, first_readings, thinned
 from thermofast.errors import InputError
+from thermofast.output.files import append_line
 from thermofast.pipeline.methods import choose
 from thermofast.pipeline.watching import events_before, speed_of, watch_run
 from thermofast.reading import Options
@@ -286,10 +287,10 @@ def test_standard_input_is_followed_to_its_end():
 
 
 def test_a_stop_is_withdrawn_in_words_and_a_second_test_is_told_anew(tmp_path, capsys):
-    from thermofast.shell.live import shown
+    from thermofast.shell.live import Looks, commanded, shown
 
     marker = tmp_path / "fired"
-    with shown(0.5, False, None, f"echo x >> {marker}") as tell:
+    with commanded(f"echo x >> {marker}") as commands, shown(0.5, False, Looks(None), commands) as tell:
         for minutes, half, stop in (
             (50.0, 0.4, True),
             (52.0, 0.4, True),
@@ -449,3 +450,97 @@ def test_a_load_that_stepped_is_no_reason_to_wait_where_it_is_logged(tmp_path):
     assert not any(r.status == "ok" and r.steady_state_lo_c > 31.0 and r.steady_state_hi_c < 31.8 for r in blind)
     with pytest.raises(tf.UsageError, match="speed"):
         tf.watch(path, replay="max", drive="speed")
+
+
+def test_a_command_takes_no_reading_and_prints_none_of_the_results(tmp_path):
+    """It reads nothing, its words go to standard error, its code is told though it is quiet, and the table comes first."""
+    record = HEAD + lines(0, 400)
+    stolen = tmp_path / "stolen"
+    command = [sys.executable, "-m", "thermofast", "watch", "-", "--poll", "0.05", "--tolerance", "3", "--format", "csv", "-q"]
+    command += ["--exec", f"cat > {stolen}; echo words; exit 7"]
+    done = subprocess.run(command, input=record, capture_output=True, check=True, timeout=60)
+    assert stolen.read_bytes() == b""
+    assert done.stdout.startswith(b"run,channel")
+    assert b"words" not in done.stdout
+    assert b"words" in done.stderr
+    assert b"--exec ended with code 7" in done.stderr
+
+
+def test_a_command_that_hangs_is_ended_with_all_that_it_began(tmp_path, capfd, monkeypatch):
+    from thermofast.shell import live
+
+    monkeypatch.setattr(live, "WAITED_S", 0.3)
+    pid = tmp_path / "pid"
+    with live.commanded(f"sleep 300 & echo $! > {pid}; wait") as commands:
+        commands.begin()
+        deadline = time.monotonic() + 20.0
+        while not (pid.exists() and pid.read_text().strip()) and time.monotonic() < deadline:
+            time.sleep(0.01)
+    assert "has been ended: sleep 300" in capfd.readouterr().err
+    with pytest.raises(ProcessLookupError):  # its parent is gone, and who inherits it takes it away soon
+        for _ in range(200):
+            os.kill(int(pid.read_text()), 0)
+            time.sleep(0.02)
+
+
+def test_looks_that_cannot_be_kept_do_not_end_a_watch(tool, tmp_path):
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    done = tool(
+        "watch", "sample_runs/spindle.csv", "--replay", "max", "--channels", "T1", "--jsonl", "/dev/full", "-q", "--format", "csv"
+    )
+    assert done.code == 2
+    assert done.out.startswith("run,channel")
+    assert done.err.count("/dev/full: looks are kept no longer: No space left on device") == 1
+
+
+def test_a_line_is_appended_whole_or_not_at_all(tmp_path):
+    """Where ten bytes fit in and twenty are to be written, as on a full disk."""
+    resource = pytest.importorskip("resource")
+    path = tmp_path / "looks.jsonl"
+    append_line(str(path), "first")
+    script = f"import thermofast.output.files as f; f.append_line({str(path)!r}, 'second' * 10)"
+    full = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (16, 16))}
+    done = subprocess.run([sys.executable, "-B", "-c", script], capture_output=True, check=False, **full)
+    assert b"File too large" in done.stderr
+    assert path.read_text() == "first\n"
+
+
+def test_a_named_pipe_is_followed_and_given_up(tmp_path, tool):
+    """Nobody may ever write to it."""
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no named pipes here")
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    command = [sys.executable, "-m", "thermofast", "watch", str(pipe), "--poll", "0.05", "--format", "json", "-q"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as watching:
+        pipe.write_bytes(HEAD + lines(0, 50))
+        assert json.loads(watching.communicate(timeout=60)[0])["records"][0]["samples"] == 50
+    never = tool("watch", pipe, "--give-up", 0.005, "--poll", 0.05)
+    assert (never.code, "nothing to foretell from was read" in never.err) == (2, True)
+
+
+def test_readings_since_the_last_look_count_at_the_end(tmp_path):
+    """A look is taken when a record has grown by a hundredth; the last readings are fewer."""
+    path = tmp_path / "run.csv"
+    path.write_bytes(HEAD + lines(0, 300))
+    command = [
+        sys.executable,
+        "-m",
+        "thermofast",
+        "watch",
+        str(path),
+        "--poll",
+        "0.05",
+        "--give-up",
+        "0.03",
+        "--format",
+        "json",
+        "-q",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as watching:
+        time.sleep(1.2)
+        with path.open("ab") as file:
+            file.write(lines(300, 301))
+        found = json.loads(watching.communicate(timeout=60)[0])
+    assert found["records"][0]["samples"] == 301

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     help="Half-width to which every sensor's steady state is to be known.",
 )
 @click.option("--exit", "leave", is_flag=True, help="End as soon as the test can be stopped.")
-@click.option("--exec", "execute", metavar="COMMAND", help="Run a shell command at that moment.")
+@click.option(
+    "--exec", "execute", metavar="COMMAND", help="Run a shell command at that moment, beside the watch; at its end it has a minute."
+)
 @click.option("--jsonl", metavar="FILE", help="Append what is known at each look to FILE, a line of JSON each.")
 @click.option("--replay", metavar="600x|max", help="Play a finished record, so many times as fast as it was.")
 @click.option(
@@ -84,7 +86,7 @@ def command(
     from ..pipeline.watching import speed_of, watch_run
     from ..reading_options import options_from
     from ..results import Watching
-    from ..shell.live import shown
+    from ..shell.live import Looks, commanded, shown
     from ..shell.session import check_outputs, deliver, load_imperfection, load_model, more_outputs
 
     method = choose(filter_name, preset, settings, load_imperfection(imperfection), rates)
@@ -93,8 +95,7 @@ def command(
     check_outputs([output], None)
     learnt = load_model(model, extra)
     options = options_from({name: value for name, value in reading.items() if name != "start"})
-    with shown(tolerance, quiet, jsonl, execute) as tell:
-        last, read = watch_run(run, options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up, tell, drive)
+    how = options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up
     drawn = [
         ("sensor", text("channel")),
         ("settles degC", number("steady_state_c")),
@@ -103,7 +104,13 @@ def command(
         ("to go min", number("time_to_go_min", 0)),
         ("status", text("status")),
     ]
-    if not quiet and (sys.stderr.isatty() or not last.stop):  # a table that was drawn in place is gone
-        say(last.words if last.stop else f"it ended before the test could be stopped: {last.words}")
-    code = deliver(Watching(last.records, (read,), looked=last), [], output, form, quiet, drawn)
+    looks = Looks(jsonl)
+    with commanded(execute) as commands:
+        with shown(tolerance, quiet, looks, commands) as tell:
+            last, read = watch_run(run, *how, tell, drive)
+        if not quiet and (sys.stderr.isatty() or not last.stop):  # a table that was drawn in place is gone
+            say(last.words if last.stop else f"it ended before the test could be stopped: {last.words}")
+        code = deliver(Watching(last.records, (read,), looked=last), [], output, form, quiet, drawn)
+    if looks.failed and code == 0:
+        return 2
     return 3 if leave and not last.stop and code == 0 else code

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -98,9 +99,22 @@ def write_columns(path: str, columns: dict[str, Any]) -> None:
 
 
 def append_line(path: str, line: str) -> None:
-    """One line more at the end of a file, written at once: what was there stays."""
-    with Path(path).open("a", encoding="utf-8") as file:
-        file.write(line + "\n")
+    """One line more at the end of a file, written at once, whole or not at all: what was there stays.
+
+    Raises
+    ------
+    OSError: it cannot be written.
+    """
+    data, size = (line + "\n").encode(), -1
+    with Path(path).open("ab", buffering=0) as file:
+        try:
+            size = os.fstat(file.fileno()).st_size
+            while data:
+                data = data[file.write(data) :]
+        except OSError:
+            with suppress(OSError):
+                os.truncate(path, size)
+            raise
 
 
 def _write_text(path: str, text: str) -> None:

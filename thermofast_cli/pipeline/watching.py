@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..analysis.watching import FEWEST, Look, Watch, first_readings
 from ..errors import InputError, ThermofastError, UsageError, rounded
 from ..estimation.identify import Method
 from ..reading import Run, read_runs
-from ..reading.follow import Follower, Piped
+from ..reading.follow import Follower, Piped, is_stream
 from ..reading.source import BAD_ROW, CUT_ROW, read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
@@ -121,7 +122,10 @@ def watch_run(
     watch = Watch(identify, tolerance_c, model is not None or method.imperfection.rarely_strong, happened, begin)
     if speed is not None:
         return _replayed(source, options, watch, speed, leave, tell, begin)
-    follower = Piped(sys.stdin.buffer) if source == "-" else Follower(source)
+    if source == "-" or is_stream(source):
+        follower: Piped | Follower = Piped(sys.stdin.buffer if source == "-" else Path(source))
+    else:
+        follower = Follower(source)
     name = "stdin" if source == "-" else source
     last: tuple[Look, Run] | None = None
     clock, trouble, told, seen = _Clock(time.monotonic()), "", set[str](), 0

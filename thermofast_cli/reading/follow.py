@@ -1,8 +1,9 @@
 """A file, or standard input, that a logger is still writing: what is whole of it so far, whatever the logger does to it."""
 
 import os
+import stat
 import threading
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -44,18 +45,18 @@ class Follower:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read", found=str(error.strerror), do="check the permissions") from None
 
-    def rest(self) -> bytes | None:
-        """All that there is, the last line whether or not it has an end; None where no line has come since the last call.
+    def rest(self) -> bytes:
+        """All that was ever there, the last line whether or not it has an end.
 
         For the end of a watch: nobody goes on writing that line.
         """
-        more = self.poll()
+        self.poll()
         with suppress(OSError), self.path.open("rb") as file:
             file.seek(len(self.now))
             open_ = file.read()
-            if open_.strip() and (more or self.now) and self._same(file, os.fstat(file.fileno()).st_size):
+            if open_.strip() and self.now and self._same(file, os.fstat(file.fileno()).st_size):
                 return self.text + open_
-        return more
+        return self.text
 
     def _read(self, file: BinaryIO) -> bytes | None:
         told = os.fstat(file.fileno())
@@ -98,28 +99,49 @@ class Follower:
         return self.now.startswith(head) and self.now[max(0, read - TAIL) :] == file.read(min(TAIL, read))
 
 
+def is_stream(path: str) -> bool:
+    """Whether a path is no file but a pipe or a device, of which what was read is gone: /dev/stdin, <(ssh logger cat)."""
+    try:
+        mode = Path(path).stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
+
+
 class Piped:
     """Bytes of standard input or a pipe, read as they come by a thread of their own."""
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, source: BinaryIO | Path) -> None:
         self.ended = False
         self.notes: list[str] = []
         self._held = b""
         self._told = 0
         self._lock = threading.Lock()
-        threading.Thread(target=self._pump, args=(stream,), daemon=True).start()
+        self._error: OSError | None = None
+        threading.Thread(target=self._pump, args=(source,), daemon=True).start()
 
-    def _pump(self, stream: BinaryIO) -> None:
+    def _pump(self, source: BinaryIO | Path) -> None:
         try:
-            while chunk := os.read(stream.fileno(), 1 << 16):
-                with self._lock:
-                    self._held += chunk
+            # A named pipe is opened only when somebody writes to it: who waits for that is this thread.
+            with source.open("rb", buffering=0) if isinstance(source, Path) else nullcontext(source) as stream:
+                while chunk := os.read(stream.fileno(), 1 << 16):
+                    with self._lock:
+                        self._held += chunk
+        except OSError as error:
+            self._error = error
         finally:
             with self._lock:
                 self.ended = True
 
     def poll(self) -> bytes | None:
-        """All whole lines so far, and at the end all there is; None where there are no new ones since the last call."""
+        """All whole lines so far, and at the end all there is; None where there are no new ones since the last call.
+
+        Raises
+        ------
+        InputError: it cannot be read.
+        """
+        if self._error is not None and not self._held:
+            raise InputError("the input cannot be read", found=str(self._error.strerror), do="check the permissions")
         whole = self.text
         if len(whole) <= self._told:
             return None

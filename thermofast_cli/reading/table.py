@@ -178,7 +178,7 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
             columns[column_name] = to_floats(column)
             continue
         if pa.types.is_dictionary(kind):
-            column = column.cast(kind.value_type)
+            column = _plain(pa.chunked_array([chunk.dictionary_decode() for chunk in column.chunks], kind.value_type))
             kind = column.type
         if pa.types.is_timestamp(kind):
             whole = column.cast(pa.timestamp("us", tz=kind.tz), safe=False).cast(pa.int64()).to_pylist()

@@ -1,10 +1,13 @@
 """What a watch shows: a table that is drawn again, or lines where there is no terminal; a file of looks; a command to run."""
 
 import json
+import os
+import signal
 import subprocess  # nosec B404 - for --exec alone
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from ..analysis.watching import Look
@@ -14,16 +17,90 @@ from ..pipeline.watching import Tell
 
 #: Without a terminal a line is said when the record has grown by this share, or the verdict changes.
 SAID_AGAIN = 0.1
+#: How long [s] a watch that has ended waits for what --exec began, how long that has to end once it is told to, and how often it is
+#: looked at.
+WAITED_S, ENDING_S, HEARD_S = 60.0, 2.0, 0.02
+
+
+class Commands:
+    """What --exec begins, beside the watch: it reads nothing of the record, and what it prints is none of the results."""
+
+    def __init__(self, command: str | None) -> None:
+        self.command = command
+        self._running: list[subprocess.Popen[bytes]] = []
+
+    def begin(self) -> None:
+        """Begins the command, if there is one."""
+        if not self.command:
+            return
+        # A session of its own, so that what a shell begins ends with it.
+        alone = subprocess.Popen(  # nosec B602 - the user's own command
+            self.command, shell=True, stdin=subprocess.DEVNULL, stdout=2, start_new_session=True
+        )
+        self._running.append(alone)
+
+    def heard(self) -> None:
+        """Says of those that have ended with an error what it is."""
+        for one in [p for p in self._running if p.poll() is not None]:
+            self._running.remove(one)
+            if one.returncode:
+                say(f"--exec ended with code {one.returncode}: {self.command}")
+
+    def end(self, wait_s: float) -> None:
+        """Waits so long for those that run, or until an interrupt, and ends the others."""
+        until = time.monotonic() + wait_s
+        with suppress(KeyboardInterrupt):
+            while self._running and time.monotonic() < until:
+                self.heard()
+                time.sleep(HEARD_S)
+        for one in self._running:
+            say(f"--exec was still running and has been ended: {self.command}")
+            for number in (signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)):
+                with suppress(OSError):
+                    getattr(os, "killpg", os.kill)(one.pid, number)
+                with suppress(subprocess.TimeoutExpired):
+                    one.wait(ENDING_S)
+        self._running.clear()
 
 
 @contextmanager
-def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | None) -> Iterator[Tell]:
+def commanded(command: str | None) -> Iterator[Commands]:
+    """What --exec begins; at the end it is waited for, but not after an interrupt or an error."""
+    commands = Commands(command)
+    try:
+        yield commands
+    except BaseException:
+        commands.end(0.0)
+        raise
+    commands.end(WAITED_S)
+
+
+class Looks:
+    """The file of --jsonl. Where it can no longer be written, the watch goes on without it, and that is said."""
+
+    def __init__(self, path: str | None) -> None:
+        self.path, self.failed = path, False
+
+    def keep(self, line: str) -> None:
+        """Appends a line, while that can be done."""
+        if self.path is None or self.failed:
+            return
+        try:
+            append_line(self.path, line)
+        except OSError as error:
+            self.failed = True
+            say(f"Error: {self.path}: looks are kept no longer: {error.strerror or error}; the watch goes on without")
+
+
+@contextmanager
+def shown(tolerance_c: float, quiet: bool, looks: Looks, commands: Commands) -> Iterator[Tell]:
     """Yields what hears of looks."""
     state: dict[str, Any] = {"said": 0.0, "within": -1, "stopped": False, "withdrawn": False, "last": 0.0}
     terminal = not quiet and sys.stderr.isatty()
     with live_table(terminal) as draw:
 
         def tell(look: Look | None, notes: tuple[str, ...]) -> None:
+            commands.heard()
             for note in notes if not quiet else ():
                 say(note)
             if look is None:
@@ -31,9 +108,8 @@ def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | Non
             if look.minutes < state["last"]:  # another run: all is said anew
                 state.update(said=0.0, within=-1, stopped=False, withdrawn=False)
             state["last"] = look.minutes
-            if jsonl:
-                head = {"minutes": round(look.minutes, 4), "stop": look.stop, "tolerance_c": tolerance_c}
-                append_line(jsonl, json.dumps(head | {"records": [r.as_dict() for r in look.records]}))
+            head = {"minutes": round(look.minutes, 4), "stop": look.stop, "tolerance_c": tolerance_c}
+            looks.keep(json.dumps(head | {"records": [r.as_dict() for r in look.records]}))
             if terminal:
                 draw(look.words, look.records, look.within)
             elif not quiet and (
@@ -49,9 +125,6 @@ def shown(tolerance_c: float, quiet: bool, jsonl: str | None, execute: str | Non
                 state["said"], state["within"] = look.minutes, sum(look.within)
             if look.stop and not state["stopped"]:
                 state["stopped"] = True
-                if execute:
-                    code = subprocess.run(execute, shell=True, check=False).returncode  # nosec B602 - the user's own command
-                    if code and not quiet:
-                        say(f"--exec ended with code {code}: {execute}")
+                commands.begin()
 
         yield tell
