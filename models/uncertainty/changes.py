@@ -30,6 +30,9 @@ RUNS_ASSUMED = 3.0
 SIZE, LOCAL_SIZE = 0.4, 0.2
 #: Points do not all answer to a change alike, nor by nothing else: share of its size by which they differ.
 UNLIKE = 0.1
+#: Where parts warm each other all rises go as the heat and all rates as the capacity, but a loss moves the rise of the heated part
+#: less than that of one far from it: such shares, and how likely each is.
+UNLIKE_LOSS = ((UNLIKE, 0.5), (0.2, 0.3), (0.4, 0.2))
 #: Kinds of change that move every point, and the share of them that may go the other way: a probe in the steam of a pot.
 WHOLE, MOST_AGAINST = ("heat", "heat capacity", "loss"), 0.25
 #: Prior probabilities: three tests in four are repeated without anything having changed.
@@ -181,28 +184,36 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
     difference: Array = means[1][0] - means[0][0]
     noise: Array = means[0][1] + means[1][1]
     ways = begun.ways() if begun is not None else [(0.0, np.zeros(2 * n), np.zeros(2 * n))]
-    kinds, weights, sizes = _hypotheses(n), [], []
-    for kind, _, directions, size, prior in kinds:
+    listed, logs, found = [], list[Array](), []
+    for kind, sensor, directions, size, prior in _hypotheses(n):
+        weights, sizes = [], []
         for likely, shift, unsure in ways:
             left, own = difference - shift, noise + np.outer(unsure, unsure)
             first = _size(kind, directions, size, left, own)
-            # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
-            unlike = (UNLIKE * abs(first[1]) if first is not None else 0.0) ** 2 * np.eye(2 * n)
-            sizes.append(_size(kind, directions, size, left, own + unlike))
-            covariance = own + size**2 * directions @ directions.T + unlike
-            sign, log = np.linalg.slogdet(covariance)
-            if not _of_every_point(kind, directions, sizes[-1], left, own + unlike):
-                sign = 0.0
-            weight = np.log(prior) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
-            weights.append(float(weight) if sign > 0 else -np.inf)
-    shares = np.exp(np.array(weights) - max(weights))
-    shares = (shares / shares.sum()).reshape(len(kinds), len(ways))
-    listed = []
-    for k, (kind, sensor, *_) in enumerate(kinds):
-        own = shares[k] / max(shares[k].sum(), 1e-300)
-        at, value, deviation = _mixed(own, sizes[k * len(ways) : (k + 1) * len(ways)])
-        listed.append(Change(kind, sensor if at is None else at, float(shares[k].sum()), value, deviation))
-    same_start = float(shares[0, 0] / max(shares[0].sum(), 1e-300))
+            for share, of_share in UNLIKE_LOSS if kind == "loss" and n > 1 else ((UNLIKE, 1.0),):
+                # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
+                amount = abs(first[1]) if first is not None else 0.0
+                if share > UNLIKE:  # what is left of the size where points are so unlike
+                    amount = min(amount, abs(_size(kind, directions, size, left, own + (share * amount) ** 2 * np.eye(2 * n))[1]))
+                unlike = (share * amount) ** 2 * np.eye(2 * n)
+                sizes.append(_size(kind, directions, size, left, own + unlike))
+                covariance = own + size**2 * directions @ directions.T + unlike
+                sign, log = np.linalg.slogdet(covariance)
+                if not _of_every_point(kind, directions, sizes[-1], left, own + unlike):
+                    sign = 0.0
+                if share > UNLIKE and not _all_one_way(directions, first, left, own):
+                    sign = 0.0
+                weight = np.log(prior * of_share) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
+                weights.append(float(weight) if sign > 0 else -np.inf)
+        found.append((kind, sensor, sizes))
+        logs.append(np.array(weights))
+    top = max(float(each.max()) for each in logs)
+    shares = [np.exp(each - top) for each in logs]
+    total = sum(float(each.sum()) for each in shares)
+    for (kind, sensor, sizes), own in zip(found, shares, strict=True):
+        at, value, deviation = _mixed(own / max(float(own.sum()), 1e-300), sizes)
+        listed.append(Change(kind, sensor if at is None else at, float(own.sum()) / total, value, deviation))
+    same_start = float(shares[0][0] / max(float(shares[0].sum()), 1e-300))
     return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, same_start)
 
 
@@ -221,6 +232,12 @@ def _of_every_point(kind: str, directions: Array, found: tuple[int | None, float
     size, each = abs(found[1]), each * np.sign(found[1])
     against = float((each < -tolerance).mean())
     return bool(size <= tolerance or (size <= each.max() + tolerance and against <= MOST_AGAINST))
+
+
+def _all_one_way(directions: Array, found: tuple[int | None, float, float] | None, left: Array, noise: Array) -> bool:
+    """Whether all rates and rises go the way of a change: more loss leaves no point warmer, however parts warm each other."""
+    against = -np.sign(found[1] if found is not None else 0.0) * left * directions[:, 0]
+    return not bool((against > 2.0 * np.sqrt(np.diag(noise))).any())
 
 
 def _mixed(shares: Array, sizes: Sequence[tuple[int | None, float, float] | None]) -> tuple[int | None, float | None, float | None]:
@@ -281,12 +298,16 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     # Of one sensor as of all together, as one run more whose sensors begin as they usually do.
     variance = (BESIDE**2 * count + own.sum()) / (count * old) * (1.0 / (old * stands_for) + 1.0 / (len(starts) - old))
     moved = begun[old:].mean(axis=0) - before
-    factor = np.median(rises[old:].mean(axis=0) / rises[:old].mean(axis=0))
-    fell = rises[old:].mean(axis=0) - factor * rises[:old].mean(axis=0)
-    unsure = (np.hypot(errors, OWN[1]) * np.abs(rises[old:].mean(axis=0))) ** 2 + BESIDE**2
+    rose, after = rises[:old].mean(axis=0), rises[old:].mean(axis=0)
+    unsure = (np.hypot(errors, OWN[1]) * np.abs(after)) ** 2 + BESIDE**2
     chance = norm.logpdf(moved, 0.0, np.sqrt(variance))
-    as_probe = norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2)) + norm.logpdf(fell, 0.0, np.sqrt(unsure))
-    as_warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), _as_warm_spot(moved, fell, variance, unsure))
+    as_probe = as_warm = np.full(count, -np.inf)
+    # All may have another heat, or the old one: where a test is logged late all rise less, each by as much as it had warmed.
+    for factor in (1.0, _middle(after / rose, np.hypot(errors, OWN[1]))):
+        fell = after - factor * rose
+        probe = norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2)) + norm.logpdf(fell, 0.0, np.sqrt(unsure))
+        warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), _as_warm_spot(moved, fell, variance, unsure))
+        as_probe, as_warm = np.logaddexp(as_probe, probe), np.logaddexp(as_warm, warm)
     odds = PRIORS["sensor"] / count * np.exp(np.minimum(as_probe - as_warm, 50.0))
     i = int(np.argmax(odds))
     share = float(odds[i] / (1.0 + odds[i]))
@@ -295,6 +316,13 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     deviation, shows = float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), float(np.sqrt(variance + unsure[i]))
     probe = Change("sensor", i, share, size, deviation, kelvin=True, shows=shows)
     return sorted([probe, *others], key=lambda c: -c.probability)
+
+
+def _middle(values: Array, errors: Array) -> float:
+    """Median of values (S,), each weighed by what is known of it: a sensor far from the heat tells nothing of its rise."""
+    order = np.argsort(values)
+    weight = np.cumsum(1.0 / errors[order] ** 2)
+    return float(values[order][np.searchsorted(weight, 0.5 * weight[-1])])
 
 
 def begun_beside(starts: Array, old: int) -> tuple[Array, Array]:

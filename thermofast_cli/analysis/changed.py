@@ -52,6 +52,8 @@ LOGGED, AS_ASKED = 0.05, 0.1
 #: Share of their rise on which new runs are well up where they begin, beyond the old ones, and how uneven that is in a machine:
 #: another room moves all points alike.
 LATE, UNEVEN = 0.1, 0.1
+#: A sensor that ends where it did, to within so much of what it began warmer, is no probe that tells more throughout.
+ENDS_ALIKE = 0.5
 #: What is not known of a logged room's mean [K].
 ROOM_ERROR = 0.1
 #: Root mean square of the logarithms of rates and rises, new over old, at which two runs look like those of two machines.
@@ -145,6 +147,8 @@ def compare_runs(
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
     apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
     others = np.arange(len(rise)) != (found[0].sensor if verdict == "sensor" else None)
+    # Where a test is logged late the sensor that is accused ends where it did, too: it began up on its rise.
+    others |= np.abs(levels[many:].mean(axis=0) - levels[:many].mean(axis=0)) < ENDS_ALIKE * np.abs(warmer)
     late = _late(warmer[others], rise[others]) if verdict in ("sensor", "contact") else []
     if late:  # what each sensor does by itself then is how the machine had warmed
         verdict, status = "cannot tell", "not_determined"
@@ -297,6 +301,12 @@ def _visible(found: Sequence[Change], sensors: int) -> str:
         for c in found
         if c.kind in WHOLE and c.deviation is not None
     ]
+    each = [SHOWS * c.deviation for c in found if c.kind == "sensor" and not c.kelvin and c.deviation is not None]
+    if each:
+        least, most = (rounded(100.0 * math.expm1(size), 2) for size in (min(each), max(each)))
+        sizes.append(
+            f"the rise of one sensor alone by {least} %" if least == most else f"that of one sensor by {least} to {most} %"
+        )
     sizes += [f"one probe by {rounded(SHOWS * c.shows)} K" for c in found if c.kelvin and c.kind == "sensor" and c.shows]
     alone = "" if sensors < 3 or any(c.kelvin for c in found) else "; a probe that is off only shows beside two old runs and more"
     return f"would most likely have shown: {', '.join(sizes)}{alone}"

@@ -217,9 +217,9 @@ def validate_runs(
     """
     from ..analysis.validate import judge, validate_lost, validate_task
     from ..records import ValidateRecord
-    from .loop import check_ranges, loop_tasks
+    from .loop import loop_tasks, ranges_named
 
-    check_ranges(started, input_ranges)
+    input_ranges = ranges_named(started, input_ranges)
     lengths = {run.name: float(run.time_s[-1]) / 60.0 for run, _ in started}
     enough = [one for one in started if lengths[one[0].name] > until_min] or list(started)
     kept = {run.name for run, _ in enough}

@@ -13,6 +13,7 @@ from ..errors import UsageError
 from ..machine.learnt import check_effects
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
+from ..reading.headings.called import column_named
 from ..reading.headings.names import named_as
 from ..results import Comparison, Diagnosis, Improvement
 from ..workers.engine import Started, Work, over_runs, sharing
@@ -64,14 +65,22 @@ def _named_alike(started: Sequence[Started]) -> list[Started]:
     return [(named_as(run, started[0][0].channels), start) for run, start in started]
 
 
-def check_ranges(started: Sequence[Started], input_ranges: Sequence[tuple[str, float]]) -> None:
-    """Raises UsageError where a range is of a column that a run does not log."""
+def ranges_named(started: Sequence[Started], input_ranges: Sequence[tuple[str, float]]) -> tuple[tuple[str, float], ...]:
+    """Ranges by the columns that they are of: ``ambient`` for ``ambient [degC]``, as with --channels.
+
+    Raises
+    ------
+    UsageError: one is of a column that a run does not log.
+    """
+    found = list(input_ranges)
     for run, _ in started:
-        for name, _reach in input_ranges:
-            known = [*run.ambient, *run.inputs]
-            if name not in known:
+        known = [*run.ambient, *run.inputs]
+        for k, (name, reach) in enumerate(found):
+            if (column := column_named(name, known)) not in known:
                 allowed = ", ".join(known) or "this run logs none"
                 raise UsageError(f"{run.name}: --input-range {name!r} is no logged input", allowed=allowed)
+            found[k] = str(column), reach
+    return tuple(found)
 
 
 def compare_runs(
@@ -94,7 +103,7 @@ def compare_runs(
         raise UsageError("--effects adds to the base model, and --model takes its place", do="leave one of them out")
     if denoise and options.get("until_min") is not None:
         raise UsageError("--denoise takes the whole record", found=f"--until {options['until_min']:g}", do="leave --until out")
-    check_ranges(started, input_ranges)
+    input_ranges = ranges_named(started, input_ranges)
     more: dict[str, Any] = {"input_ranges": input_ranges, "want_curves": details, "unknown_heat": unknown_heat, "denoise": denoise}
     tasks = loop_tasks(started, names=effects, **more, **options)
     found, interrupted = over_runs(compare_task, tasks, compare_lost, how or Work())
