@@ -8,6 +8,9 @@ of the fast mode at switch-off normal about nothing with a quarter of the record
 else is linear and normal, so the temperature at an earlier time is a mixture of normal distributions over the rates, whose
 quantiles are its interval: what the record leaves open of the modes is in it. A mode that is over before the first reading leaves
 no trace: none of less than a third of the delay is thought of.
+
+A machine of several parts has as many modes, most of them small, and of either sign where a part is warmed by another. What two
+modes leave is a sum of small ones at all rates, normal about nothing: of no size, or of one of SMALL, as the record says.
 """
 
 from collections.abc import Callable
@@ -35,6 +38,12 @@ SLOWEST, APART = 0.05, 1.5
 SHORTEST, LEAST_STEPS = 0.33, 2.0
 #: Share of the record's fall that the fast mode may have (a deviation).
 FAST_SHARE = 0.25
+#: Share of the record's fall that all modes beside two have together (a deviation), and how likely each is: of a part that is
+#: heated, and of one that is warmed by others, which shows where its fast mode is negative by so many of its deviations.
+SMALL = ((0.0, 0.6), (0.007, 0.2), (0.02, 0.2))
+SMALL_WARMED, WARMED = ((0.0, 0.4), (0.01, 0.2), (0.03, 0.2), (0.1, 0.2)), 2.0
+#: Directions of sums of modes that are counted: those of so large a singular value, over the largest.
+SEEN = 1e-10
 
 
 @dataclass(frozen=True)
@@ -64,13 +73,20 @@ def temperature_at_switch_off(time: Array, reading: Array, at: float) -> SwitchO
     t, mean = time - time[0], float(reading.mean())
     y = reading - mean
     size = FAST_SHARE * max(float(np.ptp(reading)), 1e-9)
-    noise = _least_noise(t, y, slow, fast)
+    noise, fast_mode = _least_noise(t, y, slow, fast)
     boxes = [(slow, fast), (slow, fast)], [(slow, fast)]
-    mixtures = [_closed_in(t, y, at - float(time[0]), noise, size, list(box)) for box in boxes]
+    back = at - float(time[0])
+    mixtures, several = [], []
+    for share, likely in SMALL_WARMED if fast_mode < -WARMED else SMALL:
+        beside = _Beside.of(t, y, back, noise, share * float(np.ptp(y)), (slow, fast))
+        for box in boxes:
+            one, *rest = _closed_in(beside, size, list(box))
+            mixtures.append((one + np.log(likely), *rest))
+            several.append(np.full(len(one), len(box) == 2 or share > 0.0))
     value, middle, variance = (np.concatenate([m[k] for m in mixtures]) for k in range(3))
     weight = np.exp(value - value.max())
     weight /= weight.sum()
-    two = float(weight[: len(mixtures[0][0])].sum())
+    two = float(weight[np.concatenate(several)].sum())
     kept = weight > 1e-7
     low, centre, high = quantiles(weight[kept], middle[kept], np.sqrt(variance[kept]))
     # The noise is known from the record alone: its own error widens the interval as Student's distribution has it.
@@ -84,14 +100,14 @@ def temperature_at_switch_off(time: Array, reading: Array, at: float) -> SwitchO
     )
 
 
-def _least_noise(t: Array, y: Array, slow: float, fast: float) -> float:
-    """Deviation [K] of a reading from the best two modes: those of a grid, moved on from there."""
+def _least_noise(t: Array, y: Array, slow: float, fast: float) -> tuple[float, float]:
+    """Deviation [K] of a reading from the best two modes, those of a grid, moved on from there; the fast one over its deviation."""
     logs = np.linspace(slow, fast, RATES)
     rates = np.exp(logs)
     gram, moment, whole = _sums(t, y, rates)
     i, j = (k.ravel() for k in np.meshgrid(np.arange(RATES), np.arange(RATES)))
     i, j = i[rates[j] >= APART * rates[i]], j[rates[j] >= APART * rates[i]]
-    least = whole
+    least, known = whole, None
     if len(i):
         own = np.stack([np.zeros_like(i), i + 1, j + 1], axis=1)
         ridge = 1e-12 * np.trace(gram) * np.eye(3)
@@ -105,9 +121,14 @@ def _least_noise(t: Array, y: Array, slow: float, fast: float) -> float:
             coefficients = np.linalg.lstsq(columns.T, y, rcond=1e-13)[0]
             return float(np.sum((y - coefficients @ columns) ** 2))
 
-        least = _moved(rest, np.array([logs[i[best]], logs[j[best]]]))[1]
+        point, least = _moved(rest, np.array([logs[i[best]], logs[j[best]]]))
+        known = np.vstack([np.ones(len(t)), np.exp(-np.outer(np.exp(np.sort(point)), t))]).T
     # Readings without noise, as a simulation's, leave nothing that could be weighed.
-    return max(float(np.sqrt(max(least, 0.0) / (len(t) - 5))), LEAST_NOISE * float(np.ptp(y)), 1e-9)
+    noise = max(float(np.sqrt(max(least, 0.0) / (len(t) - 5))), LEAST_NOISE * float(np.ptp(y)), 1e-9)
+    if known is None:
+        return noise, 0.0
+    size = float(np.linalg.lstsq(known, y, rcond=1e-13)[0][2])
+    return noise, size / max(noise * float(np.sqrt(np.linalg.pinv(known.T @ known, rcond=1e-13)[2, 2])), 1e-300)
 
 
 def _moved(height: Callable[[Array], float], point: Array) -> tuple[Array, float]:
@@ -125,51 +146,83 @@ def _sums(t: Array, y: Array, rates: Array) -> tuple[Array, Array, float]:
 
 
 @dataclass(frozen=True)
-class _Posterior:
-    """Log weights, means and variances of the temperature at `at` [min] for log rates, of one mode or two."""
+class _Beside:
+    """A record whitened for its noise and for small modes beside those that are named.
+
+    t (n,), whitener (r, n) to the r directions in which sums of modes lie, and readings y (r,) after it; at [min] is the time asked
+    for: there the small modes are share (r,) of the whitened readings, with a variance; log is the density of the readings.
+    """
 
     t: Array
+    whitener: Array
     y: Array
     at: float
-    noise: float
+    share: Array
+    variance: float
+    log: float
+
+    @classmethod
+    def of(cls, t: Array, y: Array, at: float, noise: float, size: float, box: tuple[float, float]) -> "_Beside":
+        """Small modes at rates between exp(box), each with as large a part of `size` [K] at switch-off."""
+        rates = np.exp(np.linspace(*box, RATES))
+        drawn = np.exp(-np.outer(t, np.exp(np.linspace(*box, 3 * RATES))))
+        directions, values, _ = np.linalg.svd(np.column_stack([np.ones(len(t)), drawn]), full_matrices=False)
+        smooth = directions[:, values > SEEN * values[0]]
+        modes = size / np.sqrt(RATES) * smooth.T @ np.exp(-np.outer(t - at, rates))
+        factor = np.linalg.cholesky(modes @ modes.T + noise**2 * np.eye(len(modes)))
+        inverse = np.linalg.inv(factor)
+        whitener, share = inverse @ smooth.T, inverse @ modes @ np.full(RATES, size / np.sqrt(RATES))
+        white = whitener @ y
+        beyond = float(y @ y) - float(np.sum((smooth.T @ y) ** 2))  # what no sum of modes explains
+        log = -0.5 * float(white @ white) - 0.5 * beyond / noise**2 - float(np.log(np.diag(factor)).sum())
+        log += len(modes) * float(np.log(noise))
+        return cls(t, whitener, white, at, share, max(size**2 - float(share @ share), 0.0), log)
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Log weights, means and variances of the temperature at the time asked for, for log rates of one mode or two."""
+
+    of: _Beside
     size: float
     box: list[tuple[float, float]]
 
     def __call__(self, points: Array) -> tuple[Array, Array, Array]:
         """At points (m, modes) of log rates, the fast one first; nothing outside the box, nor where two rates lie too near."""
-        modes = points.shape[1]
+        of, modes = self.of, points.shape[1]
         lows, highs = np.array(self.box).T
         outside = np.any((points < lows) | (points > highs), axis=1)
         if modes == 2:
             outside |= points[:, 0] < points[:, 1] + np.log(APART)
         rates = np.exp(np.clip(points, lows, highs))
-        columns = np.concatenate([np.ones((len(points), 1, len(self.t))), np.exp(-rates[:, ::-1, None] * self.t)], axis=1)
-        earlier = np.concatenate([np.ones((len(points), 1)), np.exp(-rates[:, ::-1] * self.at)], axis=1)
-        precision = columns @ columns.transpose(0, 2, 1) / self.noise**2
+        columns = np.concatenate([np.ones((len(points), 1, len(of.t))), np.exp(-rates[:, ::-1, None] * of.t)], axis=1)
+        columns = columns @ of.whitener.T
+        earlier = np.concatenate([np.ones((len(points), 1)), np.exp(-rates[:, ::-1] * of.at)], axis=1)
+        precision = columns @ columns.transpose(0, 2, 1)
         if modes == 2:
             precision[:, 2, 2] += earlier[:, 2] ** 2 / self.size**2
         precision[:, 1, 1] += 1e-6 / self.size**2
-        right = columns @ self.y / self.noise**2
+        right = columns @ of.y
         solved = np.linalg.solve(precision, right[..., None])[..., 0]
         value = 0.5 * np.einsum("mi,mi->m", right, solved) - 0.5 * np.linalg.slogdet(precision)[1]
         value += np.log(earlier[:, 2] / self.size) if modes == 2 else 0.0
-        spread = np.einsum("mi,mi->m", earlier, np.linalg.solve(precision, earlier[..., None])[..., 0])
-        return np.where(outside, -np.inf, value), np.einsum("mi,mi->m", earlier, solved), np.maximum(spread, 0.0)
+        told = earlier - columns @ of.share  # of the named modes what the small ones do not tell already
+        spread = np.einsum("mi,mi->m", told, np.linalg.solve(precision, told[..., None])[..., 0])
+        middle = float(of.share @ of.y) + np.einsum("mi,mi->m", told, solved)
+        return np.where(outside, -np.inf, value), middle, np.maximum(spread, 0.0) + of.variance
 
 
-def _closed_in(
-    t: Array, y: Array, at: float, noise: float, size: float, box: list[tuple[float, float]]
-) -> tuple[Array, Array, Array]:
-    """Log weights, means and variances (m,) of the temperature at `at` over a grid of log rates that closes in on its posterior.
+def _closed_in(beside: _Beside, size: float, box: list[tuple[float, float]]) -> tuple[Array, Array, Array]:
+    """Log weights, means and variances (m,) of the temperature asked for over a grid of log rates that closes in on its posterior.
 
     box holds one range of log rates for each mode, the fast one first. Two rates are often known together far better than each: the
     grid lies along what is known of both, and moves and turns until it holds the posterior.
     """
     modes = len(box)
-    posterior = _Posterior(t, y, at, noise, size, box)
+    posterior = _Posterior(beside, size, box)
     # What the ranges are given beforehand stays what it was as the grid closes in: weights are densities times cells.
     # Pairs of rates in the wrong order, or too near, are none: two modes are half as likely as one beforehand, and less.
-    before = -sum(np.log(high - low) for low, high in box) - 0.5 * float(y @ y) / noise**2
+    before = beside.log - sum(np.log(high - low) for low, high in box)
     axes = [np.linspace(low, high, RATES) for low, high in box]
     points = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1)
     cell = float(sum(np.log(max(axis[1] - axis[0], 1e-12)) for axis in axes))

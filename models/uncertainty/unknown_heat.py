@@ -60,9 +60,9 @@ class Follows:
     """Heat that follows a logged column: to a power, so many minutes late.
 
     powers are the least and the largest that do nearly as well; correlation is that of the heat with what the column tells on
-    blocks left out, likelihood_ratio is twice the logarithm, mean over the sensors,
-    p its chance over everything tried; rates (S,) [1/min] those at which it does best,
-    shape (G,) the column as the heat follows it, at :func:`moments`.
+    blocks left out, likelihood_ratio is twice the logarithm, mean over the sensors, p its chance over everything tried; rates (S,)
+    [1/min] those at which it does best, open (S,) how far from their logarithms those of other powers and delays that do nearly as
+    well are; shape (G,) the column as the heat follows it, at :func:`moments`.
     """
 
     column: str
@@ -74,6 +74,7 @@ class Follows:
     p: float
     rates: tuple[float, ...] = ()
     shape: Array | None = None
+    open: tuple[float, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """What a record holds of it."""
@@ -190,25 +191,28 @@ def followed_column(
         ratio = ratios[begin : begin + len(told)]
         best = int(np.argmax(ratio))
         p = min(1.0, len(every) * chi2_tail(1, max(0.0, float(ratio[best]))))
-        own = tuple(best_rates[:, begin + best].tolist())
+        own, at = tuple(best_rates[:, begin + best].tolist()), best_rates[:, begin : begin + len(told)]
         if p < RULES.chance and all(len(may) > 1 for may in rates):
             likely = np.union1d(np.argsort(-ratio)[:LIKELY], [i for i, (_, delay) in enumerate(told) if delay == 0.0]).astype(int)
-            place, among, own = _at_own_rates(lumps, rates, shapes[likely], grid, np.array(given))
+            place, among, own, at[:, likely] = _at_own_rates(lumps, rates, shapes[likely], grid, np.array(given))
             best, ratio = int(likely[place]), np.full(len(told), -np.inf)
             ratio[likely] = among - alone
         power, delay = told[best]
-        near = [told[i][0] for i in np.flatnonzero(ratio >= ratio[best] - NEAR)]
+        as_well = np.flatnonzero(ratio >= ratio[best] - NEAR)
+        near, share = [told[i][0] for i in as_well], np.exp(0.5 * (ratio[as_well] - ratio[best]))
+        apart = np.sqrt((np.log(at[:, as_well] / np.array(own)[:, None]) ** 2) @ share / share.sum()).tolist()
         heats = [smooth_heat(lump, rate) for lump, rate in zip(lumps, own, strict=True)] if p < RULES.chance else []
         r = block_correlation(heats, np.array([*given, shapes[best]]), grid) if heats else 0.0
-        found.append(Follows(name, power, (min(near), max(near)), delay, r, float(ratio[best]), p, own, shapes[best]))
+        found.append(Follows(name, power, (min(near), max(near)), delay, r, float(ratio[best]), p, own, shapes[best], tuple(apart)))
         begin += len(told)
     return sorted(found, key=lambda f: -f.likelihood_ratio)
 
 
 def _at_own_rates(
     lumps: Sequence[Lump], rates: Sequence[Sequence[float]], shapes: Array, grid: Array, given: Array
-) -> tuple[int, Array, tuple[float, ...]]:
-    """The best of shapes (C, G), twice the log-likelihoods (C,), mean over the lumps, and each lump's rate, where heat follows one.
+) -> tuple[int, Array, tuple[float, ...], Array]:
+    """The best of shapes (C, G), twice the log-likelihoods (C,), mean over the lumps, and each lump's rate, where heat follows one;
+    and its rates at each shape (S, C), to the spacing that is looked at.
 
     The rate is then known so well that between the rates of a coarse grid the likelihood of the right shape is not seen.
     """
@@ -229,7 +233,7 @@ def _at_own_rates(
         total[c] = 2.0 * float(np.mean(reached))
         refined[c] = tuple(own)
     best = max(refined, key=lambda c: float(total[c]))
-    return best, total, refined[best]
+    return best, total, refined[best], nearest
 
 
 def claims(

@@ -151,6 +151,7 @@ def told_heat(lump: Lump, place: int, follows: Sequence[Follows], time: Array, s
         return smooth_heat(lump, rate, min(max(unsure, LEAST_DEVIATION), MOST_DEVIATION), sink_deviation)
     shapes, grid = np.array([f.shape for f in follows]), moments(time)
     rate, unsure = following_rate(lump, follows[-1].rates[place], NEARLY, shapes, grid)
+    unsure = float(np.hypot(unsure, follows[-1].open[place]))
     return smooth_heat(lump, rate, max(unsure, LEAST_FOLLOWING), sink_deviation, shapes, grid)
 
 

@@ -102,7 +102,7 @@ def command(
         _one_run(denoise, f"{len(readings.runs)} runs", "name one run")
     with batch.working(readings, len(readings.runs), "runs") as how:
         result = work(readings.runs, details=batch.wants_details, how=how)
-    code = batch.tell(result, readings, _drawn())
+    code = batch.tell(result, readings, _drawn(unknown_heat))
     draw(result, batch.save_plot)
     return code if denoise is None else max(code, _write_denoised(result, denoise, batch.quiet))
 
@@ -115,9 +115,22 @@ def _one_run(denoise: str | None, found: str, do: str) -> None:
         raise UsageError("--denoise writes one run", found=found, do=do)
 
 
-def _drawn() -> list[Any]:
+def _at_end(unit: str) -> Any:
+    """Forms the unknown heat at the end of the record, in K/min or W, with its band: all of it stands in JSON and is drawn."""
+
+    def form(row: dict[str, Any]) -> str:
+        last = row["unknown_heat"][-1] if row["unknown_heat"] else {}
+        if f"heat_{unit}" not in last:
+            return "-"
+        return f"{last[f'heat_{unit}']:.3g} ({last[f'lo_{unit}']:.3g}..{last[f'hi_{unit}']:.3g})"
+
+    return form
+
+
+def _drawn(unknown_heat: bool) -> list[Any]:
     from ..output.screen import interval, number, text
 
+    heat = [("heat at the end K/min", _at_end("k_per_min")), ("in W", _at_end("w"))] if unknown_heat else []
     return [
         ("sensor", text("channel")),
         ("effects", text("effects")),
@@ -128,6 +141,7 @@ def _drawn() -> list[Any]:
         ("bias K", number("bias_c", 3)),
         ("fails from..to min", interval("worst_from_min", "worst_to_min", 0)),
         ("by K", number("worst_error_c", 2)),
+        *heat,
         ("status", text("status")),
     ]
 
