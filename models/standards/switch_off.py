@@ -40,8 +40,8 @@ SHORTEST, LEAST_STEPS = 0.33, 2.0
 FAST_SHARE = 0.25
 #: Share of the record's fall that all modes beside two have together (a deviation), and how likely each is: of a part that is
 #: heated, and of one that is warmed by others, which shows where its fast mode is negative by so many of its deviations.
-SMALL = ((0.0, 0.6), (0.007, 0.2), (0.02, 0.2))
-SMALL_WARMED, WARMED = ((0.0, 0.4), (0.01, 0.2), (0.03, 0.2), (0.1, 0.2)), 2.0
+SMALL = ((0.0, 0.8), (0.007, 0.1), (0.02, 0.1))
+SMALL_WARMED, WARMED = ((0.0, 0.4), (0.01, 0.2), (0.03, 0.2), (0.1, 0.2)), 5.0
 #: Directions of sums of modes that are counted: those of so large a singular value, over the largest.
 SEEN = 1e-10
 

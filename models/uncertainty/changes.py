@@ -32,7 +32,7 @@ SIZE, LOCAL_SIZE = 0.4, 0.2
 UNLIKE = 0.1
 #: Where parts warm each other all rises go as the heat and all rates as the capacity, but a loss moves the rise of the heated part
 #: less than that of one far from it: such shares, and how likely each is.
-UNLIKE_LOSS = ((UNLIKE, 0.5), (0.2, 0.3), (0.4, 0.2))
+UNLIKE_LOSS = ((UNLIKE, 0.8), (0.2, 0.13), (0.4, 0.07))
 #: Kinds of change that move every point, and the share of them that may go the other way: a probe in the steam of a pot.
 WHOLE, MOST_AGAINST = ("heat", "heat capacity", "loss"), 0.25
 #: Prior probabilities: three tests in four are repeated without anything having changed.

@@ -52,7 +52,7 @@ def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: 
     if values is None:
         return record
     time = run.time_s / 60.0
-    good = np.isfinite(values) & (time > at_min)
+    good = np.isfinite(values) & (time >= at_min - 1e-9)  # a reading at that moment, too: temperatures do not jump
     if until_min is not None:
         good &= time <= until_min + 1e-9
     if good.any() and float(time[good][0]) - at_min > float(np.ptp(time[good])):
@@ -67,7 +67,7 @@ def with_switch_off(record: IdentifyRecord, run: Run, at_min: float, until_min: 
     if found is None:
         return replace(record, message="; ".join(filter(None, (record.message, why))))
     late = 60.0 * float(time[good][0] - at_min)
-    modes = f"two modes (probability {found.two_modes:.2g})" if found.two_modes > TOLD else "one mode"
+    modes = f"two modes or more (probability {found.two_modes:.2g})" if found.two_modes > TOLD else "one mode"
     said = f"at switch-off, {late:.3g} s before the first reading after it: {modes}"
     return replace(
         record,
