@@ -1,6 +1,7 @@
 """What analyses claim of records and machines whose truth is known: noise, cycles, displacement, settling, reliability."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -265,3 +266,23 @@ def test_a_moving_room_beside_a_hidden_mass_is_found_where_it_acts_as_logged(too
     tried = "ambient,second_mode,friction_decay,sensor_drift,load_step"  # what it was once taken for, and what it is
     for r in records(tool("diagnose", run, "--effects", tried, "--format", "json", "-q")):
         assert set(r["verdict"].split("+")) == {"ambient", "second_mode"}
+
+
+def test_a_range_is_named_as_a_channel_is(tool, tmp_path):
+    """``ambient`` for ``ambient [degC]``, for compare and validate."""
+    path = tmp_path / "run.csv"
+    path.write_text(Path(HIDDEN).read_text().replace("ambient", "ambient [degC]", 1))
+    short, whole = (
+        tool("compare", path, "--input-range", f"{name}=1", "--format", "json", "-q") for name in ("ambient", "ambient [degC]")
+    )
+    assert short.code == whole.code == 0
+    assert records(short) == records(whole)
+
+
+def test_the_unknown_heat_stands_in_the_table(tool):
+    done = tool("compare", HIDDEN, "--unknown-heat", "--channels", "T1", "--format", "table", "-q")
+    told = json.loads(tool("compare", HIDDEN, "--unknown-heat", "--channels", "T1", "--format", "json", "-q").out)["records"][0]
+    last = told["unknown_heat"][-1]
+    expected = f"{last['heat_k_per_min']:.3g} ({last['lo_k_per_min']:.3g}..{last['hi_k_per_min']:.3g})"
+    assert expected in " ".join(done.out.split())
+    assert "heat at the end" not in tool("compare", HIDDEN, "--channels", "T1", "--format", "table", "-q").out

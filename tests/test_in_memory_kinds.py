@@ -56,3 +56,25 @@ def test_a_whole_number_of_minutes_is_told_as_the_command_tells_it():
     assert (found[0].until_min, type(found[0].until_min)) == (40.0, float)
     with pytest.raises(tf.UsageError, match="it is called 'settings'"):
         tf.identify({"time_min": TIME, "T1": WARM}, set={"afukf.closing_step": False})
+
+
+def test_categories_of_words_as_polars_keeps_them_are_words():
+    """A dictionary of texts that are views, which Arrow casts to nothing."""
+    words = pa.DictionaryArray.from_arrays(pa.array([0, 1] * 30, pa.int32()), pa.array(["on", "off"], pa.string_view()))
+    whole = pa.DictionaryArray.from_arrays(pa.array(range(60), pa.int32()), pa.array(WARM))
+    run = tf.read(pa.table({"time_min": TIME, "T1": WARM, "state": words, "T2": whole}))
+    assert list(run.channels) == ["T1", "T2"]
+    assert run.channels["T2"] == pytest.approx(WARM)
+
+
+def test_words_of_reading_are_listed_where_one_is_not_known():
+    with pytest.raises(tf.UsageError, match="no argument 'foo'") as told:
+        tf.read({"time_min": TIME, "T1": WARM}, foo=1)
+    assert "interval" in told.value.allowed
+
+
+def test_a_watch_takes_a_filter_as_identify_does(tmp_path):
+    path = tmp_path / "run.csv"
+    np.savetxt(path, np.column_stack([TIME, WARM]), delimiter=",", header="time_min,T1", comments="")
+    told = tf.watch(path, replay="max", leave=False, filter="ukf", tolerance=1.0)
+    assert [r.filter for r in told] == ["ukf"]

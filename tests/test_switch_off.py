@@ -125,24 +125,23 @@ def test_readings_that_rise_have_no_switch_off_before_them():
         assert "the readings rise after the switch-off" in told.message
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_part_that_others_warm_has_more_modes_than_two(seed):
-    """Five bodies in a row, the first heated until then, by the exponential of their matrix: the last stays warm and falls later."""
-    rng = np.random.default_rng(seed)
-    capacity, links, loss = rng.uniform(8.0, 40.0, 5), rng.uniform(0.3, 0.9, 4), rng.uniform(0.1, 0.4, 5)
-    matrix = np.diag(links, 1) + np.diag(links, -1)
-    matrix -= np.diag(matrix.sum(axis=1) + loss)
-    rise = np.linalg.solve(matrix, -np.array([12.0, 0.0, 0.0, 0.0, 0.0]))
-    rates, vectors = np.linalg.eig(matrix / capacity[:, None])
-    sizes = np.linalg.solve(vectors, rise)
-    time = np.arange(1.0, 61.0, 0.5)
-    held = []
-    for part in range(1, 5):
-        clean = 21.0 + (vectors[part] * sizes * np.exp(np.outer(time, rates))).sum(axis=1).real
-        for _ in range(5):
-            found = temperature_at_switch_off(time, clean + 0.03 * rng.standard_normal(len(time)), 0.0)
-            held.append(found.low < 21.0 + rise[part] < found.high)
-    assert sum(held) >= 18  # of 20
+def test_a_part_that_others_warm_has_more_modes_than_two():
+    """Five bodies in a row, the first heated until then, by the exponential of their matrix: the others stay warm and fall later."""
+    held, time = [], np.arange(1.0, 61.0, 0.5)
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        capacity, links, loss = rng.uniform(8.0, 40.0, 5), rng.uniform(0.3, 0.9, 4), rng.uniform(0.1, 0.4, 5)
+        matrix = np.diag(links, 1) + np.diag(links, -1)
+        matrix -= np.diag(matrix.sum(axis=1) + loss)
+        rise = np.linalg.solve(matrix, -np.array([12.0, 0.0, 0.0, 0.0, 0.0]))
+        rates, vectors = np.linalg.eig(matrix / capacity[:, None])
+        sizes = np.linalg.solve(vectors, rise)
+        for part in range(1, 5):
+            clean = 21.0 + (vectors[part] * sizes * np.exp(np.outer(time, rates))).sum(axis=1).real
+            for _ in range(5):
+                found = temperature_at_switch_off(time, clean + 0.03 * rng.standard_normal(len(time)), 0.0)
+                held.append(found.low < 21.0 + rise[part] < found.high)
+    assert sum(held) >= 50  # of 60; two modes alone held 31
 
 
 def test_a_reading_at_the_very_moment_counts():

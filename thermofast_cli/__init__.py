@@ -85,12 +85,14 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module 'thermofast' has no attribute {name!r}; it has {', '.join(__all__)}")
-    found = getattr(import_module(f".{_ELSEWHERE.get(name, 'api')}", __name__), name)
-    globals()[name] = found
-    return found
+if not TYPE_CHECKING:  # to a type checker a name that is not there is a mistake
+
+    def __getattr__(name: str) -> Any:
+        if name not in __all__:
+            raise AttributeError(f"module 'thermofast' has no attribute {name!r}; it has {', '.join(__all__)}")
+        found = getattr(import_module(f".{_ELSEWHERE.get(name, 'api')}", __name__), name)
+        globals()[name] = found
+        return found
 
 
 def __dir__() -> list[str]:

@@ -200,12 +200,16 @@ def watch(
     rates: "Rates" = "auto",
     start: Start = "auto",
     told: "Callable[[Look], None] | None" = None,
+    filter: str = "afukf",  # noqa: A002 - the name of the option
+    preset: Literal["paper"] | None = None,
+    settings: Mapping[str, Any] | None = None,
     **reading: Any,
 ) -> Watching:
     """Follow a file while it is written until the test can be stopped (`leave`), or none comes for `give_up` [min]; its last look.
 
     tolerance [K] is the half-width that every sensor is to have; replay (``600x``, ``max``) plays a finished record; `told`
-    hears of every look, `poll` [s] says how often the file is looked at. drive: a logged column that the heat follows.
+    hears of every look, `poll` [s] says how often the file is looked at. drive: a logged column that the heat follows; filter,
+    preset and settings as for :func:`identify`. An interrupt ends it as the command does: the last look is returned.
 
     Raises
     ------
@@ -223,7 +227,7 @@ def watch(
         if told is not None and look is not None:
             told(look)
 
-    method = choose("afukf", None, (), read_imperfection(imperfection), rates)
+    method = choose(filter, preset, setting_texts(filter, settings), read_imperfection(imperfection), rates)
     how = options_from(reading), str(start), method, tolerance, model_of(model), leave, speed_of(replay), poll, give_up
     last, run = watch_run(str(source), *how, tell, drive)
     return Watching(last.records, (run,), looked=last)

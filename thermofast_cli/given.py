@@ -119,7 +119,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         for name in kwargs:
             if name not in known and more in ([], ["reading"]):
                 hint = f"it is called {OPTIONS[name]!r}" if name in OPTIONS else nearest(name, known) or "see docs/api.md"
-                raise UsageError(f"tf.{function.__name__} has no argument {name!r}", allowed=", ".join(own), do=hint)
+                raise UsageError(f"tf.{function.__name__} has no argument {name!r}", allowed=", ".join(known), do=hint)
         try:
             bound = signature.bind(*args, **kwargs)
         except TypeError as error:

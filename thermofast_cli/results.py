@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -294,12 +294,12 @@ class Calibration(Result):
 
     command: ClassVar[str] = "calibrate"
     kind: ClassVar[type[Row]] = CalibrateRecord
-    prior: "Imperfection | None" = None
+    prior: "Imperfection" = field(kw_only=True)
     learnt_from: tuple[str, ...] = ()
 
     def save(self, path: str | Path, excel_csv: bool = False, made: Mapping[str, str] | None = None) -> None:
         """Write the prior: .toml for ``--imperfection``; any other suffix the rows."""
-        if str(path).endswith(".toml") and self.prior is not None:
+        if str(path).endswith(".toml"):
             from .machine.lab import write_imperfection
 
             write_imperfection(str(path), self.prior, self.learnt_from)

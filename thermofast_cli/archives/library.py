@@ -5,6 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
 from functools import partial
 from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
@@ -56,8 +57,8 @@ class Archived:
 @checked
 def archive(
     command: str,
-    sources: str | Sequence[str],
-    into: str,
+    sources: str | Path | Sequence[str | Path],
+    into: str | Path,
     *,
     resume: bool = False,
     prune: bool = False,
@@ -106,11 +107,11 @@ def archive(
         settings_of(options | reading | {"start": start}, defaults_of(getattr(api, command))),
         of_sensors and from_rise(model_of(options.get("model")), options.get("drive")),
     )
-    named = [sources] if isinstance(sources, str) else list(sources)
+    named = [str(s) for s in ([sources] if isinstance(sources, str | Path) else sources)]
     read = options_from(reading)
     crew = crew_of(jobs, cluster, False, executor)
     begins, near = None if start == "auto" else float(start), crew.near or shared_files
-    return into_folder(analysis, named, into, resume, crew, read, begins, task_timeout, near, progress, prune)
+    return into_folder(analysis, named, str(into), resume, crew, read, begins, task_timeout, near, progress, prune)
 
 
 def _called(work: Callable[..., Result], started: Any, how: Any) -> Result:

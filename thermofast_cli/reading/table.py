@@ -178,7 +178,7 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
             columns[column_name] = to_floats(column)
             continue
         if pa.types.is_dictionary(kind):
-            column = _plain(pa.chunked_array([chunk.dictionary_decode() for chunk in column.chunks], kind.value_type))
+            column = _decoded(column)
             kind = column.type
         if pa.types.is_timestamp(kind):
             whole = column.cast(pa.timestamp("us", tz=kind.tz), safe=False).cast(pa.int64()).to_pylist()
@@ -204,6 +204,13 @@ def from_arrow(table: pa.Table, name: str, notes: list[str]) -> Table:
     units = {**dict.fromkeys(columns, ""), **units}
     found = Table(name, list(columns), columns, units, range(table.num_rows), tuple(notes))
     return replace(found, guesses=tuple(guesses), durations=tuple(durations))
+
+
+def _decoded(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """The values of a column that is kept as places in a dictionary, one after another; texts that are views are none to Arrow."""
+    kind = pa.large_string() if column.type.value_type == pa.string_view() else column.type.value_type
+    plain = [pa.DictionaryArray.from_arrays(c.indices, c.dictionary.cast(kind)).dictionary_decode() for c in column.chunks]
+    return pa.chunked_array(plain, kind)
 
 
 def _plain(column: pa.ChunkedArray) -> pa.ChunkedArray:
