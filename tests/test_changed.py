@@ -528,3 +528,63 @@ def test_runs_that_share_no_sensor_are_told_by_name():
     other = tf.read({"time_min": one.time_s / 60.0, **{f"z{c}": v for c, v in one.channels.items()}}, name="odd")
     with pytest.raises(tf.UsageError, match="odd: za, zb, zc"):
         tf.changed([one, other], two)
+
+
+def four(rng, name, loss=1.0, late=0, halved=None, heat=1.0):
+    """Four bodies in a row, the first heated: each minute's step by the exponential of their matrix. Read from `late` [min] on; the
+    heat is halved at `halved` [min].
+    """
+    capacity, links, own = np.array([10.0, 18.0, 25.0, 20.0]), np.array([0.6, 0.5, 0.4]), loss * np.array([0.18, 0.15, 0.135, 0.12])
+    matrix = np.diag(links, 1) + np.diag(links, -1)
+    matrix = (matrix - np.diag(matrix.sum(axis=1) + own)) / capacity[:, None]
+    step, at, rows = expm(matrix), np.zeros(4), []
+    for minute in range(421):
+        rows.append(at)
+        power = heat * 6.0 * (0.5 if halved is not None and minute >= halved else 1.0)
+        end = np.linalg.solve(matrix, -np.array([power / capacity[0], 0.0, 0.0, 0.0]))
+        at = end + step @ (at - end)
+    seen = (20.0 + np.array(rows).T + 0.03 * rng.standard_normal((4, 421)))[:, late:]
+    return tf.read({"time_min": np.arange(seen.shape[1], dtype=float), **dict(zip("abcd", seen, strict=True))}, name=name)
+
+
+def test_a_test_that_is_logged_late_has_no_probe_that_is_off():
+    """The heated part has risen when the logger begins, and the others have hardly: where it settles it was known from."""
+    rng = np.random.default_rng(21)
+    old = [four(rng, f"old {k}") for k in range(3)]
+    for late in (5, 10, 20):
+        told = tf.changed(old, four(rng, f"late by {late}", late=late))
+        assert (told[0].status, told.verdict in ("nothing", "cannot tell")) == ("not_determined", True) or "nothing" in told.verdict
+        assert not (told[0].status == "ok" and told.verdict == "sensor")
+    # A probe that is off tells more at the end, too.
+    probe = four(rng, "probe")
+    columns = {"time_min": probe.time_s / 60.0} | {n: v + (3.0 if n == "c" else 0.0) for n, v in probe.channels.items()}
+    told = tf.changed(old, tf.read(columns, name="off"))
+    assert (told.verdict, told[0].status, told[0].channel) == ("sensor", "ok", "c")
+    assert "tells 3 K higher" in told[0].message
+
+
+@pytest.mark.parametrize("factor", [1.6, 2.0])
+def test_the_size_of_a_loss_holds_where_parts_warm_each_other(factor):
+    """The heated part, known best, answers by less than the factor and the far ones by more: the interval held none of the two."""
+    rng = np.random.default_rng(22)
+    told = tf.changed([four(rng, f"old {k}") for k in range(3)], [four(rng, f"new {k}", loss=factor) for k in range(3)])
+    assert (told.verdict, told[0].status) == ("loss", "ok")
+    assert told[0].size_lo < factor < told[0].size_hi
+    assert told[0].size_hi / told[0].size_lo < 1.6
+
+
+def test_of_a_load_that_changed_within_a_run_nothing_is_said():
+    rng = np.random.default_rng(23)
+    old = [four(rng, f"old {k}") for k in range(2)]
+    told = tf.changed(old, four(rng, "halved", halved=150))
+    assert (told.verdict, told[0].status) == ("cannot tell", "not_determined")
+    assert re.search(r"[abcd] leaves the law of one rise by \S+ K in the new runs, by \S+ K in the old ones", told[0].message)
+    back = tf.changed([four(rng, "halved", halved=150)], four(rng, "new"))
+    assert "in the old runs" in back[0].message
+    assert tf.changed(old, four(rng, "heat", heat=1.5)).verdict == "heat"
+
+
+def test_what_one_sensor_would_have_shown_is_told_too():
+    rng = np.random.default_rng(24)
+    told = tf.changed([run(rng, f"old {k}") for k in range(3)], run(rng, "new"))
+    assert re.search(r"(the rise|that) of one sensor( alone)? by [\d.]+( to [\d.]+)? %", told[0].message)

@@ -200,3 +200,32 @@ def test_a_change_that_its_points_do_not_show_is_none_of_the_kinds():
     told = {c.kind: c.probability for c in changed.changes([old], [new]).changes}
     assert told["heat"] == 0.0
     assert max(told, key=told.get) == "contact"
+
+
+def test_a_probe_is_told_from_a_test_that_is_logged_late():
+    """Of a machine whose heated part had warmed by 7 K when the logger began; far sensors tell nothing of the heat of all."""
+    starts = np.zeros((4, 6)) + np.random.default_rng(3).normal(0.0, 0.05, (4, 6))
+    rises = np.tile([30.1, 17.7, 12.9, 10.7, 72.9, 105.2], (4, 1))
+    errors = np.array([0.06, 0.06, 0.07, 0.23, 0.44, 4.7])
+    nothing = [changed.Change("nothing", None, 1.0)]
+    late, off = starts.copy(), starts.copy()
+    late[3] += [7.4, 2.5, 0.7, 0.1, 0.0, 0.1]
+    less = rises.copy()
+    less[3] = [23.0, 14.8, 11.1, 6.4, 6.0, 5.1]
+    assert changed.with_offset(nothing, late, less, 3, errors)[0].kind == "nothing"
+    off[3, 0] += 7.4
+    found = changed.with_offset(nothing, off, rises, 3, errors)[0]
+    assert (found.kind, found.sensor, found.kelvin) == ("sensor", 0, True)
+    assert found.probability > 0.95
+
+
+def test_the_middle_counts_what_is_known():
+    assert changed._middle(np.array([3.0, 1.0, 2.0]), np.ones(3)) == 2.0
+    assert changed._middle(np.array([3.0, 1.0, 2.0]), np.array([0.1, 1.0, 1.0])) == 3.0
+
+
+def test_more_loss_leaves_no_point_warmer():
+    loss = changed._hypotheses(2)[3][2]
+    noise = 0.01**2 * np.eye(4)
+    for rise, fine in ((-0.3, True), (0.01, True), (0.03, False)):
+        assert changed._all_one_way(loss, (None, 0.4, 0.1), np.array([0.4, 0.2, -0.5, rise]), noise) == fine

@@ -33,6 +33,9 @@ UNLIKE = 0.1
 #: Where parts warm each other all rises go as the heat and all rates as the capacity, but a loss moves the rise of the heated part
 #: less than that of one far from it: such shares, and how likely each is.
 UNLIKE_LOSS = ((UNLIKE, 0.8), (0.2, 0.13), (0.4, 0.07))
+#: Errors in common draw the size to the points that are known best, mostly the heated one: how far it is from the middle of all
+#: points is not known to so much of itself.
+FROM_MIDDLE = 0.7
 #: Kinds of change that move every point, and the share of them that may go the other way: a probe in the steam of a pot.
 WHOLE, MOST_AGAINST = ("heat", "heat capacity", "loss"), 0.25
 #: Prior probabilities: three tests in four are repeated without anything having changed.
@@ -194,9 +197,14 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
                 # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
                 amount = abs(first[1]) if first is not None else 0.0
                 if share > UNLIKE:  # what is left of the size where points are so unlike
-                    amount = min(amount, abs(_size(kind, directions, size, left, own + (share * amount) ** 2 * np.eye(2 * n))[1]))
+                    again = _size(kind, directions, size, left, own + (share * amount) ** 2 * np.eye(2 * n))
+                    amount = min(amount, abs(again[1]) if again is not None else amount)
                 unlike = (share * amount) ** 2 * np.eye(2 * n)
                 sizes.append(_size(kind, directions, size, left, own + unlike))
+                told = sizes[-1]
+                if kind == "loss" and n > 1 and told is not None:
+                    middle = _middle(left * directions[:, 0], np.sqrt(np.diag(own)))
+                    sizes[-1] = told[0], told[1], float(np.hypot(told[2], FROM_MIDDLE * (middle - told[1])))
                 covariance = own + size**2 * directions @ directions.T + unlike
                 sign, log = np.linalg.slogdet(covariance)
                 if not _of_every_point(kind, directions, sizes[-1], left, own + unlike):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import Observations
+from thermofast.models import Observations, third_difference_noise
 from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
 from thermofast.models.uncertainty.changes import (
@@ -52,6 +52,8 @@ LOGGED, AS_ASKED = 0.05, 0.1
 #: Share of their rise on which new runs are well up where they begin, beyond the old ones, and how uneven that is in a machine:
 #: another room moves all points alike.
 LATE, UNEVEN = 0.1, 0.1
+#: Misfit of the law beyond the noise, over the rise, from which a run is bent, and by how many times that of the other side's runs.
+BENT, MORE_BENT = 0.02, 3.0
 #: A sensor that ends where it did, to within so much of what it began warmer, is no probe that tells more throughout.
 ENDS_ALIKE = 0.5
 #: What is not known of a logged room's mean [K].
@@ -152,10 +154,14 @@ def compare_runs(
     late = _late(warmer[others], rise[others]) if verdict in ("sensor", "contact") else []
     if late:  # what each sensor does by itself then is how the machine had warmed
         verdict, status = "cannot tell", "not_determined"
+    bent = _bent(fits, many, channels) if not verdict.startswith("nothing") else []
+    if bent:  # of a load that changed within a run rate and rise tell nothing
+        verdict, status = "cannot tell", "not_determined"
     if verdict == "nothing" and apart:  # rates and rises do not know of a probe that is off
         status = "not_determined"
     notes = [
         *late,
+        *bent,
         *_asked_words(asked, verdict),
         *(_rooms(first, many) if first is not None and (model is None or not logged) else []),
         *apart,
@@ -373,6 +379,28 @@ def _late(warmer: Array, rise: Array) -> list[str]:
         return []
     most = rounded(float(up.max()))
     return [f"the new runs begin up to {most} K up on their rise: as if logged late, or begun warm; compare runs that begin alike"]
+
+
+def _bent(fits: Sequence[Fit], old: int, channels: Sequence[str]) -> list[str]:
+    """What to say where runs of one side leave the law of one rise far more than those of the other; the `old` ones come first."""
+    left = []
+    for fit in fits:
+        noise = [
+            third_difference_noise(row[used], fit.run.time[used]) for row, used in zip(fit.residual, fit.run.used, strict=True)
+        ]
+        misfit = np.array([np.mean(np.square(row[used])) for row, used in zip(fit.residual, fit.run.used, strict=True)])
+        left.append(np.sqrt(np.maximum(misfit - np.square(noise), 0.0)))
+    rises = np.array([np.asarray(f.values[LEVEL], dtype=float) - np.asarray(f.values[START], dtype=float) for f in fits])
+    kelvin = np.array(left)
+    share = kelvin / np.abs(rises)
+    for mine, side, others, other in ((slice(old, None), "new", slice(old), "old"), (slice(old), "old", slice(old, None), "new")):
+        most, usual = share[mine].max(axis=0), share[others].max(axis=0)
+        i = int(np.argmax(np.where(most > MORE_BENT * usual, most, 0.0)))
+        if most[i] > BENT and most[i] > MORE_BENT * usual[i]:
+            far, near = (rounded(float(kelvin[s, i].max()), 2) for s in (mine, others))
+            words = f"{channels[i]} leaves the law of one rise by {far} K in the {side} runs, by {near} K in the {other} ones"
+            return [f"{words}: as if its load or cooling had changed within; compare tests of one course"]
+    return []
 
 
 def _apart(first: Array, old: int, channels: Sequence[str]) -> list[str]:
