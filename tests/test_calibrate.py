@@ -91,14 +91,15 @@ def test_machines_that_are_the_law_get_the_intervals_of_the_law():
     assert lab.steady_state_hi_c - lab.steady_state_lo_c < 0.6 * (typical.steady_state_hi_c - typical.steady_state_lo_c)
 
 
-def test_the_file_is_read_back(lab, tmp_path):
+def test_the_file_is_read_back(tmp_path):
+    lab = tf.calibrate([tf.read(columns(bar.simulate(seed).runs[0]), name=f"past {seed}") for seed in range(8000, 8003)])
     lab.save(tmp_path / "lab.toml")
     again = read_imperfection(str(tmp_path / "lab.toml"))
     rounded = tuple((t, pytest.approx(f, rel=1e-3)) for t, f in lab.prior.factors)
     assert replace(again, factors=()) == replace(lab.prior, factors=())
     assert again.factors == rounded
     text = (tmp_path / "lab.toml").read_text()
-    assert "# How imperfect the machines of this lab are: learnt by thermofast calibrate from 6 complete runs." in text
+    assert "# How imperfect the machines of this lab are: learnt by thermofast calibrate from 3 complete runs." in text
     lab.save(tmp_path / "rows.csv")
     assert (tmp_path / "rows.csv").read_text().startswith("run,channel,time_constants")
     (tmp_path / "lab.toml").write_text("[imperfection]\nfactors = [[2, 1], [1, 1]]\n")
