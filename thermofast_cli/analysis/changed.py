@@ -53,7 +53,7 @@ LOGGED, AS_ASKED = 0.05, 0.1
 #: another room moves all points alike.
 LATE, UNEVEN = 0.1, 0.1
 #: Misfit of the law beyond the noise, over the rise, from which a run is bent, and by how many times that of the other side's runs.
-BENT, MORE_BENT = 0.02, 3.0
+BENT, MORE_BENT = 0.04, 4.0
 #: A sensor that ends where it did, to within so much of what it began warmer, is no probe that tells more throughout.
 ENDS_ALIKE = 0.5
 #: What is not known of a logged room's mean [K].
