@@ -102,7 +102,7 @@ def command(
         _one_run(denoise, f"{len(readings.runs)} runs", "name one run")
     with batch.working(readings, len(readings.runs), "runs") as how:
         result = work(readings.runs, details=batch.wants_details, how=how)
-    code = batch.tell(result, readings, _drawn(unknown_heat))
+    code = batch.tell(result, readings, _drawn(unknown_heat, drive is not None))
     draw(result, batch.save_plot)
     return code if denoise is None else max(code, _write_denoised(result, denoise, batch.quiet))
 
@@ -127,10 +127,10 @@ def _at_end(unit: str) -> Any:
     return form
 
 
-def _drawn(unknown_heat: bool) -> list[Any]:
+def _drawn(unknown_heat: bool, driven: bool) -> list[Any]:
     from ..output.screen import interval, number, text
 
-    heat = [("heat at the end K/min", _at_end("k_per_min")), ("in W", _at_end("w"))] if unknown_heat else []
+    heat = [("heat at the end K/min", _at_end("k_per_min")), *([("in W", _at_end("w"))] if driven else [])] if unknown_heat else []
     return [
         ("sensor", text("channel")),
         ("effects", text("effects")),
