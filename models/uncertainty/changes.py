@@ -48,6 +48,8 @@ DRIFT = 0.3, 0.15
 ROOM_BETWEEN = 0.7
 #: Prior probability that a run which begins elsewhere began warm, and not in another room; where the room is logged, the other way.
 WARM = 0.2
+#: Prior probability that a run of which one sensor began elsewhere is one that was logged late.
+LATE = 0.2
 #: Prior deviation [K] of what a probe that is off tells beside the truth.
 PROBE = 2.0
 #: Deviation [K] of where sensors begin beside each other from run to run; of a machine that is warm, as share of how warm it is.
@@ -309,13 +311,11 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     rose, after = rises[:old].mean(axis=0), rises[old:].mean(axis=0)
     unsure = (np.hypot(errors, OWN[1]) * np.abs(after)) ** 2 + BESIDE**2
     chance = norm.logpdf(moved, 0.0, np.sqrt(variance))
-    as_probe = as_warm = np.full(count, -np.inf)
-    # All may have another heat, or the old one: where a test is logged late all rise less, each by as much as it had warmed.
-    for factor in (1.0, _middle(after / rose, np.hypot(errors, OWN[1]))):
-        fell = after - factor * rose
-        probe = norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2)) + norm.logpdf(fell, 0.0, np.sqrt(unsure))
-        warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), _as_warm_spot(moved, fell, variance, unsure))
-        as_probe, as_warm = np.logaddexp(as_probe, probe), np.logaddexp(as_warm, warm)
+    fell = after - _middle(after / rose, np.hypot(errors, OWN[1])) * rose
+    as_probe = norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2)) + norm.logpdf(fell, 0.0, np.sqrt(unsure))
+    as_warm = np.logaddexp(chance + norm.logpdf(fell, 0.0, np.sqrt(unsure)), _as_warm_spot(moved, fell, variance, unsure))
+    # Where a test is logged late all rise less, each by as much as it had warmed, and no factor is all rises'.
+    as_warm = np.logaddexp(as_warm, np.log(LATE) + _as_warm_spot(moved, after - rose, variance, unsure))
     odds = PRIORS["sensor"] / count * np.exp(np.minimum(as_probe - as_warm, 50.0))
     i = int(np.argmax(odds))
     share = float(odds[i] / (1.0 + odds[i]))
