@@ -93,7 +93,7 @@ def test_a_record_of_the_machine_tells_what_it_takes_without_its_past_runs(monke
 
 def test_a_test_like_another(tool, monkeypatch):
     monkeypatch.setattr(planning, "DRAWS", 2)
-    monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 5))
+    monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 3))
     every = planning.alternatives
     monkeypatch.setattr(planning, "alternatives", lambda *given: every(*given)[:1])
     done = tool("plan", "--like", "sample_runs/spindle.csv", "--noise", 0.05, "--tolerance", 1, "--format", "json", "-q")

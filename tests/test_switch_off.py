@@ -138,10 +138,10 @@ def test_a_part_that_others_warm_has_more_modes_than_two():
         sizes = np.linalg.solve(vectors, rise)
         for part in range(1, 5):
             clean = 21.0 + (vectors[part] * sizes * np.exp(np.outer(time, rates))).sum(axis=1).real
-            for _ in range(5):
+            for _ in range(3):
                 found = temperature_at_switch_off(time, clean + 0.03 * rng.standard_normal(len(time)), 0.0)
                 held.append(found.low < 21.0 + rise[part] < found.high)
-    assert sum(held) >= 50  # of 60; two modes alone held 31
+    assert sum(held) >= 31  # of 36; two modes alone held 21
 
 
 def test_a_reading_at_the_very_moment_counts():

@@ -498,9 +498,8 @@ def test_a_command_that_hangs_is_ended_with_all_that_it_began(tmp_path, capfd, m
 def test_looks_that_cannot_be_kept_do_not_end_a_watch(tool, tmp_path):
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full here")
-    done = tool(
-        "watch", "sample_runs/spindle.csv", "--replay", "max", "--channels", "T1", "--jsonl", "/dev/full", "-q", "--format", "csv"
-    )
+    given = ("--replay", "max", "--channels", "T1", "--to", 40, "-q", "--format", "csv")
+    done = tool("watch", "sample_runs/spindle.csv", "--jsonl", "/dev/full", *given)
     assert done.code == 2
     assert done.out.startswith("run,channel")
     assert done.err.count("/dev/full: looks are kept no longer: No space left on device") == 1

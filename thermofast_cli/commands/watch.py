@@ -33,7 +33,10 @@ if TYPE_CHECKING:
 )
 @click.option("--exit", "leave", is_flag=True, help="End as soon as the test can be stopped.")
 @click.option(
-    "--exec", "execute", metavar="COMMAND", help="Run a shell command at that moment, beside the watch; at its end it has a minute."
+    "--exec",
+    "execute",
+    metavar="COMMAND",
+    help="Run a shell command at that moment, beside the watch; when that ends it has a minute more.",
 )
 @click.option("--jsonl", metavar="FILE", help="Append what is known at each look to FILE, a line of JSON each.")
 @click.option("--replay", metavar="600x|max", help="Play a finished record, so many times as fast as it was.")
@@ -72,7 +75,7 @@ def command(
 ) -> int:
     """Follow a record while it is written, and say when the test can be stopped.
 
-    RUN is a file that a logger is writing, or - for standard input. It is looked at again whenever it has grown by one per cent.
+    RUN is a file that a logger is writing, a named pipe, or - for standard input. It is looked at again whenever it has grown by one per cent.
     "You can stop now" is said when all of this holds: every sensor is ok; 1.15 times its half-width is within --tolerance, and has
     been for some time; some sensor has moved by two tolerances; and 1.5 time constants have passed, because a second mass shows
     only then. The last condition is dropped where past runs are known: --model of this machine, or --imperfection lab.toml where
