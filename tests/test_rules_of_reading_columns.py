@@ -381,6 +381,9 @@ def test_a_word_that_takes_a_moving_sensor_away_is_a_guess():
         "Room [°C]": 20.0 + 0.005 * np.arange(60.0),
     }
     assert _of(_roles(**{"front [°C]": WARMING}, **told), "moves as the sensors do") == []
+    # A room that drifts by as much as a sensor far from the heat rises is a room.
+    far = {"front [°C]": WARMING, "bed [°C]": WARMING, "column [°C]": 20.0 + 0.8 * np.linspace(0.0, 1.0, 60)}
+    assert _of(_roles(**far, **{"ambient [°C]": 20.0 + 0.7 * np.linspace(0.0, 1.0, 60)}), "moves as the sensors do") == []
     asked = Options(inputs=("set screw [°C]", "Housing diff gear [°C]"))
     assert _of(_roles(**names, options=asked), "moves as the sensors do") == []
 

@@ -75,7 +75,7 @@ def command(
 ) -> int:
     """Follow a record while it is written, and say when the test can be stopped.
 
-    RUN is a file that a logger is writing, a named pipe, or - for standard input. It is looked at again whenever it has grown by one per cent.
+    RUN is a file that a logger is writing, a named pipe, or - for standard input. It is looked at again when it has grown by 1 %.
     "You can stop now" is said when all of this holds: every sensor is ok; 1.15 times its half-width is within --tolerance, and has
     been for some time; some sensor has moved by two tolerances; and 1.5 time constants have passed, because a second mass shows
     only then. The last condition is dropped where past runs are known: --model of this machine, or --imperfection lab.toml where

@@ -37,6 +37,8 @@ _QUANTITY = re.compile(r"(?:[nPIUMFQHXYZ]|d[XYZ])\d*|[nPIUM]_[^\W\d]\w*")
 BEGIN_ALIKE = 10.0
 #: Readings that are asked for to say that two columns move alike, and how far apart they begin then at most [K].
 LEAST_ALIKE, STARTS_ALIKE = 20, 3.0
+#: By less than half of this [K] a room may drift in a test.
+ROOM_DRIFTS = 6.0
 #: Ends of a name that tell something of the reading which is called so without them: how many, whose, how sure; of air how moist.
 COUNTED = frozenset(["n", "count", "id"])
 TELLS_OF, OF_AIR = frozenset(["rssi", "unc", "uncertainty", "battery", "batt"]), frozenset(["h", "rh", "hum", "p"])
@@ -338,10 +340,12 @@ def _moving_alike(
     begin, moved = [float(np.median(c[:5])) for c in sensors], [_movement(c) for c in sensors]
     found = []
     for n in suspects:
+        # A room drifts, too, by more than a sensor far from the heat: one that is called so must move as most sensors do.
+        least = 0.5 * (max(float(np.median(moved)), ROOM_DRIFTS) if n in roles["ambient"] else min(moved))
         c = _finite(values[n])
         still = len(c) <= LEAST_ALIKE or np.mean(np.diff(c) == 0.0) > 0.5 or len(np.unique(c)) < 0.1 * len(c)
         near = not still and min(begin) - STARTS_ALIKE <= np.median(c[:5]) <= max(begin) + STARTS_ALIKE
-        if near and 0.5 * min(moved) <= _movement(c) <= 2.0 * max(moved) and _movement(c) > 0.0:
+        if near and least <= _movement(c) <= 2.0 * max(moved) and _movement(c) > 0.0:
             found.append(n)
     return found
 
@@ -438,7 +442,7 @@ def _with_words(
         guesses.append(Guess("role", f"the surroundings are the mean of columns that differ: {told}", "--ambient says which it is"))
     alike = _moving_alike(roles, signs, values, options)
     if alike:
-        what = f"left out by a word in its name, though it moves as the sensors do: {listed(alike)}"
+        what = f"taken for no sensor by a word in its name, though it moves as the sensors do: {listed(alike)}"
         guesses.append(Guess("role", what, "--channels reads it"))
     references = [n for n in roles["input"] if n not in options.inputs and set(words(n)) & REFERENCE]
     if references:
