@@ -10,9 +10,11 @@ from scipy.linalg import expm
 from scipy.stats import norm
 
 import thermofast as tf
+from thermofast.analysis.changed import Difference
 from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, _mixed, _size, changes, other_room, scatter, with_room
+from thermofast.output.pictures.change import draw_change
 
 RISES = np.array([10.0, 7.0, 5.0])
 
@@ -588,3 +590,15 @@ def test_what_one_sensor_would_have_shown_is_told_too():
     rng = np.random.default_rng(24)
     told = tf.changed([run(rng, f"old {k}") for k in range(3)], run(rng, "new"))
     assert re.search(r"(the rise|that) of one sensor( alone)? by [\d.]+( to [\d.]+)? %", told[0].message)
+
+
+def test_the_picture_is_not_stretched_by_a_sensor_of_which_nothing_is_known():
+    """Its bar runs out on both sides; the others lie within a factor of ten."""
+    value = np.array([0.1, 0.0, -0.2, 9.0])
+    difference = Difference(("a", "b"), value, np.array([0.05, 64.0, 0.1, 3.0]), "cannot tell")
+    for axis in draw_change(difference).axes:
+        low, high = axis.get_xlim()
+        assert 0.5 < low < 1.0
+        assert 1.0 < high < 1.3
+        assert len(axis.lines[0].get_xdata()) == 1  # one dot; the bar beside it runs from end to end
+    assert draw_change(Difference(("a",), np.array([9.0, 9.0]), np.ones(2), "contact")).axes[0].get_xlim()[1] < 1.2

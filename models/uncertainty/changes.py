@@ -193,28 +193,10 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
     for kind, sensor, directions, size, prior in _hypotheses(n):
         weights, sizes = [], []
         for likely, shift, unsure in ways:
-            left, own = difference - shift, noise + np.outer(unsure, unsure)
-            first = _size(kind, directions, size, left, own)
             for share, of_share in UNLIKE_LOSS if kind == "loss" and n > 1 else ((UNLIKE, 1.0),):
-                # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
-                amount = abs(first[1]) if first is not None else 0.0
-                if share > UNLIKE:  # what is left of the size where points are so unlike
-                    again = _size(kind, directions, size, left, own + (share * amount) ** 2 * np.eye(2 * n))
-                    amount = min(amount, abs(again[1]) if again is not None else amount)
-                unlike = (share * amount) ** 2 * np.eye(2 * n)
-                sizes.append(_size(kind, directions, size, left, own + unlike))
-                told = sizes[-1]
-                if kind == "loss" and n > 1 and told is not None:
-                    middle = _middle(left * directions[:, 0], np.sqrt(np.diag(own)))
-                    sizes[-1] = told[0], told[1], float(np.hypot(told[2], FROM_MIDDLE * (middle - told[1])))
-                covariance = own + size**2 * directions @ directions.T + unlike
-                sign, log = np.linalg.slogdet(covariance)
-                if not _of_every_point(kind, directions, sizes[-1], left, own + unlike):
-                    sign = 0.0
-                if share > UNLIKE and not _all_one_way(directions, first, left, own):
-                    sign = 0.0
-                weight = np.log(prior * of_share) + likely - 0.5 * (log + left @ np.linalg.solve(covariance, left))
-                weights.append(float(weight) if sign > 0 else -np.inf)
+                weight, told = _weighed(kind, directions, size, difference - shift, noise + np.outer(unsure, unsure), share)
+                weights.append(weight + np.log(prior * of_share) + likely)
+                sizes.append(told)
         found.append((kind, sensor, sizes))
         logs.append(np.array(weights))
     top = max(float(each.max()) for each in logs)
@@ -225,6 +207,30 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
         listed.append(Change(kind, sensor if at is None else at, float(own.sum()) / total, value, deviation))
     same_start = float(shares[0][0] / max(float(shares[0].sum()), 1e-300))
     return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, same_start)
+
+
+def _weighed(
+    kind: str, directions: Array, size: float, left: Array, noise: Array, share: float
+) -> tuple[float, tuple[int | None, float, float] | None]:
+    """Log-likelihood of a difference (2 S,) where points answer to a change unlike by a share of its size, and what it is then."""
+    first = _size(kind, directions, size, left, noise)
+    # A change by a factor of three is not one factor on everything, to a hundredth; a small one is unlike by little.
+    amount = abs(first[1]) if first is not None else 0.0
+    if share > UNLIKE:  # what is left of the size where points are so unlike
+        again = _size(kind, directions, size, left, noise + (share * amount) ** 2 * np.eye(len(left)))
+        amount = min(amount, abs(again[1]) if again is not None else amount)
+    unlike = noise + (share * amount) ** 2 * np.eye(len(left))
+    told = _size(kind, directions, size, left, unlike)
+    covariance = unlike + size**2 * directions @ directions.T
+    sign, log = np.linalg.slogdet(covariance)
+    if sign <= 0 or not _of_every_point(kind, directions, told, left, unlike):
+        return -np.inf, told
+    if share > UNLIKE and not _all_one_way(directions, first, left, noise):
+        return -np.inf, told
+    if kind == "loss" and len(left) > 2 and told is not None:
+        middle = _middle(left * directions[:, 0], np.sqrt(np.diag(noise)))
+        told = told[0], told[1], float(np.hypot(told[2], FROM_MIDDLE * (middle - told[1])))
+    return -0.5 * float(log + left @ np.linalg.solve(covariance, left)), told
 
 
 def _of_every_point(kind: str, directions: Array, found: tuple[int | None, float, float] | None, left: Array, noise: Array) -> bool:

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
     from ...analysis.changed import Difference
 
 
+#: A sensor that may have changed by such a factor hardly moves and is not known: its bar runs out of the picture.
+FARTHEST = 10.0
+
+
 @styled
 def draw_change(difference: "Difference | None") -> Any:
     """A dot with its 95 % interval for each sensor; where the verdict's kind of change would put them stands in the title."""
@@ -19,9 +23,15 @@ def draw_change(difference: "Difference | None") -> Any:
     figure = new_figure(8.0, 1.6 + 0.32 * n)
     places = np.arange(n)[::-1]
     for axis, half, name in zip(figure.subplots(1, 2, sharey=True), (slice(0, n), slice(n, 2 * n)), ("rate", "rise"), strict=True):
-        value, deviation = np.exp(difference.value[half]), 1.96 * difference.deviation[half]
-        low, high = value * -np.expm1(-deviation), value * np.expm1(deviation)
-        axis.errorbar(value, places, xerr=[low, high], fmt="o", capsize=3, color=MODEL)
+        middle, reach = difference.value[half], 1.96 * difference.deviation[half]
+        sides = np.clip([middle - reach, middle + reach], -50.0, 50.0)
+        known = np.abs(sides).max(axis=0) < np.log(FARTHEST)
+        bars = np.abs(np.exp(sides) - np.exp(middle))[:, known]
+        axis.errorbar(np.exp(middle[known]), places[known], xerr=bars, fmt="o", capsize=3, color=MODEL)
+        axis.hlines(places[~known], *np.exp(sides[:, ~known]), color=MODEL)
+        ends = np.exp(np.append(sides[:, known], 0.0))
+        margin = 0.08 * max(float(np.ptp(ends)), 0.1)
+        axis.set_xlim(ends.min() - margin, ends.max() + margin)
         axis.axvline(1.0, color=MEASURED, linestyle=":", linewidth=1.2)
         axis.set_xlabel(f"{name}, new over old")
         axis.set_yticks(places, [c.replace("$", r"\$") for c in difference.channels])

@@ -53,8 +53,9 @@ def _number(point: str, comma: str) -> re.Pattern[str]:
 
 
 _NUMBER = {".": _number(".", ","), ",": _number(",", ".")}
-#: A number of one sign that the other way is a thousand, and how much of a number it is: it decides between equals only.
-_MAYBE_THOUSANDS = {d: re.compile(rf"[+-]?\d{{1,3}}[{o}]\d{{3}}") for d, o in (".,", ",.")}
+#: A number with one group of thousands, by the decimal sign, whose sign may be that itself; and how much of a number it is where
+#: the layout is looked for: it decides between equals only.
+THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
 MAYBE = 0.1
 #: A word in a header's units line that is no unit of a quantity: a form of stamps, or nothing.
 _FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
@@ -285,7 +286,7 @@ def _tells(cell: str, decimal: str) -> float:
     """Whether a cell is a number, a stamp, or a number with its unit; a little, where one sign may part thousands (1,500)."""
     if is_number(cell, decimal) or looks_like_stamp(cell) or number_within(cell, decimal) is not None:
         return 1.0
-    return MAYBE if _MAYBE_THOUSANDS[decimal].fullmatch(cell.strip()) else 0.0
+    return MAYBE if THOUSAND[decimal].match(cell.strip()) else 0.0
 
 
 def says(cells: list[str], words: frozenset[str]) -> bool:

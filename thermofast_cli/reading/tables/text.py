@@ -17,7 +17,7 @@ from ..run import Array, Guess
 from ..table import Table, to_floats, wide_numbers
 from ..units import parse_unit, unit_above, unit_changes
 from .cells import with_unit, without
-from .dialect import Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
+from .dialect import THOUSAND, Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
 from .encoding import refuse_markup, to_utf8
 from .lines import (
     LINE_END,
@@ -39,9 +39,8 @@ SAMPLE_BYTES = 1 << 18
 LARGE, PIECE = 1 << 24, 1 << 20
 #: Columns with words among their numbers that are found one by one: each is another pass.
 SINGLY = 4
-#: A number in several groups of thousands, and in one, which alone may be a decimal sign.
+#: A number in several groups of thousands.
 _THOUSANDS = {d: re.compile(rf"\s*[+-]?\d{{1,3}}(?:[{o}]\d{{3}}){{2,}}\s*$") for d, o in (".,", ",.")}
-_THOUSAND = {d: re.compile(rf"\s*[+-]?\d{{1,3}}[{o}]\d{{3}}$") for d, o in (".,", ",.")}
 #: A number with decimals in brackets, or with a letter or a sign behind it.
 _ODD_NUMBER = {d: re.compile(rf"\(?[+-]?\d+[{d}]\d+\)? ?[A-Za-z*!<>#-]?$") for d in ".,"}
 #: Numbers in the digits and signs of East Asian typesetting, which are as wide as a letter there.
@@ -395,7 +394,7 @@ def _cells(
     distinct = dict.fromkeys(cells)  # of a million readings some thousand
     if any(_THOUSANDS[dialect.decimal].match(c) for c in distinct):
         # One of several groups says what a single group is: 60,000 beside 1,020,000.
-        cells = [re.sub(r"(?<=\d)[.,](?=\d{3}$)", "", c) if _THOUSAND[dialect.decimal].match(c) else c for c in cells]
+        cells = [re.sub(r"(?<=\d)[.,](?=\d{3}$)", "", c) if THOUSAND[dialect.decimal].match(c) else c for c in cells]
         distinct = dict.fromkeys(cells)
     told = [c for c in distinct if not is_missing(c, more)]
     number = {c: to_number(c, dialect.decimal) for c in told if is_number(c, dialect.decimal)}
@@ -404,7 +403,7 @@ def _cells(
         return without(values, more, column), None, unit
     odd = {c for c in told if c not in number}
     bad = [i for i, c in enumerate(cells) if c in odd]
-    if len(bad) > np.count_nonzero(np.isfinite(values)) or all(_THOUSAND[dialect.decimal].match(c) for c in odd):
+    if len(bad) > np.count_nonzero(np.isfinite(values)) or all(THOUSAND[dialect.decimal].match(c) for c in odd):
         return cells, None, ""
     found = listed(dict.fromkeys(repr(cells[i]) for i in bad), 3)
     fault = InputError(

@@ -1,0 +1,141 @@
+"""Bodies in a row that warm each other: what is told of their temperature at switch-off, and of a machine that was changed.
+
+python -m benchmarks.unlike_parts.chains [--each 30] [--seed 610000] prints, for chains of three to six bodies (losses, links and
+capacities drawn, one heated or two, a logged room that wanders, a load that flutters, losses that differ by 1 % from run to run;
+each step by the exponential of their matrix): how many 95 % intervals of the temperature at switch-off hold it, from first readings
+30 to 120 s late; how often a loss of all parts is named and its size held; and how often a test that was logged late, or whose load
+was halved within, is said to be a change that is none, as `ok`.
+"""
+
+import argparse
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.linalg import expm
+
+import thermofast as tf
+from thermofast.models.standards import temperature_at_switch_off
+
+#: Steps of the simulation [min], and the length of a run.
+STEP, LONG = 0.25, 360.0
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Capacities [kJ/K], links (n - 1,) and losses (n,) [W/K], shares of the heat (n,), the heat [W] and noises (n,) [K]."""
+
+    capacity: np.ndarray
+    link: np.ndarray
+    loss: np.ndarray
+    share: np.ndarray
+    heat: float
+    noise: np.ndarray
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> "Chain":
+        """One of three to six bodies, the first heated, every other time another one, too; it warms by 8 to 22 K on the mean."""
+        n = int(rng.integers(3, 7))
+        loss, share = rng.uniform(1.0, 6.0, n), np.eye(n)[0]
+        if rng.random() < 0.5:
+            share[rng.integers(1, n)] = rng.uniform(0.2, 0.6)
+        heat = rng.uniform(8.0, 22.0) * loss.sum() / share.sum()
+        return cls(rng.uniform(8.0, 40.0, n), rng.uniform(3.0, 15.0, n - 1), loss, share, heat, rng.uniform(0.02, 0.05, n))
+
+    def run(self, rng: np.random.Generator, load: Callable[[float], float], minutes: float) -> tuple[np.ndarray, ...]:
+        """(times (T,) [min], temperatures (n, T), the room (T,)), begun as warm as the room, under loads of the heat."""
+        n, wander, flutter = len(self.loss), rng.uniform(0.05, 0.3), rng.uniform(0.005, 0.01)
+        loss = self.loss * np.exp(0.01 * rng.standard_normal())
+        matrix = np.diag(self.link, 1) + np.diag(self.link, -1)
+        matrix = (matrix - np.diag(matrix.sum(axis=1) + loss)) * 0.06 / self.capacity[:, None]
+        step = expm(matrix * STEP)
+        held = np.linalg.solve(matrix, step - np.eye(n)) * 0.06 / self.capacity  # of powers [W] that stay over a step
+        time = np.arange(0.0, minutes + STEP / 2, STEP)
+        room = 21.0 + rng.normal(0.0, 1.0) + wander * _memory(rng, len(time), 80.0)
+        part = flutter * _memory(rng, len(time), 12.0)
+        found = np.empty((n, len(time)))
+        found[:, 0] = room[0]
+        for k in range(len(time) - 1):
+            power = self.share * self.heat * load(time[k]) * (1.0 + part[k]) + loss * room[k]
+            found[:, k + 1] = step @ found[:, k] + held @ power
+        return time, found, room
+
+    def logged(self, rng: np.random.Generator, name: str, load: Callable[[float], float] = lambda _: 1.0, late: int = 0) -> tf.Run:
+        """A run as a logger has it, every minute from `late` [min] on."""
+        time, clean, room = self.run(rng, load, LONG)
+        every = slice(int(late / STEP), None, int(1.0 / STEP))
+        seen = clean[:, every] + self.noise[:, None] * rng.standard_normal(clean[:, every].shape)
+        columns = {f"T{i} [degC]": row for i, row in enumerate(seen)}
+        return tf.read({"time_min": time[every] - late, **columns, "ambient [degC]": room[every]}, name=name)
+
+
+def _memory(rng: np.random.Generator, count: int, memory_min: float) -> np.ndarray:
+    """A path (count,) of deviation 1 that forgets within so many minutes."""
+    keeps = np.exp(-STEP / memory_min)
+    found = np.empty(count)
+    found[0] = rng.standard_normal()
+    for k in range(count - 1):
+        found[k + 1] = keeps * found[k] + np.sqrt(1.0 - keeps**2) * rng.standard_normal()
+    return found
+
+
+def switched_off(seed: int) -> list[tuple[bool, bool, float]]:
+    """Of each part read 30, 60 and 120 s late for an hour: whether it is heated, whether the interval holds, its half-width [K]."""
+    rng = np.random.default_rng([seed, 1])
+    chain = Chain.drawn(rng)
+    time, clean, _ = chain.run(rng, lambda t: float(t < 300.0), LONG + 5.0)
+    off, told = int(300.0 / STEP), []
+    for late in (2, 4, 8):
+        rows = slice(off + late, off + late + int(60.0 / STEP), 2)
+        for i, row in enumerate(clean[:, rows] + chain.noise[:, None] * rng.standard_normal(clean[:, rows].shape)):
+            found = temperature_at_switch_off(time[rows], row, 300.0)
+            if found is not None:
+                told.append((chain.share[i] > 0.0, found.low < clean[i, off] < found.high, 0.5 * (found.high - found.low)))
+    return told
+
+
+def lossier(factor: float, seed: int) -> tuple[str, bool]:
+    """What three runs after three others are said to be where all losses are `factor` times as large, and whether that is held."""
+    rng = np.random.default_rng([seed, 2])
+    chain = Chain.drawn(rng)
+    other = replace(chain, loss=factor * chain.loss)
+    told = tf.changed([chain.logged(rng, f"old {k}") for k in range(3)], [other.logged(rng, f"new {k}") for k in range(3)])
+    first = told[0]
+    return (told.verdict if first.status == "ok" else "open"), first.change == "loss" and first.size_lo < factor < first.size_hi
+
+
+def unchanged(late: int, halved: bool, seed: int) -> str:
+    """What a run after three others is said to be, as `ok`, where nothing changed but when it is logged, or its load within."""
+    rng = np.random.default_rng([seed, 3])
+    chain = Chain.drawn(rng)
+    old = [chain.logged(rng, f"old {k}") for k in range(3)]
+    told = tf.changed(old, chain.logged(rng, "new", (lambda t: 1.0 if t < 150.0 else 0.5) if halved else lambda _: 1.0, late))
+    return told.verdict if told[0].status == "ok" else "open"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--each", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=610_000)
+    asked = parser.parse_args()
+    seeds = range(asked.seed, asked.seed + asked.each)
+    with ProcessPoolExecutor() as pool:
+        off = [row for rows in pool.map(switched_off, seeds) for row in rows]
+        for heated, name in ((True, "heated"), (False, "warmed by others")):
+            held, wide = np.array([row[1:] for row in off if row[0] == heated]).T
+            print(f"switch-off, parts {name}: {held.sum():.0f} of {len(held)} hold, half-width {np.median(wide):.3f} K", flush=True)
+        for factor in (1.3, 1.6):
+            said = list(pool.map(partial(lossier, factor), seeds))
+            named = [held for verdict, held in said if verdict == "loss"]
+            wrong = sum(verdict not in ("loss", "open") for verdict, _ in said)
+            print(f"loss x{factor}: {len(named)} of {len(said)} named, {sum(named)} hold; another kind {wrong}", flush=True)
+        for late, halved, name in ((5, False, "late"), (10, False, "late"), (20, False, "late"), (0, True, "load halved")):
+            said = list(pool.map(partial(unchanged, late, halved), seeds))
+            wrong = sum(verdict not in ("nothing", "room", "open") for verdict in said)
+            print(f"{name}{f' by {late} min' if late else ''}: a change that is none, ok, in {wrong} of {len(said)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
