@@ -544,6 +544,7 @@ def test_the_steady_state_in_a_room_that_is_asked_for(tool):
             half = r.steady_state_hi_c - r.steady_state_c
             assert r.room_steady_c - r.steady_state_c == pytest.approx(moved, abs=0.1)
             assert r.room_steady_hi_c - r.room_steady_c == pytest.approx(np.hypot(half, 1.96 * 0.3 * moved), rel=0.05)
+            assert ("3 K warmer: a point follows its room by the whole of that, give or take 59 %" in r.message) == (moved == 3.0)
     del record["ambient"]
     [r, *_] = tf.identify(record, until=120, room=20).records
     assert r.room_steady_c is None

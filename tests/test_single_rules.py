@@ -144,8 +144,9 @@ def test_the_measured_steady_state_is_the_mean_of_the_last_tenth():
 
 def test_sides_of_an_interval_keep_their_side_in_another_room():
     """tests/test_room_ahead.py: an interval of two different sides."""
-    found = measured.in_room([np.array([v]) for v in (30.0, 40.0, 60.0)], 20.0, 25.0, 0.0)
+    found, said = measured.in_room([np.array([v]) for v in (30.0, 40.0, 60.0)], 20.0, 25.0, 0.0)
     assert [float(v[0]) for v in found.values()] == [25.0, 45.0, 35.0, 65.0]
+    assert not said
 
 
 def test_a_room_that_is_not_logged_for_a_quarter_of_the_time_is_none():

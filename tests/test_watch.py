@@ -48,12 +48,14 @@ def test_a_file_rotated_or_truncated_goes_on_without_its_heading(tmp_path):
     path.write_bytes(HEAD + lines(0, 8))
     follower = Follower(str(path))
     follower.poll()
+    with path.open("ab") as file:
+        file.write(lines(8, 10))  # nobody looked before the file was given another name
     path.rename(tmp_path / "log.csv.1")
-    path.write_bytes(HEAD + lines(8, 10))
-    assert follower.poll() == HEAD + lines(0, 10)
+    path.write_bytes(HEAD + lines(10, 12))
+    assert follower.poll() == HEAD + lines(0, 12)
     assert "rotated" in follower.notes[0]
-    path.write_bytes(HEAD + lines(10, 11))
-    assert follower.poll() == HEAD + lines(0, 11)
+    path.write_bytes(HEAD + lines(12, 13))
+    assert follower.poll() == HEAD + lines(0, 13)
     assert "truncated" in follower.notes[1]
 
 
@@ -67,6 +69,24 @@ def test_a_file_written_again_replaces_what_was_read(tmp_path):
     assert follower.notes == ["the file was written again"]
     with pytest.raises(tf.InputError, match="a folder"):
         Follower(str(tmp_path)).poll()
+
+
+def test_what_does_not_grow_by_lines_is_not_followed(tmp_path, tool):
+    for name, begin, what in (("run.csv.gz", b"\x1f\x8b\x08", "gzip"), ("run.xlsx", b"PK\x03\x04", "workbook"), ("r", b"PAR1", "Parquet")):
+        (tmp_path / name).write_bytes(begin + b"0" * 50)
+        with pytest.raises(tf.InputError, match=f"(?s){what}.*--replay 600"):
+            Follower(str(tmp_path / name)).poll()
+    (tmp_path / "two.csv").write_bytes(HEAD)
+    said = tool("watch", tmp_path / "two.csv#1", "--tolerance", 0.5, "--give-up", 0.001).err
+    assert "never appeared" in said
+    assert "itself is followed in its last run" in said
+
+
+def test_lines_that_end_as_those_of_old_instruments(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes((HEAD + lines(0, 5)).replace(b"\n", b"\r") + b"5,20.")
+    assert Follower(str(path)).poll() == (HEAD + lines(0, 5)).replace(b"\n", b"\r")
+    assert whole_lines(b"a,b\r\n1,2\r", None) == b"a,b\r\n"
 
 
 def test_a_line_of_two_byte_letters_ends_whole():

@@ -346,6 +346,7 @@ class _Block:
         at, of_room = self._at(claimed, found)
         room = None if self.surroundings is None else room_at_end(sensors.time[:n], self.surroundings[:n])
         gain_doubt = self.method.imperfection.background.logged
+        there, far = in_room((found.steady_low, found.steady_state, found.steady_high), room, self.room_c, gain_doubt)
         numbers = {
             "initial_c": found.initial,
             "steady_state_c": found.steady_state,
@@ -365,8 +366,7 @@ class _Block:
             "rmse_fit_c": found.misfit,
             "rmse_ahead_c": ahead,
             "reading_half_width_c": 0.5 * (law.steady_high - law.steady_low),
-            **at,
-            **in_room((found.steady_low, found.steady_state, found.steady_high), room, self.room_c, gain_doubt),
+            **(at | there),
         }
         tripped = self._trips(found, claimed)
         if tripped is not None and self.rule is not None:
@@ -383,7 +383,7 @@ class _Block:
             rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
             columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
             columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]
-        said = [self._said(i, (*messages.get(i, ()), *silent, *of_room), claimed, tripped) for i in range(len(sensors))]
+        said = [self._said(i, (*messages.get(i, ()), *silent, *of_room, *far), claimed, tripped) for i in range(len(sensors))]
         for i, why in broken.items():
             status[i], said[i] = "diverged", _joined([why, self.notes[sensors.rows[i]]])
         told: dict[str, Column] = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}

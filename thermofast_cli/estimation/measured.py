@@ -223,15 +223,27 @@ def until_then(
     return moved, (words,) if counts else ()
 
 
-def in_room(steady: Sequence[Array], logged_c: float | None, room_c: float | None, gain_doubt: float) -> dict[str, Array]:
-    """Columns of the limit (low, middle, high) (S,) [degC], found in the room at the last reading, in another: it moves as much."""
-    found = (np.full_like(steady[0], np.nan),) * 4
+def in_room(
+    steady: Sequence[Array], logged_c: float | None, room_c: float | None, gain_doubt: float
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Columns of the limit (low, middle, high) (S,) [degC], found in the room at the last reading, in another: it moves as much.
+
+    Also, in words, by how much it may move more or less (1 sd: gain_doubt) where that is most of the interval.
+    """
+    found: tuple[Array, ...] = (np.full_like(steady[0], np.nan),) * 4
+    words: tuple[str, ...] = ()
     if logged_c is not None and room_c is not None:
         moved = room_c - logged_c
         low, middle, high = steady
         below, above = (np.hypot(side, 1.96 * gain_doubt * abs(moved)) for side in (middle - low, high - middle))
         found = (np.full_like(middle, room_c), middle + moved, middle + moved - below, middle + moved + above)
-    return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True))
+        if 1.96 * gain_doubt * abs(moved) > np.median(np.nan_to_num(0.5 * (high - low))):
+            words = (
+                f"room_steady_c is for a room {rounded(abs(moved))} K {'warmer' if moved > 0.0 else 'colder'}: a point follows"
+                f" its room by the whole of that, give or take {100.0 * 1.96 * gain_doubt:.0f} % (a coolant or a floor holds it"
+                " back), which is most of that interval; a run in such a room would say",
+            )
+    return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True)), words
 
 
 def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDArray[np.bool_]) -> "Estimates":

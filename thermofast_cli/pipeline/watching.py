@@ -179,8 +179,10 @@ def watch_run(
             looked(data, True)
     if last is None:
         never = isinstance(follower, Follower) and not follower.path.exists()
-        found = "the file never appeared" if never else trouble
-        raise InputError(f"{name}: nothing to foretell from was read", found=found, allowed=f"{FEWEST} readings or more")
+        found, do = "the file never appeared" if never else trouble, ""
+        if never and Path(name.rpartition("#")[0]).is_file():
+            do = f"--replay 600 plays one run of a file; {name.rpartition('#')[0]} itself is followed in its last run"
+        raise InputError(f"{name}: nothing to foretell from was read", found=found, allowed=f"{FEWEST} readings or more", do=do)
     return last
 
 

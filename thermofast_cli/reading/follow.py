@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import InputError
+from .tables.packed import MAGIC, OLD_WORKBOOK
 
 #: Bytes at the beginning and before the place read last that tell whether what was read is still there.
 HEAD, TAIL = 4096, 256
 UTF16 = b"\xff\xfe"
+#: First bytes of what does not grow by lines, and what it is.
+FINISHED = {magic: f"a {kind} archive" for magic, kind in MAGIC.items() if kind != "zip"}
+FINISHED |= {b"PK\x03\x04": "a zip archive or a workbook", OLD_WORKBOOK: "a workbook", b"PAR1": "Parquet"}
 
 
 class Follower:
@@ -27,17 +31,25 @@ class Follower:
         self.now = b""  # of the file that is there
         self.notes: list[str] = []
         self._inode = 0
+        self._held: BinaryIO | None = None  # the file as it was opened last, whatever it is called now
+
+    def __del__(self) -> None:
+        if self._held is not None:
+            self._held.close()
 
     def poll(self) -> bytes | None:
         """All whole lines so far; None where there are no new ones since the last call.
 
         Raises
         ------
-        InputError: it is a folder, or may not be read.
+        InputError: it is a folder, or may not be read, or no text.
         """
         try:
-            with self.path.open("rb") as file:
+            file = self.path.open("rb")
+            try:
                 return self._read(file)
+            finally:
+                self._hold(file)
         except FileNotFoundError:
             return None
         except IsADirectoryError:
@@ -62,14 +74,17 @@ class Follower:
         told = os.fstat(file.fileno())
         size = len(self.now)
         if self._inode and told.st_ino != self._inode and not self._same(file, told.st_size):
+            self._finish()
             self._anew("another file is there now (rotated)")
         elif told.st_size < size:
-            self._anew("the file was truncated")
+            self._anew("the file was truncated: what it was given since it was last looked at is lost")
         elif size and not self._same(file, told.st_size):
             self.notes.append("the file was written again")
             self.now = b""
         self._inode = told.st_ino
         at = len(self.now)
+        if at == 0:
+            self._refuse_finished(file)
         file.seek(at)
         more = whole_lines(file.read(), self.now[:2] or None)
         if not more:
@@ -83,6 +98,33 @@ class Follower:
         if not self.before:
             return self.now
         return self.before + self.now[_same_heading(self.before, self.now) :]
+
+    def _hold(self, file: BinaryIO) -> None:
+        """Keeps the file open until the next look: where it is given another name, its last lines can still be read."""
+        old, self._held = self._held, file
+        if os.name != "posix":  # there nobody could rename or remove it
+            old, self._held = file, None
+        if old is not None:
+            old.close()
+
+    def _finish(self) -> None:
+        """Reads what came to the file that has gone after it was last looked at."""
+        if self._held is not None:
+            self._held.seek(len(self.now))
+            self.now += whole_lines(self._held.read(), self.now[:2] or None)
+
+    def _refuse_finished(self, file: BinaryIO) -> None:
+        """Raise InputError at a file that is written whole: an archive, a workbook, Parquet."""
+        file.seek(0)
+        head = file.read(8)
+        kind = next((kind for magic, kind in FINISHED.items() if head.startswith(magic)), None)
+        if kind is not None:
+            raise InputError(
+                f"{self.path}: cannot be followed",
+                found=f"{kind}, which is written whole",
+                allowed="the text that a logger writes, line by line",
+                do="--replay 600 plays a record that has ended",
+            )
 
     def _anew(self, why: str) -> None:
         self.notes.append(why)
@@ -170,5 +212,7 @@ def whole_lines(data: bytes, begin: bytes | None) -> bytes:
     """Up to the last end of a line; `begin` are the first bytes of the file, which tell its width of letters."""
     wide = (begin or data[:2]) == UTF16
     end = b"\n\x00" if wide else b"\n"
+    if not wide and b"\n" not in data and data.count(b"\r") > 1:
+        end = b"\r"  # as old instruments end them; of the usual two letters one stands between two of the other
     place = data.rfind(end)
     return data[: place + len(end)] if place >= 0 else b""
