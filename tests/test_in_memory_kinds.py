@@ -78,3 +78,9 @@ def test_a_watch_takes_a_filter_as_identify_does(tmp_path):
     np.savetxt(path, np.column_stack([TIME, WARM]), delimiter=",", header="time_min,T1", comments="")
     told = tf.watch(path, replay="max", leave=False, filter="ukf", tolerance=1.0)
     assert [r.filter for r in told] == ["ukf"]
+
+
+@pytest.mark.parametrize("kind", tf.results.Result.__subclasses__(), ids=lambda k: k.__name__)
+def test_a_result_tells_a_type_checker_what_it_holds(kind):
+    [base] = kind.__orig_bases__
+    assert base.__args__ == (kind.kind,)

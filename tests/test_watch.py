@@ -72,7 +72,11 @@ def test_a_file_written_again_replaces_what_was_read(tmp_path):
 
 
 def test_what_does_not_grow_by_lines_is_not_followed(tmp_path, tool):
-    for name, begin, what in (("run.csv.gz", b"\x1f\x8b\x08", "gzip"), ("run.xlsx", b"PK\x03\x04", "workbook"), ("r", b"PAR1", "Parquet")):
+    for name, begin, what in (
+        ("run.csv.gz", b"\x1f\x8b\x08", "gzip"),
+        ("run.xlsx", b"PK\x03\x04", "workbook"),
+        ("r", b"PAR1", "Parquet"),
+    ):
         (tmp_path / name).write_bytes(begin + b"0" * 50)
         with pytest.raises(tf.InputError, match=f"(?s){what}.*--replay 600"):
             Follower(str(tmp_path / name)).poll()

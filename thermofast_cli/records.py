@@ -1,6 +1,7 @@
 """One record per line of output: the same columns in every format. None is an absent number."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
@@ -418,3 +419,8 @@ class InspectRecord(Row):
     last: float | None = None
     guessed: str = ""
     note: str = ""
+
+
+def failed(kind: type[Any], unreadable: Sequence[tuple[str, str]], **more: Any) -> list[Any]:
+    """Records of a kind, of runs that could not be read: (name, why)."""
+    return [kind(run=name, channel="", status="unreadable", message=why, **more) for name, why in unreadable]

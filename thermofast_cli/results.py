@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
 from .errors import UsageError
 from .output.columns import Records, told_more
@@ -47,12 +47,13 @@ if TYPE_CHECKING:
     from .machine.model import Model
 
 
+R = TypeVar("R", bound=Row, covariant=True)  # what a result holds
 #: Rows that a notebook shows of a result: the first and the last of more.
 SHOWN_ROWS = 60
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Generic[R]):
     """Records in the order of the runs and their sensors.
 
     interrupted: the user stopped a command, and the rest is missing; a call from Python raises KeyboardInterrupt.
@@ -60,14 +61,14 @@ class Result:
 
     command: ClassVar[str] = ""
     kind: ClassVar[type[Row]] = Record
-    records: Sequence[Any]
+    records: Sequence[R]
     runs: tuple[Run, ...] = ()
     interrupted: bool = False
 
     def __len__(self) -> int:
         return len(self.records)
 
-    def __iter__(self) -> Iterator[Any]:
+    def __iter__(self) -> Iterator[R]:
         return iter(self._with_guesses())
 
     def __contains__(self, key: object) -> bool:
@@ -100,7 +101,13 @@ class Result:
         told = ", ".join(f"{number} {status}".strip() for status, number in counted.most_common())
         return f"<{type(self).__name__}: {len(self.records)} records ({told}); .to_frame() shows them>"
 
-    def __getitem__(self, key: int | slice | str | tuple[str, str]) -> Any:
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[R]: ...
+
+    @overload
+    def __getitem__(self, key: int | str | tuple[str, str]) -> R: ...
+
+    def __getitem__(self, key: int | slice | str | tuple[str, str]) -> R | Sequence[R]:
         """The record at a place, those of a slice, or the first one of a sensor: its name, of several runs (run, name).
 
         Raises
@@ -114,8 +121,8 @@ class Result:
             return held[key]
         named = self._whole(key)
         found = [r for r in held if named in self._names(r)]
-        if len({getattr(r, "run", "") for r in found}) > 1:
-            raise KeyError(f"{key!r} is a sensor of several runs; say ({found[0].run!r}, {key!r})")
+        if len(set(of := [getattr(r, "run", "") for r in found])) > 1:
+            raise KeyError(f"{key!r} is a sensor of several runs; say ({of[0]!r}, {key!r})")
         if not found:
             raise KeyError(f"no sensor {key!r}; there are {', '.join(self._sensors())}")
         return found[0]
@@ -131,7 +138,7 @@ class Result:
         held = self._with_guesses()
         return held.rows() if isinstance(held, Records) else [record.as_dict() for record in held]
 
-    def _with_guesses(self) -> Sequence[Any]:
+    def _with_guesses(self) -> Sequence[R]:
         """The records; what was guessed of a run stands in the message of each of its own."""
         guessed = {run.name: told(run.guesses) for run in self.runs if run.guesses}
         return told_more(self.records, guessed) if guessed else self.records
@@ -214,7 +221,7 @@ def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Inspection(Result):
+class Inspection(Result[InspectRecord]):
     """What ``inspect`` found: a record for each column of each run."""
 
     command: ClassVar[str] = "inspect"
@@ -249,7 +256,7 @@ def _layout(run: Run) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification(Result):
+class Identification(Result[IdentifyRecord]):
     """What ``identify`` found; `curves` and `traces` only where details were asked for."""
 
     command: ClassVar[str] = "identify"
@@ -274,7 +281,7 @@ class Identification(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweeping(Result):
+class Sweeping(Result[SweepRecord]):
     """What ``sweep`` found; `curves` only where they were asked for."""
 
     command: ClassVar[str] = "sweep"
@@ -289,7 +296,7 @@ class Sweeping(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(Result):
+class Calibration(Result[CalibrateRecord]):
     """What ``calibrate`` learnt: how it held, and the prior for ``imperfection=``."""
 
     command: ClassVar[str] = "calibrate"
@@ -308,7 +315,7 @@ class Calibration(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Changes(Result):
+class Changes(Result[ChangedRecord]):
     """What ``changed`` found, the likeliest kind first; `difference` is what its picture shows."""
 
     command: ClassVar[str] = "changed"
@@ -328,7 +335,7 @@ class Changes(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan(Result):
+class Plan(Result[PlanRecord]):
     """How long a test must run; `curves` are half-widths against the time measured."""
 
     command: ClassVar[str] = "plan"
@@ -339,11 +346,11 @@ class Plan(Result):
         """Half-width against the time measured, a curve for each alternative."""
         from .output.pictures.plan import draw_plan
 
-        return _drawn(draw_plan(self.curves, sorted({r.tolerance_c for r in self.records})), path)
+        return _drawn(draw_plan(self.curves, sorted({r.tolerance_c for r in self.records if r.tolerance_c is not None})), path)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Result):
+class Comparison(Result[CompareRecord]):
     """What ``compare`` found; `panels` only where details were asked for, `denoised` runs where that was."""
 
     command: ClassVar[str] = "compare"
@@ -359,7 +366,7 @@ class Comparison(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Diagnosis(Result):
+class Diagnosis(Result[DiagnoseRecord]):
     """What ``diagnose`` found."""
 
     command: ClassVar[str] = "diagnose"
@@ -386,7 +393,7 @@ class Watching(Identification):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Improvement(Result):
+class Improvement(Result[ImproveRecord]):
     """What ``improve`` found: a record for each step and sensor, and the model learnt of each run."""
 
     command: ClassVar[str] = "improve"
@@ -415,7 +422,7 @@ class Improvement(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bench(Result):
+class Bench(Result[BenchRecord]):
     """What ``filters bench`` found."""
 
     command: ClassVar[str] = "filters bench"
@@ -429,7 +436,7 @@ class Bench(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Result):
+class Sensitivity(Result[SensitivityRecord]):
     """What ``sensitivity`` found."""
 
     command: ClassVar[str] = "sensitivity"
@@ -443,7 +450,7 @@ class Sensitivity(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Validation(Result):
+class Validation(Result[ValidateRecord]):
     """What ``validate`` found."""
 
     command: ClassVar[str] = "validate"
@@ -458,7 +465,7 @@ class Validation(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Displacement(Result):
+class Displacement(Result[DisplacementRecord]):
     """What ``displacement`` found."""
 
     command: ClassVar[str] = "displacement"
@@ -470,8 +477,3 @@ class Displacement(Result):
         from .output.pictures.displacement import draw_displacement
 
         return _drawn(draw_displacement(self.panels), path)
-
-
-def failed(kind: type[Any], unreadable: Sequence[tuple[str, str]], **more: Any) -> list[Any]:
-    """Records of a kind, of runs that could not be read: (name, why)."""
-    return [kind(run=name, channel="", status="unreadable", message=why, **more) for name, why in unreadable]

@@ -32,7 +32,7 @@ class Analysis:
 
     command: str
     kind: type[Record]
-    call: Callable[..., Result]
+    call: Callable[..., Result[Any]]
     together: int = 0
     more: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
@@ -42,7 +42,7 @@ class Analysis:
         """A record of what could not be worked on."""
         return self.kind(run=name, channel=channel, status=status, message=why, **self.more)  # type: ignore[call-arg]
 
-    def table(self, result: Result) -> Any:
+    def table(self, result: Result[Any]) -> Any:
         """Its records as an Arrow table."""
         return result.to_arrow()
 

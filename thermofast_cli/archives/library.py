@@ -114,7 +114,7 @@ def archive(
     return into_folder(analysis, named, str(into), resume, crew, read, begins, task_timeout, near, progress, prune)
 
 
-def _called(work: Callable[..., Result], started: Any, how: Any) -> Result:
+def _called(work: Callable[..., Result[Any]], started: Any, how: Any) -> Result[Any]:
     """A function of the library on one run; how: it takes somebody's executor only."""
     ((run, start),) = started
     return work(run, start=start, executor=how.executor)

@@ -27,8 +27,7 @@ def command(runs: tuple[str, ...], lab: str | None, form: str | None, output: st
     from ..output.screen import number, say, text
     from ..pipeline.around import calibrate_runs
     from ..pipeline.methods import choose
-    from ..records import CalibrateRecord
-    from ..results import failed
+    from ..records import CalibrateRecord, failed
     from ..shell.session import check_outputs, deliver, read_all, working
 
     if output and output.endswith(".toml"):

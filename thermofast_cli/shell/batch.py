@@ -5,7 +5,8 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..results import Result, failed
+from ..records import failed
+from ..results import Result
 from ..workers.engine import Work
 from .archive import names_folder, run_archive
 from .session import Readings, check_outputs, deliver, read_all, wants_details, working
@@ -59,7 +60,7 @@ class Batch:
         return working(readings, total, what, self.quiet, self.jobs)
 
     def tell(
-        self, result: Result, readings: Readings, drawn: Sequence[Any], *beneath: str, table: bool = True, **of_unread: Any
+        self, result: Result[Any], readings: Readings, drawn: Sequence[Any], *beneath: str, table: bool = True, **of_unread: Any
     ) -> int:
         """The records, those of what could not be read with the fields `of_unread` too; the exit code.
 

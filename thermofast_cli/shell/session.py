@@ -209,7 +209,7 @@ def working(readings: Readings, total: int, what: str, quiet: bool, jobs: int | 
 
 
 def deliver(
-    result: Result,
+    result: Result[Any],
     unreadable: Sequence[Any],
     output: str | None,
     form: str | None,

@@ -29,7 +29,7 @@ SHOWN = {"degC": "0.00", "K": "0.000", "min": "0.0", "µm": "0.00"}
 COLOURS = {"not_determined": "#FFF2CC", "model_doubtful": "#FFF2CC", "partly_explained": "#FFF2CC", "ok": "#FFFFFF"}
 
 
-def write_result(path: str, result: "Result", made: Mapping[str, str]) -> None:
+def write_result(path: str, result: "Result[Any]", made: Mapping[str, str]) -> None:
     """The workbook of a result. What comes from files is written as text or numbers: nothing in it is a formula or a link.
 
     made: headings and texts of how it was made.
@@ -79,7 +79,7 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
     Path(path).write_bytes(whole.getbuffer())
 
 
-def _summary(result: "Result", rows: Sequence[dict[str, Any]], made: Mapping[str, str]) -> Sheet:
+def _summary(result: "Result[Any]", rows: Sequence[dict[str, Any]], made: Mapping[str, str]) -> Sheet:
     from ... import __version__
 
     lines: list[list[Any]] = [["made by", f"thermofast {result.command} {__version__}"], ["on", f"{date.today():%Y-%m-%d}"]]

@@ -38,7 +38,7 @@ def escape(text: str, quote: bool = True) -> str:
     return escaped(text.translate(TURNING), quote)
 
 
-def page_of(result: "Result", made: Mapping[str, str] = MappingProxyType({})) -> str:
+def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({})) -> str:
     """The HTML of a result's page; made: headings and texts of how it was made.
 
     What comes from files stays text: it is escaped, or set by the script as text.
@@ -186,7 +186,7 @@ def _folded(summary: str, whole: str, shown: str | None = None) -> str:
     return f'<td data-value="{escape(whole, quote=True)}">{told}</td>'
 
 
-def _made(result: "Result", made: Mapping[str, str]) -> str:
+def _made(result: "Result[Any]", made: Mapping[str, str]) -> str:
     """Command, version, date; of each run its file's hash, how it was read, and what was guessed."""
     from ... import __version__
     from ...reading.source import sha256_of

@@ -54,7 +54,7 @@ class Sheet:
     drawings: list[Drawing] = field(default_factory=list)
 
 
-def extra_sheets(result: "Result") -> list[Sheet]:
+def extra_sheets(result: "Result[Any]") -> list[Sheet]:
     """The sheets of a result beside its records; none for a command without a picture, or where details were not asked for."""
     if result.command == "diagnose":
         return _ranking(result)
