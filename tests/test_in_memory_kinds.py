@@ -5,6 +5,7 @@ import pyarrow as pa
 import pytest
 
 import thermofast as tf
+from thermofast.results import Result
 
 TIME = np.arange(60.0)
 WARM = 20.0 + 5.0 * -np.expm1(-TIME / 20.0)
@@ -80,7 +81,7 @@ def test_a_watch_takes_a_filter_as_identify_does(tmp_path):
     assert [r.filter for r in told] == ["ukf"]
 
 
-@pytest.mark.parametrize("kind", tf.results.Result.__subclasses__(), ids=lambda k: k.__name__)
+@pytest.mark.parametrize("kind", Result.__subclasses__(), ids=lambda k: k.__name__)
 def test_a_result_tells_a_type_checker_what_it_holds(kind):
     [base] = kind.__orig_bases__
     assert base.__args__ == (kind.kind,)
