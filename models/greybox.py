@@ -55,7 +55,7 @@ class Column:
 RATE, LEVEL, START = Key(-1, "rate"), Key(-1, "level"), Key(-1, "start")
 
 BASE = (
-    Parameter("rate", "1/min", 1e-5, 4.0, 0.015, "rate b", each="sensor", log=True, fastest=4.0),
+    Parameter("rate", "1/min", 1e-5, 1e4, 0.015, "rate b", each="sensor", log=True, fastest=4.0),
     Parameter("level", "degC", -1e4, 1e5, 25.0, "steady state at nominal load", belongs="run", each="sensor"),
     Parameter("start", "degC", -500.0, 5000.0, 20.0, "temperature at the first reading", belongs="run", each="sensor"),
 )

@@ -28,7 +28,9 @@ class Observations:
     reading, where a logged column drives it; drive names that column, driven (N,) are its values in the unit of the heat. logged
     (N,) are the times that stand in the file, where the grid is finer than that. temperatures names those inputs that are some;
     heats those that are a power, a current or a load, which change no loss, cools a fan or a flow, which brings no heat.
-    heat_unit is what a heat of 1 is in the column's own unit: its largest until the last reading used.
+    heat_unit is what a heat of 1 is in the column's own unit: its largest until the last reading used. extent [min] is how far the
+    readings go that are used, or those that a model was learnt from, 0 for all of them: bounds of parameters are shares of it, and
+    neither readings left out nor what comes after them move it.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Observations:
     heats: tuple[str, ...] = ()
     cools: tuple[str, ...] = ()
     heat_unit: float = 1.0
+    extent: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -67,8 +70,8 @@ class Observations:
 
     @property
     def span(self) -> float:
-        """Length of the record [min]."""
-        return float(self.time[-1] - self.time[0])
+        """Length of the record [min], as far as it is used."""
+        return self.extent or float(self.time[-1] - self.time[0])
 
     @cached_property
     def moved(self) -> Array:
@@ -181,7 +184,8 @@ class Observations:
         if minutes is None:
             return self
         seen = self.time <= minutes * (1.0 + 1e-12) + 1e-9
-        return replace(self, weight=np.where(seen, self.weight, 0.0))
+        extent = float(self.time[seen][-1] - self.time[0]) if seen.any() else 0.0
+        return replace(self, weight=np.where(seen, self.weight, 0.0), extent=extent)
 
     def only(self, channels: Sequence[str]) -> "Observations":
         """The same run with these sensors, in their order."""

@@ -17,6 +17,8 @@ from ..observations import Observations
 
 #: Logged columns that an effect is tried along.
 MOST_COLUMNS = 6
+#: Minutes of a record from which on bounds of rates are as they stand.
+HOUR = 60.0
 #: Coupling over own rate from which a link explains anything: true links in simulated and real records reach 15.
 MOST_COUPLED = 25.0
 
@@ -27,7 +29,7 @@ class Parameter:
 
     low, high, start: bounds and start value, in `unit`; with ``share`` they are shares of the record's length. `least_steps`
     raises the lower bound to that many sampling intervals, `fastest` lowers the upper
-    bound of a rate to that per interval.
+    bound of a rate to that per interval; in a record of less than an hour it is as much higher as that is shorter.
     null is the value at which the effect vanishes (None: this parameter alone cannot make it vanish).
     belongs: 'machine', carried to other runs of it, or 'run'.
     each: 'run', one value for all sensors, or 'sensor', one for each. log: search on a logarithmic scale.
@@ -58,12 +60,16 @@ class Parameter:
         """Lower and upper bound for a run."""
         scale = run.span if self.share else 1.0
         low = max(self.low * scale, self.least_steps * run.step) if self.least_steps else self.low * scale
-        high = self.high * scale if not self.fastest else min(self.high * scale, self.fastest / run.step)
+        high = self.high * scale
+        if self.fastest:
+            high = min(high * max(1.0, HOUR / max(run.span, 1e-9)), self.fastest / run.step)
         return low, max(high, 2.0 * low if self.log else low)
 
     def grid(self, run: Observations, points: int) -> Array:
-        """Places from which to start a search, `points` of them between the bounds."""
+        """Places from which to start a search, `points` of them between the bounds; none after the last reading used."""
         low, high = self.bounds(run)
+        if self.share:
+            high = max(low, min(high, self.high * float(run.time[run.last] - run.time[0])))
         if self.log:
             return np.geomspace(max(low, 1e-6 * high), high, points + 2)[1:-1]
         return np.linspace(low, high, points + 2)[1:-1]

@@ -89,7 +89,7 @@ class Weighed:
     def distant_surroundings(self) -> bool:
         return any(s.candidate.fit.distant_surroundings for s in self.shown)
 
-    def clear(self, beyond: float) -> bool:
+    def clear(self, beyond: float, least: float = RULES.least_evidence) -> bool:
         """Whether it goes `beyond` what chance gives, twice that where it explains a part of the misfit only, and is determined.
 
         Where the curvature alone calls its amplitude doubtful the evidence, which is a likelihood ratio, may overrule it.
@@ -98,7 +98,7 @@ class Weighed:
         determined = [s.candidate.identifiable for s in self.shown]
         if not any(d.ok for d in determined):
             much = RULES.overruled * beyond if any(d.near for d in determined) else np.inf
-        return bool(self.evidence >= max(much * self.need, RULES.least_evidence))
+        return bool(self.evidence >= max(much * self.need, least))
 
 
 @dataclass(frozen=True)
@@ -200,12 +200,16 @@ def beats_disturbance(base: Fit, named: Candidate, false_alarm: float, number: i
     return all(w is not None and w.evidence >= beyond * w.need for w in weighed)
 
 
-def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
-    """The effect to name of those weighed, or none: none goes far enough beyond chance, or too many do so as well."""
+def decide(before: Sequence[Fit], weighed: Sequence[Weighed], sure: bool = True) -> Stage | None:
+    """The effect to name of those weighed, or none: none goes far enough beyond chance, or too many do so as well.
+
+    Not sure: the one that is likeliest, which may go less far.
+    """
     real = [w for w in weighed if w.physical and w.share >= RULES.least_share]
     beside = any(fit.model.parts for fit in before)
     beyond = RULES.beyond_once_more if beside else RULES.beyond_disturbance
-    sound = [w for w in real if w.clear(beyond)]
+    share = 1.0 if sure else RULES.likeliest
+    sound = [w for w in real if w.clear(share * beyond, share * RULES.least_evidence)]
     if not sound or real[0].worth * RULES.as_good > sound[0].worth:
         return None
     # What the unknown disturbance does not part, the plain likelihood may: a rival explains as much of the misfit too.
@@ -216,6 +220,16 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed]) -> Stage | None:
     most = max(w.gain for w in near if w in sound)
     best, *rivals = sorted((w for w in near if w.gain >= RULES.as_good * most), key=lambda w: (w not in sound, -w.worth))
     return Stage(tuple(before), best, rivals[0] if rivals else None) if len(rivals) < 2 else None
+
+
+def likeliest(base: Fit, singles: Sequence[Candidate], false_alarm: float) -> Stage | None:
+    """The single effect that is likeliest where none is named, and explains most of the misfit; mostly none."""
+    stage = decide([base], weigh([base], [[c] for c in singles], false_alarm), sure=False)
+    import os
+
+    if os.environ.get("NOLIKELY"):
+        return None
+    return stage if stage is not None and stage.rival is None and stage.named.share >= RULES.mostly else None
 
 
 def _of_the_machine(base: Fit, part: Part) -> bool:

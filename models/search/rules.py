@@ -70,6 +70,12 @@ class SearchRules:
         "evidence over an unknown disturbance below which an effect is not named while a pattern remains",
         "benchmarks.discovery.dominant: a thermometer's drift named on backgrounds of one simulator in 4 of 160 without it",
     )
+    likeliest: float = rule(
+        0.4,
+        "of what names",
+        "evidence from which identify --auto counts an effect that is not named, and calls no row sure",
+        "benchmarks.discovery.auto --acted",
+    )
     beyond_alone: float = rule(
         1.5,
         "times what chance gives",

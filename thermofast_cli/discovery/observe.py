@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 ENOUGH = 700
 #: Readings are averaged over no more than this share of a time constant, and the grid is no coarser than that.
 FINE = 0.05
+#: What the base law leaves of a sensor's range, at most, where its rate is one to follow though others are slower.
+DESCRIBED = 0.05
 #: No grid has more points than this.
 MOST_POINTS = 1500
 FEWEST_READINGS = 24
@@ -290,6 +292,18 @@ def _rate(time: Array, reading: Array, weight: Array) -> float:
     return float(max(fit_decay(time[used], reading[used], weight[used]).rate, 2.0 / span))
 
 
+def _fastest(rates: Sequence[float], time: Array, reading: Array, weight: Array) -> float:
+    """The rate [1/min] that the grid must follow: the usual one, or that of a quicker sensor which the base law describes."""
+    usual = float(np.median(rates))
+    quick = [usual]
+    for rate, row, used in zip(rates, reading, weight > 0.0, strict=True):
+        if rate > usual:
+            fit = fit_decay(time[used], row[used])
+            left = row[used] - fit.predict(time[used])
+            quick += [rate] if float(np.std(left)) <= DESCRIBED * float(np.ptp(row[used])) else []
+    return max(quick)
+
+
 def _noise(time: Array, reading: Array, weight: Array, until_min: float | None) -> float:
     """Of one reading [K], from those up to until_min where these are enough."""
     used = weight > 0.0
@@ -312,8 +326,8 @@ def _gridded(
 ) -> tuple[Observations, str]:
     """Long records averaged over neighbours, gaps and coarse sampling filled with points without readings."""
     noise = np.array([_noise(time, r, w, until_min) for r, w in zip(reading, weight, strict=True)])
-    finest = FINE / float(np.median(rates))
-    together = max(1, math.floor(min(len(time) / ENOUGH, finest / float(np.median(np.diff(time))))))
+    step, finest = float(np.median(np.diff(time))), FINE / float(np.median(rates))
+    together = max(1, math.floor(min(len(time) / ENOUGH, FINE / _fastest(rates, time, reading, weight) / step)))
     note = ""
     if together > 1:
         note = f"{together} neighbouring readings averaged into one: nothing in this record is faster"

@@ -46,10 +46,10 @@ class EstimationRules:
         "benchmarks.intervals.two_masses --fast 3 8; of a stranger's machines' rows 46, 35, 9, 2 % missed at 15, 20, 30, 40 min",
     )
     heard_turns: float = rule(
-        6.0,
+        60.0,
         "time constants",
         "read that do as well: of what is small, and quick",
-        "benchmarks.intervals.two_masses: at 7 it is seen",
+        "benchmarks.unlike_parts.chips: 5 to 20 s on heat sinks of 2 to 10 min; at six nearly every `ok` row missed",
     )
     past_until: float = rule(
         0.5,

@@ -154,7 +154,7 @@ def planned(experiment: Experiment, time: Array) -> tuple[Array, Array | None]:
 def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator | None) -> Observations:
     """A run of the machine that `fit` describes in an experiment; without noise and disturbance where there is no `rng`."""
     seen = fit.run
-    time, heat = planned(experiment, seen.time)
+    time, heat = planned(experiment, seen.time[: seen.last + 1])
     if seen.heat is not None:
         before = np.interp(time, seen.time, seen.heat)
         heat = before if heat is None else before * heat

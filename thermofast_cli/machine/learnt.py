@@ -68,6 +68,8 @@ def carry(model: ModelFile, seen: Observations, source: str, model_path: str) ->
         for c, others in without_neighbours(model, seen.channels).items()
     ]
     same_run = model.learnt_from.is_of(source, seen)
+    # Its constants are as they are, however little of this run was read.
+    seen = replace(seen, extent=max([seen.span, *(one.length_min for one in (model.learnt_from, *model.also_from))]))
     parts, entries, events = [], [], []
     known = check_effects(model, model_path)
     notes += changed_files(model)

@@ -26,9 +26,9 @@ from thermofast.models.imperfection import (
     widths_left_out,
 )
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
-from thermofast.models.search.candidates import try_add
+from thermofast.models.search.candidates import Candidate, try_add
 from thermofast.models.search.discover import Discovery, discover
-from thermofast.models.search.dominant import beats_disturbance, misfit_power
+from thermofast.models.search.dominant import beats_disturbance, likeliest, misfit_power
 from thermofast.models.search.judge import sensor_p_values, widening
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.search.mutual import both_ways
@@ -173,13 +173,18 @@ def _guessed(task: LoopTask) -> Knowledge:
     searched: Searched = ""
     if task.auto:
         found = discover(seen, chosen_effects((), task.extra))
-        notes.append(_looked_for(found))
-        if found.named is None and task.drive is None:
+        likely = None
+        if found.named is None and found.verdict != "none":
+            stage = likeliest(found.base, found.singles, RULES.false_alarm)
+            likely = None if stage is None else stage.named.shown[0].candidate
+        notes.append(_looked_for(found, likely))
+        added = found.named or likely
+        if added is None and task.drive is None:
             return Knowledge(name, notes=tuple(notes))
         fit = found.base
-        if found.named is not None:
-            fit = fit_disturbed(both_ways(found.named.fit))
-            searched = "all" if any(part.effect.scope == "run" for part in found.named.parts) else "each"
+        if added is not None:
+            fit = fit_disturbed(both_ways(added.fit))
+            searched = "all" if any(part.effect.scope == "run" for part in added.parts) else "each"
     elif task.drive is not None:
         followed, told = _as_it_follows(fit)
         if followed is None:
@@ -257,11 +262,13 @@ def _wishes(task: LoopTask) -> str:
     return " and ".join([*([f"the drive {task.drive}"] if task.drive else []), *(["--auto"] if task.auto else [])])
 
 
-def _looked_for(found: Discovery) -> str:
+def _looked_for(found: Discovery, likely: Candidate | None) -> str:
     """What a search of the readings used found, in words."""
     if found.named is None:
         if found.verdict == "none":
             return "--auto: the readings used show nothing missing"
+        if likely is not None:
+            return f"--auto: LIKELY {likely.parts[-1].id} added, which"
         return "--auto: something is missing, and the readings used do not tell what; none was added"
     had, left = misfit_power(found.base), misfit_power(found.named.fit)
     share = 100.0 * (1.0 - left / had) if had > 0.0 else 100.0

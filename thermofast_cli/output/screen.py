@@ -133,9 +133,15 @@ def number(name: str, digits: int = 2) -> Any:
 
     def form(row: Row) -> str:
         value = row[name]
-        return "-" if value is None else f"{value:.{digits}f}"
+        return "-" if value is None else _fixed(value, digits)
 
     return form
+
+
+def _fixed(value: float, digits: int) -> str:
+    """A number with so many decimals; below 1 it keeps two digits: of what settles within a minute too the table says when."""
+    few = digits < 2 and 0.0 < abs(value) < 1.0
+    return f"{value:.2g}" if few and abs(value) >= 1e-4 else f"{value:.{digits}f}"
 
 
 def percent(name: str) -> Any:
@@ -152,7 +158,7 @@ def interval(low: str, high: str, digits: int = 2) -> Any:
     """Forms two columns as an interval; an open side is a dash."""
 
     def form(row: Row) -> str:
-        sides = ["-" if row[n] is None else f"{row[n]:.{digits}f}" for n in (low, high)]
+        sides = ["-" if row[n] is None else _fixed(row[n], digits) for n in (low, high)]
         return f"{sides[0]}..{sides[1]}" if row[low] is not None or row[high] is not None else "-"
 
     return form

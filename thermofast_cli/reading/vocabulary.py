@@ -28,6 +28,7 @@ AMBIENT = _set(
     "prüfraum klimaraum omgivelsestemperatur kamertemperatuur romtemperatur stuetemperatur huone huoneen ympäristön oda "
     "szobahőmérséklet szoba pokojowa pokojová pokoj комнатная комнаты ambiental ambientală camerei "
     "omgevingstemperatuur omgivningstemperatur rumstemperatur környezeti mediului workshop indoor laboratory "
+    "περιβάλλον περιβάλλοντος δωμάτιο δωματίου χώρος χώρου αέρας αέρα "
     "laborraum inf цех umgeb laborluft okol cabin kabine aussen außen extérieur exterieur"
 )
 #: A German word for a temperature in front of which these stand is the surroundings': Hallentemperatur.
@@ -47,6 +48,8 @@ INPUTS = _set(
     "proud napětí výkon otáčky tlak akım gerilim güç devir basınç weight gewicht "
     "velocity barometer pwm distance cosphi intensité potência velocidade нагрузка yük obciążenie carga carico charge zatížení "
     "schalter betriebsart restzeit switch adc growth expansion elongation bending tilt vib preload vorspannung unbalance unwucht "
+    "влажность вибрация расход частота сила крутящий насос вентилятор nem hız debi titreşim frekans pompa kapı "
+    "υγρασία ρεύμα τάση ισχύς πίεση ταχύτητα στροφές ροή αντλία wilgotność vlhkost umidità umedad humedad humidité umidade "
     "imbalance flux wärmestrom runout körperschall schlupf slip druckluft clearance spiel backlash deflection displ"
 )
 #: Names of inputs that are none beside another word: Press ram is a place.
@@ -108,7 +111,8 @@ OTHER = _set(
 )
 TEMPERATURE = _set(
     "temp temps temperature temperatures temperatur temperaturen tmp tc thermocouple thermo pt rtd ntc thermistor therm dewpt "
-    "dewpoint probe fühler 温度 temperatura temperaturas teplota lämpötila hőmérséklet sıcaklık температура"
+    "dewpoint probe fühler 温度 temperatura temperaturas teplota lämpötila hőmérséklet sıcaklık температура "
+    "θερμοκρασία θερμοκρασίες θερμ"
 )
 #: Words that a name may have beside the one that decides, and is still that.
 #: What a channel is called before its number.
@@ -127,6 +131,7 @@ DERIVED = _set(
     "rauschen погрешность error gradient rate slope deltat dt spread uncertainty temperaturdifferenz temperaturgradient "
     "drift temperaturanstieg überhitzung messfehler unsicherheit "
     "regelabweichung regeldifferenz sollabweichung überhöhung temperaturerhöhung temperaturüberhöhung "
+    "разность разница διαφορά fark farkı "
     "temperaturspreizung spreizung tdiff overtemp excess trel rel relative residual residuum hysteresis abw"
 )
 #: The same that count wherever in a name they stand, behind its unit too: front [°C] rate.
@@ -189,7 +194,26 @@ AMBIENT_PARTS = (
 )
 INPUT_PARTS = (
     *("转速", "回転", "轉速", "电流", "電流", "电压", "電圧", "功率", "電力", "湿度", "濕度", "压力", "圧力", "速度", "进给"),
-    *("전류", "전압", "회전", "속도", "압력", "부하", "负载", "負荷", "負載"),
+    *("전류", "전압", "회전", "속도", "압력", "부하", "负载", "負荷", "負載", "습도", "전력", "유량", "진동", "토크", "주파수"),
+    *(
+        "壓力",
+        "油压",
+        "油壓",
+        "油圧",
+        "气压",
+        "氣壓",
+        "气圧",
+        "電壓",
+        "电力",
+        "流量",
+        "振动",
+        "振動",
+        "扭矩",
+        "转矩",
+        "轉矩",
+        "トルク",
+    ),
+    *("频率", "頻率", "周波数", "温差", "溫差", "温度差", "溫度差", "온도차"),
 )
 #: Names that begin so are no temperature though "temp" stands in them.
 NOT_TEMPERATURE = _set("attempts attempt template templates tempo tempus contempt temporary temporal")
@@ -216,11 +240,11 @@ UNITS = _set("unit units einheit uom eu")
 TIME = _set(
     "time times timestamp timestamps datetime date elapsed clock zeit uhrzeit datum zeitstempel stamp zeitpunkt temps heure "
     "laufzeit messdauer duración durata zaman fecha hora ora orario saat tarih tid tijd čas idő aika время дата tiempo czas "
-    "时间 日期 経過時間 時刻 시간 millis uptime"
+    "时间 日期 経過時間 時刻 시간 millis uptime süre χρόνος ώρα ημερομηνία"
 )
 #: The same in languages that are written without blanks; and a temperature.
 TIME_PARTS = ("时间", "時間", "时刻", "時刻", "日期", "日時", "日付", "시간", "날짜")
-TEMPERATURE_PARTS = ("温度", "溫度", "온도", "lämpötila", "hőmérséklet", "sıcaklı")
+TEMPERATURE_PARTS = ("温度", "溫度", "온도", "lämpötila", "hőmérséklet", "sıcaklı", "θερμοκρασ")
 #: Names that mean time only when they are the whole name: T_min may be the least of a temperature.
 TIME_NAMES = _set("t s sec seconds min minutes h hours x_value _time ts ms Seconds Minutes Hours Sec X_Value Tempo")
 
@@ -235,9 +259,25 @@ TIME_UNITS: dict[str, tuple[str, ...]] = {
     "ns": ("ns", "nanoseconds"),
     "us": ("us", "µs", "μs", "microseconds"),
     "ms": ("ms", "msec", "millis", "msecs", "millis", "milliseconds"),
-    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒", "초", "с", "сек"),
-    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟", "分", "분", "мин"),
-    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时", "ч", "час"),
+    "s": (
+        "s",
+        "sec",
+        "secs",
+        "second",
+        "seconds",
+        "sek",
+        "sekunden",
+        "秒",
+        "초",
+        "с",
+        "сек",
+        "sn",
+        "saniye",
+        "δευτ",
+        "δευτερόλεπτα",
+    ),
+    "min": ("min", "mins", "minute", "minutes", "minuten", "分钟", "分", "분", "мин", "dk", "dakika", "λεπτά", "λεπ"),
+    "h": ("h", "hr", "hrs", "hour", "hours", "std", "stunden", "小时", "ч", "час", "saat", "ώρες"),
     "d": ("d", "day", "days", "tage"),
 }
 
@@ -254,3 +294,44 @@ TIME_WORDS: dict[str, frozenset[str]] = {
 CALENDAR = frozenset().union(*(known for part, known in TIME_WORDS.items())) - _set("s m h min mm ss mon") | _set(
     "weekday wochentag dow week woche kw doy quarter"
 )
+#: Months by the first three letters of their names, of four where these are not enough.
+MONTHS = dict(zip(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], range(1, 13), strict=True))
+MONTHS |= {
+    "мар": 3,
+    "апр": 4,
+    "май": 5,
+    "мая": 5,
+    "июн": 6,
+    "июл": 7,
+    "авг": 8,
+    "сен": 9,
+    "окт": 10,
+    "ноя": 11,
+    "дек": 12,
+    "янв": 1,
+    "фев": 2,
+}
+MONTHS |= {
+    "mrt": 3,
+    "mei": 5,
+    "ago": 8,
+    "ene": 1,
+    "abr": 4,
+    "dic": 12,
+    "gen": 1,
+    "mag": 5,
+    "giu": 6,
+    "lug": 7,
+    "set": 9,
+    "ott": 10,
+}
+MONTHS |= dict(
+    zip(["sty", "lut", "kwi", "maj", "cze", "lip", "sie", "wrz", "paź", "lis", "gru"], (1, 2, 4, *range(5, 13)), strict=True)
+)
+MONTHS |= {"led": 1, "úno": 2, "bře": 3, "dub": 4, "kvě": 5, "zář": 9, "říj": 10, "pro": 12, "fev": 2, "out": 10}
+MONTHS |= {"oca": 1, "şub": 2, "nis": 4, "haz": 6, "tem": 7, "ağu": 8, "eyl": 9, "eki": 10, "kas": 11, "ara": 12}
+MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12, "fév": 2, "avr": 4, "juin": 6, "juil": 7, "aoû": 8, "déc": 12}
+MONTHS |= dict(
+    zip(["ιαν", "φεβ", "μαρ", "μάρ", "απρ", "μαι", "μάι", "ιουν", "ιουλ", "αυγ"], (1, 2, 3, 3, 4, 5, 5, 6, 7, 8), strict=True)
+)
+MONTHS |= {"σεπ": 9, "οκτ": 10, "νοε": 11, "δεκ": 12}

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ..run import Array, Guess
+from ..vocabulary import MONTHS
 from .durations import LOOKS_SO, as_clock
 from .four_parts import HUNDREDTHS, days_to_seconds
 
@@ -21,42 +22,6 @@ MOST_BELOW = 60
 #: A record lasts this long [s] and is read at these intervals [s]: what tells minutes from seconds where nothing else does.
 PLAUSIBLE_LENGTH_S = (600.0, 4.0 * DAY_S)
 PLAUSIBLE_INTERVAL_S = (0.04, 900.0)
-_MONTHS = dict(zip(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"], range(1, 13), strict=True))
-_MONTHS |= {
-    "мар": 3,
-    "апр": 4,
-    "май": 5,
-    "мая": 5,
-    "июн": 6,
-    "июл": 7,
-    "авг": 8,
-    "сен": 9,
-    "окт": 10,
-    "ноя": 11,
-    "дек": 12,
-    "янв": 1,
-    "фев": 2,
-}
-_MONTHS |= {
-    "mrt": 3,
-    "mei": 5,
-    "ago": 8,
-    "ene": 1,
-    "abr": 4,
-    "dic": 12,
-    "gen": 1,
-    "mag": 5,
-    "giu": 6,
-    "lug": 7,
-    "set": 9,
-    "ott": 10,
-}
-_MONTHS |= dict(
-    zip(["sty", "lut", "kwi", "maj", "cze", "lip", "sie", "wrz", "paź", "lis", "gru"], (1, 2, 4, *range(5, 13)), strict=True)
-)
-_MONTHS |= {"led": 1, "úno": 2, "bře": 3, "dub": 4, "kvě": 5, "zář": 9, "říj": 10, "pro": 12, "fev": 2, "out": 10}
-_MONTHS |= {"oca": 1, "şub": 2, "nis": 4, "haz": 6, "tem": 7, "ağu": 8, "eyl": 9, "eki": 10, "kas": 11, "ara": 12}
-_MONTHS |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12, "fév": 2, "avr": 4, "juin": 6, "juil": 7, "aoû": 8, "déc": 12}
 _CELL = re.compile(
     r"(?:[A-Za-z]{2,9}[,.]?\s+)?"  # a day of the week
     r"(?:(?P<a>\d{1,4})(?P<sep>[-/.])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{1,4})\.?|(?P<compact>\d{8})|"
@@ -70,12 +35,17 @@ _ISO = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d(\.\d{1,9})?)?$")
 #: Forms that are written anew before they are read: 2026年3月14日 8时05分00秒, 上午 08:05, 08h05, and Sat Mar 14 08:05:00 CET 2026.
 _EAST = re.compile(r"(\d+)[年년]\s*(\d+)[月월]\s*(\d+)[日일]")
 _EAST_CLOCK = re.compile(r"(\d+)\s*[时時点點시]\s*(?:(\d+)\s*[分분](?:\s*(\d+(?:\.\d+)?)\s*[秒초])?)?")
-_HALF_FIRST = re.compile(r"(上午|下午|午前|午後|오전|오후|[AaPp][Mm](?= *\d))\s*(\d{1,2}:\d{2}(?::\d{2}(?:\.\d+)?)?)")
+_HALF_FIRST = re.compile(
+    r"(上午|下午|午前|午後|早上|凌晨|晚上|中午|오전|오후|Ö[ÖS]|[AaPp][Mm](?= *\d))\s*(\d{1,2}):(\d{2}(?::\d{2}(?:\.\d+)?)?)"
+)
+_HALF_LAST = re.compile(r"(?<=\d) ?([πμ])\.?μ\.?$|(?<=\d) ?(Ö[ÖS])$")
+_AFTERNOON = ("下午", "午後", "晚上", "中午", "오후", "PM", "pm", "Pm", "ÖS", "μ")
 _PLAIN = re.compile(r"[+-]?\d[\d.,]*$")
 _FRENCH_CLOCK = re.compile(r"(?<![:\d])(\d{1,2}) ?h ?(\d{2})(?: ?(?:m|min|mn) ?(?:(\d{2}) ?s?)?)?$")
 _YEAR_LAST = re.compile(r"(?:[A-Za-z]{3,9},? )?([A-Za-z]{3}) +(\d{1,2}) (\d{1,2}:\d{2}:\d{2}(?:\.\d+)?) (?:([A-Z]{3,5}) )?(\d{4})$")
 _OTHER_FORM = re.compile(
-    r"(?i:uhr|hrs)$|[年년时時点點시午오]|\d ?(?i:h(?:rs?|ours?)?),? ?\d|(?i:[ap]m) *\d"
+    r"(?i:uhr|hrs)$|[年년时時点點시午오早凌晚]|[πμ]\.?μ|Ö[ÖS]|\d г\.?|^(?:令和|民[國国])"
+    r"|\d ?(?i:h(?:rs?|ours?)?),? ?\d|(?i:[ap]m) *\d"
     r"|:\d\d\S* (?:[A-Z]{3,5} )?\d{4}$|(?i:[ap]\.\s?m\.)"
     rf"|{LOOKS_SO}"
     r"|^\d+\. \d|[/-]\d{4} \d\d?\.\d\d$|\.\d\d\.\d\d$|^\d{4}(?:\.\d\d?){2}\. |^\d{1,3}[. ]\d\d?:\d\d:"
@@ -101,9 +71,15 @@ class Stamps:
 def plain(cell: str) -> str:
     """A stamp of another language's or program's form in one that is known here; other cells as they are."""
     if not cell.isascii():
+        cell = re.sub(r"令和(\d{1,2}|元)(?=[年./-])", lambda m: str(2018 + int(m[1].replace("元", "1"))), cell)
+        cell = re.sub(r"民[國国](\d{2,3})(?=[年./-])", lambda m: str(1911 + int(m[1])), cell)
+        cell = re.sub(r"(?<=\d{4}) ?г\.?(?= |,|$)", "", cell)
         cell = _EAST.sub(r"\1-\2-\3 ", cell)
         cell = _EAST_CLOCK.sub(lambda m: f"{m[1]}:{int(m[2] or 0):02d}" + (f":{m[3]:0>2}" if m[3] else ""), cell)
-    cell = _HALF_FIRST.sub(lambda m: f"{m[2]} {'PM' if m[1] in ('下午', '午後', '오후', 'PM', 'pm', 'Pm') else 'AM'}", cell)
+    # Where the half of the day stands first noon may be its hour 0.
+    cell = _HALF_FIRST.sub(lambda m: f"{'12' if int(m[2]) == 0 else m[2]}:{m[3]} {'PM' if m[1] in _AFTERNOON else 'AM'}", cell)
+    if not cell.isascii():
+        cell = _HALF_LAST.sub(lambda m: f" {'PM' if (m[1] or m[2]) in _AFTERNOON else 'AM'}", cell)
     if not _FRENCH_CLOCK.match(cell) and (clock := as_clock(cell)) is not None:
         return clock
     cell = _FRENCH_CLOCK.sub(lambda m: f"{m[1]}:{m[2]}" + (f":{m[3]}" if m[3] else ""), cell)
@@ -299,7 +275,7 @@ def _orders(matches: Sequence[re.Match[str]], name: str) -> dict[str, Array | No
     for month, day, year in (("mon", "da", "yr"), ("mon2", "da2", "yr2")):
         if first[month]:
             told = [(m[month] or "").lower() for m in matches]
-            months = np.array([float(_MONTHS.get(n[:4]) or _MONTHS.get(n[:3], 0)) for n in told])  # juin, juillet
+            months = np.array([float(MONTHS.get(n[:4]) or MONTHS.get(n[:3], 0)) for n in told])  # juin, juillet
             return {"dmy": _days(_numbers(matches, year), months, _numbers(matches, day))}
     if not first["a"]:
         return {}

@@ -25,16 +25,35 @@ KINDS: tuple[tuple[bytes, str, str], ...] = (
     (b"ARROW1", "an Arrow (Feather) file", "save it as Parquet"),
 )
 
+JAPANESE = ("温度", "時間", "時刻", "日時", "日付", "℃", "経過", "測定", "データ", "チャン", "室温")
+RUSSIAN = ("время", "Время", "дата", "Дата", "емператур", "одшипник", "среда", "корпус", "Корпус", "оздух", "омнат", "Час")
+GREEK = ("ερμοκρασ", "ρόνος", "Ώρα", "ώρα", "μερομην", "εριβάλλο", "ωμάτι", "ουλεμάν", "τρακτος")
 #: Encodings, with words of a logger by which a file is known to be in one: read otherwise they do not appear.
 BY_WORDS: dict[str, tuple[str, ...]] = {
-    "gb18030": ("温度", "时间", "日期", "℃", "通道", "序号", "采集", "环境", "主轴", "轴承", "记录"),
-    "cp932": ("温度", "時間", "時刻", "日時", "日付", "℃", "経過", "測定", "データ", "チャン"),
-    "big5": ("溫度", "時間", "日期", "℃", "通道", "主軸", "軸承", "環境"),
-    "euc_kr": ("온도", "시간", "날짜", "℃", "측정"),
-    "cp1251": ("время", "Время", "дата", "Дата", "емператур", "одшипник", "среда", "корпус", "Корпус"),
+    "gb18030": ("温度", "时间", "时刻", "室温", "室内", "日期", "℃", "通道", "序号", "采集", "环境", "主轴", "轴承", "记录"),
+    "cp932": JAPANESE,
+    "euc_jp": JAPANESE,
+    "big5": ("溫度", "時間", "時刻", "室溫", "室內", "日期", "℃", "通道", "主軸", "軸承", "環境"),
+    "euc_kr": ("온도", "시간", "날짜", "℃", "측정", "시각", "실온", "실내"),
+    "cp1251": RUSSIAN,
+    "koi8_r": RUSSIAN,
+    "cp866": RUSSIAN,
+    "cp1253": GREEK,
+    "iso8859_7": GREEK,
     "cp1250": ("Čas", "čas", "ożysk", "ředn", "tył", "őmérséklet"),
-    "cp1254": ("Sıcaklı", "sıcaklı", "ortamı", "dış", "İş", "yağı"),
+    "cp1254": ("Sıcaklı", "sıcaklı", "ortamı", "dış", "İş", "yağı", "akım", "Akım", "asınç", "hızı", "Hızı"),
 }
+
+
+#: Letters that stand beside each other where another alphabet is read as Windows-1252, and in no language that has it.
+_ODD = re.compile(rb"[\x80-\xff]{3,}")
+
+
+def odd_letters(data: bytes) -> str:
+    """What letters of an unknown alphabet look like, where the first lines of a file, now UTF-8, have any; else empty."""
+    head = data[:65536].rpartition(b"\n")[0].decode("utf-8", errors="replace").encode("cp1252", errors="replace")
+    found = _ODD.search(head)
+    return found[0].decode("cp1252", errors="replace") if found else ""
 
 
 def kind_of(data: bytes) -> tuple[str, str] | None:

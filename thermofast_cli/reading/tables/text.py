@@ -18,7 +18,7 @@ from ..table import Table, to_floats, wide_numbers
 from ..units import parse_unit, unit_above, unit_changes
 from .cells import with_unit, without
 from .dialect import THOUSAND, Dialect, detect_dialect, is_missing, is_number, number_within, split, to_number
-from .encoding import refuse_markup, to_utf8
+from .encoding import odd_letters, refuse_markup, to_utf8
 from .lines import (
     LINE_END,
     begins_of_lines,
@@ -80,6 +80,9 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     data, segments = joined_segments(data, name)
     data, scope = plain_scope(data)
     data, guesses = transposed(data)
+    if encoding == "cp1252" and not options.encoding and (odd := odd_letters(data)):
+        text = f"letters of an unknown alphabet, read as Windows-1252: {odd[:12]!r}"
+        guesses.append(Guess("layout", text, "--encoding says which (cp1253, koi8_r, gb18030, euc_jp, ...)"))
     notes += written + quotes + segments + scope
     head = LINE_END.split(data[: _sample_end(data)].decode("utf-8", errors="replace"))
     told = options if options.delimiter or not separator else replace(options, delimiter=separator)
