@@ -223,12 +223,8 @@ def decide(before: Sequence[Fit], weighed: Sequence[Weighed], sure: bool = True)
 
 
 def likeliest(base: Fit, singles: Sequence[Candidate], false_alarm: float) -> Stage | None:
-    """The single effect that is likeliest where none is named, and explains most of the misfit; mostly none."""
+    """The single effect that is likeliest where none is named, explains most of the misfit and has no rival; mostly none."""
     stage = decide([base], weigh([base], [[c] for c in singles], false_alarm), sure=False)
-    import os
-
-    if os.environ.get("NOLIKELY"):
-        return None
     return stage if stage is not None and stage.rival is None and stage.named.share >= RULES.mostly else None
 
 

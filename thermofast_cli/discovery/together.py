@@ -1,7 +1,7 @@
 """``improve --together``: several runs of one machine in one fit, each left out in turn."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.imperfection import SCATTER, Past, PastRun
-from thermofast.models.joint import Fit, Part, fit_model, with_parts
+from thermofast.models.joint import Fit, Key, Part, fit_model, with_parts
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Discovery, Spread, total_likelihood_ratio
 from thermofast.models.search.heldout import held_out_errors
@@ -28,7 +28,7 @@ from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved, or_else, status_of
-from .loop import LoopTask, Ready, check_inputs, ids_of, parameters_of, pooled
+from .loop import LoopTask, check_inputs, ids_of, parameters_of, pooled
 from .several import OneOf, common_runs, ready_runs
 from .wording import rivals
 
@@ -41,6 +41,8 @@ HALVED = 0.5
 NOTHING = "the search names no effect in any run"
 #: So many effects are tried there, those first that explain most.
 MOST_NEAR = 3
+#: Share of its time by which an event may come earlier or later in other runs and is still of the machine, or of its test.
+SAME_TIME = 0.1
 #: A run whose rates lie this many usual scatters off is named.
 STRETCHED = 2.0
 
@@ -282,10 +284,13 @@ def _told(
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
     if len(stages) > 1:
-        bare = [_of_the_machine(stages[0].fits[k], last.fits[k], runs[k].prepared) for k in plain]
-        by = from_first_part(learnt, [runs[k].task for k in plain], bare)
+        events = _at_other_times([last.fits[k] for k in plain])
+        as_of = [_of_the_machine(stages[0].fits[k], last.fits[k], runs[k], events) for k in plain]
+        bare = [past_run for past_run, _ in as_of]
+        by = from_first_part(learnt, [own for _, own in as_of], bare)
         kept = learnt_past(bare) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
-        learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape))
+        came = tuple(events.values()) if by.shape else ()
+        learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape, came))
         told = "the shape of the other runs foretells a run better from its first part than the effects: identify uses it"
         notes = [*notes, told] if by.shape else notes
     notes = [
@@ -332,16 +337,35 @@ def _told(
     return found
 
 
-def _of_the_machine(base: Fit, fit: Fit, prepared: Ready) -> PastRun:
-    """A run as the base model has it, without what probes of a `fit` show that is not their object's: a drift, a jump."""
-    keep = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one"]
+def _at_other_times(fits: Sequence[Fit]) -> dict[int, str]:
+    """Parts of the model that are events that came at another time in each run, so none of the machine's course; and when."""
+    found = {}
+    for k, part in enumerate(fits[0].model.parts):
+        if part.effect.event in {p.name for p in part.effect.active(part.choice)}:
+            times = [float(np.median(fit.values[Key(k, part.effect.event)])) for fit in fits]
+            if max(times) - min(times) > SAME_TIME * float(np.mean(times)):
+                found[k] = f"{part.id} (at {rounded(min(times))} to {rounded(max(times))} min)"
+    return found
+
+
+def _of_the_machine(base: Fit, fit: Fit, run: OneOf, events: Collection[int]) -> tuple[PastRun, LoopTask]:
+    """A run as the base model has it, without what probes of a `fit` show that is not their object's, a drift or a jump, and
+    without events that are only this run's; and the task with its run as it would have been.
+    """
+    prepared, task = run.prepared, run.task
+    keep = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one" and k not in events]
     if len(keep) == len(fit.model.parts):
-        return run_learnt_from(base, prepared.whole)
+        return run_learnt_from(base, prepared.whole), task
     sensors = np.arange(fit.run.sensors)
     shared = np.tile(fit.shared, (len(sensors), 1))
     shown = fit.curve - free_runs(fit, fit.run, fit.local, shared, sensors, keep)
-    seen, whole = (replace(run, reading=run.reading - shown) for run in (prepared.seen, prepared.whole))
-    return run_learnt_from(fit_model(seen), whole)
+    seen, whole = (replace(one, reading=one.reading - shown) for one in (prepared.seen, prepared.whole))
+    minutes = task.run.time_s / 60.0 - task.start_min
+    without = {c: np.interp(minutes, fit.run.time, row) for c, row in zip(fit.run.channels, shown, strict=True)}
+    channels = {c: row - without.get(c, 0.0) for c, row in task.run.channels.items()}
+    # By another name, so that it is not known again for the run in which something happened.
+    own = replace(task, run=replace(task.run, name=f"{task.run.name} as the machine goes", channels=channels))
+    return run_learnt_from(fit_model(seen), whole), own
 
 
 def _left(run: int, plain: Sequence[int]) -> str:

@@ -101,6 +101,7 @@ class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
 
     relative_to: "limit" where amplitudes are relative to the whole rise; files of before have them relative to what the law has of
     it. without_effects: it is the shape of the runs as a whole, which foretold them better from their first part than the effects.
+    without_events: what happened in each of these runs at another time, and when, which was taken out of that shape.
     """
 
     runs: int
@@ -116,6 +117,7 @@ class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen
     shapes: tuple[ShapeEntry, ...] = ()
     relative_to: Literal["", "limit"] = ""
     without_effects: bool = False
+    without_events: tuple[str, ...] = ()
 
 
 class ModelFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -240,7 +242,7 @@ def _belongs(model: FitModel, column: Column) -> Literal["machine", "run"]:
     return "machine" if model.of_machine(column) else "run"
 
 
-def past_entry(past: Past, without_effects: bool = False) -> PastEntry:
+def past_entry(past: Past, without_effects: bool = False, without_events: tuple[str, ...] = ()) -> PastEntry:
     """As the file tells it."""
 
     def short(value: float) -> float:
@@ -271,6 +273,7 @@ def past_entry(past: Past, without_effects: bool = False) -> PastEntry:
         shapes=tuple(shapes),
         relative_to="limit",
         without_effects=without_effects,
+        without_events=without_events,
     )
 
 

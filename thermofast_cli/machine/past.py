@@ -173,10 +173,8 @@ def _guessed(task: LoopTask) -> Knowledge:
     searched: Searched = ""
     if task.auto:
         found = discover(seen, chosen_effects((), task.extra))
-        likely = None
-        if found.named is None and found.verdict != "none":
-            stage = likeliest(found.base, found.singles, RULES.false_alarm)
-            likely = None if stage is None else stage.named.shown[0].candidate
+        stage = likeliest(found.base, found.singles, RULES.false_alarm) if found.verdict == "unexplained" else None
+        likely = None if stage is None else stage.named.shown[0].candidate
         notes.append(_looked_for(found, likely))
         added = found.named or likely
         if added is None and task.drive is None:
@@ -264,17 +262,18 @@ def _wishes(task: LoopTask) -> str:
 
 def _looked_for(found: Discovery, likely: Candidate | None) -> str:
     """What a search of the readings used found, in words."""
-    if found.named is None:
+    added = found.named or likely
+    if added is None:
         if found.verdict == "none":
             return "--auto: the readings used show nothing missing"
-        if likely is not None:
-            return f"--auto: LIKELY {likely.parts[-1].id} added, which"
         return "--auto: something is missing, and the readings used do not tell what; none was added"
-    had, left = misfit_power(found.base), misfit_power(found.named.fit)
-    share = 100.0 * (1.0 - left / had) if had > 0.0 else 100.0
+    had, left = misfit_power(found.base), misfit_power(added.fit)
+    share = f"{min(100.0 * (1.0 - left / had) if had > 0.0 else 100.0, 99.9):.3g} % of the misfit of the readings used"
+    if found.named is None:
+        return f"--auto: {added.parts[-1].id}, which is likeliest and not sure, added, which explains {share}"
     rivals = [p.id for c in found.also[:1] for p in c.parts if p.id not in found.named.ids]
     either = f" (or {', '.join(rivals)})" if rivals else ""
-    return f"--auto: {found.verdict}{either} added, which explains {min(share, 99.9):.3g} % of the misfit of the readings used"
+    return f"--auto: {found.verdict}{either} added, which explains {share}"
 
 
 def followers(task: LoopTask, seen: Observations) -> tuple[list[str], list[str]]:
@@ -319,7 +318,10 @@ def _knowledge(task: LoopTask) -> Knowledge:
     if task.drive is None and (not file.effects or (file.past is not None and file.past.without_effects)):
         if file.effects:
             left_out = "its effects are left out here: from their first part its runs were foretold better by their shape"
-            notes = [_said((), task.model.source, past.runs), left_out, *notes[1:]]
+            came = [
+                f"in its runs came {e}, at another time in each: it is counted where it is read" for e in file.past.without_events
+            ]
+            notes = [_said((), task.model.source, past.runs), left_out, *came, *notes[1:]]
         return Knowledge(name, past, tuple(notes))
     _, prepared = ready(task)
     if prepared is None or _too_few(prepared):

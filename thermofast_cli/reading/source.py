@@ -40,6 +40,7 @@ from .values.degrees import Temperatures, refuse_another_unit, refuse_words, uni
 from .values.faults import unmoved_gap, without_faults, without_impossible
 from .values.marks import good_readings
 from .values.thousands import with_thousands
+from .values.unchanged import as_it_stood
 from .vocabulary import UNITS
 from .vocabulary import words as words_of
 from .wide import read_wide
@@ -329,6 +330,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         channels, ambient, inputs, displacements = ({n: of[n] for n in who} for who in kinds)
         told = (*guesses, *part.guesses, *unmoved_gap(part.time, list(channels.values())))
         runs.append(Run(name, part.time, channels, ambient, inputs, (*notes, *part.notes), said, displacements, told, seen))
+    runs = [as_it_stood(run) for run in runs]
     return [_copies_told(renamed(run, options.rename) if options.rename else run) for run in runs]
 
 
