@@ -370,7 +370,7 @@ def test_one_effect_does_not_take_the_place_of_two_that_explain_far_more():
 def _candidate(worth, share, far=False, gain=None):
     """What `decide` asks of an effect that was weighed, sound by itself."""
     told = {"worth": worth, "share": share, "gain": 100.0 * worth if gain is None else gain, "physical": True}
-    return SimpleNamespace(**told, distant_surroundings=far, clear=lambda beyond: True)
+    return SimpleNamespace(**told, distant_surroundings=far, clear=lambda *asked: True)
 
 
 def test_what_needs_surroundings_far_away_is_no_rival_of_what_needs_none():

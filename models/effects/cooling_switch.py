@@ -8,7 +8,7 @@ import numpy as np
 from ..drive import Drive
 from ..observations import Observations
 from .base import Choice, Effect, Parameter, tried_columns
-from .load_step import STEADILY, endings, held, so_far
+from .load_step import STEADILY, endings, held, later, so_far
 
 
 class CoolingSwitch(Effect):
@@ -18,7 +18,7 @@ class CoolingSwitch(Effect):
     summary = "coolant, fan or door changes the loss"
     equation = (
         "loss(t) = ratio after event, 1 before; or 1 + (ratio - 1) t/t_last (steadily); "
-        "or 1 + (ratio - 1) u/u_max, u a logged column"
+        "or 1 + (ratio - 1) u(t - delay)/u_max, u a logged column"
     )
     tell_tale = "kink at the event, then a new exponential with another b"
     mistaken_for = ("load_step",)
@@ -35,19 +35,25 @@ class CoolingSwitch(Effect):
             "ratio", "1", 0.05, 12.0, 1.3, "loss after the change over the loss before", null=1.0, belongs="run", typical=(1.2, 1.6)
         ),
         Parameter("event", "min", 0.0, 1.0, 0.5, "time of the change", belongs="run", share=True, typical=(0.3, 0.6)),
+        Parameter(
+            "delay", "min", 0.0, 0.3, 0.02, "time by which the loss follows the column later", share=True, logging_steps=0.289
+        ),
     )
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         steadily = {"column": "", "event": 0.0, "steady": 1.0}
-        found = [Choice("", {"column": ""}), Choice(STEADILY, steadily, ("event",), simple=False, rare=True)]
+        found = [Choice("", {"column": ""}, ("delay",)), Choice(STEADILY, steadily, ("event", "delay"), simple=False, rare=True)]
         for name, column in tried_columns(run, but=run.heats).items():
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
-            found += [Choice(name, {**constants, "ending": ending}, ("event",), coupled=("ratio",)) for ending in endings(column)]
+            ways = [{**constants, "ending": ending} for ending in endings(column)]
+            found += [Choice(name, way, ("event", "delay"), coupled=("ratio",)) for way in ways]
+            later_ = {**constants, "ending": 0.5}
+            found += [Choice(f"{name}, later", later_, ("event",), simple=False, coupled=("ratio",))]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:
         if p.column:
-            changed = held(run, p.column, p.scale, 1.0, p.ending)
+            changed = later(run, held(run, p.column, p.scale, 1.0, p.ending), getattr(p, "delay", 0.0))
         else:
             changed = so_far(run) if getattr(p, "steady", 0.0) else run.after(p.event)
         drive.loss = drive.loss * np.maximum(1.0 + (p.ratio - 1.0) * changed, 1e-3)

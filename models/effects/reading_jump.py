@@ -30,9 +30,10 @@ class ReadingJump(Effect):
     )
 
     def grid(self, run: Observations, choice: Choice) -> list[dict[str, float]]:
-        """Every interval between readings."""
-        every = max(1, len(run.time) // 600)
-        return [{"event": float(t)} for t in 0.5 * (run.time[2:-2:every] + run.time[1:-3:every])]
+        """Every interval between readings that are used."""
+        time = run.time[: run.last + 1]
+        every = max(1, len(time) // 600)
+        return [{"event": float(t)} for t in 0.5 * (time[2:-2:every] + time[1:-3:every])]
 
     def response(self, points: list[dict[str, float]], run: Observations, rate: Array, rise: Array) -> Array:
         return run.after(np.array([[p["event"]] for p in points]))[None]

@@ -13,6 +13,7 @@ from ..effects.base import Choice, Effect
 from ..joint import LEVEL, MOST_ITERATIONS, RATE, START, Fit, Key, Model, Part, fit_model, rows_of, search, with_parts
 from ..observations import Observations
 from .judge import Identifiability, chance, identifiability, least_p, likelihood_ratios, log_ratio, sensor_p_values
+from .logged import as_logged
 from .mutual import completed, go_both_ways, linked_alike, ways_for_all
 from .rules import RULES
 from .scan import Scan, own_starts, scan, shared_starts
@@ -143,6 +144,7 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
     if not quick:
         best = _elaborate(before, effect, best)
         best = _in_part(before, effect, scans, best) if effect.in_parts else best
+        best = as_logged(before, best, _choices(before, effect), _value)
     if likelihood_ratios(before, best[1]).sum() < 0.0:  # at its null it is the model before: the search went astray
         main = effect.parameter(effect.amplitude)
         null = (main.null or 0.0) * (run.span if main.share else 1.0)

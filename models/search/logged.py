@@ -1,8 +1,13 @@
-"""Whether what was logged as the surroundings is a thermometer on the machine."""
+"""What was logged: whether the surroundings are a thermometer on the machine, and whether what happened is a column's jump."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects.base import Choice
+from ..joint import Fit, Key, Part, fit_model, with_parts
 from .rules import RULES
 
 Array = NDArray[np.float64]
@@ -28,3 +33,39 @@ def _left(column: Array, like: Array) -> float:
     """Sum of squares (1,) that a column (n,) leaves when another is fitted to it."""
     design = np.column_stack([np.ones(len(like)), like])
     return float(np.linalg.lstsq(design, column, rcond=None)[1].sum())
+
+
+def as_logged(
+    before: Fit, best: tuple[float, Fit, Part], choices: Iterable[Choice], value: Callable[[Fit, Fit, Part], float]
+) -> tuple[float, Fit, Part]:
+    """What was found to happen by itself as following the logged column that jumps then, where it does about as well so.
+
+    Probes are late, and a moment that is searched for is later than that of the column.
+    """
+    run, at, (least, fit, part) = before.run, len(before.model.parts), best
+    effect = part.effect
+    if not effect.event or effect.event not in {p.name for p in effect.active(part.choice)}:
+        return best
+    event, size = float(np.median(fit.values[Key(at, effect.event)])), Key(at, effect.amplitude)
+    found: tuple[float, Fit, Part] | None = None
+    for choice in choices:
+        column = {**run.ambient, **run.inputs}.get(str(choice.constants.get("column", "")))
+        if choice.simple or column is None or not _jumps_before(run.time, column, event):
+            continue
+        other = replace(part, choice=choice)
+        parts = [*before.model.parts, other]
+        kept = {key: v for key, v in fit.values.items() if key.part != at}
+        again = fit_model(run, parts, {**with_parts(before, parts), **kept, size: fit.values[size]})
+        worth = value(before, again, other)
+        if worth > least - RULES.worth and (found is None or worth > found[0]):
+            found = worth, again, other
+    return found or best
+
+
+def _jumps_before(time: Array, column: Array, event: float) -> bool:
+    """Whether the largest jump of a column (N,), most of what it moves, comes at an event [min] or a little before."""
+    change = np.abs(np.diff(column))
+    most = int(np.argmax(change))
+    late = event - float(time[most])
+    jumps = change[most] > RULES.jump_share * float(np.ptp(column))
+    return bool(jumps and -1.5 * float(np.median(np.diff(time))) <= late <= RULES.soon * float(time[-1] - time[0]))

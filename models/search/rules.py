@@ -39,6 +39,10 @@ class SearchRules:
     worth: float = rule(
         12.0, "likelihood ratio", "what a way of acting with one more parameter must gain over the plain one", "chance of 1 in 2000"
     )
+    jump_share: float = rule(0.3, "of its range", "change of a logged column between two readings that is a jump", BY_HAND)
+    soon: float = rule(
+        0.02, "of the record", "by which an event may come after a column's jump and be it: probes are late", BY_HAND
+    )
     worth_another: float = rule(20.0, "likelihood ratio", "a round of refinement that gains less is the last", COST)
     one_way: float = rule(
         16.0,

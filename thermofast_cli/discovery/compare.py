@@ -22,6 +22,7 @@ from ..analysis.denoise import Denoised, denoised
 from ..analysis.power import Constants, thermal_constants, unit_watts
 from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of, of_effects
 from ..errors import ThermofastError
+from ..errors import rounded as rounded_number
 from ..records import CompareRecord, finite
 from .colour import colour_of
 from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
@@ -29,6 +30,8 @@ from .stretches import failing_stretches, steps_near
 
 Array = NDArray[np.float64]
 
+#: Error on the readings ahead, in units of the noise, from which a model that does not fail has not said what comes either.
+OPEN = 5.0
 #: A correlation is told where chance gives it once in so many looks.
 CORRELATED = 1e-3
 MOST_TOLD = 12
@@ -122,6 +125,9 @@ def _compare(task: LoopTask) -> Comparison:
         # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
         sound = (floor[i] >= RULES.pattern and not colour.cycles) or (colour.short and colour.whitened_p >= RULES.pattern)
         status = "ok" if sound and not stretches else "model_doubtful"
+        if status == "ok" and unused.any() and ahead[i] > OPEN * noise:
+            status = "not_determined"
+            messages.insert(0, _left_open(float(ahead[i]), noise, float(np.median(unsure[unused]))))
         records.append(
             CompareRecord(
                 task.run.name,
@@ -171,6 +177,15 @@ def _compare(task: LoopTask) -> Comparison:
             )
     records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels, clean)
+
+
+def _left_open(ahead: float, noise: float, unsure: float) -> str:
+    """What to say of an error on the readings ahead that is no contradiction, because the model does not tell what comes."""
+    open_ = f"± {rounded_number(1.96 * unsure)} K" if unsure < 10.0 * ahead else "nearly anything"
+    return (
+        f"ahead it is off by {rounded_number(ahead)} K, {rounded_number(ahead / noise)} times the noise, within what it "
+        f"leaves open ({open_}): what was read up to --until does not say what comes; read on, or log what changes"
+    )
 
 
 def _constants(fit: Fit, sensor: int, wider: float) -> Constants | None:

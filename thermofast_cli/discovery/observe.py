@@ -30,6 +30,8 @@ ENOUGH = 700
 FINE = 0.05
 #: What the base law leaves of a sensor's range, at most, where its rate is one to follow though others are slower.
 DESCRIBED = 0.05
+#: Words that may stand beside what flows past a machine, and say no quantity of it.
+BESIDE_MEDIA = frozenset(("c", "f", "k", "in", "out", "line", "tank", "side", "main", "circuit", "kreis", "zulauf", "ablauf"))
 #: No grid has more points than this.
 MOST_POINTS = 1500
 FEWEST_READINGS = 24
@@ -193,9 +195,9 @@ def _degrees(name: str) -> bool:
 
 
 def _of_medium(name: str) -> bool:
-    """Whether a name is that of what flows past the machine, with no more than the letter of a unit behind it."""
+    """Whether a name is that of what flows past the machine, with no more than a place or the letter of a unit beside it."""
     said = set(words(name))
-    return bool(said & MEDIA) and said - set("cfk") <= MEDIA
+    return bool(said & MEDIA) and said - BESIDE_MEDIA <= MEDIA
 
 
 def _unsaid(run: Run, inputs: Collection[str], warm: Collection[str]) -> list[str]:

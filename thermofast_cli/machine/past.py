@@ -319,7 +319,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
         if file.effects:
             left_out = "its effects are left out here: from their first part its runs were foretold better by their shape"
             came = [
-                f"in its runs came {e}, at another time in each: it is counted where it is read" for e in file.past.without_events
+                f"in its runs came {e}, at another time in each: it is counted where it is read"
+                for e in (file.past.without_events if file.past is not None else ())
             ]
             notes = [_said((), task.model.source, past.runs), left_out, *came, *notes[1:]]
         return Knowledge(name, past, tuple(notes))

@@ -16,6 +16,9 @@ from thermofast.models.effects.base import Choice
 from .guard import PluginError, source_of, watched
 
 GUIDE = "docs/add-an-effect.md"
+#: Sizes of the columns of the trial record that are tried: a share, a speed in rpm.
+SIZES = (1.0, 30.0, 1e3, 3e4)
+TOO = "and as many times 30, 1000 and 30000"
 #: Hidden masses of one effect: of several together there is room for four such effects.
 MOST_OWN_HIDDEN = 4
 OFF_GRID = 0.0137  # of a range: between two readings of the trial
@@ -107,9 +110,23 @@ def check(effect: Effect, origin: str) -> tuple[bool, int]:
             raise PluginError(
                 f"{origin}: the same values give another curve each time", do="take chance and time of day out of apply"
             )
-        _has_derivatives(effect, run, choice, values, by_row, origin)
+        for size in SIZES:
+            try:
+                _has_derivatives(effect, _larger(run, size), choice, values, by_row, origin)
+                break
+            except PluginError:  # 1 rpm may be far below what an effect asks for
+                if size == SIZES[-1]:
+                    raise
         return by_row, _masses(effect, run, values, choice.constants, by_row)
     return False, 0  # it needs what no trial record has: the guard watches it all the same
+
+
+def _larger(run: Observations, size: float) -> Observations:
+    """The trial record with columns that are no temperatures so many times as large."""
+    larger = replace(run)
+    scaled = {n: c if n in run.temperatures else size * c for n, c in run.inputs.items()}
+    vars(larger).update(inputs=_Plenty(scaled))
+    return larger
 
 
 def _names_in(effect: Effect) -> set[str]:
@@ -158,7 +175,7 @@ def _has_derivatives(effect: Effect, run: Observations, choice: Choice, values: 
 
         if max(map(moved, MOVES)) < LEAST_MOVED:
             raise PluginError(
-                f"{origin}: parameter {p.name!r} changes nothing, whatever it is",
+                f"{origin}: parameter {p.name!r} changes nothing, whatever it is (columns of the trial go from 1 to 2 {TOO})",
                 allowed="a parameter that the curve depends on",
                 do=f"use p.{p.name} in apply, assign what it makes to drive.<name>, or leave the parameter out",
             )

@@ -13,8 +13,8 @@ FEWEST = 12
 SILENT, SILENCES, COVERED = 3.0, 6, 0.5
 #: Over a silence a column changes by its band and hardly more, and nowhere by less: shares of readings, and times the band.
 WITHIN, BELOW, MORE, LESS = 0.8, 0.02, 2.0, 0.75
-#: Rows that are added in silences of a run at most.
-MOST_ADDED = 2000
+#: Rows that are added in silences of a run: so many, were it all one, and no more than these.
+FEWEST_ADDED, MOST_ADDED = 300, 2000
 
 
 def band_of(time_s: Array, values: Array) -> float:
@@ -59,8 +59,15 @@ def as_it_stood(run: Run) -> Run:
     by = least if least == most else f"{least} to {most}"
     text = f"logged only where they change by {by} K: taken to stay between: {listed(band, 6)}"
     guess = Guess("readings", text, "log at a steady interval, without a deadband")
-    groups = {g: wide(getattr(run, g)) for g in ("channels", "ambient", "inputs", "displacements")}
-    return replace(run, time_s=time, guesses=(*run.guesses, guess), **groups)
+    return replace(
+        run,
+        time_s=time,
+        guesses=(*run.guesses, guess),
+        channels=wide(run.channels),
+        ambient=wide(run.ambient),
+        inputs=wide(run.inputs),
+        displacements=wide(run.displacements),
+    )
 
 
 def _between(values: Array, band: float) -> Array:
@@ -75,7 +82,8 @@ def _between(values: Array, band: float) -> Array:
 def _with_rows(time_s: Array, columns: list[Array]) -> Array:
     """Times with more of them where such columns are silent and no other is written."""
     usual = min(float(np.quantile(np.diff(time_s[np.isfinite(c)]), 0.05)) for c in columns)
-    step = max(usual, float(time_s[-1] - time_s[0]) / MOST_ADDED)
+    length = float(time_s[-1] - time_s[0])
+    step = max(min(usual, length / FEWEST_ADDED), length / MOST_ADDED)
     far = np.flatnonzero(np.diff(time_s) > 1.5 * step)
     more = [np.arange(time_s[k] + step, time_s[k + 1] - 0.5 * step, step) for k in far.tolist()]
     return np.union1d(time_s, np.concatenate(more)) if more else time_s
