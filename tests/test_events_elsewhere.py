@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.errors import PluginError
 from thermofast.plugins.effects import load_effect
+from thermofast.plugins.guard import PluginError
 
 RISES, TAUS = (9.0, 12.0, 7.0), (60.0, 66.0, 55.0)
 
@@ -82,7 +82,9 @@ def test_an_effect_may_ask_for_as_much_as_a_speed_is(tmp_path):
     (tmp_path / "seal.py").write_text(SEAL)
     assert load_effect(str(tmp_path / "seal.py")).id == "seal"
     (tmp_path / "idle.py").write_text(SEAL.replace("p.gain * np.maximum", "0.0 * np.maximum"))
-    with pytest.raises(PluginError, match="changes nothing, whatever it is .columns of the trial go from 1 to 2 and as many times"):
+    with pytest.raises(
+        PluginError, match=r"changes nothing, whatever it is .columns of the trial go from 1 to 2 and as many times"
+    ):
         load_effect(str(tmp_path / "idle.py"))
 
 
