@@ -33,6 +33,7 @@ NAMED = 6
 #: What is said where a drive, effects that a search chose or past runs are not counted, because the readings contradict them.
 NOT_FOLLOWED = "the readings do not follow the drive or the effects added, and they are not counted"
 NOT_LIKELIER = "what was found makes the readings hardly likelier than a machine's usual disturbances do, and is not counted"
+NOT_SURE = "what was found is not sure, and not counted where the law holds without it"
 NOT_THIS_RUN = "past runs of this machine do not fit this one and are not counted"
 NOT_YET = "; so early the intervals reach to what they say, too"
 
@@ -217,6 +218,8 @@ def _let_go(
             one.let_go[:] |= m
         if not past.guessed:
             one.let_go[:] |= m & (likelier > RULES.contradicted)
+        if past.unsure:
+            one.let_go[:] |= m & (own.check_p >= RULES.unfit) & _says_more(own, one, c.found)
         if past.searched == "each":
             one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
@@ -227,6 +230,15 @@ def _let_go(
         if wide:
             _at_least(one, own, m & one.known & of_end)
             one.as_fast[m & one.known] = off if other else np.nan
+
+
+def _says_more(own: Claims, one: Claims, found: Estimates) -> NDArray[np.bool_]:
+    """Sensors of which the law says more than what is not sure does, and no effect beside it is likely that may still do much."""
+    with np.errstate(invalid="ignore"):
+        ahead = np.abs(own.steady[:, ::2] - found.state[:, :1]).max(axis=1)
+        done = ahead <= RULES.done * np.abs(own.steady[:, 1] - found.initial)
+        narrower = np.ptp(own.steady[:, ::2], axis=1) < np.ptp(one.steady[:, ::2], axis=1)
+        return np.asarray(narrower & (done | ~(own.strong > RULES.strong)))
 
 
 def _with_past(
@@ -377,6 +389,8 @@ def why_let_go(past: Past | None, read_min: float) -> str:
     if past is None or not past.guessed:
         early = past is not None and read_min < RULES.past_until * past.time_constant
         return NOT_THIS_RUN + (NOT_YET if early else "")
+    if past.unsure:
+        return NOT_SURE
     return NOT_LIKELIER if past.searched else NOT_FOLLOWED
 
 

@@ -171,12 +171,13 @@ def _guessed(task: LoopTask) -> Knowledge:
         notes += [f"{rounded(100.0 * missing)} % of {task.drive} is missing and was filled by straight lines"] if missing else []
     fit = fit_model(seen)
     searched: Searched = ""
+    unsure = False
     if task.auto:
         found = discover(seen, chosen_effects((), task.extra))
         stage = likeliest(found.base, found.singles, RULES.false_alarm) if found.verdict == "unexplained" else None
         likely = None if stage is None else stage.named.shown[0].candidate
         notes.append(_looked_for(found, likely))
-        added = found.named or likely
+        added, unsure = found.named or likely, found.named is None and likely is not None
         if added is None and task.drive is None:
             return Knowledge(name, notes=tuple(notes))
         fit = found.base
@@ -200,6 +201,7 @@ def _guessed(task: LoopTask) -> Knowledge:
         guessed=True,
         rises=rises,
         searched=searched,
+        unsure=unsure,
         stayed_min=stayed,
         changed_min=_changed(fit, task.start_min),
         cycles=any(cycles(fit.run.time[: len(c)], c, 1.0 / float(np.median(fit.values[RATE]))) for c in _heats(fit)),

@@ -145,7 +145,8 @@ class Past:
     runs, and what stands here of rates is a guess from the run at hand. unexplained: sensors whose readings the model leaves in a
     pattern: its effects stand for what is missing in it, too, and are others in another run. searched: the rises are of effects
     that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
-    a machine's usual disturbance does. stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
+    a machine's usual disturbance does; unsure: they are not sure enough to be named, and count where the law does not hold.
+    stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
     changed_min: when it jumped last [min of the run]. cycles: it goes on and off, and what lies beyond the log is for its mean.
     open_end: sensors of which a limit is trusted no farther than the readings at hand go: something happened in the only run learnt
     from, and a slow mass may be hidden in it, or that run ended far from where the model does; unreached: of each sensor the share
@@ -164,6 +165,7 @@ class Past:
     rises: dict[str, Rise] = field(default_factory=dict)
     unexplained: tuple[str, ...] = ()
     searched: Searched = ""
+    unsure: bool = False
     stayed_min: float = np.inf
     changed_min: float = -np.inf
     cycles: bool = False
