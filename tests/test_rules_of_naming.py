@@ -374,7 +374,7 @@ def _shared(fitted, monkeypatch, gains, ways=1, quick=False, large=(), elsewhere
     main = SimpleNamespace(null=1.0, share=True, name="size")
     effect = SimpleNamespace(
         large_starts=lambda: large, equivalent=lambda size, rate, level, sink: (rate * size, level + size), amplitude="size",
-        active=lambda choice: [1], in_parts=False, parameter=lambda name: main,
+        active=lambda choice: [1], in_parts=False, event="", parameter=lambda name: main,
     )  # fmt: skip
     values = {RATE: 0.5, candidates.LEVEL: 50.0, candidates.START: 20.0}
     before = SimpleNamespace(

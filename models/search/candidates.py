@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -144,7 +144,7 @@ def _shared(before: Fit, effect: Effect, scans: list[tuple[Choice, Scan]], quick
     if not quick:
         best = _elaborate(before, effect, best)
         best = _in_part(before, effect, scans, best) if effect.in_parts else best
-        best = as_logged(before, best, _choices(before, effect), _value)
+        best = as_logged(before, best, partial(_choices, before, effect), _value)
     if likelihood_ratios(before, best[1]).sum() < 0.0:  # at its null it is the model before: the search went astray
         main = effect.parameter(effect.amplitude)
         null = (main.null or 0.0) * (run.span if main.share else 1.0)

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects.base import Choice
-from ..joint import Fit, Key, Part, fit_model, with_parts
 from .rules import RULES
+
+if TYPE_CHECKING:
+    from ..effects.base import Choice
+    from ..joint import Fit, Part
 
 Array = NDArray[np.float64]
 
@@ -36,19 +39,24 @@ def _left(column: Array, like: Array) -> float:
 
 
 def as_logged(
-    before: Fit, best: tuple[float, Fit, Part], choices: Iterable[Choice], value: Callable[[Fit, Fit, Part], float]
-) -> tuple[float, Fit, Part]:
+    before: "Fit",
+    best: "tuple[float, Fit, Part]",
+    choices: "Callable[[], Iterable[Choice]]",
+    value: "Callable[[Fit, Fit, Part], float]",
+) -> "tuple[float, Fit, Part]":
     """What was found to happen by itself as following the logged column that jumps then, where it does about as well so.
 
     Probes are late, and a moment that is searched for is later than that of the column.
     """
+    from ..joint import Key, fit_model, with_parts  # identify asks only whether a room is one, and starts without these
+
     run, at, (least, fit, part) = before.run, len(before.model.parts), best
     effect = part.effect
     if not effect.event or effect.event not in {p.name for p in effect.active(part.choice)}:
         return best
     event, size = float(np.median(fit.values[Key(at, effect.event)])), Key(at, effect.amplitude)
     found: tuple[float, Fit, Part] | None = None
-    for choice in choices:
+    for choice in choices():
         column = {**run.ambient, **run.inputs}.get(str(choice.constants.get("column", "")))
         if choice.simple or column is None or not _jumps_before(run.time, column, event):
             continue
