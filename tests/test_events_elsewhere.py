@@ -34,6 +34,7 @@ def test_a_step_that_came_at_another_time_in_each_run_is_not_foretold():
     """The shape of such runs had the step in it: limits of a run before its step were that of after it, as `ok`."""
     runs = [tf.read(run(k, load, step=at), name=f"r{k}") for k, (load, at) in enumerate(((1.0, 180.0), (0.9, 220.0), (1.1, 260.0)))]
     found = tf.improve(runs, add="load_step", together=True)
+    assert max(r.rmse_other_runs_c for r in found if r.step == 1) < 0.1  # when it came is this run's own, and known
     rows = tf.identify(tf.read(run(9, 1.05, 40.0), name="next"), model=found.model)
     for row, rise in zip(rows, RISES, strict=True):
         assert row.steady_state_lo_c <= 21.0 + 1.05 * rise <= row.steady_state_hi_c

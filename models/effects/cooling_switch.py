@@ -47,8 +47,8 @@ class CoolingSwitch(Effect):
             constants = {"column": name, "scale": float(np.abs(column).max()), "event": 0.0}
             ways = [{**constants, "ending": ending} for ending in endings(column)]
             found += [Choice(name, way, ("event", "delay"), coupled=("ratio",)) for way in ways]
-            later_ = {**constants, "ending": 0.5}
-            found += [Choice(f"{name}, later", later_, ("event",), simple=False, coupled=("ratio",))]
+            # A delay that is searched says how a column is held, too.
+            found += [Choice(f"{name}, later", ways[0] | {"ending": 0.5}, ("event",), simple=False, coupled=("ratio",))]
         return found
 
     def apply(self, drive: Drive, run: Observations, p: Any) -> None:

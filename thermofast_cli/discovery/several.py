@@ -37,9 +37,11 @@ class OneOf:
 
     @property
     def first(self) -> Observations:
-        """The readings that a model of the other runs may see."""
+        """The readings that a model of the other runs may see; when an event of this run came is known from all of it."""
         whole = self.prepared.whole
-        return self.prepared.seen if self.task.until_min is not None else whole.until(float(whole.time[0]) + READ * whole.span)
+        if self.task.until_min is not None:
+            return self.prepared.seen
+        return replace(whole.until(float(whole.time[0]) + READ * whole.span), extent=whole.span)
 
 
 def ready_runs(tasks: Sequence[LoopTask], kind: type[Record]) -> tuple[list[OneOf], list[list[Any]]]:

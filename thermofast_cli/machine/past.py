@@ -321,7 +321,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
         if file.effects:
             left_out = "its effects are left out here: from their first part its runs were foretold better by their shape"
             came = [
-                f"in its runs came {e}, at another time in each: it is counted where it is read"
+                f"in its runs came {e}, at another time in each: it is not foretold, and where it comes the model holds no longer"
                 for e in (file.past.without_events if file.past is not None else ())
             ]
             notes = [_said((), task.model.source, past.runs), left_out, *came, *notes[1:]]

@@ -21,6 +21,8 @@ P = ParamSpec("P")
 SUFFIXES = (".png", ".pdf", ".svg")
 MOST_PANELS = 24
 MEASURED, MODEL, MARK = "#7a8793", "#b5410c", "#0072b2"
+#: Times the range of what was read by which an axis reaches beyond it: where a rise settles is what the picture is for.
+FARTHEST = 5.0
 #: Lines beside each other: Okabe and Ito's colours, which the colour-blind tell apart.
 LINES = tuple(colour for colour, _ in STROKES)
 MOST_POINTS = 2000
@@ -184,7 +186,7 @@ def _prediction(axis: Any, c: Curves, title: str) -> None:
         low, high = min(low, c.steady_state), max(high, c.steady_state)
     span = max(high - low, 1e-3)
     real_low, real_high = float(np.nanmin(c.reading)), float(np.nanmax(c.reading))
-    room = 1.5 * max(real_high - real_low, 1e-3)
+    room = FARTHEST * max(real_high - real_low, 1e-3)
     axis.set_ylim(max(low - 0.08 * span, real_low - room), min(high + 0.15 * span, real_high + room))
     axis.set_title(textwrap.fill(f"{title}: {c.note}", TITLE_WIDTH))
     axis.set_xlabel("time, min")

@@ -79,7 +79,7 @@ def _between(values: Array, band: float) -> Array:
     last = np.searchsorted(written, np.arange(len(values)), "right") - 1
     way = np.sign(np.diff(values[written], prepend=values[written[0]]))
     held = values[written][np.maximum(last, 0)] + 0.5 * band * way[np.maximum(last, 0)]
-    return np.asarray(np.where(np.isfinite(values), values, np.where(last >= 0, held, np.nan)))
+    return np.asarray(np.where(np.isfinite(values), values, np.where(last >= 0, np.round(held, 6), np.nan)))
 
 
 def _with_rows(time_s: Array, columns: list[Array]) -> Array:
