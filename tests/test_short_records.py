@@ -8,7 +8,9 @@ import thermofast as tf
 from benchmarks.discovery.dominant import runs_of
 from benchmarks.machines import bar
 from thermofast.discovery.observe import observe
+from thermofast.experiments.next_experiment import Experiment, simulated
 from thermofast.models.effects import BUILT_IN
+from thermofast.models.joint import fit_model
 
 EVENTS = [kind() for kind in BUILT_IN if kind().event]
 
@@ -58,6 +60,13 @@ def test_no_event_is_looked_for_after_what_is_read(effect):
     assert seen.span == pytest.approx(50.0)
     for choice in effect.choices(seen):
         assert all(point.get("event", 0.0) < 50.0 for point in effect.grid(seen, choice))
+
+
+def test_a_next_run_is_as_long_as_it_is_planned():
+    seen = observe(tf.read(cycling(1, 200.0))).seen.until(50.0)
+    next_run = simulated(fit_model(seen), Experiment("the same run for 100 min", 4, longer=seen.span), None)
+    assert next_run.time[-1] == pytest.approx(100.0)
+    assert next_run.span == pytest.approx(100.0)
 
 
 def test_quick_sensors_are_not_averaged_away_nor_bounded():

@@ -163,7 +163,8 @@ def simulated(fit: Fit, experiment: Experiment, rng: np.random.Generator | None)
     if experiment.off:  # a long run that is read more often than it needs is averaged
         weight *= experiment.faster
     drive = seen.drive if heat is None or seen.drive else "heat"
-    run = replace(seen, time=time, reading=np.zeros((seen.sensors, len(time))), weight=weight, heat=heat, drive=drive)
+    blank = np.zeros((seen.sensors, len(time)))
+    run = replace(seen, time=time, reading=blank, weight=weight, heat=heat, drive=drive, extent=0.0)
     sink = float(fit.values.get(Key(-1, SINK.name), fit.model.sink_guess))
     if experiment.room:
         ambient = {"surroundings": sink + (ROOM_NOISE * rng.standard_normal(len(time)) if rng is not None else np.zeros(len(time)))}
