@@ -5,6 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
+from thermofast.discovery.observe import observe
+from thermofast.models.search.logged import _jumps_before
 from thermofast.plugins.effects import load_effect
 from thermofast.plugins.guard import PluginError
 
@@ -51,6 +53,17 @@ def test_a_pump_that_is_logged_is_the_cause_though_probes_are_late():
     assert "pump" in row.message
     assert row.parameters["cooling_switch.ratio"]["value"] == pytest.approx(1.8, abs=0.1)
     assert "cooling_switch.event" not in row.parameters
+
+
+def test_what_a_column_does_after_the_readings_used_names_no_cause():
+    columns = run(4, pump=92.0, minutes=240.0) | {"pump": np.select([np.arange(241) < 92, np.arange(241) < 200], [0.0, 1.0], 9.0)}
+    seen = observe(tf.read(columns)).seen
+    early, pump = seen.until(150.0), seen.inputs["pump"]
+    assert _jumps_before(early, pump, 93.0)
+    assert not _jumps_before(early, pump, 97.0)
+    assert not _jumps_before(early, pump, 80.0)
+    assert _jumps_before(seen, pump, 202.0)
+    assert not _jumps_before(early, pump, 202.0)
 
 
 SEAL = """

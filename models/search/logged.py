@@ -12,6 +12,7 @@ from .rules import RULES
 if TYPE_CHECKING:
     from ..effects.base import Choice
     from ..joint import Fit, Part
+    from ..observations import Observations
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ def as_logged(
     found: tuple[float, Fit, Part] | None = None
     for choice in choices():
         column = {**run.ambient, **run.inputs}.get(str(choice.constants.get("column", "")))
-        if choice.simple or column is None or not _jumps_before(run.time, column, event):
+        if choice.simple or column is None or not _jumps_before(run, column, event):
             continue
         other = replace(part, choice=choice)
         parts = [*before.model.parts, other]
@@ -70,10 +71,9 @@ def as_logged(
     return found or best
 
 
-def _jumps_before(time: Array, column: Array, event: float) -> bool:
-    """Whether the largest jump of a column (N,), most of what it moves, comes at an event [min] or a little before."""
-    change = np.abs(np.diff(column))
-    most = int(np.argmax(change))
-    late = event - float(time[most])
-    jumps = change[most] > RULES.jump_share * float(np.ptp(column))
-    return bool(jumps and -1.5 * float(np.median(np.diff(time))) <= late <= RULES.soon * float(time[-1] - time[0]))
+def _jumps_before(run: "Observations", column: Array, event: float) -> bool:
+    """Whether a column (N,) jumps, while readings were used, at an event [min] or a little before."""
+    read = slice(0, run.last + 1)
+    jumps = np.abs(np.diff(column[read])) > RULES.jump_share * float(np.ptp(column[read]))
+    late = event - run.time[read][:-1]
+    return bool((jumps & (late >= -1.5 * run.step) & (late <= RULES.soon * run.span)).any())
