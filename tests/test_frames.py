@@ -1,6 +1,7 @@
 """Frames and tables in memory: read as a file of the same cells is, options that say something of them, no raw errors."""
 
 import multiprocessing
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -194,3 +195,17 @@ def test_a_sensor_is_asked_for_by_its_name_without_the_unit_too():
     assert "T3" not in result
     with pytest.raises(KeyError, match=r"T1 \[degC\], T2 \[degC\]"):
         result["T3"]
+
+
+def test_how_numpy_takes_errors_is_the_programs_own():
+    """With all of them raised an underflow in the posterior was one; readings of no end are gaps without a warning of numpy's."""
+    time = np.arange(0.0, 46.0)
+    frame = pd.DataFrame({"time_min": time, "T1": 20.0 - 9.0 * np.expm1(-time / 15.0)})
+    plain = tf.identify(frame)[0].steady_state_c
+    with np.errstate(all="raise"):
+        assert tf.identify(frame)[0].steady_state_c == plain
+        assert np.geterr() == dict.fromkeys(("divide", "over", "under", "invalid"), "raise")
+    frame.loc[20:22, "T1"] = np.inf
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert tf.identify(frame)[0].steady_state_c == pytest.approx(plain, abs=0.02)

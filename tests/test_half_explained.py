@@ -24,7 +24,7 @@ from thermofast.machine.modelfile import model_file, read_model
 from thermofast.machine.past import _reached
 from thermofast.machine.rise import _doubtful
 from thermofast.models.effects import BUILT_IN
-from thermofast.models.imperfection import NONE, TYPICAL, Part, Past, SensorShape
+from thermofast.models.imperfection import FAST_MODES, NONE, SLOW_MODES, TYPICAL, Part, Past, SensorShape
 from thermofast.models.imperfection.machine.known import Known
 from thermofast.models.imperfection.machine.past import GRID, SHAPE_AGAIN, modes
 from thermofast.models.imperfection.posterior import settle
@@ -34,6 +34,7 @@ from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import SCATTER, dependence, pool
 
 LACKING = 720  # a second mass and a loss that grows, of which the model is told the mass
+COUNT = len(SLOW_MODES) + len(FAST_MODES) + 1
 
 
 @pytest.fixture(scope="module")
@@ -125,9 +126,9 @@ def test_the_doubt_of_a_rise_is_what_was_known_before_the_readings_at_hand(tmp_p
 
 
 def test_what_a_shape_had_to_be_bent_by_is_open_by_a_share_of_itself():
-    bend = np.zeros(11)
+    bend = np.zeros(COUNT)
     bend[1], bend[-1] = 0.2, -0.1
-    shape = SensorShape(-4.0, 0.05, bend, 1e-6 * np.eye(11))
+    shape = SensorShape(-4.0, 0.05, bend, 1e-6 * np.eye(COUNT))
     found = shape.in_another_run - shape.covariance
     assert found[1, 1] == pytest.approx(2 * (SHAPE_AGAIN * 0.2) ** 2)
     assert found[1, -1] == pytest.approx(SHAPE_AGAIN**2 * 0.2 * -0.1)
@@ -135,8 +136,8 @@ def test_what_a_shape_had_to_be_bent_by_is_open_by_a_share_of_itself():
 
 
 def test_the_bends_left_open_are_in_what_a_past_knows():
-    bend = np.linspace(-0.1, 0.1, 11)
-    shape = SensorShape(-4.0, 0.05, bend, 1e-4 * np.eye(11))
+    bend = np.linspace(-0.1, 0.1, COUNT)
+    shape = SensorShape(-4.0, 0.05, bend, 1e-4 * np.eye(COUNT))
     doubt = Past({"a": shape}).known(["a"]).doubt[0]
     wanted = np.einsum("xi,ij,xj->x", modes(GRID), shape.in_another_run, modes(GRID))
     assert (doubt**2).sum(axis=0) == pytest.approx(wanted, rel=1e-9, abs=1e-15)
@@ -198,7 +199,7 @@ def test_what_is_known_beyond_the_readings_is_let_go_of_by_evidence(monkeypatch,
 )
 def test_a_run_of_other_rates_than_past_runs_had_is_told_no_surer_than_alone(monkeypatch, log_rates, guessed, wide):
     """A deviation of 0.1 from run to run: 0.08 of the machine, 0.06 of what is known of it. Two of them are more than chance."""
-    shape = SensorShape(-4.0, 0.06, np.zeros(11), 1e-6 * np.eye(11))
+    shape = SensorShape(-4.0, 0.06, np.zeros(COUNT), 1e-6 * np.eye(COUNT))
     past = Past({"0": shape, "1": shape}, scatter=0.08, guessed=guessed)
     closed = [SimpleNamespace(sensors=_Two())]
     told = none_yet(2, np.zeros(0), np.zeros(0, dtype=bool))

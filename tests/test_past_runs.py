@@ -36,6 +36,8 @@ from thermofast.models.joint import LEVEL, RATE, fit_model
 from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import fit_together, pool
 
+SLOW = len(SLOW_MODES)
+COUNT = SLOW + len(FAST_MODES) + 1
 TIME = np.arange(0.0, 420.0, 1.0)
 RATES = np.array([1 / 60, 1 / 75])
 
@@ -273,18 +275,18 @@ def test_past_runs_are_believed_of_a_large_slow_mass():
 
 
 def test_modes_change_neither_the_beginning_nor_the_limit():
-    assert modes(np.array([0.0, 1e3])) == pytest.approx(np.zeros((2, 11)), abs=1e-12)
+    assert modes(np.array([0.0, 1e3])) == pytest.approx(np.zeros((2, COUNT)), abs=1e-12)
 
 
 def test_amplitudes_of_files_of_before_are_the_same_shape_over_its_limit():
-    x, bend = np.linspace(0.0, 30.0, 40), np.linspace(-0.08, 0.05, 11)
+    x, bend = np.linspace(0.0, 30.0, 40), np.linspace(-0.08, 0.05, COUNT)
     slow, fast = [-np.expm1(-k * x) for k in SLOW_MODES], [np.exp(-k * x) - 1.0 for k in FAST_MODES]
     before = -np.expm1(-x) + np.stack([*slow, *fast, loss_bend(x)], axis=-1) @ bend
-    limit = 1.0 + bend[:4].sum() - bend[4:-1].sum()
-    amplitudes, covariance = to_the_limit(bend, np.eye(11))
+    limit = 1.0 + bend[:SLOW].sum() - bend[SLOW:-1].sum()
+    amplitudes, covariance = to_the_limit(bend, np.eye(COUNT))
     assert limit * (-np.expm1(-x) + modes(x) @ amplitudes) == pytest.approx(before, abs=1e-9)
-    assert covariance == pytest.approx(np.eye(11) / limit**2)
-    assert to_the_limit(np.array([-0.3] * 4 + [0.0] * 7), np.eye(11)) is None
+    assert covariance == pytest.approx(np.eye(COUNT) / limit**2)
+    assert to_the_limit(np.array([-0.3] * 4 + [0.0] * (COUNT - 4)), np.eye(COUNT)) is None
 
 
 def chain(seed, level, minutes=900.0):

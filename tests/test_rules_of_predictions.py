@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from thermofast.models.imperfection import usual
+from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, usual
 from thermofast.models.imperfection.blocks import Part, block_means, pilot
 from thermofast.models.imperfection.draw import conditional, normal_draws
 from thermofast.models.imperfection.evidence import Run
@@ -257,15 +257,16 @@ def test_what_is_beside_the_rise_is_averaged_in_blocks_and_has_an_end_of_its_own
 
 def test_amplitudes_are_told_relative_to_the_limit_that_they_make():
     """Slow ones add to it, fast ones take from it; below a fifth there is no rise."""
-    amplitudes = np.zeros(11)
-    amplitudes[[0, 4, 10]] = 0.5, 0.25, 9.0
-    found = to_the_limit(amplitudes, np.eye(11))
+    count = len(SLOW_MODES) + len(FAST_MODES) + 1
+    amplitudes = np.zeros(count)
+    amplitudes[[0, len(SLOW_MODES), count - 1]] = 0.5, 0.25, 9.0
+    found = to_the_limit(amplitudes, np.eye(count))
     assert found[0] == pytest.approx(amplitudes / 1.25)
-    assert found[1] == pytest.approx(np.eye(11) / 1.25**2)
+    assert found[1] == pytest.approx(np.eye(count) / 1.25**2)
     amplitudes[0] = -0.54
-    assert to_the_limit(amplitudes, np.eye(11)) is not None
+    assert to_the_limit(amplitudes, np.eye(count)) is not None
     amplitudes[0] = -0.56
-    assert to_the_limit(amplitudes, np.eye(11)) is None
+    assert to_the_limit(amplitudes, np.eye(count)) is None
 
 
 def test_a_part_is_cut_at_a_time_with_its_room():

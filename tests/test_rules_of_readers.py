@@ -284,6 +284,9 @@ def test_whole_lines_end_where_the_last_line_does():
     assert whole_lines(b"a,b\n1,2\n3,", None) == b"a,b\n1,2\n"
     assert whole_lines(b"a,b", None) == b""
     assert whole_lines(b"\n", None) == b"\n"
+    wide = "a,b\n1,2\n3,".encode("utf-16-le")  # without a mark
+    assert whole_lines(wide, None) == "a,b\n1,2\n".encode("utf-16-le")
+    assert whole_lines(wide[16:], wide[:2]) == b""
     wide = "a\n1\n2".encode("utf-16")
     assert whole_lines(wide, None) == wide[:-2]
     assert whole_lines("1\n2".encode("utf-16-le"), b"\xff\xfe") == "1\n".encode("utf-16-le")

@@ -235,6 +235,14 @@ def test_a_last_line_that_stops_in_mid_number_is_left_out():
     assert not left(5, b"9,20.1,")
     uneven = b"0,20.1\n1,20.15\n2,20.1\n3,20.15\n4,20.1\n5,20"
     assert lines.without_cut_end(uneven, dialect) == (uneven, [])
+    assert lines.without_cut_end(uneven[:-1], dialect) == (
+        uneven[:-4],
+        ["the last line stops in mid-number ('2') and was left out"],
+    )
+    many = b"".join(b"%d,20.%d\n" % (k, 1 + 7 * k) for k in range(12))
+    assert lines.without_cut_end(many + b"12,20", dialect)[0] == many  # who leaves out noughts wrote none in twelve rows
+    few = b"".join(many.splitlines(keepends=True)[:7])
+    assert lines.without_cut_end(few + b"12,20", dialect) == (few + b"12,20", [])
     assert lines.without_cut_end(b"0,20.11\n" * 6 + b"1,20.1", dialect)[1] == [
         "the last line stops in mid-number ('20.1') and was left out"
     ]

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -579,3 +580,43 @@ def test_readings_since_the_last_look_count_at_the_end(tmp_path):
             file.write(lines(300, 301))
         found = json.loads(watching.communicate(timeout=60)[0])
     assert found["records"][0]["samples"] == 301
+
+
+def test_a_file_that_is_not_there_is_waited_for_aloud(tmp_path):
+    """A name that was mistyped looks like a test that warms up; a folder that is not there is refused."""
+    said = []
+
+    def tell(_look, notes):
+        said.extend(notes)
+
+    (tmp_path / "spindle_1.csv").write_bytes(HEAD)
+    rest = Options(), "auto", choose("afukf", None, ()), 0.5
+    with pytest.raises(InputError, match="the file never appeared"):
+        watch_run(str(tmp_path / "spindle1.csv"), *rest, poll_s=0.02, give_up_min=0.001, tell=tell)
+    assert said == ["waiting for spindle1.csv: it is not there yet; alike there: spindle_1.csv"]
+    with pytest.raises(InputError, match="no folder"):
+        watch_run(str(tmp_path / "runs" / "spindle.csv"), *rest, tell=tell)
+
+
+def test_a_file_that_grows_and_cannot_be_read_is_told(tmp_path):
+    """Once, after some looks; without it a whole test runs unseen."""
+    path, said = tmp_path / "log.csv", []
+    path.write_bytes(b"kind\n")
+
+    def tell(_look, notes):
+        said.extend(notes)
+        with path.open("ab") as file:
+            file.write(b"warm\n")
+
+    def write():
+        for _ in range(40):
+            with path.open("ab") as file:
+                file.write(b"warm\n")
+            time.sleep(0.02)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    with pytest.raises(InputError):
+        watch_run(str(path), Options(), "auto", choose("afukf", None, ()), 0.5, poll_s=0.01, give_up_min=0.003, tell=tell)
+    writer.join()
+    assert sum("it grows, and nothing can be read of it yet" in note for note in said) == 1

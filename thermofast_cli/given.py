@@ -138,7 +138,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
                     raise UsageError(f"{name}: not understood", found=repr(value)[:60], allowed=allowed)
                 bound.arguments[name] = used
         try:
-            with one_thread():
+            with one_thread(), np.errstate(divide="warn", over="warn", invalid="warn", under="ignore"):  # whatever the caller set
                 return function(*bound.args, **bound.kwargs)
         except ThermofastError as error:
             raise _as_called(error, {n: p.default for n, p in signature.parameters.items()}) from None

@@ -1,7 +1,7 @@
 """A spindle before a column that is 4 to 10 times slower and carries 15 to 45 % of the rise: what does a short record say?
 
 python -m benchmarks.intervals.two_masses [--machines 20] [--seed 700] [--share 0.15 0.45] [--slower 4 10] [--still] [--drive]
-[--own 0] [--fast 15 40]
+[--own 0] [--fast 15 40] [--past 3.5]
 draws machines of two exponentials a sensor (three sensors, 20 mK, a reading a minute, a room that wanders by 0.1 K per root
 hour; --still: it does not) and prints, for records of so many time constants of the fast mass: rows that are `ok`, limits held,
 the median width of the interval and how far below the limit the estimate lies, and of the `ok` rows the settling times held (of
@@ -9,7 +9,8 @@ a room that stays) and their median width over the time; alone, with one complet
 of it and another), and with the room logged. --drive: half of the load for the first fast time constant, then all of it, logged
 and told (`--drive`); without the rows of past runs. --calibrated: with the room logged, after `calibrate` on complete runs of
 ten other such machines, too. --fast: the time constant of the fast mass [min]. --own: share by which the time constants of the
-sensors differ from the machine's at most. --share 2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise.
+sensors differ from the machine's at most. --share 2.3 5.7 --slower 5 5: quick parts of 15 to 30 % of the rise. --past: so many time
+constants of the slow mass the runs learnt from were long.
 """
 
 import argparse
@@ -20,6 +21,8 @@ from scipy.optimize import brentq
 import thermofast as tf
 
 TURNS = (1.5, 3.0, 4.5, 7.0)
+#: Time constants of the slow mass of a complete run.
+LONG = 3.5
 CALIBRATED = "room logged, after calibrate on ten others"
 
 
@@ -41,7 +44,7 @@ def machine(
     fast = rng.uniform(5.0, 10.0, 3)
     slow = fast * share * rng.uniform(0.7, 1.3, 3)
     each = tau * rng.uniform(1.0 - own, 1.0 + own, 3) if own else np.full(3, tau)
-    time = np.arange(0.0, 3.5 * tau * ratio)
+    time = np.arange(0.0, LONG * tau * ratio)
     found = []
     for _ in range(runs):
         room = np.cumsum(rng.normal(0.0, 0.1 / np.sqrt(60.0), len(time))) * (0.0 if still else 1.0)
@@ -81,8 +84,12 @@ def main() -> None:
     parser.add_argument("--calibrated", action="store_true")
     parser.add_argument("--own", type=float, default=0.0)
     parser.add_argument("--fast", type=float, nargs=2, default=(15.0, 40.0))
+    parser.add_argument("--past", type=float, default=LONG)
     asked = parser.parse_args()
-    kinds = ("alone", "room logged", "after two complete runs of it")[: 2 if asked.drive else 3]
+    learnt_kind = (
+        "after two complete runs of it" if asked.past >= LONG else f"after two runs of {asked.past:g} time constants of it"
+    )
+    kinds = ("alone", "room logged", learnt_kind)[: 2 if asked.drive else 3]
     lab = None
     if asked.calibrated:
         kinds = (*kinds, CALIBRATED)
@@ -97,7 +104,8 @@ def main() -> None:
     for seed in range(asked.seed, asked.seed + asked.machines):
         tau, settles, runs = machine(seed, 3, asked.share, asked.slower, asked.still, asked.drive, asked.own, asked.fast)
         bare = [{n: c for n, c in columns.items() if n != "ambient"} for columns, _ in runs]
-        past = [tf.read(columns, name=f"past {k}") for k, columns in enumerate(bare[1:])]
+        part = int(len(bare[0]["time_min"]) * min(asked.past / LONG, 1.0))
+        past = [tf.read({n: c[:part] for n, c in columns.items()}, name=f"past {k}") for k, columns in enumerate(bare[1:])]
         model = tf.improve(past, together=True).model if not asked.drive else None
         columns, limit = runs[0]
         for turns in TURNS:

@@ -17,6 +17,7 @@ from .machine.past import (
     SensorShape,
     learn_past,
 )
+from .machine.rest import Rest, ends_alone
 from .posterior import Settled, settle
 from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged, room_at_end
@@ -37,11 +38,13 @@ __all__ = [
     "Past",
     "PastRun",
     "Rates",
+    "Rest",
     "Rise",
     "Searched",
     "SensorShape",
     "Settled",
     "Sizes",
+    "ends_alone",
     "lagged",
     "learn_past",
     "pilot",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
-from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Settled, pilot, settle
+from thermofast.models.imperfection import Imperfection, Part, Past, Rates, SensorShape, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before
@@ -224,6 +224,8 @@ def _let_go(
             one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
+        if any(shape.rest is not None for shape in past.shapes.values()):
+            _with_rest(c, one, own, m & one.known & ~one.other_rise, [past.shapes.get(name(int(r))) for r in c.sensors.rows])
         if past.unreached:
             share = np.array([past.unreached.get(name(int(r)), 0.0) for r in c.sensors.rows])
             _with_unreached(c, one, own, m & one.known, share)
@@ -266,6 +268,29 @@ def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
         on = rest_of_warm(before, one.steady[:, 1] - first, one.rate[:, 1] * minutes)
         warm = mine & (on > 0.0)
         one.steady[warm, 2] = np.maximum(one.steady[:, 2], one.steady[:, 1] + on)[warm]
+
+
+def _with_rest(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], shapes: Sequence[SensorShape | None]) -> None:
+    """Intervals of the members (S,) reach as far as the readings of past runs alone left open; once more is read than these runs
+    were long, no farther than the readings at hand do.
+    """
+    read = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
+    for i in np.flatnonzero(members).tolist():
+        shape = shapes[i]
+        if shape is None or shape.rest is None:
+            continue
+        rest, rate, middle = shape.rest, float(one.rate[i, 1]), one.steady[i, 1]
+        rise = middle - c.found.initial[i]
+        ends = np.sort([middle - rest.below * rise, middle + rest.above * rise])
+        done = np.array([rest.soonest, rest.latest]) / rate
+        if read * rate > rest.length:
+            ends = np.clip(ends, own.steady[i, 0], own.steady[i, 2])
+            done = np.clip(done, own.t95[i, 0], own.t95[i, 2])
+        later = np.clip(one.times * rate / rest.length - 1.0, 0.0, 1.0) if one.at.shape[1] else np.zeros(0)
+        one.at[i, :, 0] = np.fmin(one.at[i, :, 0], one.at[i, :, 1] + later * (ends[0] - middle))
+        one.at[i, :, 2] = np.fmax(one.at[i, :, 2], one.at[i, :, 1] + later * (ends[1] - middle))
+        one.steady[i, ::2] = min(one.steady[i, 0], ends[0]), max(one.steady[i, 2], ends[1])
+        one.t95[i, ::2] = min(one.t95[i, 0], done[0]), max(one.t95[i, 2], done[1])
 
 
 def _with_unreached(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], share: Array) -> None:

@@ -4,6 +4,7 @@ import hashlib
 import math
 import tomllib
 from collections.abc import Iterable
+from dataclasses import astuple, fields
 from datetime import date
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +16,7 @@ from thermofast.models import Observations
 from thermofast.models.effects.base import Choice, Parameter
 from thermofast.models.greybox import Column
 from thermofast.models.greybox import Model as FitModel
-from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, SensorShape, to_the_limit
+from thermofast.models.imperfection import FAST_MODES, SLOW_MODES, Past, Rest, SensorShape, to_the_limit
 from thermofast.models.joint import Fit
 from thermofast.models.uncertainty.pooled import Pooled
 
@@ -85,7 +86,9 @@ class Correlations(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, fro
 class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """The rise of one sensor over its model's: amplitudes of slow and fast modes and of the loss exponent, and their covariance.
 
-    first_c: what the runs learnt from read at first, on average.
+    first_c: what the runs learnt from read at first, on average. rest: what their readings alone left open of where they end: of
+    the limit, below and above that of the shape, as shares of the rise; in time constants, when 95 % are done, at least and at
+    most, and how long they were.
     """
 
     channel: str
@@ -94,6 +97,7 @@ class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froze
     amplitudes: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
     first_c: float | None = None
+    rest: tuple[float, ...] = ()
 
 
 class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -256,6 +260,7 @@ def past_entry(past: Past, without_effects: bool = False, without_events: tuple[
             amplitudes=tuple(short(a) for a in shape.amplitudes),
             covariance=tuple(tuple(short(v) for v in row[: i + 1]) for i, row in enumerate(shape.covariance)),
             first_c=short(shape.first_c) if math.isfinite(shape.first_c) else None,
+            rest=() if shape.rest is None else tuple(short(v) for v in astuple(shape.rest)),
         )
         for channel, shape in past.shapes.items()
     ]
@@ -286,12 +291,16 @@ def past_of(entry: PastEntry) -> Past:
     """
     count = len(SLOW_MODES) + len(FAST_MODES) + 1
     sizes = {(len(s.amplitudes), len(s.covariance), *(len(row) for row in s.covariance)) for s in entry.shapes}
-    if (entry.slow_modes, entry.fast_modes) != (SLOW_MODES, FAST_MODES) or sizes - {(count, count, *range(1, count + 1))}:
+    if (
+        (entry.slow_modes, entry.fast_modes) != (SLOW_MODES, FAST_MODES)
+        or sizes - {(count, count, *range(1, count + 1))}
+        or {len(s.rest) for s in entry.shapes} - {0, len(fields(Rest))}
+    ):
         raise UsageError("model file: [past] is of another version", do="learn the model anew with thermofast improve")
     numbers = [entry.log_rate_scatter, entry.log_rate_spread, entry.disturbance, entry.disturbance_log_deviation]
     numbers += [s.rate_per_min for s in entry.shapes]
     others = [v for s in entry.shapes for v in (s.log_rate_deviation, *s.amplitudes, *(x for row in s.covariance for x in row))]
-    others += [v for pair in entry.factors for v in pair]
+    others += [v for pair in entry.factors for v in pair] + [v for s in entry.shapes for v in s.rest]
     if not all(0.0 < v < math.inf for v in numbers) or not all(map(math.isfinite, others)):
         raise UsageError("model file: [past] holds a number that cannot be", do="learn the model anew with thermofast improve")
     shapes = {}
@@ -309,7 +318,8 @@ def past_of(entry: PastEntry) -> Past:
             raise UsageError(f"model file: the shape of {s.channel} is no rise", do="learn the model anew with thermofast improve")
         first = math.nan if s.first_c is None else s.first_c
         amplitudes, spread = limited
-        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, amplitudes, spread, first)
+        rest = Rest(*s.rest) if s.rest else None
+        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, amplitudes, spread, first, rest)
     scale = entry.disturbance, entry.disturbance_log_deviation
     scatter = entry.log_rate_scatter, entry.log_rate_spread
     return Past(shapes, entry.runs, *scatter, *scale, entry.stretches, entry.factors, unexplained=entry.unexplained)

@@ -21,6 +21,7 @@ from thermofast.models.imperfection import (
     Rise,
     Searched,
     SensorShape,
+    ends_alone,
     learn_past,
     pilot,
     widths_left_out,
@@ -61,6 +62,8 @@ STAYED = 2.0
 SINK_KEY = Key(-1, SINK.name)
 #: Time constants from which on a run tells what slower masses do.
 COMPLETE = 3.5
+#: Share of the rise from which on what the readings of past runs alone leave open of their end is told.
+OPEN = 0.05
 #: Share of the way to its end, by its own model, below which what a run ended at says little of that end.
 REACHED = 0.8
 #: Share of the rest of that way by which a limit may be off to either side, and the same of sensors that are linked: together they
@@ -104,7 +107,8 @@ def run_learnt_from(fit: Fit, whole: Observations | None = None) -> PastRun:
         log_rates.append(np.log(rate if known else 1.0 / float(pilot(time, reading)[0])))
     left = np.ones(run.sensors) if plain else sensor_p_values(fit)
     unexplained = tuple(run.channels[i] for i in read if left[i] < RULES.pattern)
-    return PastRun(tuple(run.channels[i] for i in read), tuple(parts), np.array(log_rates), rises, unexplained)
+    alone = ends_alone(parts, np.array(log_rates), TYPICAL) if plain and parts else np.zeros((0, 4))
+    return PastRun(tuple(run.channels[i] for i in read), tuple(parts), np.array(log_rates), rises, unexplained, alone)
 
 
 def learnt_past(runs: Sequence[PastRun]) -> Past:
@@ -388,7 +392,11 @@ def _said_of_events(file: ModelFile, known: Mapping[str, Effect]) -> tuple[str, 
 
 
 def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:
-    """That the runs a model was learnt from ended early, if they did: a mass slower than they were long is not in it."""
+    """That the runs a model was learnt from ended early, if they may have: what slower masses bring later is not in it."""
+    rest = max((shape.rest.above for shape in past.shapes.values() if shape.rest is not None), default=0.0)
+    if rest > OPEN:
+        on = f"by their readings alone they may go on by up to {rounded(100.0 * rest, 2)} % of the rise, which the interval counts"
+        return (f"what it was learnt from may have ended early: {on}",)
     longest = max(one.length_min for one in (file.learnt_from, *file.also_from))
     rates = [s.log_rate for s in past.shapes.values()]
     turns = longest * float(np.exp(np.median(rates))) if rates else np.inf

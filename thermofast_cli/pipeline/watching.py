@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 Tell = Callable[[Look | None, tuple[str, ...]], None]
 #: Minutes without a reading, in usual intervals, after which it is said.
 SILENT = 20.0
+#: Looks at what has come by which something must have been read, or it is said why not.
+UNREAD = 8
 
 
 def speed_of(replay: str | None) -> float | None:
@@ -126,6 +129,8 @@ def watch_run(
         follower: Piped | Follower = Piped(sys.stdin.buffer if source == "-" else Path(source))
     else:
         follower = Follower(source)
+        if not follower.path.exists():
+            _awaited(follower.path, tell)
     name = "stdin" if source == "-" else source
     last: tuple[Look, Run] | None = None
     clock, trouble, told, seen = _Clock(time.monotonic()), "", set[str](), 0
@@ -150,17 +155,21 @@ def watch_run(
         follower.notes.clear()
         return leave and last[0].stop
 
-    given_up = False
+    given_up, unread = False, 0
     try:
         while not given_up:
             ended = isinstance(follower, Piped) and follower.ended  # asked before what there is, so that no last line is lost
             data = follower.poll()
             if data is not None:
                 clock.seen, clock.said = time.monotonic(), False
+                unread += last is None
                 if looked(data, isinstance(follower, Piped) and follower.ended) and last is not None:
                     return last
             elif ended:
                 break
+            if unread == UNREAD and last is None and trouble:
+                unread += 1
+                tell(None, (f"it grows, and nothing can be read of it yet: {trouble}",))
             silent = time.monotonic() - clock.seen
             if not clock.said and silent > SILENT * max(clock.interval, poll_s):
                 clock.said = True
@@ -184,6 +193,19 @@ def watch_run(
             do = f"--replay 600 plays one run of a file; {name.rpartition('#')[0]} itself is followed in its last run"
         raise InputError(f"{name}: nothing to foretell from was read", found=found, allowed=f"{FEWEST} readings or more", do=do)
     return last
+
+
+def _awaited(path: Path, tell: Tell) -> None:
+    """Tells that a file is waited for; refuses one that cannot come, as its folder is not there."""
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError(f"{path}: cannot be followed", found=f"no folder {folder}", do="name the file that the logger writes")
+    beside: list[str] = []
+    with suppress(OSError):
+        beside = sorted(p.name for p in folder.iterdir() if p.is_file())
+    near = get_close_matches(path.name, beside, 3)
+    alike = f"; alike there: {', '.join(near)}" if near else ""
+    tell(None, (f"waiting for {path.name}: it is not there yet{alike}",))
 
 
 def _begun(run: Run, start_min: float | None) -> bool:

@@ -210,7 +210,9 @@ def _same_heading(before: bytes, now: bytes) -> int:
 
 def whole_lines(data: bytes, begin: bytes | None) -> bytes:
     """Up to the last end of a line; `begin` are the first bytes of the file, which tell its width of letters."""
-    wide = (begin or data[:2]) == UTF16
+    first = begin or data[:2]
+    # Without a mark, too: no text begins with a letter and a byte of nothing but one of two bytes a letter.
+    wide = first == UTF16 or (first[:1] != b"\x00" and first[1:2] == b"\x00")
     end = b"\n\x00" if wide else b"\n"
     if not wide and b"\n" not in data and data.count(b"\r") > 1:
         end = b"\r"  # as old instruments end them; of the usual two letters one stands between two of the other

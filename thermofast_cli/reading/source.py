@@ -73,7 +73,7 @@ def read_growing(data: bytes, options: Options, name: str) -> Run:
             break
         except InputError as error:
             found = _BAD_ROW.search(error.what)
-            if found is None or len(cut) == MOST_CUT or data.startswith(WIDE_MARKS):
+            if found is None or len(cut) == MOST_CUT or data.startswith(WIDE_MARKS) or b"\x00" in data[:2]:
                 raise
             cut.append(f"line {found[1]} {CUT_ROW if found[2] else BAD_ROW} ({error.found[:40]}) and was left out")
             lines = data.splitlines(keepends=True)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 #: Modes of the machine's own shape beside the law, as many times as fast as it; with the loss exponent they are the amplitudes.
-SLOW_MODES, FAST_MODES = (0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
+SLOW_MODES, FAST_MODES = (0.03, 0.055, 0.1, 0.2, 0.35, 0.6), (1.5, 2.0, 3.0, 5.0, 9.0, 20.0)
 #: Limit over the law's own below which a shape is no rise.
 LEAST_LIMIT = 0.2
 #: Points of a block at which a curve with corners is averaged.

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrow import covariance_root
+from ...decay import LOG_TWENTY
 from ..blocks import Part, block_means
 from ..prior import Imperfection, Sizes
 from ..shapes import Asked, covariances, law, of_room
 from .known import FAST_MODES, SLOW_MODES, Known, modes, within
+from .rest import SIGMAS, Rest, left_open
 
 Array = NDArray[np.float64]
 
@@ -26,6 +28,9 @@ Array = NDArray[np.float64]
 #: level only so far: were all machines taken for the last kind, no model of an exact one would ever be sure of its limit.
 SHAPE_SIZES = ((0.003, 0.01, 0.01), (0.02, 0.03, 0.04), (0.1, 0.15, 0.1), (0.4, 0.15, 0.1))
 SHAPE_WEIGHTS = np.array([0.25, 0.5, 0.2, 0.05])
+#: Modes slower than this, against the law, are rare, and looked for where runs are so long, in their time constants, as to show
+#: them; how many are not, which share the size.
+SELDOM, SHOWS, SLOW_USUAL = 0.1, 1.2, sum(k >= 0.1 for k in SLOW_MODES)
 #: Share of the typical structure (slow modes, loss exponent) that a shape learnt leaves open: the modes are few. Fast modes stay
 #: as they are: each run starts from its own uneven temperatures.
 LEFT_OPEN = 0.15
@@ -55,10 +60,11 @@ NODES, GUESSED_NODES = np.linspace(-0.6, 0.6, 41), np.linspace(-2.4, 2.4, 81)
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 200.0, 600)])
 
 
-def _deviations(sizes: tuple[float, float, float]) -> Array:
-    """Prior deviation of each amplitude (k,)."""
+def _deviations(sizes: tuple[float, float, float], end: float = np.inf) -> Array:
+    """Prior deviation of each amplitude (k,), by runs that are read until x = end: slower modes are no part of what they show."""
     slow, fast, exponent = sizes
-    each = [slow / np.sqrt(len(SLOW_MODES))] * len(SLOW_MODES) + [fast / np.sqrt(len(FAST_MODES))] * len(FAST_MODES)
+    shown = np.array([min(k * end / SHOWS, 1.0) ** 2 if k < SELDOM else 1.0 for k in SLOW_MODES])
+    each = [*(slow / np.sqrt(SLOW_USUAL) * shown), *[fast / np.sqrt(len(FAST_MODES))] * len(FAST_MODES)]
     return np.array([*each, exponent])
 
 
@@ -76,7 +82,8 @@ BESIDE_KNOWN = (0.15, 0.6, 2.0)
 class SensorShape:
     """The rise of one sensor: log rate [log 1/min] and its deviation, amplitudes (k,) and their covariance (k, k).
 
-    first_c: what the runs learnt from read at first, on average [degC].
+    first_c: what the runs learnt from read at first, on average [degC]. rest: what the readings of these runs alone, length x =
+    rate t long, left open of where they end.
     """
 
     log_rate: float
@@ -84,6 +91,7 @@ class SensorShape:
     amplitudes: Array
     covariance: Array
     first_c: float = np.nan
+    rest: Rest | None = None
 
     @property
     def in_another_run(self) -> Array:
@@ -197,8 +205,12 @@ class Past:
 
     @property
     def time_constant(self) -> float:
-        """The median of those that were known [min]."""
-        return float(np.exp(-np.median([s.log_rate for s in self.shapes.values()])))
+        """Of an exponential that is done to 95 % when the sensors that were known are [min], by the median: a slow mass counts."""
+        done = []
+        for shape in self.shapes.values():
+            left = np.flatnonzero(np.abs(np.exp(-GRID) - modes(GRID) @ shape.amplitudes) > 0.05)
+            done.append(float(GRID[left[-1]] if len(left) else GRID[1]) * np.exp(-shape.log_rate) / LOG_TWENTY)
+        return float(np.median(done))
 
     def rates_off(self, rate: Mapping[str, float]) -> tuple[float, float]:
         """How many times as fast the sensors of a run are as they were, by their rates [1/min], and how many deviations from run to
@@ -252,13 +264,17 @@ def _padded(columns: list[Array]) -> Array:
 
 @dataclass(frozen=True)
 class PastRun:
-    """One run of a machine: a part per sensor, log rates (S,) of a fit to it, and the rises where a model has more than the law."""
+    """One run of a machine: a part per sensor, log rates (S,) of a fit to it, and the rises where a model has more than the law.
+
+    alone (S, 4): what its readings alone say of where it ends, see :func:`ends_alone`; none where a model has more than the law.
+    """
 
     channels: tuple[str, ...]
     parts: tuple[Part, ...]
     log_rates: Array
     rises: dict[str, Rise] = field(default_factory=dict)
     unexplained: tuple[str, ...] = ()
+    alone: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
 
 @dataclass(frozen=True)
@@ -312,15 +328,17 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
     of_scale = weight.reshape(len(SHAPE_SIZES), -1).sum(axis=0)
     middle = float(of_scale @ np.log(scales))
     deviation = float(np.sqrt(of_scale @ (np.log(scales) - middle) ** 2))
-    shapes = {}
+    shapes, places = {}, {c: [(r, r.channels.index(c)) for r in runs if c in r.channels] for c in names}
     for c, one in found.items():
         mean = weight @ one.amplitudes
         apart = one.amplitudes - mean
         covariance = np.einsum("s,sij->ij", weight, one.covariance) + np.einsum("s,si,sj->ij", weight, apart, apart)
         seen = int(np.isfinite(one.stretch[0]).sum())
-        of = [r.parts[r.channels.index(c)].reading[0, :3] for r in runs if c in r.channels]
+        of = [r.parts[i].reading[0, :3] for r, i in places[c]]
         first = float(np.mean([np.median(v) for v in of]))
-        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance, first)
+        at_ends = [(r.alone[i], float(np.ptp(r.parts[i].time))) for r, i in places[c] if len(r.alone)]
+        rest = left_open(at_ends, float(np.exp(log_rate[c])), mean, SIGMAS * REST_SPREAD)
+        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance, first, rest)
     spread_of_scale = float(np.hypot(deviation, SCALE_AGAIN / np.sqrt(len(runs))))
     unexplained = tuple(c for c in names if any(c in r.unexplained for r in runs))
     told = float(np.exp(middle)), spread_of_scale, tuple(stretches.tolist())
@@ -422,7 +440,7 @@ def _learn(
     covariance, stretch = np.empty((len(pairs), count, count)), np.full((len(pairs), len(runs)), np.nan)
     rise = stretch.copy()
     for k, (shape_sizes, scale) in enumerate(pairs):
-        variance = np.linalg.inv(np.diag(_deviations(shape_sizes) ** -2) + rest.T @ rest)
+        variance = np.linalg.inv(np.diag(_deviations(shape_sizes, after[0]) ** -2) + rest.T @ rest)
         middle = variance @ rest.T @ left_over
         factor = np.linalg.cholesky(fixed + shape @ variance @ shape.T + scale**2 * (relative + absolute))
         white = np.linalg.solve(factor, np.column_stack([y - shape @ middle, flat, shape, bend]))

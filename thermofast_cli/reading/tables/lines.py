@@ -35,6 +35,9 @@ MARKS = (b",", b";", b"\t", b"|")
 SAMPLE, SOME = 1 << 14, 40
 #: Bytes at the end of a text that show how its last numbers are written.
 TAIL = 1 << 17
+#: A last number with fewer decimals than any before is cut where it is off by so many of the largest steps between readings, and
+#: one without any after so many rows with some.
+CUT_STEPS, CUT_ROWS = 3.0, 12
 #: Bytes that are looked at together, and the one that ends a line.
 AT_ONCE, NEWLINE = 1 << 16, 10
 #: Lines up to which a table may lie on its side, so many times as wide as it is high, and names before its moments.
@@ -387,7 +390,8 @@ def _titled(name: str, unit: str) -> str:
 def without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
     """Without a last line that stops in mid-number, as when a logger is switched off: fewer decimals than in every row before.
 
-    Looked at are as many rows as stand in TAIL bytes: who leaves out noughts behind the point has numbers of fewer decimals there.
+    Looked at are as many rows as stand in TAIL bytes. Who leaves out noughts behind the point has numbers of several lengths there:
+    then the last must have no point, which all of many rows have, or be off by more than readings move from one to the next.
     """
     if body.endswith((b"\n", b"\r")):
         return body, []
@@ -399,8 +403,13 @@ def without_cut_end(body: bytes, dialect: Dialect) -> tuple[bytes, list[str]]:
     def decimals(cell: str) -> int:
         return len(cell.strip().partition(dialect.decimal)[2])
 
-    usual = {decimals(row[-1]) for row in rows[1:-1] if row}
-    if len(usual) == 1 and decimals(rows[-1][-1]) < usual.pop() and is_number(rows[-1][-1], dialect.decimal):
+    usual, last = {decimals(row[-1]) for row in rows[1:-1] if row}, rows[-1][-1]
+    if not usual or decimals(last) >= min(usual) or not is_number(last, dialect.decimal):
+        return body, []
+    before = [to_number(row[-1], dialect.decimal) for row in rows[1:-1] if row and is_number(row[-1], dialect.decimal)]
+    steps = [abs(b - a) for a, b in pairwise(before)]
+    pointless = len(rows) > CUT_ROWS and not decimals(last)
+    if len(usual) == 1 or pointless or (steps and abs(to_number(last, dialect.decimal) - before[-1]) > CUT_STEPS * max(steps)):
         at = max(body.rfind(b"\n"), body.rfind(b"\r"))
-        return body[: at + 1], [f"the last line stops in mid-number ({rows[-1][-1]!r}) and was left out"]
+        return body[: at + 1], [f"the last line stops in mid-number ({last!r}) and was left out"]
     return body, []

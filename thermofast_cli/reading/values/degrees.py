@@ -212,8 +212,10 @@ def refuse_another_unit(columns: Sequence[Array], table: Table) -> None:
         return
     least = np.full(len(columns[0]) - 1, np.inf)
     for c in columns:  # most records end at their first sensor
+        if not np.isfinite(c).all():
+            return
         least = np.minimum(least, np.abs(np.diff(c)))
-        if not float(least.max()) >= LEAST_KEY or not np.isfinite(c).all():
+        if not float(least.max()) >= LEAST_KEY:
             return
     at = int(least.argmax())
     if not BEFORE_KEY <= at < len(least) - BEFORE_KEY:
