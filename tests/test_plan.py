@@ -11,6 +11,7 @@ from thermofast.experiments import planning
 from thermofast.experiments.planning import Design, _curve, alternatives
 from thermofast.models.imperfection import TYPICAL
 from thermofast.models.imperfection.draw import draw_record
+from thermofast.pipeline.around import design_like
 
 
 @pytest.mark.proof
@@ -170,3 +171,21 @@ def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
         _curve(option)
     assert sorted({len(r) for r in drawn}) == [12, 24]
     assert drawn[-1][::2] == pytest.approx(drawn[0])
+
+
+def test_the_logged_room_of_the_record_counts():
+    """Sensors that follow a room which drifts by 2 K: with its column the record tells its limit ten times as well."""
+    time = np.arange(0.0, 401.0)
+    room = 20.0 + 2.0 * np.sin(2.0 * np.pi * time / 500.0)
+    columns = {"time_min": time}
+    for k, tau in enumerate((55.0, 70.0)):
+        late = np.full(len(time), 20.0)
+        for i in range(1, len(time)):
+            late[i] = late[i - 1] + (0.5 * (room[i] + room[i - 1]) - late[i - 1]) * -np.expm1(-1.0 / tau)
+        noise = np.random.default_rng(k).normal(0.0, 0.02, len(time))
+        columns[f"T{k}"] = late - 9.0 * np.expm1(-time / tau) + noise
+    half = [design_like((tf.read(columns | logged), 0.0), TYPICAL)[1] for logged in ({}, {"ambient": room})]
+    known = np.isfinite(half[0]) & np.isfinite(half[1])
+    assert known.sum() >= 5
+    assert float(np.min(half[1][known] / half[0][known])) < 0.3
+    assert np.nanmin(half[1]) < 0.5

@@ -671,3 +671,23 @@ def test_limits_hold_for_a_large_wide_file(tmp_path, large):
         tf.read(path, max_rows=100)
     with pytest.raises(InputError, match="bytes"):
         tf.read(path, max_bytes=1 << 18)
+
+
+def test_a_header_may_stand_below_the_lines_that_are_looked_at(tmp_path):
+    """As far down as it is said to; without a word, what is looked at is told."""
+    path = tmp_path / "deep.csv"
+    rows = "".join(f"{k},{20 + k}.5\n" for k in range(8))
+    path.write_text("".join(f"# {'x' * 8}: remark {k}\n" for k in range(450)) + "time_min,T1\n" + rows)
+    run = read_run(path, Options(header_line=451, delimiter=","))
+    assert run.channels["T1"].tolist() == [20.5 + k for k in range(8)]
+    with pytest.raises(InputError, match="the first 400 lines are looked at, and those below the line named"):
+        read_run(path)
+
+
+def test_a_link_to_nothing_is_told_as_one(tmp_path):
+    """The folder lists it, so that "no such file" alone would be a riddle."""
+    link = tmp_path / "run.csv"
+    link.symlink_to("gone.csv")
+    with pytest.raises(InputError, match="no such file") as told:
+        read_run(link)
+    assert told.value.found == "a link to gone.csv, which is not there"

@@ -315,7 +315,8 @@ def test_a_stop_is_withdrawn_in_words_and_a_second_test_is_told_anew(tmp_path, c
     from thermofast.shell.live import Looks, commanded, shown
 
     marker = tmp_path / "fired"
-    with commanded(f"echo x >> {marker}") as commands, shown(0.5, False, Looks(None), commands) as tell:
+    looks = Looks(None)
+    with commanded(f"echo x >> {marker}") as commands, shown(0.5, False, looks, commands) as tell:
         for minutes, half, stop in (
             (50.0, 0.4, True),
             (52.0, 0.4, True),
@@ -323,6 +324,7 @@ def test_a_stop_is_withdrawn_in_words_and_a_second_test_is_told_anew(tmp_path, c
             (10.0, 0.9, False),
             (55.0, 0.3, True),
         ):
+            assert looks.stopped == (minutes != 50.0)  # once it was said, it is remembered
             tell(Look(minutes, (record("a", half),), (half <= 0.5,), stop), ())
     said = capsys.readouterr().err
     assert said.count("you can stop now") == 2

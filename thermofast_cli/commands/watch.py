@@ -112,7 +112,8 @@ def command(
         with shown(tolerance, quiet, looks, commands) as tell:
             last, read = watch_run(run, *how, tell, drive)
         if not quiet and (sys.stderr.isatty() or not last.stop):  # a table that was drawn in place is gone
-            say(last.words if last.stop else f"it ended before the test could be stopped: {last.words}")
+            before = "what was said of stopping is no longer sure" if looks.stopped else "it ended before the test could be stopped"
+            say(last.words if last.stop else f"{before}: {last.words}")
         code = deliver(Watching(last.records, (read,), looked=last), [], output, form, quiet, drawn)
     if looks.failed and code == 0:
         return 2

@@ -124,7 +124,8 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
     minutes = run.time_s / 60.0
     values = np.stack(list(run.channels.values()))
     method = choose("afukf", None, ())
-    found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start).records
+    room = run.room
+    found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start, room=room).records
     told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None]
     noise = {
         r.channel: third_difference_noise(v[k], minutes[k])
@@ -150,7 +151,8 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
             until = turn * design.tau_min
             if until > float(minutes[-1]) - start or not (minutes - start <= until).sum() > 8:
                 continue
-            found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, start + until, start).records
+            until += start
+            found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, until, start, room=room).records
             sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in found]
             widths = np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
             half[k] = of_all(widths, prior.none)

@@ -214,6 +214,9 @@ def _bytes(source: str, limits: Limits = Limits(), name: str = "", waits: bool =
         limits.check_bytes(name, len(data))
         return data
     except FileNotFoundError:
+        if path.is_symlink():
+            found = f"a link to {shown_name(str(path.readlink()))}, which is not there"
+            raise InputError(f"{name}: no such file", found=found, do="mend the link, or name the file") from None
         suffixes = (".csv", ".parquet", ".txt", ".lvm")
         there = sorted(p.name for p in path.parent.glob("*") if p.suffix.lower() in suffixes) if path.parent.is_dir() else []
         alike = get_close_matches(path.name, there, 3, 0.6)

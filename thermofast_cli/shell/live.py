@@ -76,10 +76,13 @@ def commanded(command: str | None) -> Iterator[Commands]:
 
 
 class Looks:
-    """The file of --jsonl. Where it can no longer be written, the watch goes on without it, and that is said."""
+    """The file of --jsonl, and whether it was ever said that the test can be stopped.
+
+    Where the file can no longer be written, the watch goes on without it, and that is said.
+    """
 
     def __init__(self, path: str | None) -> None:
-        self.path, self.failed = path, False
+        self.path, self.failed, self.stopped = path, False, False
 
     def keep(self, line: str) -> None:
         """Appends a line, while that can be done."""
@@ -108,6 +111,7 @@ def shown(tolerance_c: float, quiet: bool, looks: Looks, commands: Commands) -> 
             if look.minutes < state["last"]:  # another run: all is said anew
                 state.update(said=0.0, within=-1, stopped=False, withdrawn=False)
             state["last"] = look.minutes
+            looks.stopped |= look.stop
             head = {"minutes": round(look.minutes, 4), "stop": look.stop, "tolerance_c": tolerance_c}
             looks.keep(json.dumps(head | {"records": [r.as_dict() for r in look.records]}))
             if terminal:

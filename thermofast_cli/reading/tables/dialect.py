@@ -210,7 +210,7 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
     ------
     InputError: empty, no rows of readings.
     """
-    lines = lines[:SAMPLE_LINES]
+    lines = lines[: SAMPLE_LINES + max(options.header_line or 0, 0)]
     if not any(line.strip() for line in lines):
         raise InputError(f"{name}: the file is empty", allowed="a header line and rows of readings", do="export the record again")
     best: tuple[float, Dialect] | None = None
@@ -224,11 +224,13 @@ def detect_dialect(lines: list[str], encoding: str, name: str, options: Options)
                 best = found
     if best is None:
         alone = sum(bool(line.strip()) for line in lines) == 1
+        looked = f": the first {SAMPLE_LINES} lines are looked at, and those below the line named"
+        more = looked if len(lines) >= SAMPLE_LINES else ""
         raise InputError(
             f"{name}: a header and no row of readings" if alone else f"{name}: no row of readings",
             found=f"first line: {next(x for x in lines if x.strip())[:80]!r}",
             allowed="rows with a time and at least one number",
-            do="check the export, or say --delimiter, --decimal and --header-line",
+            do=f"check the export, or say --delimiter, --decimal and --header-line{more}",
         )
     return best[1]
 
