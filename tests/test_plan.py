@@ -184,7 +184,11 @@ def test_the_logged_room_of_the_record_counts():
             late[i] = late[i - 1] + (0.5 * (room[i] + room[i - 1]) - late[i - 1]) * -np.expm1(-1.0 / tau)
         noise = np.random.default_rng(k).normal(0.0, 0.02, len(time))
         columns[f"T{k}"] = late - 9.0 * np.expm1(-time / tau) + noise
-    half = [design_like((tf.read(columns | logged), 0.0), TYPICAL)[1] for logged in ({}, {"ambient": room})]
+    designs, half = zip(
+        *(design_like((tf.read(columns | logged), 0.0), TYPICAL) for logged in ({}, {"ambient": room})), strict=True
+    )
+    assert designs[1].rise_c == pytest.approx(9.0 + room[-1] - 20.0, abs=0.1)  # with the room as it is at the end
+    assert designs[0].rise_c > designs[1].rise_c + 0.3
     known = np.isfinite(half[0]) & np.isfinite(half[1])
     assert known.sum() >= 5
     assert float(np.min(half[1][known] / half[0][known])) < 0.3

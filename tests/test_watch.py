@@ -622,3 +622,22 @@ def test_a_file_that_grows_and_cannot_be_read_is_told(tmp_path):
         watch_run(str(path), Options(), "auto", choose("afukf", None, ()), 0.5, poll_s=0.01, give_up_min=0.003, tell=tell)
     writer.join()
     assert sum("it grows, and nothing can be read of it yet" in note for note in said) == 1
+
+
+def test_two_bytes_a_letter_without_a_mark_are_not_parted_as_bytes():
+    """A row of another width is left out of a log of one byte a letter; of two bytes the file is told as it is."""
+    text = "time_min,T1\n" + "".join(f"{k},{20 + k}.5\n" for k in range(8)) + "8,28.5,1\n9,29.5\n"
+    assert len(read_growing(text.encode(), Options(), "log.csv").channels["T1"]) == 9
+    with pytest.raises(InputError, match="line 10"):
+        read_growing(text.encode("utf-16-le"), Options(), "log.csv")
+
+
+def test_a_stop_that_no_longer_holds_at_the_end_is_told_as_that(tool, tmp_path):
+    """The load doubles after nine time constants: that it ended before the test could be stopped is not said."""
+    path, time = tmp_path / "run.csv", np.arange(0.0, 331.0)
+    rise = -8.0 * np.expm1(-time / 30.0) - 8.0 * np.expm1(-np.maximum(time - 290.0, 0.0) / 30.0)
+    pd.DataFrame({"time_min": time, "T1": 20.0 + rise + np.random.default_rng(1).normal(0.0, 0.02, 331)}).to_csv(path, index=False)
+    done = tool("watch", path, "--tolerance", 1, "--replay", "max")
+    assert "you can stop now" in done.err
+    assert "what was said of stopping is no longer sure: " in done.err
+    assert "ended before" not in done.err

@@ -286,7 +286,7 @@ def _with_rest(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], 
         if read * rate > rest.length:
             ends = np.clip(ends, own.steady[i, 0], own.steady[i, 2])
             done = np.clip(done, own.t95[i, 0], own.t95[i, 2])
-        later = np.clip(one.times * rate / rest.length - 1.0, 0.0, 1.0) if one.at.shape[1] else np.zeros(0)
+        later = np.clip(one.times * rate / rest.length - 1.0, 0.0, 1.0)
         one.at[i, :, 0] = np.fmin(one.at[i, :, 0], one.at[i, :, 1] + later * (ends[0] - middle))
         one.at[i, :, 2] = np.fmax(one.at[i, :, 2], one.at[i, :, 1] + later * (ends[1] - middle))
         one.steady[i, ::2] = min(one.steady[i, 0], ends[0]), max(one.steady[i, 2], ends[1])

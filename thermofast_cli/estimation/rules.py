@@ -53,7 +53,7 @@ class EstimationRules:
     )
     past_until: float = rule(
         0.5,
-        "time constants of past runs",
+        "time constants of past runs, a slow mass counted (a third of their time to 95 %)",
         "read, up to which intervals reach to what past runs say, where the readings let these go",
         "a stranger's machines: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8; "
         "at 1 benchmarks.intervals.past_runs is twice as wide",

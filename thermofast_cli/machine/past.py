@@ -393,9 +393,11 @@ def _said_of_events(file: ModelFile, known: Mapping[str, Effect]) -> tuple[str, 
 
 def _said_of_length(file: ModelFile, past: Past) -> tuple[str, ...]:
     """That the runs a model was learnt from ended early, if they may have: what slower masses bring later is not in it."""
-    rest = max((shape.rest.above for shape in past.shapes.values() if shape.rest is not None), default=0.0)
-    if rest > OPEN:
-        on = f"by their readings alone they may go on by up to {rounded(100.0 * rest, 2)} % of the rise, which the interval counts"
+    above = {c: shape.rest.above for c, shape in past.shapes.items() if shape.rest is not None and shape.rest.above > OPEN}
+    if above:
+        far = f"{rounded(min(100.0 * max(above.values()), 999.0), 2)} % of the rise"
+        whose = "" if len(above) == len(past.shapes) else f" of {listed(list(above), 6)}"
+        on = f"by the readings{whose} alone it may go on by up to {far}, which the interval counts"
         return (f"what it was learnt from may have ended early: {on}",)
     longest = max(one.length_min for one in (file.learnt_from, *file.also_from))
     rates = [s.log_rate for s in past.shapes.values()]

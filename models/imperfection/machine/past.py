@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from ...arrow import covariance_root
 from ...decay import LOG_TWENTY
 from ..blocks import Part, block_means
+from ..numerics import SIGMAS
 from ..prior import Imperfection, Sizes
 from ..shapes import Asked, covariances, law, of_room
 from .known import FAST_MODES, SLOW_MODES, Known, modes, within
-from .rest import SIGMAS, Rest, left_open
+from .rest import Rest, left_open
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,8 @@ SHAPE_SIZES = ((0.003, 0.01, 0.01), (0.02, 0.03, 0.04), (0.1, 0.15, 0.1), (0.4, 
 SHAPE_WEIGHTS = np.array([0.25, 0.5, 0.2, 0.05])
 #: Modes slower than this, against the law, are rare, and looked for where runs are so long, in their time constants, as to show
 #: them; how many are not, which share the size.
-SELDOM, SHOWS, SLOW_USUAL = 0.1, 1.2, sum(k >= 0.1 for k in SLOW_MODES)
+SELDOM, SHOWS = 0.1, 1.2
+SLOW_USUAL = sum(k >= SELDOM for k in SLOW_MODES)
 #: Share of the typical structure (slow modes, loss exponent) that a shape learnt leaves open: the modes are few. Fast modes stay
 #: as they are: each run starts from its own uneven temperatures.
 LEFT_OPEN = 0.15

@@ -13,11 +13,10 @@ from .known import modes
 
 Array = NDArray[np.float64]
 
-#: Half-width of a 95 % interval over its deviation.
-SIGMAS = 1.96
 #: Runs of so much of the longest's length tell with it what was left open at their end.
 LONGEST = 0.8
-
+#: Noises by which a sensor must have moved to tell where it goes.
+MOVED = 10.0
 #: Share of a run whose readings are its beginning, or its end, and how many they are at most.
 ENDS, MOST = 0.02, 20
 #: Least rate of what is left, over the second half of a run: slower than that it is told from nothing by no record.
@@ -42,10 +41,11 @@ def left_open(told: Sequence[tuple[Array, float]], rate: float, amplitudes: Arra
 
     rate [1/min] and amplitudes (k,) are those of its shape, and the covariance of these leaves the share `known` of the rise open.
     """
-    if not told:
+    longest = max((length for _, length in told), default=0.0)
+    of_longest = [of for of, length in told if length > LONGEST * longest and np.isfinite(of).all()]
+    if not of_longest:
         return None
-    longest = max(length for _, length in told)
-    low, high, soonest, latest = np.mean([of for of, length in told if length > LONGEST * longest], axis=0).tolist()
+    low, high, soonest, latest = np.mean(of_longest, axis=0).tolist()
     x = rate * longest
     came = float(-np.expm1(-x) + (modes(np.array([x])) @ amplitudes)[0])
     sides = np.maximum([1.0 - came * low, came * high - 1.0], 0.0)
@@ -56,7 +56,7 @@ def left_open(told: Sequence[tuple[Array, float]], rate: float, amplitudes: Arra
 def ends_alone(parts: Sequence[Part], log_rates: Array, prior: Imperfection) -> Array:
     """Bounds (S, 4) of the limit, over how far a run came, and of the settling time [min], by the readings of each part (S,) alone.
 
-    nan where they tell none.
+    nan where they tell none, or the sensor hardly moved.
     """
     told = settle(parts, float(np.exp(-np.median(log_rates))), prior)
     found = np.full((len(parts), 4), np.nan)
@@ -64,7 +64,7 @@ def ends_alone(parts: Sequence[Part], log_rates: Array, prior: Imperfection) -> 
         reading = part.reading[0]
         few = int(np.clip(ENDS * len(reading), 1, MOST))
         first, last = float(np.median(reading[:few])), float(np.median(reading[-few:]))
-        if last != first:
+        if abs(last - first) > MOVED * part.noise[0]:
             low, high = np.sort((told.steady[i, ::2] - first) / (last - first))
             soonest, latest = told.t95[i, ::2]
             time, risen = part.time - part.time[0], (reading - first) / (last - first)
