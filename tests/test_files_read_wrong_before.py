@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from tests.priors import SMALL_SLOW
 from tests.test_guesses import FRONT, MINUTES, REAR, N, about, stamps, table, values, written
 from thermofast.errors import InputError
 from thermofast.reading import Options, read_runs
@@ -175,7 +176,7 @@ def test_the_swings_of_a_load_are_no_outliers():
     noisy = np.array(read) + 0.03 * np.random.default_rng(7).standard_normal(121)
     run = tf.read({"time_min": minutes, "A [°C]": noisy, "B [°C]": 0.8 * noisy + 4.0})
     # Six cycles of ten minutes: what swings is taken out, and the mean load's 20 + 0.6 (8 + 12) is held.
-    steady = tf.identify(run, jobs=1).records[0]
+    steady = tf.identify(run, jobs=1, imperfection=SMALL_SLOW).records[0]
     assert steady.status == "ok"
     assert steady.steady_state_lo_c <= 32.0 <= steady.steady_state_hi_c
     record = tf.identify(run, jobs=1, imperfection="none").records[0]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from tests.priors import SMALL_SLOW
 from thermofast.models.imperfection import TYPICAL, Part, settle
 from thermofast.models.imperfection.evidence import Run
 from thermofast.models.imperfection.shapes import LIMIT
@@ -42,7 +43,7 @@ def test_the_deviation_is_that_of_least_squares_with_slow_parts_of_the_usual_siz
 def test_a_small_slow_part_of_a_quiet_machine_is_in_the_interval(side):
     """3 % of the rise eight times as slow: the readings are those of one exponential that ends 0.15 K too early."""
     for seed in range(4):
-        found = tf.identify({"time_min": TIME, "T": 40.0 + reading(0.03, 8.0, side, seed)})[0]
+        found = tf.identify({"time_min": TIME, "T": 40.0 + reading(0.03, 8.0, side, seed)}, imperfection=SMALL_SLOW)[0]
         assert found.status == "ok"
         assert found.steady_state_lo_c < 40.0 + side * 10.3 < found.steady_state_hi_c
         near, far = (abs(end - found.steady_state_c) for end in (found.steady_state_lo_c, found.steady_state_hi_c)[:: int(side)])

@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 COMPONENTS = ("slow", "fast", "exponent", "decay", "load", "cycle", "walk", "start", "room", "ramp", "logged")
 #: How fast slow modes are against the law; their own covariances stand behind those of the components.
 SLOW = (0.05, 0.1, 0.2, 0.4)
-#: How likely each is against the others. The slowest is a large cold mass behind a weak link: rare, and looked for by itself alone.
-SLOW_WEIGHTS = (0.3, 1.0, 1.0, 1.0)
+#: The slowest, a large cold mass behind a weak link, is looked for by itself alone.
+ALONE = 0
 #: Of the variance of the slow mode at work, what each of its neighbours has: rates lie between, and one mass is not all.
 NEIGHBOUR_SHARE = 0.02
 ABSOLUTE = frozenset({"room", "ramp", "logged"})
@@ -82,6 +82,8 @@ STRONG = (
 )
 
 
+#: How likely it is that a sensor feels a slow part of its machine that is seen to take heat.
+BESIDE_SLOW = 0.5
 #: A strong effect in no more than so many records is known to be rare: ``calibrate`` says so where complete runs showed none.
 RARE = 0.05
 
@@ -105,8 +107,8 @@ class Imperfection:
 
     background: Sizes = Sizes(slow=0.02, fast=0.02, exponent=0.05, load=0.01, room=0.10, logged=0.3)
     strong: tuple[Sizes, ...] = STRONG
-    strong_share: float = 0.25
-    strong_weights: tuple[float, ...] = (3.0,) + (1.0,) * (len(STRONG) - 1)
+    strong_share: float = 0.3
+    strong_weights: tuple[float, ...] = (5.0,) + (1.0,) * (len(STRONG) - 1)
     scales: tuple[float, ...] = (0.03, 0.08, 0.2, 0.4, 0.7, 1.1, 1.8, 3.0)
     strong_scales: tuple[float, ...] = (0.3, 1.0, 3.0)
     strong_over: tuple[float, ...] = (0.1, 0.6)
@@ -126,6 +128,18 @@ class Imperfection:
         """Whether this is the bare law: no discrepancy at all."""
         return self.background == Sizes() and not self.strong
 
+    def beside_slow(self) -> "Imperfection":
+        """Of sensors of a machine of which a slow part is seen to warm: that they feel it is as likely as not."""
+        weights = self.strong_weights or (1.0,) * len(self.strong)
+        alone = [weight for weight, sizes in zip(weights, self.strong, strict=True) if sizes == Sizes(slow=sizes.slow)]
+        others = self.strong_share * (1.0 - sum(alone) / max(sum(weights), 1e-12))
+        if not sum(alone) or self.strong_share - others >= BESIDE_SLOW:
+            return self
+        share = BESIDE_SLOW + (1.0 - BESIDE_SLOW) * others
+        more = BESIDE_SLOW / (share - BESIDE_SLOW) * (sum(weights) - sum(alone)) / sum(alone) if others else 1.0
+        kept = tuple(w * (more if sizes == Sizes(slow=sizes.slow) else 1.0) for w, sizes in zip(weights, self.strong, strict=True))
+        return replace(self, strong_share=share, strong_weights=kept)
+
     @property
     def rarely_strong(self) -> bool:
         """Whether strong effects are known to be rare, as of a lab whose complete runs were looked at."""
@@ -143,7 +157,7 @@ class Imperfection:
         found = []
         for i, sizes in enumerate(self.strong):
             alone = sizes == Sizes(slow=sizes.slow)
-            modes = [q for q, weight in enumerate(SLOW_WEIGHTS) if alone or weight == 1.0] if sizes.slow else [-1]
+            modes = [q for q in range(len(SLOW)) if alone or q != ALONE] if sizes.slow else [-1]
             found += [(i, q) for q in modes]
         return found
 
@@ -186,8 +200,7 @@ class Imperfection:
         below = np.concatenate([np.zeros(len(scales)), np.tile(levels, count)]) ** 2
         share = self.strong_share if count else 0.0
         which, weights = np.array([i for i, _ in effects], dtype=int), self.strong_weights or (1.0,) * len(self.strong)
-        parts = np.array([SLOW_WEIGHTS[q] if q >= 0 else 1.0 for _, q in effects])
-        apiece = np.array([weights[i] * part / parts[which == i].sum() for i, part in zip(which, parts, strict=True)])
+        apiece = np.array([weights[i] / (which == i).sum() for i in which])
         each = np.repeat(share * apiece / max(apiece.sum(), 1e-12) / len(self.strong_scales), len(sizes))
         prior = np.concatenate([(1.0 - share) * weight, each * np.tile(np.repeat(over, len(self.strong_scales)), count)])
         return kind, squares, below, np.log(np.maximum(prior, 1e-300))

@@ -13,6 +13,11 @@ Array = NDArray[np.float64]
 DONE, FEWEST = 3.0, 24
 #: Within so many kelvin, and within such a share of what a sensor moved, cold sensors begin alike.
 APART_K, APART = 1.0, 0.1
+#: A part that is no faster than so many times the sensor that moved most is a slow one, where it moved by such a share of that
+#: sensor's way, and by so many deviations of its halves.
+SLOW, MOVED, CLEAR = 0.4, 0.03, 4.0
+#: Of the readings, those at the beginning, middle and end whose means tell how a sensor bends.
+ENDS = 0.1
 #: Of a rise, what slow parts may add after so many time constants, at first and by which rate that falls (machines of a stranger's
 #: hand; tried on ``benchmarks.machines.bodies --late``).
 REST, REST_FALLS = 0.5, 0.5
@@ -54,6 +59,26 @@ def moved_since(time: Array, reading: Array, rate: Array, ahead: Array) -> Array
         limit = reading[i] + ahead[i] * np.exp(-rate[i] * since)
         found[i] = np.median(limit[len(time) - third :]) - np.median(limit[first : first + third])
     return found
+
+
+def slow_parts(reading: Array, noise: Array) -> NDArray[np.bool_]:
+    """Which sensors (S,) of readings (S, n) are parts so slow against the one that moved most that they still take heat.
+
+    Of an exponential read evenly, the way in the second half over that in the first tells the rate. noise (S,) of a reading.
+    """
+    n = reading.shape[1]
+    few = max(int(ENDS * n), 1)
+    low = (n - few) // 2
+    first, middle, last = (reading[:, own].mean(axis=1) for own in (slice(0, few), slice(low, low + few), slice(n - few, n)))
+    early, late, error = middle - first, last - middle, np.sqrt(2.0 / few) * noise
+    moved = last - first
+    most = int(np.argmax(np.abs(moved)))
+    way = np.sign(moved[most])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bend = np.log(np.maximum((way * late - CLEAR * error) / (way * early + CLEAR * error), 1e-9))
+        fast = np.log(np.minimum((way * late[most] + CLEAR * error[most]) / (way * early[most]), 1.0))
+        slow = (way * moved > MOVED * np.abs(moved[most])) & (way * early > -CLEAR * error) & (bend > SLOW * fast)
+    return np.asarray(slow & (fast < 0.0) & (way * late > CLEAR * error))
 
 
 def risen_before(first: Array, last: Array, coolest: float) -> Array:

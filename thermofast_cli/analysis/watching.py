@@ -149,7 +149,7 @@ class Watch:
         elif within and all(within) and not long_enough and pace > 0.0:
             least = rounded(start + TURNS / pace, 3)
             waits = (
-                f"; no stop before {TURNS:g} time constants ({least} min), in which a second mass shows; --model, "
+                f"; no stop before {TURNS:g} time constants ({least} min), before which no slower part shows; --model, "
                 "or a lab.toml by calibrate, knows it before"
             )
         return records, within, bool(within) and all(within) and risen and long_enough, waits, began

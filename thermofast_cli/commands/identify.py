@@ -141,6 +141,11 @@ def command(
     return code
 
 
+def _share_unseen(row: dict[str, Any]) -> str:
+    """How much of the rise a slower part of the machine may add that the record cannot exclude."""
+    return str(row["unseen"]).rpartition("up to ")[2].replace(" of the rise", "") if row["unseen"] else "-"
+
+
 def _drawn(
     at_min: float | None, room_c: float | None, criterion: Any, limit_c: float | None, switch_off_min: float | None
 ) -> list[Any]:
@@ -157,6 +162,7 @@ def _drawn(
         ("to go min", number("time_to_go_min", 0)),
         ("noise K", number("noise_c", 3)),
         ("ahead K", number("rmse_ahead_c", 3)),
+        ("unseen, up to", _share_unseen),
     ]
     if at_min is not None:
         drawn[4:4] = [(f"at {at_min:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]

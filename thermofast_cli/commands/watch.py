@@ -77,10 +77,10 @@ def command(
 
     RUN is a file that a logger is writing, a named pipe, or - for standard input. It is looked at again when it has grown by 1 %.
     "You can stop now" is said when all of this holds: every sensor is ok; 1.15 times its half-width is within --tolerance, and has
-    been for some time; some sensor has moved by two tolerances; and 1.5 time constants have passed, because a second mass shows
-    only then. The last condition is dropped where past runs are known: --model of this machine, or --imperfection lab.toml where
-    calibrate found strong effects to be rare. --channels chooses sensors. The last look is printed when the input ends, at the stop
-    (--exit), or at Ctrl-C.
+    been for some time; some sensor has moved by two tolerances; and 1.5 time constants have passed, because a slower part of the
+    machine does not show sooner (one ten times as slow does after five). The last condition is dropped where past runs are known:
+    --model of this machine, or --imperfection lab.toml where calibrate found strong effects to be rare. --channels chooses
+    sensors. The last look is printed when the input ends, at the stop (--exit), or at Ctrl-C.
     With --exit the exit code is 3 where the record ended before it could be stopped.
     """
     from ..output.files import check_targets

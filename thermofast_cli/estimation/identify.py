@@ -322,11 +322,11 @@ class _Block:
 
     def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> Records:
         sensors, n = self.sensors, self.count
-        steady, settled = measured_equilibria(sensors.time, sensors.reading, sensors.resolution)
         ahead, against = self._ahead(law, claimed)
-        found, until_used = law, float(sensors.time[n - 1])
+        steady, settled = measured_equilibria(sensors.time, sensors.reading, sensors.resolution, getattr(claimed, "behind", None))
+        until_used = float(sensors.time[n - 1])
         if claimed is None:
-            status, messages = law_verdicts(law, tracks, sensors, against, until_used)
+            found, (status, messages) = law, law_verdicts(law, tracks, sensors, against, until_used)
         else:
             back = comes_back(law, claimed.steady[:, 1], sensors)
             found = with_claims(law, claimed, sensors, back)

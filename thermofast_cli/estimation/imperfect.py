@@ -14,7 +14,7 @@ from thermofast.models import averaging_window, bridged, spike_weights, third_di
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, SensorShape, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before
+from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before, slow_parts
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
@@ -102,7 +102,8 @@ def claims(
         # What has hardly moved may be far behind the others: that it is as fast as they is no guess to begin with.
         moved, most = _moved(closed, members)
         little = [a & (m < RULES.behind * most) & (rates == "auto") for a, m in zip(alone, moved, strict=True)]
-        _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, prior, rates, name, criterion=criterion)
+        beside = prior.beside_slow() if _slow_seen(closed, members) else prior
+        _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, beside, rates, name, criterion=criterion)
         _claim(closed, little, empty, prior, "own", name, criterion=criterion)
         _with_before(closed, alone, empty)
         if past is not None and not past.guessed:
@@ -128,11 +129,28 @@ def _moved(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> tu
     return moved, max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
 
 
+def _slow_seen(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> bool:
+    """Whether a member of a group is a slow part that still takes heat, beside others that are fast."""
+    of = [(c, np.flatnonzero(mine)) for c, mine in zip(closed, members, strict=True) if mine.any()]
+    ends = {(c.count, float(c.sensors.time[c.count - 1] - c.sensors.time[0])) for c, _ in of}
+    if len(ends) != 1:
+        return False
+    ((count, _),) = ends
+    reading = np.concatenate([c.sensors.reading[rows, :count] for c, rows in of])
+    return bool(slow_parts(reading, np.concatenate([c.found.noise[rows] for c, rows in of])).any())
+
+
 def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
-    """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little."""
+    """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little.
+
+    So it does of one that moves the other way, still warm from another day.
+    """
     moved, most = _moved(closed, members)
     rates = [one.rate[one.held & mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
     rate = float(np.median(every)) if len(every := np.concatenate(rates)) else math.nan
+    each = zip(closed, moved, members, strict=True)
+    furthest = np.concatenate([(c.found.state[:, 0] - c.found.initial)[mine & (m == most)] for c, m, mine in each])
+    way = float(np.sign(furthest[:1].sum()))
     for c, m, mine, one in zip(closed, moved, members, into, strict=True):
         read = rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0])
         little = m < RULES.behind * most
@@ -140,6 +158,8 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
             little &= (m < RULES.at_rest * c.found.noise) & (most > RULES.still_others * c.found.noise)
         if read < RULES.still_until:
             one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
+            against = (m < 0.5 * most) & (m > RULES.at_rest * c.found.noise) & (way * (c.found.state[:, 0] - c.found.initial) < 0.0)
+            one.behind[:] = np.where(mine & against & ~one.known, -m / max(most, 1e-9), one.behind)
 
 
 def _mark_early(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:

@@ -80,13 +80,16 @@ def counted_to(time: Array, run_time: Array, until_min: float | None, start_min:
     return last, (*said, f"no reading after {own:.4g} min, the run goes on to {last:.4g}: check the probe")
 
 
-def measured_equilibria(time: Array, reading: Array, resolution: Array | float = 0.0) -> tuple[Array, Array]:
+def measured_equilibria(
+    time: Array, reading: Array, resolution: Array | float = 0.0, behind: Array | None = None
+) -> tuple[Array, Array]:
     """(steady states [degC], settling times [min] after the first reading), each (S,), of records (S, n) that reached equilibrium.
 
     Complete means that the last fifth drifts by less than 0.6 % of the whole rise. The steady state is the mean of
     the last tenth; settled is the moment from which a running mean stays within 5 % of the rise. The
     mean runs over as many readings as bring the noise well inside that band. nan where a record is not complete, a time also where
-    that mean would be too long, where nobody read when it came, or where the logger's step (S,) [K] is as wide as the band.
+    that mean would be too long, where nobody read when it came, or where the logger's step (S,) [K] is as wide as the band. Of
+    sensors to which heat is still on its way (`behind`, else nan) a turning point is none.
     """
     sensors, n = reading.shape
     steady, settled = np.full(sensors, np.nan), np.full(sensors, np.nan)
@@ -100,7 +103,8 @@ def measured_equilibria(time: Array, reading: Array, resolution: Array | float =
     slope = values @ at / float(at @ at)
     drift = np.abs(slope) * float(time[-1] - time[tail])
     noise = np.sqrt(np.maximum((values * values).sum(axis=1) - slope**2 * float(at @ at), 0.0) / len(at))
-    complete = (rise > 0.0) & (drift <= RULES.complete * rise) & (noise * math.sqrt(12.0 / len(at)) <= RULES.complete * rise)
+    here = np.ones(sensors, dtype=bool) if behind is None else np.isnan(behind)
+    complete = here & (rise > 0.0) & (drift <= RULES.complete * rise) & (noise * math.sqrt(12.0 / len(at)) <= RULES.complete * rise)
     steady[complete] = level[complete]
     width = _wide_enough(noise, rise)
     some = np.flatnonzero(complete & (width <= n // 10) & (resolution < 0.05 * rise))

@@ -198,7 +198,7 @@ def _watched(option: Option, time: float) -> str:
     if option.past is not None or option.prior.rarely_strong or time >= least:
         return ""
     turns = rounded(least / tau, 2)
-    return f"watch does not stop before {turns} time constants ({rounded(least, 3)} min), in which a second mass shows"
+    return f"watch does not stop before {turns} time constants ({rounded(least, 3)} min), before which no slower part shows"
 
 
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
