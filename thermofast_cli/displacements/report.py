@@ -11,7 +11,7 @@ from thermofast.models.displacement import Method, Sample
 from thermofast.models.displacement.fits import Prediction
 from thermofast.models.displacement.scoring import compare
 
-from ..errors import UsageError, nearest
+from ..errors import UsageError, nearest, rounded
 from ..reading import Run
 from ..records import DisplacementRecord
 from . import LONE, METHODS, TOGETHER
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Share of its range within which a displacement begins at nought.
 AT_NOUGHT = 0.03
+#: Share of what is left of several runs together that a constant of each must leave at most, to be told of.
+APART = 0.5
 #: Share of the readings at which an input must be logged; between them it is as it was last.
 LOGGED = 0.02
 
@@ -130,6 +132,18 @@ def _from_start(several: list[_Rows]) -> tuple[list[_Rows], bool]:
     return [replace(one, temperatures=one.temperatures - one.temperatures[0]) for one in several], True
 
 
+def _constants_apart(sample: Sample, runs: int) -> float:
+    """By how much [um] runs differ in a constant each, where these explain most of what one plane for all leaves; else nought."""
+    each = (sample.run[:, None] == np.arange(runs)).astype(float)
+    if runs < 2 or len(sample.displacement) <= sample.temperatures.shape[1] + runs:
+        return 0.0
+    beside = np.column_stack([each, sample.temperatures - sample.temperatures.mean(axis=0)])
+    one = np.column_stack([np.ones(len(each)), beside[:, runs:]])
+    of_each, of_one = (np.linalg.lstsq(x, sample.displacement, rcond=None)[0] for x in (beside, one))
+    left, all_left = (float(np.std(sample.displacement - x @ b)) for x, b in ((beside, of_each), (one, of_one)))
+    return float(np.ptp(of_each[:runs])) if left < APART * all_left else 0.0
+
+
 def _held(values: Array) -> Array:
     """A logged input (N,), where it is missing as it was last; before its first reading, as it was then."""
     known = np.flatnonzero(np.isfinite(values))
@@ -178,6 +192,9 @@ def _add(
     notes += [f"{m} not told: {why}" for m, why in found.refused.items() if not asked and found.scores]
     notes += [f"{column} is a temperature: errors are in K"] if temperature else []
     notes += [f"{column} begins at nought in each run, so temperatures count from each run's start"] if changes else []
+    apart = 0.0 if changes else _constants_apart(sample, runs)
+    again = "a gauge set anew in each? subtract its first reading from each run, and temperatures count from there"
+    notes += [f"the runs differ by constants of up to {rounded(apart)} um: {again}"] if apart else []
     verdict = "; ".join([f"trust {found.choice}: {found.reason}", *notes]) + (gaps if empty else "")
     for method in methods:
         score = found.scores.get(method)

@@ -123,7 +123,7 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
 
     Raises
     ------
-    UsageError: as :func:`carry`, and a model that was learnt with a drive.
+    UsageError: as :func:`carry`, and a model that was learnt with a drive, or whose effects do not tell how a run goes on.
     """
     channels = [c for c in seen.channels if c in model.channels]
     if not channels:
@@ -138,6 +138,11 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
             f"{model_path}: was learnt with the drive {model.learnt_from.drive!r}",
             do="give the runs that it was learnt from as OLD",
         )
+    if model.effects and model.past is not None and model.past.without_effects:
+        raise UsageError(
+            f"{model_path}: its effects ({listed(e.id for e in model.effects)}) do not tell where its own runs ended",
+            do="give the runs that it was learnt from as OLD, or learn a model without them: thermofast improve RUN... --together",
+        )
     seen, known = seen.only(channels), check_effects(model, model_path)
     parts = [(e, _part(e, known[e.id], seen, source)) for e in model.effects]
     kept = [(e, p) for e, p in parts if not (p.effect.event and p.effect.event in e.searched)]
@@ -147,7 +152,8 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
         for name in {m.name for m in numbers}:
             mine = [m for m in numbers if m.name == name]
             value = np.array([_of(mine, c, "value") for c in channels])
-            told[Key(k, name)] = value if mine[0].channel is not None else float(value[0])
+            # A parameter that some sensors do not have, as a share of a second neighbour, is nought of them.
+            told[Key(k, name)] = np.nan_to_num(value) if mine[0].channel is not None else float(value[0])
     first = np.array([float(np.median(row[used][:3])) for row, used in zip(seen.reading, seen.used, strict=True)])
     warmer = float(np.median(first - told[START]))
     for key in (START, LEVEL, Key(-1, "sink")):

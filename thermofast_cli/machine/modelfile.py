@@ -86,9 +86,9 @@ class Correlations(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, fro
 class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
     """The rise of one sensor over its model's: amplitudes of slow and fast modes and of the loss exponent, and their covariance.
 
-    first_c: what the runs learnt from read at first, on average. rest: what their readings alone left open of where they end: of
-    the limit, below and above that of the shape, as shares of the rise; in time constants, when 95 % are done, at least and at
-    most, and how long they were.
+    first_c, moved_c, noise_c: what the runs learnt from read at first, how far they then went, and the noise of a reading, on
+    average. rest: what their readings alone left open of where they end: of the limit, below and above that of the shape, as shares
+    of the rise; in time constants, when 95 % are done, at least and at most, and how long they were.
     """
 
     channel: str
@@ -98,6 +98,8 @@ class ShapeEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, froze
     covariance: tuple[tuple[float, ...], ...]
     first_c: float | None = None
     rest: tuple[float, ...] = ()
+    moved_c: float | None = None
+    noise_c: float | None = None
 
 
 class PastEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -261,6 +263,8 @@ def past_entry(past: Past, without_effects: bool = False, without_events: tuple[
             covariance=tuple(tuple(short(v) for v in row[: i + 1]) for i, row in enumerate(shape.covariance)),
             first_c=short(shape.first_c) if math.isfinite(shape.first_c) else None,
             rest=() if shape.rest is None else tuple(short(v) for v in astuple(shape.rest)),
+            moved_c=short(shape.moved_c) if math.isfinite(shape.moved_c) else None,
+            noise_c=short(shape.noise_c) if math.isfinite(shape.noise_c) else None,
         )
         for channel, shape in past.shapes.items()
     ]
@@ -316,10 +320,10 @@ def past_of(entry: PastEntry) -> Past:
         limited = (np.array(s.amplitudes), covariance) if entry.relative_to else to_the_limit(np.array(s.amplitudes), covariance)
         if limited is None:
             raise UsageError(f"model file: the shape of {s.channel} is no rise", do="learn the model anew with thermofast improve")
-        first = math.nan if s.first_c is None else s.first_c
+        first, *others = (math.nan if v is None else v for v in (s.first_c, s.moved_c, s.noise_c))
         amplitudes, spread = limited
         rest = Rest(*s.rest) if s.rest else None
-        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, amplitudes, spread, first, rest)
+        shapes[s.channel] = SensorShape(math.log(s.rate_per_min), s.log_rate_deviation, amplitudes, spread, first, rest, *others)
     scale = entry.disturbance, entry.disturbance_log_deviation
     scatter = entry.log_rate_scatter, entry.log_rate_spread
     return Past(shapes, entry.runs, *scatter, *scale, entry.stretches, entry.factors, unexplained=entry.unexplained)

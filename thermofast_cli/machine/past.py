@@ -372,7 +372,13 @@ def past_of_model(model: Model) -> Past:
 
 
 def rises_of_model(model: Model) -> tuple[float, ...]:
-    """How far [K] each sensor that moved rose in the first run that a model was learnt from, by the law."""
+    """How far [K] each sensor that moved rose in the first run that a model was learnt from, by the law.
+
+    Where effects carry a part of the rise: how far the runs went.
+    """
+    if model.file.effects:
+        shapes = model.file.past.shapes if model.file.past is not None else ()
+        return tuple(abs(s.moved_c) for s in shapes if s.moved_c)
     level, start = ({n.channel: n.value for n in model.file.base if n.name == name} for name in ("level", "start"))
     return tuple(abs(level[c] - start[c]) for c in level if c in start and level[c] != start[c])
 

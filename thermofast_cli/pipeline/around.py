@@ -171,7 +171,7 @@ def plan_design(
     """How long a test must run; given are what is said of the :class:`Design`, the rest is `base`'s or the default.
 
     replayed: half-widths of the record that `base` is of; model: learnt from past runs of the machine, which tell its time constant
-    and number of sensors, and are counted.
+    and number of sensors, how far these rise, how often and how well they were read, and are counted.
 
     Raises
     ------
@@ -199,6 +199,10 @@ def plan_design(
         told: dict[str, Any] = {"sensors": len(past.shapes), "tau_min": math.exp(-log_rate)}
         if base is None and (rises := rises_of_model(model)):
             told |= {"rises_c": rises, "rise_c": median(rises)}
+        if base is None:
+            first, noises = model.file.learnt_from, [s.noise_c for s in past.shapes.values() if s.noise_c > 0.0]
+            told |= {"interval_s": 60.0 * first.length_min / (first.readings - 1)} if first.readings > 1 else {}
+            told |= {"noise_c": median(noises)} if noises else {}
         given = {**told, **given}
     rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past, replayed)
     return Plan(tuple(rows), curves=tuple(curves))

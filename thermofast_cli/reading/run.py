@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermofast.models.noise.chain import originals
 from thermofast.models.observations import read_only
 
 from ..errors import InputError, UsageError, listed
@@ -21,8 +22,8 @@ Array = NDArray[np.float64]
 class Guess:
     """What the file does not say and the reader had to take for granted.
 
-    about is one of time, unit, date order, role, layout, marks, runs, encoding; text says what was taken and why; option overrules
-    it.
+    about is one of time, unit, date order, role, layout, lines, marks, runs, encoding; text says what was taken and why; option
+    overrules it.
     """
 
     about: str
@@ -253,3 +254,16 @@ def ends_before(run: Run, until_min: float | None) -> bool:
 def said_short(run: Run, until_min: float | None) -> str:
     """That it does, in words."""
     return f"the record ends at {float(run.time_s[-1]) / 60.0:.4g} min, before --until {until_min:g}"
+
+
+def told_of_sensors(run: Run) -> Run:
+    """With a word for each sensor that holds the readings of another."""
+    names = list(run.channels)
+    first = originals(list(run.channels.values())).tolist()
+    copies = {
+        n: f"every reading is that of {names[k]}: one sensor logged twice?"
+        for n, k in zip(names, first, strict=True)
+        if names[k] != n
+    }
+    notes = {n: "; ".join(t for t in (run.channel_notes.get(n, ""), said) if t) for n, said in copies.items()}
+    return replace(run, channel_notes=run.channel_notes | notes) if notes else run

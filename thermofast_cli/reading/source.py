@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from thermofast.models.noise.chain import originals
-
 from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
-from .columns import Roles, classify, resistive, to_micrometres
+from .columns import NO_LENGTH, Roles, classify, resistive, to_micrometres
 from .headings.called import check_names, column_named, resolved
 from .long import Layout, find_long, to_wide, without_switches
 from .moments.in_turn import each_in_turn
@@ -23,7 +21,7 @@ from .moments.order import in_order, length_told, runs_otherwise
 from .moments.stamps import two_decimal_signs, two_signs
 from .moments.times import Time, find_time, is_time_name, length_of
 from .moments.zones import in_zone
-from .run import Run, Seen, SeenColumn, as_asked, renamed
+from .run import Guess, Run, Seen, SeenColumn, as_asked, renamed, told_of_sensors
 from .signs import sign_of
 from .table import Table, read_parquet
 from .tables.cells import without_told
@@ -317,7 +315,10 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
             notes.append(f"{what}: {listed(who)}")
     for n in roles.displacements:
         columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
-        notes += [unit_note] if unit_note else []
+        if unit_note and unit_note.endswith(NO_LENGTH):
+            guesses.append(Guess("unit", unit_note, "write um or mm into its name, or into a line of units"))
+        elif unit_note:
+            notes.append(unit_note)
     seen = _seen(table, time, layout, roles, units, spare, options)
     if layout is not None:
         time, in_turn = each_in_turn(time, columns)
@@ -334,7 +335,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         told = (*guesses, *part.guesses, *unmoved_gap(part.time, list(channels.values())))
         runs.append(Run(name, part.time, channels, ambient, inputs, (*notes, *part.notes), said, displacements, told, seen))
     runs = [as_it_stood(run) for run in runs]
-    return [_copies_told(renamed(run, options.rename) if options.rename else run) for run in runs]
+    return [told_of_sensors(renamed(run, options.rename) if options.rename else run) for run in runs]
 
 
 def _refuse_taken(options: Options) -> None:
@@ -345,21 +346,6 @@ def _refuse_taken(options: Options) -> None:
     for other, names in taken.items():
         if both := [n for n in options.channels if n in names]:
             raise UsageError(f"--channels and {other} both name {both[0]!r}", do="say it in one of them")
-
-
-def _copies_told(run: Run) -> Run:
-    """With a word for each sensor that holds the readings of another."""
-    names = list(run.channels)
-    first = originals(list(run.channels.values())).tolist()
-    said = {
-        n: f"every reading is that of {names[k]}: one sensor logged twice?"
-        for n, k in zip(names, first, strict=True)
-        if names[k] != n
-    }
-    if not said:
-        return run
-    notes = {n: "; ".join(t for t in (run.channel_notes.get(n, ""), said.get(n, "")) if t) for n in names}
-    return replace(run, channel_notes={n: t for n, t in notes.items() if t})
 
 
 def _seen(

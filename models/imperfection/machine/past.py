@@ -84,7 +84,8 @@ BESIDE_KNOWN = (0.15, 0.6, 2.0)
 class SensorShape:
     """The rise of one sensor: log rate [log 1/min] and its deviation, amplitudes (k,) and their covariance (k, k).
 
-    first_c: what the runs learnt from read at first, on average [degC]. rest: what the readings of these runs alone, length x =
+    first_c, moved_c, noise_c: what the runs learnt from read at first [degC], how far they then went [K] and the noise of a reading
+    [K], on average. rest: what the readings of these runs alone, length x =
     rate t long, left open of where they end.
     """
 
@@ -94,6 +95,8 @@ class SensorShape:
     covariance: Array
     first_c: float = np.nan
     rest: Rest | None = None
+    moved_c: float = np.nan
+    noise_c: float = np.nan
 
     @property
     def in_another_run(self) -> Array:
@@ -336,11 +339,17 @@ def learn_past(runs: Sequence[PastRun], prior: Imperfection, near: Past | None =
         apart = one.amplitudes - mean
         covariance = np.einsum("s,sij->ij", weight, one.covariance) + np.einsum("s,si,sj->ij", weight, apart, apart)
         seen = int(np.isfinite(one.stretch[0]).sum())
-        of = [r.parts[i].reading[0, :3] for r, i in places[c]]
-        first = float(np.mean([np.median(v) for v in of]))
+        of = [r.parts[i].reading[0] for r, i in places[c]]
+        first, last = (np.array([np.median(v[some]) for v in of]) for some in (slice(3), slice(-5, None)))
         at_ends = [(r.alone[i], float(np.ptp(r.parts[i].time))) for r, i in places[c] if len(r.alone)]
         rest = left_open(at_ends, float(np.exp(log_rate[c])), mean, SIGMAS * REST_SPREAD)
-        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance, first, rest)
+        average = (
+            float(first.mean()),
+            rest,
+            float(np.mean(last - first)),
+            float(np.mean([r.parts[i].noise[0] for r, i in places[c]])),
+        )
+        shapes[c] = SensorShape(log_rate[c], scatter / float(np.sqrt(seen)), mean, covariance, *average)
     spread_of_scale = float(np.hypot(deviation, SCALE_AGAIN / np.sqrt(len(runs))))
     unexplained = tuple(c for c in names if any(c in r.unexplained for r in runs))
     told = float(np.exp(middle)), spread_of_scale, tuple(stretches.tolist())

@@ -37,6 +37,8 @@ from .lines import (
 SAMPLE_BYTES = 1 << 18
 #: Bytes from which a body is parsed in pieces by several threads, and of such a piece.
 LARGE, PIECE = 1 << 24, 1 << 20
+#: Share of the lines without readings that is told of as a fault, not as a word of the logger.
+MANY_EVENTS = 0.05
 #: Columns with words among their numbers that are found one by one: each is another pass.
 SINGLY = 4
 #: A number in several groups of thousands.
@@ -119,8 +121,9 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
         guesses.append(Guess("layout", text, "export with semicolons to be sure"))
     names, units = names_and_units(head, dialect, name)
     more = frozenset(m.lower() for m in options.missing)
-    clean, strangers, headers = _without_strangers(body, head, dialect) if _in_trouble(body, dialect) else (body, [], [])
+    clean, strangers, headers, lost = _without_strangers(body, head, dialect) if _in_trouble(body, dialect) else (body, [], [], [])
     notes += strangers
+    guesses += lost
     columns, faults, carried, at, told_notes = _parse_body(clean, lines, names, dialect, name, more, set(options.exclude))
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
@@ -183,13 +186,13 @@ def _without_footer(body: bytes, head: list[str], dialect: Dialect) -> tuple[byt
     )
 
 
-def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str], list[int]]:
-    """With empty lines for those that hold no readings (the header again, comments, events), how many there were, and which of them
-    were headers.
+def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[bytes, list[str], list[int], list[Guess]]:
+    """With empty lines for those that hold no readings (the header again, comments, events), how many there were, which of them
+    were headers, and that so many are none.
     """
     names = {head[i].strip() for i in (dialect.header_line, *dialect.unit_lines) if i is not None}
     lines = body.split(b"\n")
-    kept, comments, headers, events = [], 0, list[int](), 0
+    kept, comments, headers, events, first = [], 0, list[int](), 0, 0
     last = max((i for i, line in enumerate(lines) if line.strip()), default=0)
     for i, line in enumerate(lines):
         text = line.decode("utf-8", errors="replace").strip()
@@ -200,12 +203,17 @@ def _without_strangers(body: bytes, head: list[str], dialect: Dialect) -> tuple[
             comments += 1
             line = b""
         elif text and i < last and _is_event(split(text, dialect.delimiter), dialect):
+            first = first if events else i
             events += 1
             line = b""
         kept.append(line)
     told = [(len(headers), "repeated headers"), (comments, "comment lines"), (events, "lines without readings")]
     notes = [f"{n} {what} left out" for n, what in told if n]
-    return (b"\n".join(kept), notes, headers) if notes else (body, [], [])
+    lost = []
+    if events > MANY_EVENTS * len(lines):
+        text = f"{events} of {len(lines)} lines hold no readings and are left out"
+        lost.append(Guess("lines", text, f"look at them; line {first + dialect.data_line + 1} is the first"))
+    return (b"\n".join(kept), notes, headers, lost) if notes else (body, [], [], [])
 
 
 def _is_event(cells: list[str], dialect: Dialect) -> bool:
