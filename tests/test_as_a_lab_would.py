@@ -9,15 +9,18 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from thermofast.analysis.changed import _observed
+from thermofast.displacements.report import _constants_apart
 from thermofast.errors import UsageError
+from thermofast.estimation.measured import measured_equilibria
 from thermofast.experiments import planning
 from thermofast.machine.learnt import as_learnt
 from thermofast.machine.past import rises_of_model
+from thermofast.models.displacement import Sample
 
 
-def linked(name, heat=1.0, loss=1.0, seed=0):
+def linked(name, heat=1.0, loss=1.0, seed=0, step=3.0):
     """Three parts in a row, heated at the first, by scipy's ODE solver; a reading each three minutes, 20 mK."""
-    rng, time = np.random.default_rng(seed), np.arange(0.0, 301.0, 3.0)
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 301.0, step)
     give, pass_on = loss * np.array([0.006, 0.006, 0.007]), (0.012, 0.010)
 
     def slope(_, y):
@@ -64,14 +67,24 @@ def test_a_plan_takes_how_far_and_how_often_the_runs_of_a_model_with_effects_wer
     assert planned.rise_c == pytest.approx(np.median(rises_of_model(model)))
     assert planned.interval_s == pytest.approx(180.0)
     assert planned.noise_c == pytest.approx(0.02, rel=0.15)
-    # A file of before does not say so, and what is not known is what it is without a model.
+    # Of a record that the plan is like, that one tells.
+    like = {"time_min": np.arange(0.0, 301.0), **linked("e", 1.0, seed=6, step=1.0).channels}
+    tf.plan(1.0, model=model, like=like)
+    assert asked[1].interval_s == pytest.approx(60.0)
+    # Machines that cool, too.
+    turned = [msgspec.structs.replace(s, moved_c=-s.moved_c) for s in model.file.past.shapes]
+    past = msgspec.structs.replace(model.file.past, shapes=tuple(turned))
+    assert rises_of_model(replace(model, file=msgspec.structs.replace(model.file, past=past))) == rises_of_model(model)
+    # A file of before does not say so, and nothing is planned for a rise that is made up.
     shapes = [msgspec.structs.replace(s, moved_c=None, noise_c=None) for s in model.file.past.shapes]
     before = replace(
         model, file=msgspec.structs.replace(model.file, past=msgspec.structs.replace(model.file.past, shapes=tuple(shapes)))
     )
     assert rises_of_model(before) == ()
-    tf.plan(1.0, model=before)
-    assert (asked[1].noise_c, asked[1].rise_c) == (planning.Design().noise_c, planning.Design().rise_c)
+    with pytest.raises(UsageError, match="does not say how far its runs rose"):
+        tf.plan(1.0, model=before)
+    tf.plan(1.0, model=before, rise_c=7.0)
+    assert (asked[2].noise_c, asked[2].rise_c) == (planning.Design().noise_c, 7.0)
 
 
 def test_a_model_keeps_what_its_runs_did(model, tmp_path):
@@ -87,7 +100,7 @@ def test_effects_that_do_not_tell_where_runs_end_are_no_reference(model):
     assert "neighbour_heat" in str(told.value)
 
 
-@pytest.mark.parametrize(("constants", "said"), [((7.0, -4.0, 3.0), True), ((0.3, -0.2, 0.1), False)])
+@pytest.mark.parametrize(("constants", "said"), [((7.0, -4.0, 3.0), True), ((0.6, -0.4, 0.2), False)])
 def test_gauges_that_were_set_anew_in_each_run_are_told_of(constants, said):
     rng, time = np.random.default_rng(5), np.arange(0.0, 240.0)
     runs = []
@@ -98,6 +111,21 @@ def test_gauges_that_were_set_anew_in_each_run_are_told_of(constants, said):
     message = tf.displacement(runs, together=True, methods="least_squares").records[0].message
     assert ("the runs differ by constants of up to 11 um: a gauge set anew in each?" in message) == said
     assert ("differ by constants" in message) == said
+
+
+def test_runs_that_begin_at_nought_or_have_hardly_a_reading_are_not_said_to_differ_by_a_constant():
+    """A gauge that was set anew shows it by its first reading; and constants of their own leave nothing of two readings a run."""
+    rng, time = np.random.default_rng(5), np.arange(0.0, 240.0)
+    rise = 9.0 * -np.expm1(-time / 40.0)
+    runs = []
+    for k, constant in enumerate((7.0, -4.0, 3.0)):
+        growth = 2.0 * rise + np.where(time > 0.0, constant, 0.0) + np.where(time > 0.0, rng.normal(0.0, 0.3, len(time)), 0.0)
+        runs.append(tf.read({"time_min": time, "T1": 20.0 + rise, "Z_um": growth}, name=f"r{k}"))
+    assert "differ by constants" not in tf.displacement(runs, together=True, methods="least_squares").records[0].message
+    few = Sample(rng.normal(size=(4, 2)), np.array([0.0, 1.0, 9.0, 7.0]), np.arange(4.0), np.array([0, 0, 1, 1]))
+    assert _constants_apart(few, 2) == 0.0
+    many = Sample(np.zeros((8, 1)), np.repeat([1.0, 6.0], 4) + 0.1 * rng.normal(size=8), np.arange(8.0), np.repeat([0, 1], 4))
+    assert _constants_apart(many, 2) == pytest.approx(5.0, abs=0.3)
 
 
 def test_a_displacement_without_a_unit_is_a_guess(tool, tmp_path):
@@ -117,5 +145,13 @@ def test_many_lines_without_readings_are_told_in_each_row(every, told, tool, tmp
     path = tmp_path / "e.csv"
     path.write_text("\n".join(["time_min,T1,T2", *lines]) + "\n")
     found = tf.identify(tf.read(path))
+    assert not told or tf.read(path).guesses[-1].option == "look at them; line 12 is the first"
     assert all(("lines hold no readings and are left out" in r.message) == told for r in found)
     assert tool("identify", path, "--strict", "-q").code == (2 if told else 0)
+
+
+def test_a_turning_point_is_no_equilibrium_of_one_to_which_heat_is_on_its_way():
+    time, reading = np.arange(100.0), np.stack([30.0 - 5.0 * np.exp(-np.arange(100.0) / 8.0)] * 2)
+    steady, settled = measured_equilibria(time, reading, behind=np.array([np.nan, -0.1]))
+    assert np.isfinite([steady[0], settled[0]]).all()
+    assert np.isnan([steady[1], settled[1]]).all()

@@ -230,6 +230,15 @@ def test_a_point_that_past_runs_know_is_not_behind():
         _mark_behind([closed], [np.ones(2, bool)], [one])
     assert unknown.behind == pytest.approx([np.nan, 0.05], nan_ok=True)
     assert np.isnan(known.behind).all()
+    cooling = SimpleNamespace(
+        found=SimpleNamespace(**{**vars(found), "state": np.array([[30.0], [18.0]])}),
+        **{k: v for k, v in vars(closed).items() if k != "found"},
+    )
+    unknown, known = block(False), block(True)
+    for one in (unknown, known):
+        _mark_behind([cooling], [np.ones(2, bool)], [one])
+    assert unknown.behind == pytest.approx([np.nan, -0.2], nan_ok=True)
+    assert np.isnan(known.behind).all()
 
 
 def test_an_interval_that_past_runs_made_narrower_is_no_doubt():
@@ -752,3 +761,7 @@ def test_a_part_that_cools_from_another_day_while_others_warm_is_not_settled():
         assert "it has moved by -" in found["housing"].message
         assert found["housing"].steady_state_measured_c is None
         assert "it has moved by -" not in found["spindle"].message
+    # What a chiller takes is no rest of another day, nor what stays within the noise, nor of one that past runs know.
+    for other, marked in ((-0.7 * spindle, False), (-0.4 * spindle, True), (0.0 * spindle, False)):
+        rows = tf.identify({"time_min": time, "spindle": 40.0 + spindle + noise[0], "other": 40.0 + other + noise[1]})
+        assert ("it has moved by -" in rows["other"].message) == marked

@@ -155,8 +155,8 @@ def test_resistances_and_displacements():
     assert columns.resistive(["T1", "T2"], {}, Options(channels=("T2", "T9")), "run") == ["T2"]
     with pytest.raises(UsageError, match="no column is in ohms"):
         columns.resistive(["T1"], {}, Options(), "run")
-    assert columns.to_micrometres("Z", "mm", np.array([0.5]))[0].tolist() == [500.0]
-    assert columns.to_micrometres("Z um", "", np.array([0.5])) == (np.array([0.5]), None)
+    told = [columns.length_unit(*c) for c in (("Z", "mm"), ("Z um", ""), ("Z", "µm"), ("Z in microns", ""), ("Z", ""))]
+    assert told == ["mm", "um", "um", "um", ""]
     odd = _roles(speed=WARMING, T1=WARMING, units={"speed": "rpm"}, options=Options(channels=("speed",)))
     assert odd.guesses[-1].text == "taken for degC, as asked: 'speed' is a speed, in rpm"
     assert _roles(speed=WARMING, units={"speed": "rpm"}, options=Options(channels=("speed",), units=("speed=C",))).guesses == ()

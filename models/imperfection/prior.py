@@ -130,15 +130,13 @@ class Imperfection:
 
     def beside_slow(self) -> "Imperfection":
         """Of sensors of a machine of which a slow part is seen to warm: that they feel it is as likely as not."""
-        weights = self.strong_weights or (1.0,) * len(self.strong)
-        alone = [weight for weight, sizes in zip(weights, self.strong, strict=True) if sizes == Sizes(slow=sizes.slow)]
-        others = self.strong_share * (1.0 - sum(alone) / max(sum(weights), 1e-12))
-        if not sum(alone) or self.strong_share - others >= BESIDE_SLOW:
+        weights = np.array(self.strong_weights or (1.0,) * len(self.strong))
+        alone = np.array([sizes == Sizes(slow=sizes.slow) for sizes in self.strong], dtype=bool)
+        share = self.strong_share * weights / max(weights.sum(), 1e-12)
+        if not alone.any() or share[alone].sum() >= BESIDE_SLOW:
             return self
-        share = BESIDE_SLOW + (1.0 - BESIDE_SLOW) * others
-        more = BESIDE_SLOW / (share - BESIDE_SLOW) * (sum(weights) - sum(alone)) / sum(alone) if others else 1.0
-        kept = tuple(w * (more if sizes == Sizes(slow=sizes.slow) else 1.0) for w, sizes in zip(weights, self.strong, strict=True))
-        return replace(self, strong_share=share, strong_weights=kept)
+        found = np.where(alone, BESIDE_SLOW * weights / weights[alone].sum(), (1.0 - BESIDE_SLOW) * share)
+        return replace(self, strong_share=float(found.sum()), strong_weights=tuple(found.tolist()))
 
     @property
     def rarely_strong(self) -> bool:

@@ -16,8 +16,9 @@ APART_K, APART = 1.0, 0.1
 #: A part that is no faster than so many times the sensor that moved most is a slow one, where it moved by such a share of that
 #: sensor's way, and by so many deviations of its halves.
 SLOW, MOVED, CLEAR = 0.4, 0.03, 4.0
-#: Of the readings, those at the beginning, middle and end whose means tell how a sensor bends.
-ENDS = 0.1
+#: Share of a record at its beginning, in its middle and at its end whose medians tell how a sensor bends; and the error of a
+#: difference of two medians of normal readings, against that of one reading over the root of their number.
+ENDS, MEDIANS = 0.1, 1.8
 #: Of a rise, what slow parts may add after so many time constants, at first and by which rate that falls (machines of a stranger's
 #: hand; tried on ``benchmarks.machines.bodies --late``).
 REST, REST_FALLS = 0.5, 0.5
@@ -61,24 +62,29 @@ def moved_since(time: Array, reading: Array, rate: Array, ahead: Array) -> Array
     return found
 
 
-def slow_parts(reading: Array, noise: Array) -> NDArray[np.bool_]:
-    """Which sensors (S,) of readings (S, n) are parts so slow against the one that moved most that they still take heat.
+def halves(time: Array, reading: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """(ways in the first and the second half of a record, their errors), each (S,) [K], of readings (S, n) with a noise (S,)."""
+    share = (time - time[0]) / (time[-1] - time[0])
+    parts = share <= ENDS, np.abs(share - 0.5) <= 0.5 * ENDS, share >= 1.0 - ENDS
+    first, middle, last = (np.median(reading[:, own], axis=1) if own.any() else np.full(len(reading), np.nan) for own in parts)
+    fewest = max(min(int(own.sum()) for own in parts), 1)
+    return middle - first, last - middle, MEDIANS * noise / np.sqrt(fewest)
 
-    Of an exponential read evenly, the way in the second half over that in the first tells the rate. noise (S,) of a reading.
+
+def slow_parts(early: Array, late: Array, error: Array, span: Array) -> NDArray[np.bool_]:
+    """Which sensors (S,) are parts so slow against the one that moved most that they still take heat: by their `halves` and the
+    length `span` (S,) [min] of what was read of each.
+
+    Of an exponential the ratio of the ways is exp(-rate span / 2): the rate of a slow part is looked at from above, by its errors,
+    and that of the other from below.
     """
-    n = reading.shape[1]
-    few = max(int(ENDS * n), 1)
-    low = (n - few) // 2
-    first, middle, last = (reading[:, own].mean(axis=1) for own in (slice(0, few), slice(low, low + few), slice(n - few, n)))
-    early, late, error = middle - first, last - middle, np.sqrt(2.0 / few) * noise
-    moved = last - first
-    most = int(np.argmax(np.abs(moved)))
-    way = np.sign(moved[most])
+    moved = early + late
+    most = int(np.nanargmax(np.abs(moved))) if np.isfinite(moved).any() else 0
+    way, doubt = np.sign(moved[most]), CLEAR * error
     with np.errstate(divide="ignore", invalid="ignore"):
-        bend = np.log(np.maximum((way * late - CLEAR * error) / (way * early + CLEAR * error), 1e-9))
-        fast = np.log(np.minimum((way * late[most] + CLEAR * error[most]) / (way * early[most]), 1.0))
-        slow = (way * moved > MOVED * np.abs(moved[most])) & (way * early > -CLEAR * error) & (bend > SLOW * fast)
-    return np.asarray(slow & (fast < 0.0) & (way * late > CLEAR * error))
+        rate = -np.log((way * late - doubt) / np.maximum(way * early + doubt, 1e-9)) / span
+        fast = -np.log((way * late[most] + doubt[most]) / (way * early[most] - doubt[most])) / span[most]
+        return np.asarray((way * moved > MOVED * np.abs(moved[most])) & (rate < SLOW * fast) & (fast > 0.0))
 
 
 def risen_before(first: Array, last: Array, coolest: float) -> Array:

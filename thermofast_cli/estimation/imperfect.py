@@ -14,7 +14,7 @@ from thermofast.models import averaging_window, bridged, spike_weights, third_di
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, SensorShape, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.companions import faster, moved_since, rest_of_warm, risen_before, slow_parts
+from thermofast.models.uncertainty.companions import faster, halves, moved_since, rest_of_warm, risen_before, slow_parts
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..errors import rounded
@@ -131,13 +131,13 @@ def _moved(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> tu
 
 def _slow_seen(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> bool:
     """Whether a member of a group is a slow part that still takes heat, beside others that are fast."""
-    of = [(c, np.flatnonzero(mine)) for c, mine in zip(closed, members, strict=True) if mine.any()]
-    ends = {(c.count, float(c.sensors.time[c.count - 1] - c.sensors.time[0])) for c, _ in of}
-    if len(ends) != 1:
+    of = [(c, mine, c.sensors.time[: c.count]) for c, mine in zip(closed, members, strict=True) if mine.any() and c.count > 1]
+    if not of:
         return False
-    ((count, _),) = ends
-    reading = np.concatenate([c.sensors.reading[rows, :count] for c, rows in of])
-    return bool(slow_parts(reading, np.concatenate([c.found.noise[rows] for c, rows in of])).any())
+    found = [halves(time, c.sensors.reading[mine, : c.count], c.found.noise[mine]) for c, mine, time in of]
+    span = np.concatenate([np.full(int(mine.sum()), time[-1] - time[0]) for _, mine, time in of])
+    early, late, error = (np.concatenate(part) for part in zip(*found, strict=True))
+    return bool(slow_parts(early, late, error, span).any())
 
 
 def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:

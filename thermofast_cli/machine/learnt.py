@@ -138,7 +138,7 @@ def as_learnt(model: ModelFile, seen: Observations, source: str, model_path: str
             f"{model_path}: was learnt with the drive {model.learnt_from.drive!r}",
             do="give the runs that it was learnt from as OLD",
         )
-    if model.effects and model.past is not None and model.past.without_effects:
+    if model.past is not None and model.past.without_effects:
         raise UsageError(
             f"{model_path}: its effects ({listed(e.id for e in model.effects)}) do not tell where its own runs ended",
             do="give the runs that it was learnt from as OLD, or learn a model without them: thermofast improve RUN... --together",

@@ -175,7 +175,7 @@ def plan_design(
 
     Raises
     ------
-    UsageError: an unknown word, or a number that is none.
+    UsageError: an unknown word, a number that is none, or a model of before that does not say how far its runs rose.
     """
     from dataclasses import fields, replace
     from statistics import median
@@ -197,11 +197,13 @@ def plan_design(
         past = past_of_model(model)
         log_rate = median([s.log_rate for s in past.shapes.values()])
         told: dict[str, Any] = {"sensors": len(past.shapes), "tau_min": math.exp(-log_rate)}
-        if base is None and (rises := rises_of_model(model)):
-            told |= {"rises_c": rises, "rise_c": median(rises)}
         if base is None:
-            first, noises = model.file.learnt_from, [s.noise_c for s in past.shapes.values() if s.noise_c > 0.0]
+            first, rises = model.file.learnt_from, rises_of_model(model)
+            if not rises and "rise_c" not in given:
+                raise UsageError(f"{model.source} does not say how far its runs rose", do="say --rise, or learn it anew")
+            told |= {"rises_c": rises, "rise_c": median(rises)} if rises else {}
             told |= {"interval_s": 60.0 * first.length_min / (first.readings - 1)} if first.readings > 1 else {}
+            noises = [s.noise_c for s in past.shapes.values() if s.noise_c > 0.0]
             told |= {"noise_c": median(noises)} if noises else {}
         given = {**told, **given}
     rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past, replayed)

@@ -457,14 +457,7 @@ def _with_words(
     )
 
 
-#: What is said of a displacement whose unit nothing tells.
-NO_LENGTH = "no unit of length, taken for um"
-
-
-def to_micrometres(name: str, unit_cell: str, values: Array) -> tuple[Array, str | None]:
-    """Displacements in um, and a note where they were in mm, told by the name or the unit line, or where neither tells."""
-    if "mm" in {*words(name), *words(unit_cell)}:
-        return values * 1000.0, f"{name}: mm, turned into um"
-    if not {"um", "µm", "μm", "micron", "microns"} & {*words(name), *words(unit_cell)}:
-        return values, f"{name}: {NO_LENGTH}"
-    return values, None
+def length_unit(name: str, unit_cell: str) -> str:
+    """Mm or um, as the name of a displacement or the line of units tells; nothing where neither does."""
+    said = {*words(name), *words(unit_cell)}
+    return "mm" if "mm" in said else "um" if said & {"um", "µm", "μm", "micron", "microns"} else ""

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
-from .columns import NO_LENGTH, Roles, classify, resistive, to_micrometres
+from .columns import Roles, classify, length_unit, resistive
 from .headings.called import check_names, column_named, resolved
 from .long import Layout, find_long, to_wide, without_switches
 from .moments.in_turn import each_in_turn
@@ -314,11 +314,13 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
         if who:
             notes.append(f"{what}: {listed(who)}")
     for n in roles.displacements:
-        columns[n], unit_note = to_micrometres(n, units.get(n, ""), numbers[n])
-        if unit_note and unit_note.endswith(NO_LENGTH):
-            guesses.append(Guess("unit", unit_note, "write um or mm into its name, or into a line of units"))
-        elif unit_note:
-            notes.append(unit_note)
+        unit = length_unit(n, units.get(n, ""))
+        if unit == "mm":
+            columns[n] = columns[n] * 1000.0
+            notes.append(f"{n}: mm, turned into um")
+        elif not unit:
+            text = f"{n}: no unit of length, taken for um"
+            guesses.append(Guess("unit", text, "write um or mm into its name, or into a line of units"))
     seen = _seen(table, time, layout, roles, units, spare, options)
     if layout is not None:
         time, in_turn = each_in_turn(time, columns)
