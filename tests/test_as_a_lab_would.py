@@ -16,6 +16,7 @@ from thermofast.experiments import planning
 from thermofast.machine.learnt import as_learnt
 from thermofast.machine.past import rises_of_model
 from thermofast.models.displacement import Sample
+from thermofast.reading.run import told_of_sensors
 
 
 def linked(name, heat=1.0, loss=1.0, seed=0, step=3.0):
@@ -126,6 +127,15 @@ def test_runs_that_begin_at_nought_or_have_hardly_a_reading_are_not_said_to_diff
     assert _constants_apart(few, 2) == 0.0
     many = Sample(np.zeros((8, 1)), np.repeat([1.0, 6.0], 4) + 0.1 * rng.normal(size=8), np.arange(8.0), np.repeat([0, 1], 4))
     assert _constants_apart(many, 2) == pytest.approx(5.0, abs=0.3)
+    little = replace(many, displacement=np.repeat([1.0, 1.2], 4) + np.tile([0.1, -0.1], 4))  # what is left is 0.7 of what was
+    assert _constants_apart(little, 2) == 0.0
+
+
+def test_what_was_said_of_one_sensor_stays_where_another_is_logged_twice():
+    values = np.arange(40.0)
+    run = tf.read({"time_min": values, "A": 20.0 + values, "B": 21.0 + values**2, "C": 21.0 + values**2}, name="r")
+    told = told_of_sensors(replace(run, channel_notes={"A": "one reading left out", "C": "two left out"})).channel_notes
+    assert told == {"A": "one reading left out", "C": "two left out; every reading is that of B: one sensor logged twice?"}
 
 
 def test_a_displacement_without_a_unit_is_a_guess(tool, tmp_path):

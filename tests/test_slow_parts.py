@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.estimation.imperfect import _slow_seen
 from thermofast.models.imperfection import NONE, TYPICAL, Imperfection, Sizes
 from thermofast.models.imperfection.prior import BESIDE_SLOW
 from thermofast.models.uncertainty.companions import halves, slow_parts
@@ -55,6 +56,20 @@ def test_halves_that_are_noise_tell_of_no_slow_part():
     # The bearing bends by less than its errors: that it is faster is not told.
     for noise, slow in ((1e-4, True), (0.05, False)):
         assert seen(warms(400.0, 10.0), warms(4000.0, 20.0), noise=noise)[1] == slow
+
+
+def test_both_rates_are_looked_at_from_the_safe_side():
+    """Ways of 5 and 2 K beside 1 and 0.8: rates as ln 2.5 and ln 1.25, 0.92 and 0.22 over the same time; four errors of each way count."""
+    early, late, span = np.array([5.0, 1.0]), np.array([2.0, 0.8]), np.full(2, 60.0)
+    for errors, slow in (((0.0, 0.0), True), ((0.0, 0.012), True), ((0.0, 0.02), False), ((0.1, 0.0), True), ((0.175, 0.0), False)):
+        assert slow_parts(early, late, np.array(errors), span).tolist() == [False, slow]
+
+
+def test_where_all_have_hardly_begun_or_the_middle_was_not_read_nothing_is_told():
+    assert seen(0.01 * TIME**2, 1e-4 * TIME**3) == [False, False]
+    time = np.concatenate([np.linspace(0.0, 20.0, 41), np.linspace(40.0, 60.0, 41)])
+    assert seen(warms(30.0, time=time), warms(300.0, time=time), time=time) == [False, False]
+    assert not _slow_seen([], [])
 
 
 def test_of_a_run_with_a_slow_part_half_of_the_sensors_feel_one():

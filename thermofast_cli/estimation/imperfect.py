@@ -131,7 +131,7 @@ def _moved(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> tu
 
 def _slow_seen(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> bool:
     """Whether a member of a group is a slow part that still takes heat, beside others that are fast."""
-    of = [(c, mine, c.sensors.time[: c.count]) for c, mine in zip(closed, members, strict=True) if mine.any() and c.count > 1]
+    of = [(c, mine, c.sensors.time[: c.count]) for c, mine in zip(closed, members, strict=True) if mine.any()]
     if not of:
         return False
     found = [halves(time, c.sensors.reading[mine, : c.count], c.found.noise[mine]) for c, mine, time in of]
