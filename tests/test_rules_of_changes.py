@@ -4,8 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import signal, stats
 
+import thermofast as tf
+from thermofast.analysis.changed import _bent
+from thermofast.discovery.observe import observe
+from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty import changes as changed
 
 
@@ -229,3 +233,79 @@ def test_more_loss_leaves_no_point_warmer():
     noise = 0.01**2 * np.eye(4)
     for rise, fine in ((-0.3, True), (0.01, True), (0.03, False)):
         assert changed._all_one_way(loss, (None, 0.4, 0.1), np.array([0.4, 0.2, -0.5, rise]), noise) == fine
+
+
+def a_run(course=0.0, rates=(0.01, 0.03), rises=(4.0, 9.0)):
+    """Sensors that follow a logged room of 20 degC and this course by scipy's integrator of linear systems, without noise."""
+    time = np.arange(0.0, 301.0)
+    room = 20.0 + course * np.sin(2.0 * np.pi * time / 200.0)
+    rows = [
+        stats.norm.rvs(scale=1e-4, size=len(time), random_state=k) + signal.lsim((-b, b, 1.0, 0.0), room + rise, time, X0=20.0)[1]
+        for k, (b, rise) in enumerate(zip(rates, rises, strict=True))
+    ]
+    return tf.read({"time_min": time, **{f"T{i}": row for i, row in enumerate(rows)}, "ambient": room}, name="run")
+
+
+def test_a_logged_room_is_taken_out_of_a_run_before_its_rates_are_told():
+    """The fit of the law alone is 8 % off; a run in a still room is left as it is."""
+    run = observe(a_run(0.5)).seen
+    fit = changed.without_room(run)
+    assert fit.values[RATE] == pytest.approx([0.01, 0.03], rel=2e-3)
+    assert fit.values[LEVEL] - run.sink_c == pytest.approx([4.0, 9.0], rel=2e-3)
+    assert fit.values[START] == pytest.approx([20.0, 20.0], abs=0.01)
+    assert abs(fit_model(run).values[RATE][0] / 0.01 - 1.0) > 0.07
+    still = observe(a_run()).seen
+    assert changed.without_room(still).values[RATE] == pytest.approx(fit_model(still).values[RATE], rel=1e-9)
+
+
+def test_the_air_beside_a_sensor_moves_its_own_numbers_and_the_room_those_of_all():
+    """A constant of 0.1 K is so much of a rise, whatever else: 0.1 / 4 and 0.1 / 9 of the two; only drifts are common."""
+    fit = fit_model(observe(a_run()).seen)
+    alone, still = changed.RunNumbers.of(fit, 1.0), changed.RunNumbers.of(fit, 1.0, 0.0)
+    air = still.covariance - alone.covariance
+    assert air[0, 1] == air[0, 3] == air[2, 3] == 0.0
+    moved = np.array([[0.0, 0.0, 0.025, 0.025], [0.2, 0.2, -0.1, -0.1], np.zeros(4), [0.0, 0.0, 1.0, -1.0]])
+    own = changed._of_the_air(moved, 2.0)
+    assert own[0, 0] == pytest.approx(0.2**2 * (4.0 + changed.LOGGED_DRIFT**2))
+    assert own[0, 1] == pytest.approx(4.0 * 0.2**2)
+    assert own[0, 2] == pytest.approx(-0.02 * (4.0 + changed.LOGGED_DRIFT**2))
+    assert own[2, 3] == pytest.approx(4.0 * 0.01 - changed.LOGGED_COURSE**2)
+    assert own[2, 2] == pytest.approx(0.01 * (4.0 + changed.LOGGED_DRIFT**2) + 0.025**2 + changed.LOGGED_COURSE**2)
+    assert math.sqrt(air[2, 2]) >= 0.1 / 4.0
+    assert math.sqrt(air[3, 3]) >= 0.1 / 9.0
+
+
+def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
+    """Beside two that settle one of a time constant of 5,000 min shows a slope only; of all such none is left out."""
+    rng = np.random.default_rng(3)
+
+    def of(name, rates):
+        run = a_run(0.0, rates, (10.0, 6.0, 8.0))
+        return tf.read(
+            {"time_min": run.time_s / 60.0} | {c: v + 0.02 * rng.standard_normal(len(v)) for c, v in run.channels.items()},
+            name=name,
+        )
+
+    told = tf.changed(of("old", (0.02, 0.03, 0.0002)), of("new", (0.02, 0.03, 0.0002)))
+    assert (told.verdict, told[0].status) == ("nothing", "ok")
+    assert "hardly bent, where they settle does not show, and left out: T2" in told[0].message
+    assert "not in every run" not in told[0].message
+    slow = tf.changed(of("old", (0.0002,) * 3), of("new", (0.0002,) * 3))
+    assert "left out" not in slow[0].message
+
+
+def test_a_run_is_bent_by_kelvin_that_no_air_explains():
+    """Readings 0.3 K beside the law, of 10 K, beside 0.02 K, are; 0.06 K of 1 K are not."""
+    time = np.arange(0.0, 301.0)
+
+    def fit(rise, beside):
+        rows = [20.0 + rise * (1.0 - np.exp(-0.02 * time)) + beside * np.sin(2.0 * np.pi * time / 60.0)] * 2
+        run = tf.read({"time_min": time, "a": rows[0], "b": rows[1]}, name="run")
+        return fit_model(observe(run).seen)
+
+    said = _bent([fit(4.0, 0.02), fit(4.0, 0.3)], 1, ("a", "b"))
+    assert "a leaves the law of one rise by 0.2" in said[0]
+    assert "in the new runs" in said[0]
+    assert "in the old runs" in _bent([fit(4.0, 0.3), fit(4.0, 0.02)], 1, ("a", "b"))[0]
+    assert not _bent([fit(1.0, 0.005), fit(1.0, 0.09)], 1, ("a", "b"))
+    assert not _bent([fit(10.0, 0.02), fit(10.0, 0.3)], 1, ("a", "b"))

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from ..core.kernel import followed
-from ..joint import LEVEL, RATE, START, Fit
+from ..joint import LEVEL, RATE, START, Fit, fit_model
+from ..observations import Observations
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,13 @@ PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "s
 ROOM, ROOM_DEVIATIONS = 3.0, 3.0
 #: Deviation [K] of a room that nobody logged, over a run: of a straight line, and of a swing there and back.
 DRIFT = 0.3, 0.15
+#: Share of that which a logged room leaves unknown, and of what its course moved each sensor: parts that warm each other follow it
+#: later and less than each by itself.
+LOGGED_DRIFT, LOGGED_COURSE = 0.3, 0.3
+#: Deviation [K] of the air beside a sensor from run to run, beside the room's.
+LOCAL = 0.1
+#: Times that a run is fitted again without what its logged room did.
+FOLLOWED = 2
 #: Deviation [K] between the rooms of two runs where nobody logged them: so far a warm start is not known.
 ROOM_BETWEEN = 0.7
 #: Prior probability that a run which begins elsewhere began warm, and not in another room; where the room is logged, the other way.
@@ -68,8 +76,11 @@ class RunNumbers:
     runs: int = 1
 
     @classmethod
-    def of(cls, fit: Fit, wider: float, drift: float = 0.0) -> "RunNumbers | None":
-        """Of a fit of the base law, None where a sensor does not rise; `wider` multiplies its errors, `drift` those by DRIFT."""
+    def of(cls, fit: Fit, wider: float, drift: float | None = None) -> "RunNumbers | None":
+        """Of a fit of the base law, None where a sensor does not rise; `wider` multiplies its errors, `drift` those by DRIFT.
+
+        Without a drift the errors are those of the fit alone, and nothing of the air around the machine.
+        """
         n, model = fit.run.sensors, fit.model
         rate, level, start = (np.asarray(fit.values[key], dtype=float) for key in (RATE, LEVEL, START))
         rise = level - start
@@ -77,28 +88,65 @@ class RunNumbers:
             return None
         values, covariance = np.concatenate([np.log(rate), np.log(np.abs(rise))]), np.zeros((2 * n, 2 * n))
         at = [model.column(key) for key in (RATE, LEVEL, START)]
-        moved = np.zeros((len(DRIFT), 2 * n))
+        courses = _courses(fit.run)
+        moved = np.zeros((len(courses), 2 * n))
         for i in range(n):
             slopes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0 / rise[i], -1.0 / rise[i]]])
             own = slopes @ fit.joint_covariance(i)[np.ix_(at, at)] @ slopes.T * wider**2
             covariance[np.ix_([i, n + i], [i, n + i])] = own
-            moved[:, [i, n + i]] = drift * _by_drifts(fit, i, at) @ slopes.T
+            moved[:, [i, n + i]] = _by_courses(fit, courses, i, at) @ slopes.T
         # What bends a fit bends those of all sensors alike, along the ridge on which a short record leaves rate and rise.
         errors = np.sqrt(np.diag(covariance))
         bent = np.concatenate([errors[:n], -errors[n:]])
-        covariance += np.outer(bent, bent) + moved.T @ moved
+        covariance += np.outer(bent, bent)
+        if drift is not None:
+            covariance += _of_the_air(moved, drift)
         return cls(values, covariance)
 
 
-def _by_drifts(fit: Fit, sensor: int, at: Sequence[int]) -> Array:
-    """What a room that drifts by DRIFT does to a sensor's fitted coordinates at the columns `at`: (2, 3)."""
-    run, weight = fit.run, fit.run.weight[sensor]
+def _of_the_air(moved: Array, drift: float) -> Array:
+    """Covariance (2 n, 2 n) by the air around a machine, from what its `_courses` move (courses, 2 n): the room's moves all sensors
+    alike, that beside each only its own.
+    """
+    still, drifts, logged = moved[:1], moved[1 : 1 + len(DRIFT)], moved[1 + len(DRIFT) :]
+    room = np.vstack([drift * drifts, LOGGED_COURSE * logged])
+    beside = np.vstack([still, LOGGED_DRIFT * drifts])
+    own = np.kron(np.ones((2, 2)), np.eye(moved.shape[1] // 2))
+    covariance: Array = room.T @ room + own * (beside.T @ beside)
+    return covariance
+
+
+def without_room(run: Observations) -> Fit:
+    """The fit of the base law to a run without what its logged room does to each sensor, which follows it at its own rate."""
+    fit = fit_model(run)
+    for _ in range(FOLLOWED if run.ambient else 0):
+        course = _courses(run)[-1]
+        rates = np.asarray(fit.values[RATE], dtype=float)
+        fit = fit_model(replace(run, reading=run.reading - np.array([_follows(run, course, rate) for rate in rates])))
+    return fit
+
+
+def _courses(run: Observations) -> list[Array]:
+    """Courses (N,) [K] of the air around a machine: otherwise by LOCAL, those of DRIFT, and the one logged beside its mean."""
     since = (run.time - run.time[0]) / max(run.span, 1e-9)
-    read = np.empty((len(DRIFT), 1, len(since)))
-    for row, shape, size in zip(read, (since, np.sin(np.pi * since)), DRIFT, strict=True):
-        followed(run.time, size * shape, 1.0 / np.asarray(fit.values[RATE], dtype=float)[sensor : sensor + 1], row)
+    logged = [] if run.sink_c is None else [next(iter(run.ambient.values())) - run.sink_c]
+    return [np.full_like(since, LOCAL), DRIFT[0] * since, DRIFT[1] * np.sin(np.pi * since), *logged]
+
+
+def _follows(run: Observations, course: Array, rate: float) -> Array:
+    """What a room's course (N,) [K] does to a sensor (N,) [K] that begins where it does."""
+    out = np.empty((1, len(course)))
+    followed(run.time, np.ascontiguousarray(course), np.array([1.0 / rate]), out)
+    return np.asarray(out[0] - course[0] * np.exp(-rate * (run.time - run.time[0])))
+
+
+def _by_courses(fit: Fit, courses: Sequence[Array], sensor: int, at: Sequence[int]) -> Array:
+    """What a room of each course (N,) [K] does to a sensor's fitted coordinates at the columns `at`: (courses, 3)."""
+    run, weight = fit.run, fit.run.weight[sensor]
+    rate = float(np.asarray(fit.values[RATE], dtype=float)[sensor])
+    read = np.array([_follows(run, course, rate) for course in courses])
     slopes = fit.by_local[at, sensor] * weight
-    return np.asarray(np.linalg.lstsq(slopes @ fit.by_local[at, sensor].T, slopes @ read[:, 0].T, rcond=None)[0].T)
+    return np.asarray(np.linalg.lstsq(slopes @ fit.by_local[at, sensor].T, slopes @ read.T, rcond=None)[0].T)
 
 
 @dataclass(frozen=True)

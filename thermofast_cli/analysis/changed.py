@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations, third_difference_noise
-from thermofast.models.joint import LEVEL, START, Fit, fit_model
+from thermofast.models.joint import LEVEL, START, Fit
 from thermofast.models.search.judge import widening
 from thermofast.models.uncertainty.changes import (
+    LOCAL,
+    LOGGED_DRIFT,
     WARM,
     Begun,
     Change,
@@ -20,10 +22,11 @@ from thermofast.models.uncertainty.changes import (
     other_room,
     with_offset,
     with_room,
+    without_room,
 )
 
 from ..discovery.observe import FEWEST_READINGS, observe
-from ..errors import UsageError, rounded
+from ..errors import UsageError, listed, rounded
 from ..machine.learnt import as_learnt, first_readings
 from ..machine.model import Model
 from ..machine.modelfile import refuse_copies
@@ -37,12 +40,12 @@ SURE, EITHER = 0.9, 0.95
 #: Deviation of the logarithm of a rate, median over the sensors, from which a record is hardly bent: a first slope is heat over
 #: heat capacity, and which of the two changed it does not say.
 STRAIGHT = 0.25
+#: That of its rate or rise from which one sensor among others is left out: its logarithm is then no Gaussian.
+UNKNOWN = 0.5
 #: Deviations of its size at which a change of the whole machine is sure to be said, and the kinds of it.
 SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
 #: Rooms that differ by more [K] are said.
 ROOM = 0.5
-#: Share of a room's drift that a logged room leaves unknown.
-LOGGED_DRIFT = 0.3
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
 APART = 0.5
 #: So much farther than the others did, against each other, between the runs that are compared, or those before [deviations].
@@ -120,7 +123,11 @@ def compare_runs(
     mine = [s.only(channels) for s in seen]
     if any(s.sink_c is None for s in mine):
         mine = [replace(s, ambient={}) for s in mine]
-    fits = [fit_model(s.until(float(s.time[0]) + span)) for s in mine]
+    fits = [without_room(s.until(float(s.time[0]) + span)) for s in mine]
+    straight = _straight(fits)
+    if straight:
+        channels = [c for c in channels if c not in straight]
+        fits = [without_room(f.run.only(channels)) for f in fits]
     _same_way(fits, many)
     logged = fits[0].run.sink_c is not None
     starts, levels = (
@@ -170,7 +177,8 @@ def compare_runs(
         notes.append(_visible(found, len(channels)))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
         notes.append("so much differs that they may be another machine's, or of sensors in other places")
-    left = sorted({c for s in seen for c in s.channels} - set(channels))
+    notes += [f"hardly bent, where they settle does not show, and left out: {listed(straight)}"] if straight else []
+    left = sorted({c for s in seen for c in s.channels} - set(channels) - set(straight))
     notes += [f"not in every run and left out: {', '.join(left)}"] if left else []
     notes += ["of one sensor, its own change is not told from the machine's"] if len(channels) == 1 else []
     likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
@@ -219,6 +227,16 @@ def _same_way(fits: Sequence[Fit], old: int) -> None:
             found=f"{fits[0].run.name} {way[0]}, {fits[-1].run.name} {way[1]}",
             do="compare a warm-up with a warm-up",
         )
+
+
+def _straight(fits: Sequence[Fit]) -> list[str]:
+    """Sensors that in some run are hardly bent while others are: what is known of them lies along no line of logarithms."""
+    channels, unsure = fits[0].run.channels, np.zeros(fits[0].run.sensors)
+    for fit in fits:
+        numbers = RunNumbers.of(fit, widening(fit))
+        if numbers is not None:
+            unsure = np.maximum(unsure, np.sqrt(np.diag(numbers.covariance)).reshape(2, -1).max(axis=0))
+    return [] if np.all(unsure > UNKNOWN) else [c for c, of in zip(channels, unsure, strict=True) if of > UNKNOWN]
 
 
 def _numbers(fit: Fit, drift: float) -> RunNumbers:
@@ -390,15 +408,15 @@ def _bent(fits: Sequence[Fit], old: int, channels: Sequence[str]) -> list[str]:
         ]
         misfit = np.array([np.mean(np.square(row[used])) for row, used in zip(fit.residual, fit.run.used, strict=True)])
         left.append(np.sqrt(np.maximum(misfit - np.square(noise), 0.0)))
-    rises = np.array([np.asarray(f.values[LEVEL], dtype=float) - np.asarray(f.values[START], dtype=float) for f in fits])
     kelvin = np.array(left)
-    share = kelvin / np.abs(rises)
+    share = kelvin / np.array([f.run.moved for f in fits])  # a rise that is only foretold may be anything
     for mine, side, others, other in ((slice(old, None), "new", slice(old), "old"), (slice(old), "old", slice(old, None), "new")):
         most, usual = share[mine].max(axis=0), share[others].max(axis=0)
         i = int(np.argmax(np.where(most > MORE_BENT * usual, most, 0.0)))
-        if most[i] > BENT and most[i] > MORE_BENT * usual[i]:
-            far, near = (rounded(float(kelvin[s, i].max()), 2) for s in (mine, others))
-            words = f"{channels[i]} leaves the law of one rise by {far} K in the {side} runs, by {near} K in the {other} ones"
+        far, near = (float(kelvin[s, i].max()) for s in (mine, others))
+        if most[i] > BENT and most[i] > MORE_BENT * usual[i] and far > LOCAL:
+            left_by = f"by {rounded(far)} K in the {side} runs, by {rounded(near)} K in the {other} ones"
+            words = f"{channels[i]} leaves the law of one rise {left_by}"
             return [f"{words}: as if its load or cooling had changed within; compare tests of one course"]
     return []
 
