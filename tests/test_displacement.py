@@ -1,6 +1,7 @@
 """Displacement from temperatures, and the colour of the noise, at the command line."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -101,3 +102,30 @@ def test_failing_stretches_are_rare_on_clean_records_and_sudden_faults_are_found
     fault[200:206] += 0.3
     found = failing_stretches(time, fault, weight, 0.02)
     assert any(a <= 206 and b >= 200 and size > 0.1 for a, b, size in found)
+
+
+def test_least_squares_gives_a_formula_and_every_method_its_predictions(tool, tmp_path):
+    """2 um + 3 um/K T1 - 1.5 um/K T2 of two sensors that move apart comes back, and what is written is what was scored."""
+    rng, time = np.random.default_rng(4), np.arange(400.0)
+    one, two = 20.0 + 8.0 * (1.0 - np.exp(-0.01 * time)), 21.0 + 2.0 * np.sin(time / 40.0)
+    columns = {"time_min": time, "T1": one, "T 2": two, "Z_um": 2.0 + 3.0 * one - 1.5 * two + 0.2 * rng.standard_normal(400)}
+    write_columns(str(tmp_path / "run.csv"), columns)
+    told = tmp_path / "told.json"
+    done = tool("displacement", tmp_path / "run.csv", "--format", "json", "-q", "--predicted", told)
+    linear, network, _ = records(done)
+    assert (linear["method"], linear["trusted"], network["formula"]) == ("least squares", True, "")
+    found = re.fullmatch(r"(\S+) \+ (\S+) \[T1\] - (\S+) \[T 2\]", linear["formula"])
+    assert [float(n) for n in found.groups()] == pytest.approx([2.0, 3.0, 1.5], abs=0.25)
+    assert [float(n) for n in found.groups()[1:]] == pytest.approx([3.0, 1.5], abs=0.02)
+    rows = json.loads(told.read_text())["records"]
+    assert len(rows) == 3 * 400
+    mine = [r for r in rows if r["method"] == "least squares"]
+    error = np.array([r["predicted_um"] - r["displacement_um"] for r in mine])
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(linear["rmse_ahead_um"])
+    inside = np.mean([r["predicted_lo_um"] <= r["displacement_um"] <= r["predicted_hi_um"] for r in mine])
+    assert inside == pytest.approx(linear["coverage"])
+    drawn = tool("displacement", tmp_path / "run.csv", "--format", "table")
+    assert f"Z_um = {linear['formula']}" in " ".join(drawn.out.split())
+    refused = tool("displacement", tmp_path / "run.csv", "--predicted", tmp_path / "told.txt")
+    assert refused.code == 2
+    assert not (tmp_path / "told.txt").exists()

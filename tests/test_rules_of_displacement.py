@@ -72,7 +72,7 @@ def test_the_plainest_of_nearly_equal_methods_is_trusted():
     assert found.choice == "a"
     assert found.reason == (
         "error 1.1 um on readings left out, against 2 um without temperatures; its 95 % interval holds 90 %; b 1 um; "
-        "c 0.5 um, but its 95 % interval holds 50 % of the readings left out"
+        "not c: its 95 % interval holds 50 % of the readings left out"
     )
     assert scoring.verdict({"a": _score(rmse=1.12), "b": _score(rmse=1.0)}).choice == "b"
     assert scoring.verdict({"c": scores["c"]}).reason == "c: its 95 % interval holds 50 % of the readings left out"

@@ -365,7 +365,8 @@ class DisplacementRecord(Record):
     whole runs of several, as left_out says.
 
     channel is the displacement column; baseline_um the error of the better of its mean and a straight line in time, or the other
-    runs at that minute; coverage the share of readings inside the 95 % interval.
+    runs at that minute; coverage the share of readings inside the 95 % interval. formula is the displacement [um] of the columns in
+    brackets [degC], fitted to all readings: of least squares alone, the others have none.
     """
 
     method: str = ""
@@ -378,9 +379,22 @@ class DisplacementRecord(Record):
     baseline_um: float | None = None
     coverage: float | None = None
     trusted: bool = False
+    formula: str = ""
     status: str = "ok"
     message: str = ""
 
+
+#: Columns of predicted displacements, one row per method and reading.
+PREDICTED_COLUMNS = (
+    "run",
+    "channel",
+    "time_min",
+    "displacement_um",
+    "method",
+    "predicted_um",
+    "predicted_lo_um",
+    "predicted_hi_um",
+)
 
 #: Columns of a trace, one row per reading.
 TRACE_COLUMNS = (

@@ -472,6 +472,10 @@ class Displacement(Result[DisplacementRecord]):
     kind: ClassVar[type[Row]] = DisplacementRecord
     panels: tuple["DisplacementPanel", ...] = ()
 
+    def predicted_rows(self) -> list[dict[str, Any]]:
+        """Measured and predicted displacement [um] with its 95 % interval, readings left out: columns of ``--predicted``."""
+        return [row for panel in self.panels for row in panel.rows()]
+
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """Measured and predicted displacement of readings left out."""
         from .output.pictures.displacement import draw_displacement

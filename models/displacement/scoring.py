@@ -183,7 +183,7 @@ def verdict(scores: dict[str, Score]) -> Verdict:
     choice = next(name for name in good if 0.9 * scores[name].rmse <= least)
     own = scores[choice]
     others = [
-        f"{name} {one.rmse:.3g} um" + (f", but {doubts[name]}" if doubts[name] else "")
+        f"not {name}: {doubts[name]}" if doubts[name] else f"{name} {one.rmse:.3g} um"
         for name, one in scores.items()
         if name != choice
     ]

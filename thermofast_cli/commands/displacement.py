@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 @click.option("--together", is_flag=True, help="The RUNs are of one machine: learn from all, and leave whole runs out in turn.")
 @reading_options
 @table_options
+@click.option(
+    "--predicted",
+    metavar="FILE",
+    help="Write each reading as each method tells it when it was left out, with its interval: .csv .json .jsonl .parquet .xlsx .md.",
+)
 @click.option("--save-plot", metavar="FILE", help="Draw measured and predicted displacement, readings left out: .png .pdf .svg.")
 @batched
 def command(
@@ -35,6 +40,7 @@ def command(
     methods: str | None,
     order: str | None,
     together: bool,
+    predicted: str | None,
 ) -> int:
     """Tell thermal displacement from the temperatures of each RUN, and say which method to trust.
 
@@ -43,16 +49,20 @@ def command(
     'without' is the error there of the better of their mean and a straight line in time, or the other runs at that minute: a method
     that is not clearly below it has learnt nothing.
 
+    Least squares gives a formula to take along: a column of what is written, told below the table where it is the one to trust.
+
     --together also tries a table for each minute; --methods neural_network a net whose weights a particle swarm starts
     (pip install 'thermofast[neural]').
     """
+    from ..output.files import write_table
     from ..output.screen import number, text
     from ..pipeline.around import displacement_runs
+    from ..records import PREDICTED_COLUMNS
     from ..shell.session import draw
 
     lags = _order(order)
     displacement_runs([], (), names(methods), lags, together)  # what is wrong with the options is said before any file is read
-    readings = batch.read()
+    readings = batch.read(predicted)
     result = displacement_runs(readings.runs, names(displacements), names(methods), lags, together)
     drawn = [
         ("displacement", text("channel")),
@@ -65,6 +75,8 @@ def command(
         ("status", text("status")),
     ]
     code = batch.tell(result, readings, drawn)
+    if predicted:
+        write_table(predicted, "predicted", PREDICTED_COLUMNS, result.predicted_rows())
     draw(result, batch.save_plot)
     return code
 

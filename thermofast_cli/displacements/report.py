@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models.displacement import Method, Sample
-from thermofast.models.displacement.fits import Prediction
+from thermofast.models.displacement.fits import NORMAL_95, LinearModel, Prediction, fit_least_squares
 from thermofast.models.displacement.scoring import compare
 
 from ..errors import UsageError, nearest, rounded
@@ -45,6 +45,23 @@ class Panel:
     displacement: Array
     predicted: dict[str, Prediction]
     trusted: str
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Each reading as each method tells it when it was left out: columns of ``--predicted``."""
+        return [
+            {
+                "run": self.run,
+                "channel": self.channel,
+                "time_min": float(self.time[i]),
+                "displacement_um": float(self.displacement[i]),
+                "method": method,
+                "predicted_um": float(told.mean[i]),
+                "predicted_lo_um": float(told.mean[i] - NORMAL_95 * told.deviation[i]),
+                "predicted_hi_um": float(told.mean[i] + NORMAL_95 * told.deviation[i]),
+            }
+            for method, told in self.predicted.items()
+            for i in range(len(self.time))
+        ]
 
 
 @dataclass(frozen=True)
@@ -144,6 +161,13 @@ def _constants_apart(sample: Sample, runs: int) -> float:
     return float(np.ptp(of_each[:runs])) if left < APART * all_left else 0.0
 
 
+def _formula(model: LinearModel, sensors: Sequence[str]) -> str:
+    """'-34.21 + 1.834 [T1] - 0.4121 [T2]', displacement [um] of temperatures [degC]."""
+    constant = model.offset - float(model.centre @ model.slope)
+    terms = [f"{'-' if by < 0.0 else '+'} {abs(by):.6g} [{name}]" for by, name in zip(model.slope, sensors, strict=True)]
+    return " ".join([f"{constant:.6g}", *terms])
+
+
 def _held(values: Array) -> Array:
     """A logged input (N,), where it is missing as it was last; before its first reading, as it was then."""
     known = np.flatnonzero(np.isfinite(values))
@@ -186,9 +210,11 @@ def _add(
     number = np.repeat(np.arange(runs), [len(one.minutes) for one in several])
     sample = Sample(temperatures, values, minutes, number, drives if inputs else None)
     found = compare(sample, methods)
+    linear = _formula(fit_least_squares(temperatures, values), sensors) if "least squares" in found.scores else ""
     gaps = f"; {lost} rows with a gap in some column are left out, see --exclude" if lost else ""
     gaps += f"; no row of {', '.join(empty)} is whole" if empty else ""
-    notes = [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
+    notes = [f"{column} = {linear}"] if found.choice == "least squares" else []
+    notes += [f"{m} of {s.prediction.note}" for m, s in found.scores.items() if s.prediction.note]
     notes += [f"{m} not told: {why}" for m, why in found.refused.items() if not asked and found.scores]
     notes += [f"{column} is a temperature: errors are in K"] if temperature else []
     notes += [f"{column} begins at nought in each run, so temperatures count from each run's start"] if changes else []
@@ -216,6 +242,7 @@ def _add(
                 baseline_um=score.rival_rmse,
                 coverage=score.coverage,
                 trusted=trusted,
+                formula=linear if method == "least squares" else "",
                 status="model_doubtful" if found.choice == "neither" or found.doubts.get(method) else "ok",
                 message=verdict,
                 **blank,

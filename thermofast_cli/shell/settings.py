@@ -20,7 +20,7 @@ FILE = "thermofast.toml"
 CODE = {"filter_name": "--filter", "extra": "--effect", "effects": "--effects", "add": "--add", "execute": "--exec"}
 #: Options that say where to work, which is where code is run, and what is written; this is done in this folder alone.
 AFAR = ("--cluster", "--mpi")
-WRITTEN = ("--output", "--save-plot", "--jsonl", "--trace", "--write-effect", "--lab", "--key", "--write", "--denoise")
+WRITTEN = ("--output", "--save-plot", "--jsonl", "--trace", "--predicted", "--write-effect", "--lab", "--key", "--write", "--denoise")
 #: The types of a settings file in words.
 KINDS = {
     "array": "a list",
