@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 from .errors import UsageError
 from .output.columns import Records, told_more
 from .reading import Run, columns_named, told
+from .reading.run import layout
 from .records import (
     BenchRecord,
     CalibrateRecord,
@@ -237,22 +238,13 @@ class Inspection(Result[InspectRecord]):
 
     def input(self) -> list[dict[str, Any]]:
         """How each file is laid out, and what was guessed of it."""
-        return [_layout(run) for run in self.runs]
+        return [layout(run) for run in self.runs]
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """All columns that were read, over time."""
         from .output.pictures.inspect import draw_columns
 
         return _drawn(draw_columns(self.runs), path)
-
-
-def _layout(run: Run) -> dict[str, Any]:
-    seen = run.seen
-    told: dict[str, Any] = {"run": run.name, "rows": len(run.time_s), "duration_s": float(run.time_s[-1])}
-    if seen is not None:
-        names = ("encoding", "delimiter", "decimal", "header_line", "time_column", "time_unit")
-        told |= {n: getattr(seen, n) for n in names} | {"long": list(seen.long)}
-    return told | {"notes": list(run.notes), "guesses": [g.as_dict() for g in run.guesses]}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.option(
     "--predicted",
     metavar="FILE",
-    help="Write each reading as each method tells it when it was left out, with its interval: .csv .json .jsonl .parquet .xlsx .md.",
+    help="Write what each method tells of each reading when it was left out: .csv .json .jsonl .parquet .xlsx .md.",
 )
 @click.option("--save-plot", metavar="FILE", help="Draw measured and predicted displacement, readings left out: .png .pdf .svg.")
 @batched

@@ -267,3 +267,13 @@ def told_of_sensors(run: Run) -> Run:
     }
     notes = {n: "; ".join(t for t in (run.channel_notes.get(n, ""), said) if t) for n, said in copies.items()}
     return replace(run, channel_notes=run.channel_notes | notes) if notes else run
+
+
+def layout(run: Run) -> dict[str, Any]:
+    """How a run's file is laid out, and what was guessed of it."""
+    seen = run.seen
+    told: dict[str, Any] = {"run": run.name, "rows": len(run.time_s), "duration_s": float(run.time_s[-1])}
+    if seen is not None:
+        names = ("encoding", "delimiter", "decimal", "header_line", "time_column", "time_unit")
+        told |= {n: getattr(seen, n) for n in names} | {"long": list(seen.long)}
+    return told | {"notes": list(run.notes), "guesses": [g.as_dict() for g in run.guesses]}

@@ -20,7 +20,8 @@ FILE = "thermofast.toml"
 CODE = {"filter_name": "--filter", "extra": "--effect", "effects": "--effects", "add": "--add", "execute": "--exec"}
 #: Options that say where to work, which is where code is run, and what is written; this is done in this folder alone.
 AFAR = ("--cluster", "--mpi")
-WRITTEN = ("--output", "--save-plot", "--jsonl", "--trace", "--predicted", "--write-effect", "--lab", "--key", "--write", "--denoise")
+TABLES = "--trace", "--predicted", "--denoise"
+WRITTEN = ("--output", "--save-plot", "--jsonl", "--write-effect", "--lab", "--key", "--write", *TABLES)
 #: The types of a settings file in words.
 KINDS = {
     "array": "a list",
