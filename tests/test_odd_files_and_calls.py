@@ -1,5 +1,8 @@
 """Files and calls that readers from outside tried: each was read wrong, or silently not counted."""
 
+import json
+
+import click
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -10,6 +13,7 @@ from simulator import held_response
 
 import thermofast as tf
 from thermofast.errors import InputError, UsageError
+from thermofast.shell.numbers import Finite, Real, Whole
 
 MINUTES = np.arange(60.0)
 FRONT = 20.0 + 8.0 * -np.expm1(-MINUTES / 25.0)
@@ -483,3 +487,49 @@ def test_a_setting_may_be_called_with_its_filters_name():
     run = tf.read(ROOT / "sample_runs" / "spindle.csv", channels=["T1"])
     bare, whole = (tf.identify(run, until=60.0, settings={key: 0.97}) for key in ("forgetting", "afukf.forgetting"))
     assert bare[0] == whole[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "minutes"),
+    [("90", 90.0), ("90min", 90.0), ("90 min", 90.0), ("1.5h", 90.0), ("5400 s", 90.0), ("0.0625d", 90.0), ("9e1", 90.0)],
+)
+def test_a_number_may_have_its_unit(given, minutes):
+    option = click.Option(["--until"], type=Finite(0, min_open=True), metavar="MIN")
+    assert option.type.convert(given, option, None) == pytest.approx(minutes)
+
+
+@pytest.mark.parametrize(
+    ("of", "metavar", "given", "said"),
+    [
+        (Finite(0, min_open=True), "MIN", "90x", "'90x' is no number; allowed: above 0 in min, or with its unit beside it (s, min"),
+        (Finite(0, min_open=True), "MIN", "min", "'min' is no number"),
+        (Finite(0, min_open=True), "MIN", "20K", "'20K' is no number"),
+        (Finite(0, min_open=True), "MIN", "0 min", "0 min is outside what is allowed: above 0"),
+        (Finite(0, 0.5, min_open=True), "P", "0.6", "0.6 is outside what is allowed: above 0, to 0.5"),
+        (Finite(0, 0.5, min_open=True), "P", "0.5", None),
+        (Finite(0.05, 3600), "SECONDS", "2h", "2h is outside what is allowed: 0.05 to 3600"),
+        (Finite(0.05, 3600), "SECONDS", "50ms", None),
+        (Real(), "DEGC", "-5 °C", None),
+        (Real(), "DEGC", "inf", "'inf' is no number; allowed: any in degC"),
+        (Whole(1), "N", "0", "0 is outside what is allowed: 1 or more"),
+        (Whole(1), "N", "1.5", "'1.5' is no whole number; allowed: 1 or more"),
+        (Whole(1, 10), "N", "11", "11 is outside what is allowed: 1 to 10"),
+        (Whole(1, 10), "N", "10", None),
+    ],
+)
+def test_a_number_that_is_none_is_refused_with_what_is_allowed(of, metavar, given, said):
+    option = click.Option(["--it"], type=of, metavar=metavar)
+    if said is None:
+        assert option.type.convert(given, option, None) == {"0.5": 0.5, "50ms": 0.05, "-5 °C": -5.0, "10": 10}[given]
+        return
+    with pytest.raises(click.BadParameter) as refused:
+        option.type.convert(given, option, None)
+    assert said in refused.value.message
+
+
+def test_the_unit_of_a_time_goes_through_a_command(tool):
+    whole = tool(
+        "identify", "sample_runs/spindle.csv", "--until", "0.75h", "--at", "6h", "--channels", "T1", "-q", "--format", "json"
+    )
+    found = json.loads(whole.out)["records"][0]
+    assert (found["until_min"], found["at_min"]) == (45.0, 360.0)

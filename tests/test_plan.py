@@ -103,7 +103,7 @@ def test_a_test_like_another(tool, monkeypatch):
     for words, said in (
         (("--interval", "soon"), "not a time"),
         (("--tolerance", "0"), "not a list"),
-        (("--tau", "-3"), "not in the range"),
+        (("--tau", "-3"), "outside what is allowed: above 0"),
     ):
         refused = tool("plan", *words)
         assert refused.code == 2

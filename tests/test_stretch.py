@@ -37,7 +37,7 @@ def test_what_is_no_stretch_is_told(tool):
     for words, said in (
         (("--from", 500), "fewer than two readings lie from --from 500 to the last min"),
         (("--from", 60, "--to", 30), "--to is not after --from"),
-        (("--to", "nan"), "not a finite number"),
+        (("--to", "nan"), "is no number; allowed: above 0 in min"),
     ):
         done = tool("identify", SPINDLE, *words)
         assert done.code == 2

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..shell.options import Finite, RunCommand, batched, reading_options, runs_argument, table_options
+from ..shell.numbers import Finite
+from ..shell.options import RunCommand, batched, reading_options, runs_argument, table_options
 
 if TYPE_CHECKING:
     from ..shell.batch import Batch

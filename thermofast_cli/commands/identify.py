@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..shell.numbers import Finite, Real
 from ..shell.options import (
-    Finite,
-    Real,
     RunCommand,
     batched,
     criterion_option,

@@ -5,7 +5,8 @@ from typing import Any
 
 import click
 
-from ..shell.options import Finite, RunCommand, model_option, own_effect_option, reading_options_but_interval, table_options
+from ..shell.numbers import Finite, Whole
+from ..shell.options import RunCommand, model_option, own_effect_option, reading_options_but_interval, table_options
 
 
 @click.command(
@@ -13,7 +14,7 @@ from ..shell.options import Finite, RunCommand, model_option, own_effect_option,
     cls=RunCommand,
     epilog="Example: thermofast plan --like sample_runs/spindle.csv --imperfection none --tolerance 0.5,0.2",
 )
-@click.option("--sensors", type=click.IntRange(1, 10_000), metavar="N", help="How many sensors; 10 by default.")
+@click.option("--sensors", type=Whole(1, 10_000), metavar="N", help="How many sensors; 10 by default.")
 @click.option("--interval", "every", metavar="TIME", help="Between readings, as 1s, 0.5min; 1s by default.")
 @click.option("--noise", type=Finite(0, min_open=True), metavar="K", help="Standard deviation of a reading; 0.02 by default.")
 @click.option("--rise", type=Finite(0, min_open=True), metavar="K", help="Rise that is expected; 9 by default.")

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..reading_options import names
+from ..shell.numbers import Finite
 from ..shell.options import (
-    Finite,
     RunCommand,
     batched,
     filter_options,

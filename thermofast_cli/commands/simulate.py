@@ -5,14 +5,14 @@ import shlex
 import click
 
 from ..reading_options import names
-from ..shell.options import Finite
+from ..shell.numbers import Finite, Whole
 
 
 @click.command("simulate", epilog="Example: thermofast simulate --seed 7 -o run.csv --key key.json")
 @click.option("-o", "--output", required=True, metavar="RUN", help="The record to write: .csv or .parquet.")
 @click.option("--key", metavar="FILE", help="The truth behind it, as JSON.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The same seed makes the same record.")
-@click.option("--sensors", type=click.IntRange(1, 100_000), default=10, show_default=True, help="How many sensors.")
+@click.option("--seed", type=Whole(0), default=0, show_default=True, help="The same seed makes the same record.")
+@click.option("--sensors", type=Whole(1, 100_000), default=10, show_default=True, help="How many sensors.")
 @click.option(
     "--duration",
     type=Finite(0, min_open=True),

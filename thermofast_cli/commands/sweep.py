@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..shell.numbers import Finite
 from ..shell.options import (
-    Finite,
     RunCommand,
     batched,
     criterion_option,

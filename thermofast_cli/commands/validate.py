@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..shell.options import Finite, RunCommand, batched, output_options, own_effect_option, ranges, reading_options, runs_argument
+from ..shell.numbers import Finite
+from ..shell.options import RunCommand, batched, output_options, own_effect_option, ranges, reading_options, runs_argument
 
 if TYPE_CHECKING:
     from ..shell.batch import Batch

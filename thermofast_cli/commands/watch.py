@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..shell.numbers import Finite
 from ..shell.options import (
-    Finite,
     RunCommand,
     drive_option,
     filter_options,

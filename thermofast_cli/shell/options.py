@@ -13,6 +13,7 @@ import click
 from ..errors import UsageError
 from ..reading_options import CHOICES
 from .complete import columns, filters, presets
+from .numbers import Finite, Whole
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 #: Where a command's context keeps whether CSV is to be such as Excel opens by a double click.
@@ -90,20 +91,6 @@ class Once(click.Option):
         return several[0] if several else None
 
 
-class Real(click.types.FloatParamType):
-    """Any number; unlike Click's own it refuses nan and infinity."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number", param, ctx)
-        return number
-
-
-class Finite(Real, click.FloatRange):
-    """Such a number in a range."""
-
-
 runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())
 
 filter_options = _together(
@@ -139,9 +126,7 @@ imperfection_options = _together(
     ),
 )
 
-jobs_option = click.option(
-    "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes; as many as the work pays for, by default."
-)
+jobs_option = click.option("--jobs", type=Whole(1), metavar="N", help="Worker processes; as many as the work pays for, by default.")
 
 
 #: Where a command's context keeps who works, and whether it goes on with what is there.
@@ -279,7 +264,7 @@ _other_reading_options = _together(
     _hidden("--delimiter", metavar="CHAR", help="Cell delimiter; 'tab' and 'blank' are understood."),
     _hidden("--decimal", type=click.Choice(CHOICES["decimal"]), help="Decimal sign."),
     _hidden("--encoding", metavar="NAME", help="Text encoding."),
-    _hidden("--header-line", type=click.IntRange(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
+    _hidden("--header-line", type=Whole(0), metavar="N", help="Line of the column names, from 1; 0 for none."),
     _hidden("--sheet", metavar="NAME", help="The sheet of a workbook, or the group of a TDMS or MATLAB file, that holds several."),
     _hidden(
         "--long",
@@ -297,7 +282,7 @@ _other_reading_options = _together(
         metavar="R0,T0[,K]",
         help="Columns in ohms are windings: their temperature, from the resistance R0 at T0 degC; K 235 for copper.",
     ),
-    _hidden("--skip-footer", type=click.IntRange(0), metavar="N", help="Leave the last N lines of a text file out."),
+    _hidden("--skip-footer", type=Whole(0), metavar="N", help="Leave the last N lines of a text file out."),
     _hidden(
         "--units", cls=Joined, metavar="C|K|F", help="Unit of the temperatures, or by column: front=K,rear=F; Pt100 for its ohms."
     ),
@@ -307,12 +292,12 @@ _other_reading_options = _together(
     _hidden("--to", "to_min", type=Finite(0, min_open=True), metavar="MIN", help="End with the reading at MIN minutes."),
     _hidden(
         "--max-bytes",
-        type=click.IntRange(1),
+        type=Whole(1),
         metavar="N",
         help="A file, what it unpacks to, and its table in memory: not more bytes than this; 2 GiB by default.",
     ),
-    _hidden("--max-rows", type=click.IntRange(1), metavar="N", help="Not more rows than this; 20,000,000 by default."),
-    _hidden("--max-columns", type=click.IntRange(1), metavar="N", help="Not more columns than this; 100,000 by default."),
+    _hidden("--max-rows", type=Whole(1), metavar="N", help="Not more rows than this; 20,000,000 by default."),
+    _hidden("--max-columns", type=Whole(1), metavar="N", help="Not more columns than this; 100,000 by default."),
     _hidden("--strict", is_flag=True, help="Refuse a record of which anything has to be guessed."),
 )
 
