@@ -40,11 +40,14 @@ __all__ = [
     "refit",
     "rows_of",
     "search",
+    "settled",
     "start_values",
     "with_parts",
 ]
 
 MOST_ITERATIONS = 40
+#: Those of a fit that is not one among many.
+UNTIL_AT_REST = 400
 GAIN_AT_END, SHARE_AT_END = 1e-2, 1e-7
 #: Time constants that a record seems to cover below which its rates are doubted.
 TURNED = 0.3
@@ -446,6 +449,11 @@ def refit(fit: Fit, run: Observations, most: int = 12) -> Fit:
     """The same model fitted to other weights of the same grid, from where `fit` ended."""
     model = Model(run, fit.model.parts)
     return search(model, fit.local.copy(), fit.shared.copy(), fit.prior, most, columns=fit.columns)
+
+
+def settled(fit: Fit) -> Fit:
+    """The fit, gone on with where it was broken off before it came to rest: a search among many breaks off early."""
+    return fit if fit.converged else refit(fit, fit.run, UNTIL_AT_REST)
 
 
 def with_parts(fit: Fit, parts: Sequence[Part]) -> dict[Key, Any]:

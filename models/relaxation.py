@@ -14,17 +14,19 @@ Array = NDArray[np.float64]
 ROUNDS, AT_REST, LEAST_RISE = 400, 1e-6, 1e-3
 
 
-def relaxed(curves: Array, forward: Callable[[Array], Array], begin: int = 0) -> Array:
-    """Curves (S, N) that `forward` gives back as they are, from reading `begin` on; the readings before stay.
+def relaxed(curves: Array, forward: Callable[[Array], Array], free: NDArray[np.bool_] | None = None) -> Array:
+    """Curves (S, N) that `forward` gives back as they are at the readings `free` (N,), all by default; the others stay.
 
     forward: curves (S, N) of all sensors, each beside those given of the others.
     """
     found = np.array(curves, dtype=float)
     size = np.maximum(np.ptp(found, axis=1), LEAST_RISE)
     for _ in range(ROUNDS):
-        after = forward(found)[:, begin:]
-        moved = np.abs(after - found[:, begin:]).max(axis=1, initial=0.0)
-        found = np.concatenate([found[:, :begin], after], axis=1)
+        after = forward(found)
+        if free is not None:
+            after = np.where(free, after, found)
+        moved = np.abs(after - found).max(axis=1, initial=0.0)
+        found = after
         if np.all(moved <= AT_REST * size):
             break
     return found

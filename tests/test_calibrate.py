@@ -10,8 +10,11 @@ from scipy.stats import t as student
 import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from benchmarks.machines import bar
-from thermofast.analysis.calibration import CANDIDATES, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn, to_choose
+from thermofast.analysis.calibration import CANDIDATES, MOST, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn, past_run, to_choose
+from thermofast.estimation.identify import Method
+from thermofast.filters import Afukf
 from thermofast.machine.lab import read_imperfection
+from thermofast.models import Lump
 from thermofast.models.imperfection import TYPICAL
 
 
@@ -158,3 +161,22 @@ def test_machines_with_a_slow_mass_each_are_not_said_to_have_none():
 def test_few_runs_choose_among_no_priors():
     assert to_choose(3) == (TYPICAL,)
     assert to_choose(4) == CANDIDATES
+
+
+def test_runs_that_still_move_at_their_end_and_widths_that_do_not_suffice_are_told():
+    """A tenth of the rise of a slow part of 900 min goes on where runs of eight time constants end."""
+
+    def run(k, slow):
+        rng, time = np.random.default_rng(k), np.arange(481.0)
+        rises = [r * ((1.0 - slow) * -np.expm1(-time / 60.0) + slow * -np.expm1(-time / 900.0)) for r in (8.0, 11.0)]
+        return tf.read({"time_min": time} | {f"T{i}": 20.0 + r + 0.02 * rng.standard_normal(481) for i, r in enumerate(rises)})
+
+    still, going_on = (past_run((run(1, slow), 0.0), Method(Lump(), Afukf()), CANDIDATES[:1]) for slow in (0.0, 0.3))
+    assert (still.settled, going_on.settled) == (1.0, 0.0)
+    few = [replace(one, settled=0.4) for one in pasts([(0.1, 0.1)] * 2)]
+    told = learn([*few, *pasts([(0.1, 0.1)] * 3)]).records[0].message
+    assert told.startswith("in 2 of 5 runs most points still move at the end: what comes after it was not tried")
+    assert learn([replace(one, settled=0.5) for one in few]).records[0].message == ""
+    far = learn(pasts([(9.0, 9.0)] * 3)).records[0]
+    assert (far.factor, far.message) == (MOST, "the errors ask for more than 4 times the width")
+    assert "times the width" not in learn(pasts([(0.5, 0.5)] * 3)).records[0].message

@@ -32,6 +32,8 @@ LAST = 20
 #: Runs that "as wide as the prior says" counts for, and "as wide as at the other times" at each of them.
 PRIOR_RUNS, OTHER_TIMES = 6.0, 12.0
 LEAST, MOST = 0.25, 4.0
+#: Share of its sensors that stand still at the end of a run, below which the run is told as one that goes on.
+SETTLED = 0.5
 #: Runs from which on another prior than the typical one may be chosen: two alike may be chance.
 ENOUGH = 4
 
@@ -59,11 +61,15 @@ CANDIDATES = (
 
 @dataclass(frozen=True)
 class Past:
-    """One complete run: what was foretold of its end (turns, S, 3) under each prior (candidates, ...), and the end (S,) [degC]."""
+    """One complete run: what was foretold of its end (turns, S, 3) under each prior (candidates, ...), and the end (S,) [degC].
+
+    settled is the share of its sensors that stand still there.
+    """
 
     name: str
     foretold: Array
     end: Array
+    settled: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -113,7 +119,10 @@ def past_run(started: Started, method: Method, priors: Sequence[Imperfection] = 
                 if r is not None and r.at_lo_c is not None and r.at_c is not None and r.at_hi_c is not None:
                     foretold[c, t, s] = r.at_lo_c, r.at_c, r.at_hi_c
     good = np.isfinite(end) & np.isfinite(foretold).all(axis=3).any(axis=(0, 1))
-    return Past(run.name, foretold[:, :, good], end[good]) if good.any() else "nothing was foretold of it at any time"
+    if not good.any():
+        return "nothing was foretold of it at any time"
+    settled = float(np.mean([r.steady_state_measured_c is not None for r in whole]))
+    return Past(run.name, foretold[:, :, good], end[good], settled)
 
 
 def _limits(told: Sequence[IdentifyRecord | None], minutes: Array, room: Array, until: float, ahead: float) -> Array:
@@ -151,11 +160,21 @@ def learn(past: Sequence[Past]) -> Lab:
             best, chosen = score, c
     factors = _factors(past, chosen, np.arange(len(past)))
     prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)))
-    rows = tuple(_rows(past, chosen, factors))
+    notes = []
     if held < HELD and len(past) >= ENOUGH:
         common = f"typical intervals hold {100.0 * held:.0f} % of the ends: strong effects are common in these machines"
-        rows = tuple(replace(r, message=f"{common}; learn each by itself (thermofast improve --together)") for r in rows)
+        notes.append(f"{common}; learn each by itself (thermofast improve --together)")
+    moving = sum(p.settled < SETTLED for p in past)
+    if moving:
+        of = f"in {moving} of {len(past)} runs most points still move at the end"
+        notes.append(f"{of}: what comes after it was not tried, and a slower part would go unseen; give longer runs")
+    rows = tuple(replace(r, message="; ".join([*_wider(r), *notes])) for r in _rows(past, chosen, factors))
     return Lab(prior, rows, tuple(p.name for p in past))
+
+
+def _wider(row: CalibrateRecord) -> list[str]:
+    """What to say where the errors ask for wider intervals than are given."""
+    return [f"the errors ask for more than {MOST:g} times the width"] if row.factor is not None and row.factor >= MOST else []
 
 
 def _held(past: Sequence[Past]) -> float:

@@ -25,7 +25,7 @@ from ..errors import ThermofastError
 from ..errors import rounded as rounded_number
 from ..records import CompareRecord, finite
 from .colour import colour_of
-from .loop import LoopTask, ahead_errors, failure_records, first_model, ids_of, in_order, ready, refused_records
+from .loop import LoopTask, ahead_errors, curve_ahead, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .stretches import failing_stretches, steps_near
 
 Array = NDArray[np.float64]
@@ -87,12 +87,13 @@ def _compare(task: LoopTask) -> Comparison:
     fit, notes = first_model(task, prepared)
     ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
     floor = sensor_p_values(fit)
-    plain = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, np.nan)
+    curve = curve_ahead(fit)
+    plain = np.where(whole.used, np.nan_to_num(whole.reading) - curve, np.nan)
     # What a reading of whole steps leaves is what its cell leaves, for all sensors before any is set beside another.
     rounded = [rounded_residual(fit, i) if np.array_equal(whole.used[i], fit.run.used[i]) else None for i in range(len(plain))]
     residual = np.stack([plain[i] if r is None else np.where(whole.used[i], r, np.nan) for i, r in enumerate(rounded)])
     effects = ids_of(fit.model.parts)
-    low, high = curve_bounds(fit, dict(task.input_ranges))
+    low, high = (bound + curve - fit.curve for bound in curve_bounds(fit, dict(task.input_ranges)))
     if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
         notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
     needed, about_heat = _needed(task, fit, whole)
@@ -144,7 +145,7 @@ def _compare(task: LoopTask) -> Comparison:
                 noise_order=colour.order,
                 whitened_p=finite(colour.whitened_p),
                 long_run_factor=colour.long_run_factor,
-                area_metric_c=_area(whole, fit, low, high, i) if whole.used[i].any() else None,
+                area_metric_c=_area(whole, fit, curve, low, high, i) if whole.used[i].any() else None,
                 worst_from_min=worst[0] if worst else None,
                 worst_to_min=worst[1] if worst else None,
                 worst_error_c=worst[2] if worst else None,
@@ -165,7 +166,7 @@ def _compare(task: LoopTask) -> Comparison:
                     channel,
                     whole.time,
                     np.where(whole.used[i], whole.reading[i], np.nan),
-                    fit.curve[i],
+                    curve[i],
                     stretches,
                     task.fitted_min,
                     name,
@@ -259,14 +260,14 @@ def curve_shifts(fit: Fit, ranges: dict[str, float], shares: Sequence[float]) ->
     return shifts
 
 
-def _area(whole: Observations, fit: Fit, low: Array, high: Array, i: int) -> float:
+def _area(whole: Observations, fit: Fit, curve: Array, low: Array, high: Array, i: int) -> float:
     """Area metric [K] of one sensor: the parameters' uncertainty random, the declared input ranges intervals."""
     good = whole.used[i]
     deviation = fit.curve_deviation(i)[good]
     deviation = np.minimum(np.nan_to_num(deviation, nan=0.0, posinf=1e6), 1e6)
     bounds = low[i][good], high[i][good]
     noise = float(whole.noise[i]) / math.sqrt(float(np.median(whole.weight[i][good])))
-    return record_area_metric(whole.reading[i][good], fit.curve[i][good], deviation, *bounds, noise=noise)
+    return record_area_metric(whole.reading[i][good], curve[i][good], deviation, *bounds, noise=noise)
 
 
 def correlations(fit: Fit, whole: Observations, residual: Array, i: int) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models.effects.base import Effect
-from thermofast.models.joint import Fit, fit_model
+from thermofast.models.joint import Fit, fit_model, settled
 from thermofast.models.search.candidates import Candidate, try_add
 from thermofast.models.search.discover import Discovery, Spread, total_likelihood_ratio
 from thermofast.models.search.heldout import held_out_errors
@@ -26,6 +26,7 @@ from .loop import (
     LoopTask,
     Ready,
     ahead_errors,
+    at_rest,
     check_inputs,
     failure_records,
     ids_of,
@@ -79,6 +80,7 @@ def improve_lost(task: LoopTask, why: str) -> list[Improved]:
 
 
 def _step(fit: Fit, prepared: Ready, until: float | None) -> Step:
+    fit = settled(fit)
     ahead = ahead_errors(fit, prepared.whole) if until is not None else held_out_errors(fit)
     return Step(fit, ahead, sensor_p_values(fit))
 
@@ -122,7 +124,7 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
                 notes.append(f"not determined by this record: {added.identifiable.why}")
     else:
         stopped = "the base model was asked for"
-    return _improved(task, observed, prepared, steps, stopped, notes, undecided)
+    return _improved(task, observed, prepared, steps, stopped, [*notes, *at_rest(steps[-1].fit)], undecided)
 
 
 def _found_steps(prepared: Ready, until: float | None, base: Step, found: Discovery) -> tuple[list[Step], str]:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
-from thermofast.models.joint import RATE, Fit, Key, Part, fit_model
+from thermofast.models.joint import RATE, Fit, Key, Part, fit_model, settled
+from thermofast.models.search.heldout import predicted
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError, UsageError, in_one_line, nearest
@@ -173,7 +174,14 @@ def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
             notes.append(f"{effect.id}: nothing to fit")
             continue
         fit = found.fit
-    return fit, notes
+    fit = settled(fit)
+    return fit, [*notes, *at_rest(fit)]
+
+
+def at_rest(fit: Fit) -> list[str]:
+    """What to say of a fit that was broken off."""
+    names = " and ".join(dict.fromkeys(ids_of(fit.model.parts))) or "the base model"
+    return [] if fit.converged else [f"the fit of {names} has not come to rest: its values are one choice of many that fit alike"]
 
 
 def ids_of(parts: tuple[Part, ...]) -> list[str]:
@@ -253,9 +261,14 @@ def pooled(errors: Any) -> float:
     return float(np.sqrt(np.mean(good**2))) if len(good) else float("nan")
 
 
+def curve_ahead(fit: Fit) -> Array:
+    """The model (S, N) [degC], after the last reading used without a neighbour's readings either."""
+    return predicted(fit, np.arange(len(fit.run.time)) > fit.run.last)
+
+
 def ahead_errors(fit: Fit, whole: Observations) -> Array:
     """Root mean square error (S,) [K] on the readings that the fit did not see, the model running freely with logged inputs."""
     after = np.where(fit.run.used, 0.0, whole.weight) > 0.0
-    error = np.where(after, np.nan_to_num(whole.reading) - fit.curve, 0.0)
+    error = np.where(after, np.nan_to_num(whole.reading) - curve_ahead(fit), 0.0)
     count = after.sum(axis=1)
     return np.asarray(np.sqrt(np.where(count > 0, (error**2).sum(axis=1) / np.maximum(count, 1), np.nan)))

@@ -198,7 +198,7 @@ def together(fit: Fit, over: Observations, last: int, keep: "range | list[int]")
     def beside(curves: Array) -> Array:
         return free_runs(fit, replace(over, reading=curves), fit.local, shared, sensors, keep)
 
-    return replace(over, reading=relaxed(over.filled, beside, last + 1))
+    return replace(over, reading=relaxed(over.filled, beside, np.arange(len(over.time)) > last))
 
 
 def _extended(fit: Fit, whole: Observations, last: int, read: int, later: Array) -> Observations:
