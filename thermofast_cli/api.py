@@ -109,8 +109,22 @@ def identify(
     learnt, prior, texts = model_of(model), read_imperfection(imperfection), setting_texts(filter, settings)
     method = replace(choose(filter, preset, texts, prior, rates), paces=paces(pace))
     started, rule = started_of(runs, start, from_rise(learnt, drive), reading), stopping_rule(criterion)
-    work, kept = work_of(jobs, executor, progress), keeps_details(details, started)
-    return identify_runs(started, method, until, learnt, joint, kept, work, at, room, drive, auto, rule, limit, switch_off_at)
+    return identify_runs(
+        started,
+        method,
+        until,
+        model=learnt,
+        joint=joint,
+        details=keeps_details(details, started),
+        how=work_of(jobs, executor, progress),
+        at_min=at,
+        room_c=room,
+        drive=drive,
+        auto=auto,
+        criterion=rule,
+        limit_c=limit,
+        switch_off_min=switch_off_at,
+    )
 
 
 @checked

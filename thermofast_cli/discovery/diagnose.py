@@ -37,7 +37,7 @@ from .loop import (
 )
 from .remains import explained, shares
 from .several import OneOf, common_runs, ready_runs, two_machines, unnamed
-from .wording import ROOMS, fails_beyond, rivals, room_instead, unlogged_room, words
+from .wording import ROOMS, fails_beyond, not_borne_out, rivals, room_instead, unlogged_room, words
 
 Found = TypeVar("Found")
 
@@ -245,6 +245,9 @@ def verdict_of(task: LoopTask, found: Discovery, seen: Observations) -> tuple[st
     beyond = fails_beyond(found, seen, task.until_min)
     if beyond:  # "nothing to add" would contradict it
         advice, status = beyond, "not_determined"
+    refuted = not_borne_out(found, seen, task.until_min)
+    if refuted:
+        advice, status = refuted, "not_determined"
     return evidence, advice, status, also
 
 

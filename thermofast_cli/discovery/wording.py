@@ -114,6 +114,21 @@ def fails_beyond(found: Discovery, seen: Observations, until: float | None) -> s
     )
 
 
+def not_borne_out(found: Discovery, seen: Observations, until: float | None) -> str:
+    """What to say where effects fit the first minutes and tell the later readings no better than the model without them."""
+    named = found.named
+    if until is None or named is None or found.ahead is None:
+        return ""
+    who = np.any([p.concerns(seen.sensors) for p in named.parts], axis=0)
+    before, after = pooled(found.ahead_base[who]), pooled(found.ahead[who])
+    if not after >= before:
+        return ""
+    return (
+        f"the readings after {until:g} min do not bear it out: the error there is {rounded(after)} K with "
+        f"{' and '.join(named.ids)}, {rounded(before)} K without: do not add it, and say a longer --until"
+    )
+
+
 def words(found: Discovery, seen: Observations, again: str) -> tuple[str, str, str]:
     """(evidence, advice, status) of a verdict; again is the run and how it was read, as a command line says it."""
     short = _short_record(found, seen)
@@ -171,8 +186,8 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
         share = 100.0 * (float(str(step["share"])) if who.all() else stage.named.share)
         told.append(
             f"{step['effect']}{rival}: {said}; {'it explains' if len(new) == 1 else 'they explain'} "
-            f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit{'' if who.all() else ' there'}, and the error "
-            f"on readings not fitted falls from {rounded(pooled(ahead[who]))} to {rounded(pooled(left[who]))} K"
+            f"{'more than 99' if share > 99.0 else f'{share:.0f}'} % of the misfit{'' if who.all() else ' there'}, and "
+            f"{_error_moves(pooled(ahead[who]), pooled(left[who]))}"
         )
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
     also, ways = rivals(found), other_ways(found)
@@ -182,6 +197,15 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
         advice = f"{advice}; to tell it from {', '.join('+'.join(c.ids) for c in also)}: {hints}"
     advice = "; ".join([advice, *_driven_by(parts), *_or_a_room(parts, seen), *(p.effect.advice for p in parts if p.effect.advice)])
     return evidence, "; ".join(a for a in (advice, ways) if a), "partly_explained"
+
+
+def _error_moves(before: float, after: float, verbs: tuple[str, str, str] = ("", "", "")) -> str:
+    """'the error on readings not fitted falls from 0.4 to 0.1 K', or where there are verbs what 'cuts' it 'from 0.4 to 0.1 K'."""
+    sides = rounded(before), rounded(after)
+    which = 2 if sides[0] == sides[1] else int(after > before)
+    size = f"at {sides[1]} K" if which == 2 else f"from {sides[0]} to {sides[1]} K"
+    error = "the error on readings not fitted"
+    return f"{verbs[which]} {error} {size}" if verbs[which] else f"{error} {('falls', 'rises', 'stays')[which]} {size}"
 
 
 def _adding(parts: Sequence[Part], again: str) -> str:
@@ -255,9 +279,8 @@ def _named_words(found: Discovery, seen: Observations, again: str) -> tuple[str,
     before, after = pooled(found.ahead_base[concerned]), pooled(found.ahead[concerned])
     noise = pooled(named.fit.noise[concerned])
     evidence = (
-        f"{'; and '.join(parts)}. {_seen_as(named)}Adding {' and '.join(named.ids)} cuts the error on readings not fitted "
-        f"from {rounded(before)} to {rounded(after)} K; "
-        f"noise {rounded(noise)} K"
+        f"{'; and '.join(parts)}. {_seen_as(named)}Adding {' and '.join(named.ids)} "
+        f"{_error_moves(before, after, ('cuts', 'raises', 'leaves'))}; noise {rounded(noise)} K"
     )
     also, ways = rivals(found), other_ways(found)
     if also:

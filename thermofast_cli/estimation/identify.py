@@ -130,6 +130,7 @@ def identify_sensors(
     method: Method,
     until_min: float | None = None,
     start_min: float = 0.0,
+    *,
     notes: Sequence[str] = (),
     want_trace: bool = False,
     together: bool = False,
@@ -174,10 +175,9 @@ def identify_sensors(
     shared = (
         tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
     )
-    jobs = [
-        _Block(run, channels, name, method, b, until_min, start_min, time_min, notes, want_trace, at_min, room, room_c, rule)
-        for b in blocks
-    ]
+    of_all: dict[str, Any] = {"run": run, "channels": channels, "filter": name, "method": method, "time_min": time_min}
+    of_all |= {"until_min": until_min, "start_min": start_min, "notes": notes, "want_trace": want_trace, "room": room}
+    jobs = [_Block(sensors=b, at_min=at_min, room_c=room_c, rule=rule, **of_all) for b in blocks]
     opened = [job.opened(shared) for job in jobs]
     claimed = _claims(jobs, opened, method)
     parts = [job.identified(o, c) for job, o, c in zip(jobs, opened, claimed, strict=True)]
@@ -226,7 +226,7 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
     return claimed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Block:
     """Sensors of one run on one grid, on their way from readings to records."""
 

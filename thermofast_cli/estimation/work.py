@@ -77,13 +77,13 @@ def identify_task(task: IdentifyTask) -> Found:
         task.method,
         task.until_min,
         task.start_min,
-        task.notes,
-        task.want_trace,
-        task.together,
-        task.at_min,
-        task.room,
-        task.room_c,
-        task.rule,
+        notes=task.notes,
+        want_trace=task.want_trace,
+        together=task.together,
+        at_min=task.at_min,
+        room=task.room,
+        room_c=task.room_c,
+        rule=task.rule,
     )
 
 

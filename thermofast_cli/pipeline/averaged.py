@@ -33,14 +33,15 @@ TRIPLES = (
 def averaged(added: IdentifyRecord, plain: IdentifyRecord, effects: int) -> IdentifyRecord:
     """The record with so many effects added, its 95 % intervals those of a mixture with the record without them.
 
-    A side that one of the two leaves open is that of the first. What was found and is not counted has no part in it. Where the
-    readings do not determine what it adds, and settle by themselves as a machine with usual disturbances may, it is not counted.
+    A side that one of the two leaves open is that of the first. What was found and is not counted has no part in it: the record is
+    that without it, whatever other sensors share with this one. Where the readings do not determine what it adds, and settle by
+    themselves as a machine with usual disturbances may, it is not counted.
     """
+    found = [part.replace(" added, ", " found, ") for part in added.message.split("; ") if part.startswith(FOUND)]
     if NOT_LIKELIER in added.message:
-        return added
+        return replace(plain, message="; ".join(part for part in (NOT_LIKELIER, plain.message, *found) if part))
     sides = added.steady_state_lo_c, added.steady_state_hi_c
     if added.status == "not_determined" and None in sides and plain.status == "ok":
-        found = [part.replace(" added, ", " found, ") for part in added.message.split("; ") if part.startswith(FOUND)]
         told = "with it these readings would not bound the steady state, and it is not counted"
         return replace(plain, message="; ".join(part for part in (plain.message, *found, told) if part))
     changed: dict[str, float | str] = {}

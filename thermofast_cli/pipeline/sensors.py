@@ -26,6 +26,7 @@ from ..standards.switching_off import after_switch_off, with_switch_off
 from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
 
 if TYPE_CHECKING:
+    from ..estimation.curves import Curves
     from ..machine.model import Model
     from ..machine.past import Knowledge
 
@@ -75,6 +76,7 @@ def identify_runs(
     started: Sequence[Started],
     method: Method,
     until_min: float | None = None,
+    *,
     model: "Model | None" = None,
     joint: bool = False,
     details: bool = False,
@@ -166,7 +168,20 @@ def identify_runs(
             )
             room = None if known.uses_room else room
         return IdentifyTask(
-            name, minutes, part, values, notes, of_run, start, room, until_min, details, joint, at_min, room_c, rules.get(name)
+            name,
+            minutes,
+            part,
+            values,
+            notes,
+            of_run,
+            start,
+            room,
+            until_min=until_min,
+            want_trace=details,
+            together=joint,
+            at_min=at_min,
+            room_c=room_c,
+            rule=rules.get(name),
         )
 
     weight = 100.0 if joint else 10.0 if method.widens else 1.0
@@ -177,13 +192,13 @@ def identify_runs(
 
         added = [(run, start) for run, start in able if told[run.name].found]
         silent = replace(how, advance=lambda _steps: None)
-        plain = identify_runs(
-            added, method, until_min, joint=joint, how=silent, at_min=at_min, room_c=room_c, drive=drive, criterion=criterion
-        )
+        bare: dict[str, Any] = {"at_min": at_min, "room_c": room_c, "drive": drive, "criterion": criterion}
+        plain = identify_runs(added, method, until_min, details=details, joint=joint, how=silent, **bare)
         interrupted = plain.interrupted
         without = {(r.run, r.channel): r for r in plain}
         number = {run.name: told[run.name].found for run, _ in added}
-        by_task = [[_with_doubt(one, without, number, averaged) for one in found] for found in by_task]
+        drawn = {(c.run, c.channel): c for c in plain.curves}
+        by_task = [[_with_doubt(one, without, drawn, number, averaged) for one in found] for found in by_task]
     unread = [IdentifyRecord(one.run, "", method.filter.name, status=one.status, message=one.failed) for one in failed]
     unread += [
         IdentifyRecord(run.name, c, method.filter.name, until_min, status="too_short", message=said_short(run, until_min))
@@ -229,12 +244,18 @@ def _goes_on(known: "Knowledge", run: Run, until_min: float | None) -> bool:
 def _with_doubt(
     one: Identified,
     without: dict[tuple[str, str], IdentifyRecord],
+    drawn: dict[tuple[str, str], "Curves"],
     number: dict[str, int],
     averaged: Callable[[IdentifyRecord, IdentifyRecord, int], IdentifyRecord],
 ) -> Identified:
     """What was found of a sensor with effects added, its interval counting the record without them where there is one."""
-    plain = without.get((one.record.run, one.record.channel))
-    return one if plain is None else replace(one, record=averaged(one.record, plain, number[plain.run]))
+    which = one.record.run, one.record.channel
+    plain = without.get(which)
+    if plain is None:
+        return one
+    record = averaged(one.record, plain, number[plain.run])
+    counted = record.steady_state_c == one.record.steady_state_c
+    return replace(one, record=record, curves=one.curves if counted else drawn.get(which))
 
 
 def _other(channel: str, known: "Knowledge") -> str:

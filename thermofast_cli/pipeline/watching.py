@@ -117,7 +117,7 @@ def watch_run(
 
     def identify(run: Run, start_min: float | None) -> tuple[IdentifyRecord, ...]:
         started = [with_start(run, start_min, from_rise(model, drive))]
-        return tuple(identify_runs(started, method, None, model, drive=drive, how=Work(1)).records)
+        return tuple(identify_runs(started, method, model=model, drive=drive, how=Work(1)).records)
 
     def happened(run: Run, minute: float) -> bool:
         return events_before(with_start(run, begin, from_rise(model, drive)), minute)
