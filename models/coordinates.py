@@ -1,6 +1,6 @@
 """What a joint fit searches: the parameters of the model, the amplitudes of coloured noise, and what is known of them before."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,10 @@ class Prior:
     def nothing(cls, sensors: int, kl: int, ks: int) -> "Prior":
         """Nothing is known."""
         return cls(np.zeros((sensors, kl)), np.zeros((sensors, kl, kl)), np.zeros(ks), np.zeros((ks, ks)))
+
+    def times(self, factor: float) -> "Prior":
+        """As much as if errors of the readings were so many times as large."""
+        return replace(self, local_precision=factor**2 * self.local_precision, shared_precision=factor**2 * self.shared_precision)
 
     def cost(self, local: Array, shared: Array) -> Array:
         """Squared distances from what is known (S,), the shared part spread evenly."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
-from thermofast.models.joint import RATE, Fit, Key, Part, fit_model, settled
+from thermofast.models.joint import RATE, UNTIL_AT_REST, Fit, Key, Part, fit_model, search, settled
 from thermofast.models.search.heldout import predicted
 from thermofast.models.search.rules import RULES
 
@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 #: Share of a time constant by which a sensor answers later than the law has it, 1 sd: a slow body in a quick heater lags by a
 #: fiftieth of its own (``FAST`` in ``models/imperfection/shapes.py``).
 LATE = 0.02
+#: How many times as well as they are known from run to run a learnt model holds its constants where it is compared.
+HELD = 100.0
 
 
 @dataclass(frozen=True)
@@ -163,7 +165,7 @@ def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
 
     if task.model is not None:
         carried = carry(task.model.file, prepared.seen, task.run.name, task.model.source)
-        return carried.fit, list(carried.notes)
+        return _with_its_constants(carried.fit), list(carried.notes)
     fit = fit_model(prepared.seen)
     notes = []
     effects = chosen_effects(task.names, task.extra) if task.names else []
@@ -176,6 +178,15 @@ def first_model(task: LoopTask, prepared: Ready) -> tuple[Fit, list[str]]:
         fit = found.fit
     fit = settled(fit)
     return fit, [*notes, *at_rest(fit)]
+
+
+def _with_its_constants(fit: Fit) -> Fit:
+    """A learnt model's fit with the machine's constants as they were learnt.
+
+    What scatters from run to run stays open in a prediction's interval. Here a model that is not the whole machine would bend it
+    until the first minutes fit, and what it says of the rest would no longer be the model's.
+    """
+    return fit if fit.prior is None else search(fit.model, fit.local, fit.shared, fit.prior.times(HELD), UNTIL_AT_REST)
 
 
 def at_rest(fit: Fit) -> list[str]:

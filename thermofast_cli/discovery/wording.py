@@ -190,6 +190,8 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
             f"{_error_moves(pooled(ahead[who]), pooled(left[who]))}"
         )
     evidence = f"{'; then '.join(told)}. {_seen_as(named)}What remains is {remaining_words(named.fit)}"
+    none = [p.id for k, p in enumerate(named.parts) if p in parts and may_be_none(named.fit, k, times, found.around)]
+    evidence += f"; beside that, the size of {' and '.join(none)} is not told from none" if none else ""
     also, ways = rivals(found), other_ways(found)
     advice = f"add it: {_adding(named.parts, again)}"
     if also:
@@ -197,6 +199,25 @@ def _partly_words(found: Discovery, seen: Observations, again: str) -> tuple[str
         advice = f"{advice}; to tell it from {', '.join('+'.join(c.ids) for c in also)}: {hints}"
     advice = "; ".join([advice, *_driven_by(parts), *_or_a_room(parts, seen), *(p.effect.advice for p in parts if p.effect.advice)])
     return evidence, "; ".join(a for a in (advice, ways) if a), "partly_explained"
+
+
+def may_be_none(fit: Fit, k: int, times: float, around: Fit | None) -> bool:
+    """Whether the 95 % interval of part k's size holds the value at which the effect vanishes, in every sensor that has it.
+
+    times multiplies the errors that sizes have under white noise; around is a fit with more effects that leaves no pattern.
+    """
+    part = fit.model.parts[k]
+    effect, key = part.effect, Key(k, part.effect.amplitude)
+    if key not in fit.values or effect.parameter(effect.amplitude).null is None:
+        return False
+    main = effect.parameter(effect.amplitude)
+    value, error = np.asarray(fit.values[key]), np.hypot(times * fit.deviations[key], disturbed_deviations(fit, around)[key])
+    who = part.concerns(fit.run.sensors)
+    if main.each == "sensor":
+        who = who & fit.model.active[:, fit.model.column(key)]
+        value, error = value[who], np.asarray(error)[who]
+    error = error * np.abs(value) if main.log else error
+    return bool(np.all(np.abs(value - main.null) <= 1.96 * error))
 
 
 def _error_moves(before: float, after: float, verbs: tuple[str, str, str] = ("", "", "")) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.drive import Drive
 
-from ..errors import ThermofastError, nearest
+from ..errors import ThermofastError, UsageError, nearest
 
 #: Seconds after which foreign code is taken to loop for ever.
 PATIENCE_S = 10.0
@@ -30,8 +30,8 @@ class PluginError(ThermofastError):
 
 
 def failed_status(error: ThermofastError) -> str:
-    """The status of a run that an error ended: foreign code failed, or the run cannot be read."""
-    return "failed" if isinstance(error, PluginError) else "unreadable"
+    """The status of a run that an error ended: it cannot be read, or what was asked for cannot be done with it."""
+    return "failed" if isinstance(error, PluginError | UsageError) else "unreadable"
 
 
 @contextmanager
