@@ -268,7 +268,7 @@ cdef inline void judge(Case* case, Rule* m, double* p, const double* p0, Py_ssiz
             m.gated_run = 0.0
         r = m.spread if m.spread > noise_threshold else 1.0
         if gated and fabs(m.gated_run) >= settings.jump_readings:
-            alpha = 100.0           # not outlier: the reading has moved for good
+            alpha = 100.0           # no outlier: the readings have moved for good
             m.gated_run = 0.0
             m.mean = 0.0
             m.spread = 1.0

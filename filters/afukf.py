@@ -18,7 +18,7 @@ class Afukf(GaussianFilter):
 
     forgetting: float = setting(0.9, "memory of the mean innovation, per reading", 0.5, 0.999)
     spread_forgetting: float = setting(0.85, "memory of the innovations' spread, per reading", 0.5, 0.999)
-    gate: float = setting(5.0, "standard deviations beyond which a reading is outlier", 2.0, 100.0)
+    gate: float = setting(5.0, "standard deviations beyond which a reading is an outlier", 2.0, 100.0)
     noise_threshold: float = setting(2.5, "innovation variance ratio above which R grows", 1.0, 100.0)
     wake_threshold: float = setting(4.0, "standard deviations of the mean innovation at which fading wakes", 1.0, 100.0)
     fading_gain: float = setting(0.3, "fading factor - 1 at the wake threshold", 0.0, 10.0)

@@ -4,7 +4,7 @@ A filter is settings only (a frozen dataclass); what it learns of one record is 
 :class:`StateModel`: a start from the first readings, one step, and the convention that the reading is the first state.
 """
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
@@ -167,7 +167,7 @@ Closing = Literal["never", "when consistent", "always"]
 
 
 @dataclass(frozen=True)
-class Filter:
+class Filter(ABC):
     """One published method. Subclasses are frozen dataclasses whose fields are the settings."""
 
     #: command-line name, one line for the catalogue, and where it was published

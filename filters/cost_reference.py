@@ -153,7 +153,7 @@ def agreement(innovation: Array) -> float:
 def anew(covariance: Array, most: Array, innovation: float) -> Array:
     """Covariance (n, n) of a cloud drawn anew: JUMP times wider, no state wider than in `most` (n, n), and the reading is news.
 
-    Equation (12) widens a cloud only by as much as its own particles already outlier, which after a jump is by nothing.
+    Equation (12) widens a cloud only by as much as its own particles already scatter, which after a jump is by nothing.
     """
     now = np.maximum(np.diag(covariance), 1e-300)
     factor = np.sqrt(np.clip(np.diag(most) / now, 1.0, JUMP))

@@ -6,7 +6,7 @@ Joseph, the covariance of the gain that was really used.
 """
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
 from typing import ClassVar
 
@@ -84,7 +84,7 @@ def joseph(state: Array, covariance: Array, innovation: float, s: float, r: floa
 
 
 @dataclass(frozen=True)
-class FadingRule:
+class FadingRule(ABC):
     """Contract: ``update`` one reading; ``rule`` and ``compiled_settings`` name its compiled twin."""
 
     rule = "abstract"
@@ -222,7 +222,7 @@ class AdaptiveFading(FadingRule):
         s = p[0, 0] + 1.0
         r = m.spread if m.spread > noise_threshold else 1.0
         alpha, weight = 1.0, 1.0
-        if gated and abs(m.gated_run) >= self.jump_readings:  # not outlier: the reading has moved for good
+        if gated and abs(m.gated_run) >= self.jump_readings:  # no outlier: the readings have moved for good
             alpha, r = JUMP, 1.0
             m.gated_run, m.mean, m.spread = 0.0, 0.0, 1.0
         else:

@@ -1,6 +1,7 @@
 """The one loop of every Gaussian filter: gaps, recording and divergence live here and nowhere else."""
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,8 +38,8 @@ class GaussianFilter(Filter):
     """A moment transform times a fading rule, none by default. Subclasses choose the two and declare the settings."""
 
     @property
-    def moments(self) -> Moments:
-        raise NotImplementedError
+    @abstractmethod
+    def moments(self) -> Moments: ...
 
     @property
     def fading_rule(self) -> FadingRule:

@@ -1,7 +1,7 @@
 """Moment transforms: how a Gaussian is carried through one step of the model. A plug point of every Gaussian filter."""
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -36,7 +36,7 @@ def semidefinite_root(matrix: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Moments:
+class Moments(ABC):
     """Carries mean (n,) and covariance (n, n) through one step of dt minutes.
 
     The covariance is per unit of `scale`, the noise variance: sigma points stand where the true covariance puts them.

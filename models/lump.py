@@ -143,7 +143,7 @@ class Lump:
         return Interval(low if math.isfinite(low) else None, high if math.isfinite(high) else None), rates
 
     def start(self, time: Array, reading: Array, resolution: float) -> LumpStart:
-        """Fit the first readings, as few as fix the rate well enough; outlier ones are left out.
+        """Fit the first readings, as few as fix the rate well enough; outliers are left out.
 
         Depends on no reading after the index that it returns, so that a filter's state at any time is the same whether
         or not the record goes on. resolution [K] is the logger's step: its rounding is a floor of the noise.

@@ -10,10 +10,10 @@ from simulator import spindle
 from thermofast.errors import UsageError
 from thermofast.estimation.closing import estimate_at
 from thermofast.filters import BUILT_IN, PRINTED, Ekf, FadingUkf, Filter, LeastSquares, Ukf
-from thermofast.filters.fading import AdaptiveFading, InnovationFading, NoFading
+from thermofast.filters.fading import AdaptiveFading, FadingRule, InnovationFading, NoFading
 from thermofast.filters.loop import GaussianFilter
 from thermofast.filters.loop import run as run_filter
-from thermofast.filters.moments import Linearised, ScaledPoints, SymmetricPoints, semidefinite_root
+from thermofast.filters.moments import Linearised, Moments, ScaledPoints, SymmetricPoints, semidefinite_root
 from thermofast.filters.rls import Rls
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import NONE, TYPICAL
@@ -65,6 +65,24 @@ def test_on_a_linear_problem_every_gaussian_filter_is_the_kalman_filter(moments,
     expected, p = kalman(time, reading, 0.04)
     assert np.abs(track.state - expected).max() < 1e-10
     assert np.abs(track.covariance[-1] * 0.04 - p).max() < 1e-10
+
+
+@pytest.mark.parametrize("method", GAUSSIAN, ids=lambda m: m.name)
+def test_on_a_linear_problem_the_moments_of_every_gaussian_filter_are_those_of_the_kalman_filter(method):
+    """Whatever its fading rule does beside: without one each is the textbook filter."""
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.5, 1.5, 60))
+    reading = 1.0 + 0.3 * time + 0.2 * rng.standard_normal(60)
+    track = run_filter(Cart(), Cart().start(time, reading, 0.0), method.moments, NoFading(), time, reading)
+    expected, p = kalman(time, reading, 0.04)
+    assert np.abs(track.state - expected).max() < 1e-10
+    assert np.abs(track.covariance[-1] * 0.04 - p).max() < 1e-10
+
+
+@pytest.mark.parametrize("kind", [Filter, GaussianFilter, Moments, FadingRule], ids=lambda k: k.__name__)
+def test_a_contract_is_not_a_filter(kind):
+    with pytest.raises(TypeError, match="abstract"):
+        kind()
 
 
 @pytest.mark.parametrize("method", [Ukf(), Ekf(), FadingUkf(weakening=50.0)], ids=lambda m: m.name)

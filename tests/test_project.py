@@ -1,10 +1,12 @@
 """The shape of the house: layers, docstrings, help texts, and documentation that is executed."""
 
 import ast
+import importlib
 import re
 import shlex
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -184,3 +186,12 @@ def test_the_page_of_thresholds_is_what_the_program_uses():
     from benchmarks.documents.thresholds import PAGE, page
 
     assert PAGE.read_text() == page()
+
+
+@pytest.mark.parametrize("module", ["thermofast.models.search.rules", "thermofast.estimation.rules"])
+def test_every_rule_decides_something(module):
+    """A threshold that the page tells of and nothing reads would be a promise that nobody keeps."""
+    sources = [p.read_text() for folder in ("models", "filters", "thermofast_cli") for p in (ROOT / folder).rglob("*.py")]
+    read = set(re.findall(r"\b(?:RULES|rules)\.(\w+)", "\n".join(sources)))
+    unread = [f.name for f in fields(importlib.import_module(module).RULES) if f.name not in read]
+    assert not unread

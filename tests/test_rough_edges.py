@@ -128,10 +128,27 @@ import numpy, thermofast as tf, thermofast.judging as judging
 count = lambda: sorted({pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})
 from thermofast.given import checked
 print(count(), checked(lambda: count())(), count())
+import threading
+began, may_end = threading.Event(), threading.Event()
+longer = threading.Thread(target=checked(lambda: (began.set(), may_end.wait())))
+def shorter():
+    longer.start(), began.wait()
+checked(shorter)()
+print(count())
+may_end.set(), longer.join()
+print(count())
+threads = [[threading.Event() for _ in range(2)] for _ in range(2)]
+began = [threading.Thread(target=checked(lambda s=start, e=end: (s.set(), e.wait()))) for start, end in threads]
+for thread, (start, _) in zip(began, threads):
+    thread.start(), start.wait()
+for thread, (_, end) in zip(began, threads):
+    end.set(), thread.join()
+print(count())
 """
     free = {n: v for n, v in os.environ.items() if not n.endswith("_NUM_THREADS")} | {"OPENBLAS_NUM_THREADS": "2"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=free)
-    assert done.stdout.split() == ["[2]", "[1]", "[2]"]
+    # A call that another thread began while this one ran, and that ends after it, must not leave its own limit behind.
+    assert done.stdout.split() == ["[2]", "[1]", "[2]", "[1]", "[2]", "[2]"]
 
 
 # --- tables ---------------------------------------------------------------------------------------------------------------------------

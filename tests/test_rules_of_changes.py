@@ -7,7 +7,7 @@ import pytest
 from scipy import signal, stats
 
 import thermofast as tf
-from thermofast.analysis.changed import _bent
+from thermofast.analysis.changed import _bent, _of_a_size
 from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty import changes as changed
@@ -309,3 +309,13 @@ def test_a_run_is_bent_by_kelvin_that_no_air_explains():
     assert "in the old runs" in _bent([fit(4.0, 0.3), fit(4.0, 0.02)], 1, ("a", "b"))[0]
     assert not _bent([fit(1.0, 0.005), fit(1.0, 0.09)], 1, ("a", "b"))
     assert not _bent([fit(10.0, 0.02), fit(10.0, 0.3)], 1, ("a", "b"))
+
+
+def test_nothing_is_not_sure_while_a_change_of_the_machine_has_a_size():
+    """A heat of 1.2, to within 7 %, excludes none though it is unlikely; to within 12 % it does not. One sensor's does not count."""
+    nothing = changed.Change("nothing", None, 0.9)
+    sure = changed.Change("heat", None, 0.07, math.log(1.2), 0.07)
+    assert _of_a_size([nothing, sure])
+    assert not _of_a_size([nothing, changed.Change("heat", None, 0.07, math.log(1.2), 0.12)])
+    assert not _of_a_size([nothing, changed.Change("sensor", 0, 0.07, math.log(1.2), 0.07)])
+    assert not _of_a_size([nothing, changed.Change("loss", None, 0.05, 0.0, 0.07), sure])  # the likeliest of them decides

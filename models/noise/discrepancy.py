@@ -6,7 +6,7 @@ shared by all of a run. A joint fit takes them as linear parameters with a prior
 arrow.
 """
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Driving:
+class Driving(ABC):
     """A random process behind the readings.
 
     scale: its size, in what ``covariance`` is of; into: 'sink', a temperature of the surroundings [K], or 'heat', relative to the

@@ -161,7 +161,6 @@ class SearchRules:
     refined: int = rule(3, "pairs", "in which each effect is looked for anew beside the other", COST)
     exchanged: int = rule(5, "effects", "tried in the place of each one of the best pair", COST)
     grown: int = rule(3, "sets", "that are grown by one effect more", COST)
-    promise: float = rule(30.0, "likelihood ratio", "that a first-order step must promise of one effect more beside a pair", COST)
     quick_sets: int = rule(24, "sets", "of three, then of four, that get a quick look", COST)
     most_left_quick: float = rule(
         0.6,

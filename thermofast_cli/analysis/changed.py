@@ -164,7 +164,7 @@ def compare_runs(
     bent = _bent(fits, many, channels) if not verdict.startswith("nothing") else []
     if bent:  # of a load that changed within a run rate and rise tell nothing
         verdict, status = "cannot tell", "not_determined"
-    if verdict == "nothing" and apart:  # rates and rises do not know of a probe that is off
+    if verdict == "nothing" and (apart or _of_a_size(found)):  # rates and rises do not know of a probe that is off
         status = "not_determined"
     notes = [
         *late,
@@ -283,9 +283,17 @@ def _said(c: Change, channels: Sequence[str]) -> str:
 
 def _or_else(likely: Sequence[Change], channels: Sequence[str], status: str) -> list[str]:
     """What it may be as well, where that nothing changed is likeliest and not sure: the next change, with its size."""
-    if status == "ok" or likely[0].kind != "nothing" or likely[0].probability >= SURE or len(likely) < 2:
+    if status == "ok" or likely[0].kind != "nothing" or len(likely) < 2:
         return []
     return [f"it is not sure: with {100.0 * likely[1].probability:.0f} % {_said(likely[1], channels)}"]
+
+
+def _of_a_size(found: Sequence[Change]) -> bool:
+    """Whether the likeliest change, if it is one, has a size whose interval holds no none: nothing is likelier, and not shown."""
+    first = next((c for c in found if c.kind in WHOLE), None)
+    if first is None or first.size is None or first.deviation is None:
+        return False
+    return abs(first.size) > 1.96 * first.deviation
 
 
 def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status: str, notes: list[str] | None) -> ChangedRecord:

@@ -287,7 +287,7 @@ def _closes(method: Filter, track: Track, k: int) -> bool:
 
 
 def _outlier(method: Filter) -> float:
-    """Deviations at which a reading is outlier: none where the method counts each reading alike."""
+    """Deviations at which a reading is an outlier: none where the method counts each reading alike."""
     return math.inf if method.closing == "always" else OUTLIER
 
 
