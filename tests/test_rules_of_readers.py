@@ -15,7 +15,8 @@ from thermofast.reading.moments.durations import as_clock
 from thermofast.reading.moments.four_parts import DAYS, HUNDREDTHS, days_to_seconds
 from thermofast.reading.moments.fractions import padded
 from thermofast.reading.moments.glitches import without_glitches
-from thermofast.reading.moments.zones import _moments, _offset, _skipped, _unusual
+from thermofast.reading.moments.stamps import unusual_steps
+from thermofast.reading.moments.zones import _moments, _offset, _skipped
 from thermofast.reading.signs import sign_of
 from thermofast.reading.tables.cells import with_unit
 from thermofast.reading.tables.limits import Limits, _column, inflate, matlab_elements, matlab_order
@@ -367,10 +368,10 @@ def test_a_zone_is_ahead_by_its_summer_time_and_leaves_an_hour_out():
 
 def test_unusual_steps_are_counted():
     """Half of the usual one and a second apart, or back."""
-    assert _unusual(np.array([0.0, 60.0, 120.0, 211.0, 271.0])) == 0
-    assert _unusual(np.array([0.0, 60.0, 120.0, 212.0, 272.0])) == 1
-    assert _unusual(np.array([0.0, 60.0, 0.0, 60.0])) == 1
-    assert _unusual(np.zeros(1)) == 0
+    assert unusual_steps(np.array([0.0, 60.0, 120.0, 211.0, 271.0])) == 0
+    assert unusual_steps(np.array([0.0, 60.0, 120.0, 212.0, 272.0])) == 1
+    assert unusual_steps(np.array([0.0, 60.0, 0.0, 60.0])) == 1
+    assert unusual_steps(np.zeros(1)) == 0
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_day_and_month_are_told_by_what_is_a_date_then_by_even_steps():
     assert _read(daily).guess.text == "'03/03/2026 00:00' read as day.month.year, the order in which the rows are evenly apart"
     assert _read(turned).guess.text.startswith("'03/03/2026 00:00' read as month.day.year")
     assert _seconds(*daily) == _seconds(*turned) == [43200.0 * k for k in range(10)]
-    assert [stamps._uneven(np.array([0.0, 10.0, 20.0, 30.0, 30.0 + s])) for s in (15.9, 16.1, 3.9)] == [0, 1, 1]
+    assert [stamps.unusual_steps(np.array([0.0, 10.0, 20.0, 30.0, 30.0 + s])) for s in (15.9, 16.1, 3.9)] == [0, 1, 1]
     for clock, shown in (("", ""), (" 08:00", " %H:%M"), (" 08:00:00", " %H:%M:%S")):
         with pytest.raises(InputError, match="day and month cannot be told apart") as told:
             _read([f"03/04/2026{clock}", f"04/05/2026{clock}"])

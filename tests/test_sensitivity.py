@@ -180,7 +180,7 @@ def test_a_tolerance_spreads_as_an_even_number_does():
     # Evenly within +- 0.9 is a standard deviation of 0.9 / sqrt(3).
     spread = [np.sqrt(r.first_order) * r.deviation for r in (normal, even)]
     assert spread[1] / spread[0] == pytest.approx(1.0 / math.sqrt(3.0), rel=0.02)
-    with pytest.raises(tf.UsageError, match="no size that may be a bound"):
+    with pytest.raises(tf.UsageError, match="no size whose bounds may be given"):
         tf.sensitivity(SPINDLE, 60, uniform="jitter")
 
 

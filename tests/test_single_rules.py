@@ -38,26 +38,24 @@ def seconds(cells, name="", time_format=None):
 
 @pytest.mark.parametrize("language", MONTHS)
 def test_months_of_a_language_stand_where_the_calendar_has_them(language):
-    """tests/test_reading.py: each month of each language, not one or two of them."""
+    """Each month of each language, not one or two of them."""
     names = MONTHS[language].split()
     first = np.array([f"2026-{k:02d}-15" for k in range(1, len(names) + 1)], dtype="datetime64[s]")
     np.testing.assert_array_equal(seconds([f"15 {m} 2026 12:00:00" for m in names]), (first - first[0]).astype(float))
 
 
 def test_a_zone_that_changes_within_a_record_is_taken_off():
-    """tests/test_clocks.py: the hour that a clock with zones goes back loses no time."""
+    """The hour that a clock with zones goes back loses no time."""
     cells = ["2026-10-25T02:58:00+02:00", "2026-10-25T02:59:00+02:00", "2026-10-25T02:00:00+01:00", "2026-10-25T02:01:00+01:00"]
     np.testing.assert_array_equal(seconds(cells), [0.0, 60.0, 120.0, 180.0])
 
 
 def test_a_clock_in_the_users_own_form_goes_on_past_midnight_for_more_than_one_reading():
-    """tests/test_reading.py, beside test_clocks_in_the_users_own_format."""
     cells = ["20.00.00", "04.00.00", "12.00.00", "20.00.00", "04.00.00", "04.30.00"]
     np.testing.assert_array_equal(seconds(cells, time_format="%H.%M.%S"), 3600.0 * np.array([0.0, 8.0, 16.0, 24.0, 32.0, 32.5]))
 
 
 def test_a_zone_in_the_users_own_form_is_no_wall_clock():
-    """tests/test_reading.py."""
     cells = [f"03.05.2026 10:0{k}:00 +0200" for k in range(4)]
     found = parse_stamps(cells, "run", range(4), "", "%d.%m.%Y %H:%M:%S %z")
     np.testing.assert_array_equal(found.seconds, 60.0 * np.arange(4))
@@ -65,7 +63,6 @@ def test_a_zone_in_the_users_own_form_is_no_wall_clock():
 
 
 def test_minutes_and_seconds_written_with_a_point(tmp_path):
-    """tests/test_guesses.py, test_time_is_understood."""
     path = tmp_path / "run.csv"
     rows = [f"{k // 2}.{30 * (k % 2):02d},{20 + 0.1 * k:.2f}" for k in range(60)]
     path.write_text("Time [min.sec],T1\n" + "\n".join(rows) + "\n")
@@ -73,7 +70,7 @@ def test_minutes_and_seconds_written_with_a_point(tmp_path):
 
 
 def test_a_first_stamp_that_began_before_the_record_holds_its_last_readings():
-    """tests/test_reading.py: four readings a minute, of the first minute only the last."""
+    """Four readings a minute, of the first minute only the last."""
     time = np.concatenate([[0.0], np.repeat(60.0 * np.arange(1, 7), 4)])
     edges = np.flatnonzero(np.concatenate([[True], np.diff(time) > 0]))
     found = spread_evenly(time, {"a": 20.0 + 0.1 * np.arange(len(time))}, edges)
@@ -81,12 +78,12 @@ def test_a_first_stamp_that_began_before_the_record_holds_its_last_readings():
 
 
 def test_thousandths_of_a_degree_by_a_fraction():
-    """tests/test_reading.py: all three fractions."""
+    """All three fractions."""
     assert [parse_unit(f"1/{n} °C").scale for n in (10, 100, 1000)] == [0.1, 0.01, 0.001]
 
 
 def test_a_true_85_degc_before_a_jump_is_kept():
-    """tests/test_faults.py: a code is one only where the readings jump to it and from it."""
+    """A code is one only where the readings jump to it and from it."""
     values = np.concatenate([np.linspace(75.1, 85.0, 100), np.linspace(60.0, 65.0, 100)])
     found, out = without_impossible(values)
     assert out == 0
@@ -94,7 +91,7 @@ def test_a_true_85_degc_before_a_jump_is_kept():
 
 
 def test_a_first_value_that_was_held_before_the_record_began_counts_not():
-    """tests/test_faults.py: of a hold that was cut short at the beginning nobody knows when it was taken."""
+    """Of a hold that was cut short at the beginning nobody knows when it was taken."""
     column = np.repeat(20.0 + 0.1 * np.cumsum(np.random.default_rng(0).choice([1.0, 2.0, 3.0], size=40)), 5)[3:]
     kept = np.isfinite(without_faults({"a": column}, ["a"])[0]["a"])
     np.testing.assert_array_equal(np.flatnonzero(kept)[:3], [2, 7, 12])
@@ -108,7 +105,7 @@ def law(minutes, start=0.0, tau=40.0, rise=30.0, noise=0.02, seed=0):
 
 
 def test_what_is_to_go_and_a_time_asked_for_count_from_the_start_of_the_rise():
-    """tests/test_identify.py: a record with half an hour of idle."""
+    """A record with half an hour of idle."""
     time, reading = law(200.0, 30.0)
     one = tf.identify(tf.read({"time_min": time, "a": reading}), 90.0, start=30.0, at=60.0)[0]
     assert one.time_to_go_min == pytest.approx(one.t95_min - 60.0, abs=0.6)
@@ -116,7 +113,7 @@ def test_what_is_to_go_and_a_time_asked_for_count_from_the_start_of_the_rise():
 
 
 def test_an_outlier_ahead_is_no_error_of_the_model_and_no_reading_without_one():
-    """tests/test_identify.py: the error ahead is the mean over the readings that count."""
+    """The error ahead is the mean over the readings that count."""
     time, reading = law(40.0)
     spoilt = reading.copy()
     spoilt[[63, 68, 73]] += 9.0
@@ -128,7 +125,7 @@ def test_an_outlier_ahead_is_no_error_of_the_model_and_no_reading_without_one():
 
 
 def test_the_readings_own_half_width_is_that_of_an_exact_machine():
-    """tests/test_identify.py: reading_half_width_c."""
+    """Reading_half_width_c."""
     run = tf.read({"time_min": law(60.0)[0], "a": law(60.0)[1]})
     told, exact = tf.identify(run)[0], tf.identify(run, imperfection="none", rates="own")[0]
     half = 0.5 * (exact.steady_state_hi_c - exact.steady_state_lo_c)
@@ -137,20 +134,18 @@ def test_the_readings_own_half_width_is_that_of_an_exact_machine():
 
 
 def test_the_measured_steady_state_is_the_mean_of_the_last_tenth():
-    """tests/test_identify.py."""
     time, reading = law(240.0, noise=0.0)
     assert measured.measured_equilibrium(time, reading)[0] == pytest.approx(reading[-48:].mean(), abs=1e-9)
 
 
 def test_sides_of_an_interval_keep_their_side_in_another_room():
-    """tests/test_room_ahead.py: an interval of two different sides."""
+    """An interval of two different sides."""
     found, said = measured.in_room([np.array([v]) for v in (30.0, 40.0, 60.0)], 20.0, 25.0, 0.0)
     assert [float(v[0]) for v in found.values()] == [25.0, 45.0, 35.0, 65.0]
     assert not said
 
 
 def test_a_room_that_is_not_logged_for_a_quarter_of_the_time_is_none():
-    """tests/test_room_ahead.py."""
     time, room = np.arange(21.0), np.full(21, 20.0)
     room[::2] = np.nan
     assert measured.room_at(time, room, time, 20.0).tolist() == [20.0] * 21
@@ -161,7 +156,6 @@ def test_a_room_that_is_not_logged_for_a_quarter_of_the_time_is_none():
 
 
 def test_what_a_room_does_later_fills_no_gap_before():
-    """tests/test_leaks.py."""
     time = np.arange(21.0)
     room = np.where(time < 9, 20.0, np.where(time > 12, 30.0, np.nan))
     found = measured.room_at(time, room, time, 10.0)
@@ -170,7 +164,7 @@ def test_what_a_room_does_later_fills_no_gap_before():
 
 
 def test_rounding_alone_is_taken_off_the_noise_that_averages_it_out():
-    """tests/test_likelihood.py: 0.1 K steps over a probe's own 0.02 K leave 0.03 K of bias."""
+    """0.1 K steps over a probe's own 0.02 K leave 0.03 K of bias."""
     step = 0.1
     fit = SimpleNamespace(
         dof=np.array([40.0]), noise_variance=np.array([step**2 / 12 + 0.02**2]), steady_state_limit=np.array([0.2])
@@ -181,7 +175,7 @@ def test_rounding_alone_is_taken_off_the_noise_that_averages_it_out():
 
 
 def test_a_pattern_is_asked_for_with_the_tangent_in_a_block_with_gaps_too():
-    """tests/test_likelihood.py: rows that are used as a whole beside one that is not."""
+    """Rows that are used as a whole beside one that is not."""
     rng = np.random.default_rng(3)
     time = np.linspace(0.0, 1.0, 60)
     tangent = np.stack([np.stack([np.ones(60), time, np.exp(-3.0 * time)], axis=1)] * 3)
@@ -194,7 +188,7 @@ def test_a_pattern_is_asked_for_with_the_tangent_in_a_block_with_gaps_too():
 
 
 def test_a_cooling_of_which_little_was_read_is_open_downwards():
-    """tests/test_identify.py: the open side is that to which the readings go."""
+    """The open side is that to which the readings go."""
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 8.0, 0.25)
     one = tf.identify(
@@ -205,7 +199,7 @@ def test_a_cooling_of_which_little_was_read_is_open_downwards():
 
 
 def test_a_rule_does_not_hold_while_the_machine_has_not_been_switched_on():
-    """tests/test_stopping.py: sweep with a start."""
+    """Sweep with a start."""
     time, reading = law(500.0, 90.0)
     run = tf.read({"time_min": time, "a": reading})
     blank = tf.sweep(run, windows=(200.0,), times=(150.0, 180.0), start=90.0).records[0]
@@ -217,7 +211,7 @@ def test_a_rule_does_not_hold_while_the_machine_has_not_been_switched_on():
 
 
 def test_what_is_missing_is_the_surer_the_larger_the_change_that_the_rule_allows():
-    """tests/test_stopping.py: of 2 K a window, and of half a kelvin."""
+    """Of 2 K a window, and of half a kelvin."""
     away = np.array([[1.0, 2.0, 3.0]])
     for change in (0.5, 2.0):
         rule = replace(criterion_from("1K/h"), change_k=change)
@@ -226,7 +220,7 @@ def test_what_is_missing_is_the_surer_the_larger_the_change_that_the_rule_allows
 
 
 def test_a_sensor_apart_is_told_in_another_room_too():
-    """tests/test_changed.py: the room itself sets no sensor apart."""
+    """The room itself sets no sensor apart."""
     from thermofast.analysis.changed import _apart
 
     found = _apart(np.array([[20.0, 20.0, 20.0], [26.0, 26.0, 29.0]]), 1, ("a", "b", "c"))
@@ -235,7 +229,7 @@ def test_a_sensor_apart_is_told_in_another_room_too():
 
 
 def test_a_larger_loss_settles_sooner_in_words():
-    """tests/test_changed.py: both ways."""
+    """Both ways."""
     from thermofast.analysis.changed import _record
     from thermofast.models.uncertainty.changes import Change
 
@@ -248,7 +242,6 @@ def test_a_larger_loss_settles_sooner_in_words():
 
 
 def test_a_past_run_with_an_idle_beginning_is_read_at_turns_of_its_rise(monkeypatch):
-    """tests/test_calibrate.py."""
     from thermofast.analysis import calibration
     from thermofast.pipeline.methods import choose
 
@@ -256,7 +249,8 @@ def test_a_past_run_with_an_idle_beginning_is_read_at_turns_of_its_rise(monkeypa
 
     def identified(run, channels, minutes, values, method, until, start, **more):
         asked.append((until, more.get("at_min")))
-        return SimpleNamespace(records=[SimpleNamespace(rate_per_min=1 / 40, status="ok", at_lo_c=49.0, at_c=50.0, at_hi_c=51.0)])
+        sides = {"at_lo_c": 49.0, "at_c": 50.0, "at_hi_c": 51.0}
+        return SimpleNamespace(records=[SimpleNamespace(rate_per_min=1 / 40, status="ok", steady_state_measured_c=50.0, **sides)])
 
     monkeypatch.setattr(calibration, "identify_sensors", identified)
     time, reading = law(260.0, 60.0)
@@ -266,7 +260,6 @@ def test_a_past_run_with_an_idle_beginning_is_read_at_turns_of_its_rise(monkeypa
 
 
 def test_what_later_readings_say_counts_from_the_record_again():
-    """tests/test_watch.py."""
     from thermofast.analysis.watching import _of_later
     from thermofast.records import IdentifyRecord
 
@@ -275,7 +268,7 @@ def test_what_later_readings_say_counts_from_the_record_again():
 
 
 def test_events_of_another_run_are_asked_for_anew():
-    """tests/test_watch.py: the file begins again with a run that is nearly as long."""
+    """The file begins again with a run that is nearly as long."""
     from thermofast.analysis.watching import Watch
     from thermofast.records import IdentifyRecord
 
@@ -297,7 +290,6 @@ def test_events_of_another_run_are_asked_for_anew():
 
 
 def test_a_rate_is_so_many_standard_errors_from_the_files():
-    """tests/test_validate.py."""
     from thermofast.analysis.validate import _off
     from thermofast.machine.modelfile import Number
 
@@ -309,7 +301,7 @@ def test_a_rate_is_so_many_standard_errors_from_the_files():
 
 
 def test_a_set_of_effects_is_doubted_more_than_one():
-    """tests/test_loop_commands.py or beside identify --auto: the weight of the record without what was added."""
+    """The weight of the record without what was added."""
     from scipy.stats import norm
 
     from thermofast.pipeline.averaged import averaged
@@ -325,7 +317,7 @@ def test_a_set_of_effects_is_doubted_more_than_one():
 
 
 def test_a_temperature_at_switch_off_rests_on_readings_until_the_time_named_alone():
-    """tests/test_switch_off.py: --switch-off-at with --until."""
+    """--switch-off-at with --until."""
     from thermofast.records import IdentifyRecord
     from thermofast.standards.switching_off import with_switch_off
 
@@ -339,7 +331,7 @@ def test_a_temperature_at_switch_off_rests_on_readings_until_the_time_named_alon
 
 
 def test_half_widths_of_a_sweep_with_a_model_are_those_of_identify_at_that_time(monkeypatch):
-    """tests/test_past_runs.py: --start."""
+    """--start."""
     from thermofast.discovery.loop import LoopTask
     from thermofast.machine import settle
 
@@ -354,7 +346,7 @@ def test_half_widths_of_a_sweep_with_a_model_are_those_of_identify_at_that_time(
 
 
 def test_a_load_that_jumped_did_so_on_the_clock_of_the_run():
-    """tests/test_drive.py: --drive with --start."""
+    """--drive with --start."""
     from thermofast.machine.past import _changed
 
     time = np.arange(100.0)
@@ -364,7 +356,6 @@ def test_a_load_that_jumped_did_so_on_the_clock_of_the_run():
 
 
 def test_what_settles_by_a_time_settles_by_its_inverse():
-    """tests/test_linked.py or beside settling_point."""
     from thermofast.machine.rise import slowest
     from thermofast.models.joint import RATE, Key
 
@@ -379,7 +370,6 @@ def test_what_settles_by_a_time_settles_by_its_inverse():
 
 
 def test_a_drive_is_drawn_in_its_own_unit():
-    """tests/test_drive.py."""
     from thermofast.discovery.compare import drive_of
 
     found = drive_of(SimpleNamespace(drive="power_w", heat=np.array([0.0, 0.5, 1.0]), heat_unit=500.0))
@@ -387,14 +377,13 @@ def test_a_drive_is_drawn_in_its_own_unit():
 
 
 def test_a_point_in_a_name_stays_one_in_a_csv_for_excel():
-    """tests/test_columns.py."""
     from thermofast.output.text import to_csv
 
     assert to_csv(["channel", "t"], [{"channel": "T1.front", "t": 1.5}], excel=True).splitlines()[1] == "T1.front;1,5"
 
 
 def test_a_constant_that_is_no_logarithm_scatters_by_a_share_of_itself():
-    """tests/test_past_runs.py: 6 % of 100, which counts as four runs, beside two that are alike."""
+    """6 % of 100, which counts as four runs, beside two that are alike."""
     from thermofast.models.uncertainty.pooled import _pooled
 
     scatter = _pooled(np.array([[100.0], [100.0]]), np.full((2, 1), 1e-9), np.array([False]))[2]
@@ -402,14 +391,13 @@ def test_a_constant_that_is_no_logarithm_scatters_by_a_share_of_itself():
 
 
 def test_residuals_that_stay_alike_count_for_one():
-    """tests/test_past_runs.py: ten neighbours alike are one."""
+    """Ten neighbours alike are one."""
     from thermofast.models.uncertainty.pooled import dependence
 
     assert dependence(np.repeat(np.tile([1.0, -1.0], 10), 10)) == pytest.approx(10.0)
 
 
 def test_a_sensor_is_so_many_times_as_fast_as_the_slowest_that_has_not_settled():
-    """tests/test_loose_probes_and_loads.py."""
     from thermofast.models.uncertainty.companions import faster
 
     found = faster(np.array([0.1, 0.05, 0.01]), 50.0, 4.0, 8.0, 2.0)
@@ -418,13 +406,12 @@ def test_a_sensor_is_so_many_times_as_fast_as_the_slowest_that_has_not_settled()
 
 
 def test_a_rule_looks_back_on_its_hold_too():
-    """tests/test_stopping.py."""
     assert criterion_from("1K/h + 3h").length_min == 240.0
     assert criterion_from("2K/h, 2x30min").length_min == 60.0
 
 
 def test_a_noise_known_from_few_readings_widens_the_temperature_at_switch_off(monkeypatch):
-    """tests/test_switch_off.py: Student's distribution for nine readings."""
+    """Student's distribution for nine readings."""
     from thermofast.models.standards import switch_off
 
     time = np.arange(1.0, 10.0)
@@ -436,7 +423,7 @@ def test_a_noise_known_from_few_readings_widens_the_temperature_at_switch_off(mo
 
 
 def test_before_the_record_a_load_was_as_at_first():
-    """tests/test_effects_contract.py: a heat that follows a column later."""
+    """A heat that follows a column later."""
     from thermofast.models.effects.load_step import later
 
     run = SimpleNamespace(time=np.arange(10.0), step=1.0)
@@ -444,7 +431,7 @@ def test_before_the_record_a_load_was_as_at_first():
 
 
 def test_what_arrives_at_a_growing_flow_left_with_the_volume_between():
-    """tests/test_effects_contract.py: t^2 / 20 less the volume 0.8 is what had passed when it left."""
+    """T^2 / 20 less the volume 0.8 is what had passed when it left."""
     from thermofast.models.effects.transport_delay import TransportDelay
 
     time = np.linspace(0.0, 10.0, 201)
@@ -455,14 +442,12 @@ def test_what_arrives_at_a_growing_flow_left_with_the_volume_between():
 
 
 def test_noise_of_a_logged_room_is_borrowed_by_what_follows_it():
-    """tests/test_effects_contract.py."""
     from thermofast.models.effects.ambient import Ambient
 
     assert Ambient().borrowed_noise(SimpleNamespace(ambient_noise=0.1), None, 0, 0.02, {"gain": -0.5}) == pytest.approx(0.05)
 
 
 def test_a_machine_whose_runs_are_known_is_not_taken_for_the_law_itself():
-    """tests/test_past_runs.py."""
     from thermofast.models.imperfection import TYPICAL, Past
 
     assert TYPICAL.clean > 0.0
@@ -471,7 +456,7 @@ def test_a_machine_whose_runs_are_known_is_not_taken_for_the_law_itself():
 
 
 def test_an_error_of_a_logarithm_is_told_in_the_units_of_the_value():
-    """tests/test_loop_commands.py: parameters of a record."""
+    """Parameters of a record."""
     from thermofast.discovery.loop import parameters_of
     from thermofast.models.joint import Key
 
@@ -485,7 +470,6 @@ def test_an_error_of_a_logarithm_is_told_in_the_units_of_the_value():
 
 
 def test_a_steady_state_with_a_logged_column_is_that_of_its_last_level(monkeypatch):
-    """tests/test_sensitivity.py, with a model of which an effect follows a column that was changed."""
     from thermofast.machine import settle
     from thermofast.models.joint import LEVEL, RATE, START
 
@@ -500,7 +484,7 @@ def test_a_steady_state_with_a_logged_column_is_that_of_its_last_level(monkeypat
 
 
 def test_the_error_of_blocks_left_out_is_that_on_the_blocks():
-    """tests/test_discovery.py: the last eighth of a record jumps by 5 K, which the rest cannot foretell."""
+    """The last eighth of a record jumps by 5 K, which the rest cannot foretell."""
     from thermofast.discovery.loop import LoopTask, ready
     from thermofast.models.joint import fit_model
     from thermofast.models.search.heldout import held_out_errors
@@ -512,7 +496,7 @@ def test_the_error_of_blocks_left_out_is_that_on_the_blocks():
 
 
 def test_each_past_run_is_judged_by_factors_of_the_others():
-    """tests/test_calibrate.py: a run far off widens the intervals of the others, not its own."""
+    """A run far off widens the intervals of the others, not its own."""
     from thermofast.analysis.calibration import CANDIDATES, TURNS, Past, _factors, _left_out_factors
 
     past = []
@@ -525,7 +509,7 @@ def test_each_past_run_is_judged_by_factors_of_the_others():
 
 
 def test_noise_that_remembers_is_drawn_so():
-    """tests/test_validate.py: readings of which neighbours share four fifths."""
+    """Readings of which neighbours share four fifths."""
     from thermofast.analysis.validate import _noise
 
     rng, residual = np.random.default_rng(1), [0.0]
@@ -567,7 +551,8 @@ def test_a_reading_missing_at_the_end_of_a_past_run_costs_no_sensor(monkeypatch)
     from thermofast.pipeline.methods import choose
 
     def identified(*_a, **_more):
-        return SimpleNamespace(records=[SimpleNamespace(rate_per_min=1 / 40, status="ok", at_lo_c=49.0, at_c=50.0, at_hi_c=51.0)])
+        sides = {"at_lo_c": 49.0, "at_c": 50.0, "at_hi_c": 51.0}
+        return SimpleNamespace(records=[SimpleNamespace(rate_per_min=1 / 40, status="ok", steady_state_measured_c=50.0, **sides)])
 
     monkeypatch.setattr(calibration, "identify_sensors", identified)
     time, reading = law(200.0)

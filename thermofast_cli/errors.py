@@ -31,6 +31,10 @@ class UsageError(ThermofastError):
     """An option or a setting that cannot be used."""
 
 
+class NeedError(UsageError):
+    """What was asked for needs something that a readable run does not log."""
+
+
 class TooShortError(UsageError):
     """A record that ends before the time up to which it is to be read."""
 

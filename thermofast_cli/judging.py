@@ -65,7 +65,7 @@ def sensitivity(
     in_range(until=until)
     even = names(uniform)
     if wrong := [name for name in even if name not in BOUNDS]:
-        raise UsageError(f"uniform: {wrong[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
+        raise UsageError(f"uniform: {wrong[0]!r} is no size whose bounds may be given", allowed=", ".join(BOUNDS))
     learnt = model_of(model)
     if learnt is not None and (filter != "afukf" or settings):
         raise UsageError(

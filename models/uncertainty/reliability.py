@@ -1,8 +1,8 @@
 """The probability that an error exceeds a limit: by its nearest design points (first order) and by counting (Monte Carlo).
 
-The inputs are independent standard normal numbers, the error is any function of them or a :class:`models.chaos.Chaos` fitted to
+The inputs are independent standard normal numbers, the error is any function of them or a :class:`~.chaos.Chaos` fitted to
 one. |error| > limit is two events, error > limit and error < -limit, which exclude one another: their probabilities add up.
-Source: Zhang et al. (see :mod:`models.chaos`), equations (37)-(39), tables 8 and 9; Hasofer and Lind (1974), Rackwitz and
+Source: Zhang et al. (see :mod:`~.chaos`), equations (37)-(39), tables 8 and 9; Hasofer and Lind (1974), Rackwitz and
 Fiessler (1978); the step is shortened as by Zhang and Der Kiureghian (1995), without which the iteration may run in circles.
 """
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     "--at",
     type=Finite(0, min_open=True),
     metavar="MIN",
-    help="Say the temperature MIN minutes after the rise begins (column start_min; with --drive the record) too.",
+    help="Say the temperature MIN minutes after the rise begins too (with --drive, after the record begins).",
 )
 @click.option("--room", type=Finite(-100, 500), metavar="DEGC", help="Say the steady state in such a room too; needs its column.")
 @criterion_option

@@ -92,7 +92,7 @@ def command(
         raise UsageError("--model puts a joint fit in the filter's place", do="leave --filter, --preset and --set out")
     even = names(uniform)
     if unknown := [name for name in even if name not in BOUNDS]:
-        raise UsageError(f"--uniform: {unknown[0]!r} is no size that may be a bound", allowed=", ".join(BOUNDS))
+        raise UsageError(f"--uniform: {unknown[0]!r} is no size whose bounds may be given", allowed=", ".join(BOUNDS))
     learnt = load_model(model, extra)
     readings = batch.read(from_rise=learnt is None)
     sizes = Sizes(offset, start_level, room, jitter, until_spread, limit, even)

@@ -15,7 +15,7 @@ from thermofast.models.joint import RATE, UNTIL_AT_REST, Fit, Key, Part, fit_mod
 from thermofast.models.search.heldout import predicted
 from thermofast.models.search.rules import RULES
 
-from ..errors import ThermofastError, UsageError, in_one_line, nearest
+from ..errors import NeedError, ThermofastError, UsageError, in_one_line, nearest
 from ..machine.learnt import carry
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
@@ -141,11 +141,11 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
 
 
 def check_inputs(effects: list[Effect], whole: Observations) -> None:
-    """Raises UsageError where an effect that was asked for lacks an input."""
+    """Raises NeedError where an effect that was asked for lacks an input."""
     for effect in effects:
         if not effect.choices(whole):
             have = [*whole.ambient, *whole.inputs]
-            raise UsageError(
+            raise NeedError(
                 f"{whole.name}: the effect {effect.id!r} needs {effect.needs or 'an input that this run does not log'}",
                 found=f"inputs: {', '.join(have) or 'none'}; sensors: {', '.join(whole.channels[:8])}",
                 do="leave the effect out" + _way(effect.needs),

@@ -368,7 +368,7 @@ def _look_white(fits: DecayFit, time: Array, reading: Array, weights: Array, res
     return white
 
 
-def consistent_until_the_end(method: Filter, tracks: Tracks, count: int) -> NDArray[np.bool_]:
+def consistent_until_the_end(method: Filter, tracks: Tracks) -> NDArray[np.bool_]:
     """Of which of S tracks a likelihood closes the estimate after every reading: what was forgotten only grows (S,)."""
     with np.errstate(invalid="ignore"):
         kept = (tracks.diverged_at < 0) & ~(tracks.forgotten > -math.log(RULES.kept_share))

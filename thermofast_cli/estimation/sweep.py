@@ -263,7 +263,7 @@ class _Block:
         at = self._indices(sensors.reading[rows, :n], n)
         # All those that can use the same times; the few others go alone.
         usable = at.max(axis=0) >= 0
-        same = consistent_until_the_end(method.filter, tracks, n) & (at[:, usable] >= 0).all(axis=1) & usable.any()
+        same = consistent_until_the_end(method.filter, tracks) & (at[:, usable] >= 0).all(axis=1) & usable.any()
         if not same.any():
             return None
         rows, indices = rows[same], at[same][0][usable]

@@ -50,7 +50,7 @@ def speed_of(replay: str | None) -> float | None:
     except ValueError:
         found = math.nan
     if not 0.0 < found < math.inf:
-        raise UsageError("--replay: not a speed", found=repr(replay), allowed="as 600x, or max")
+        raise UsageError("--replay: not a speed", found=repr(replay), allowed="600x for six hundred times as fast, or max")
     return found
 
 

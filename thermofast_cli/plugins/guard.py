@@ -17,7 +17,7 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.drive import Drive
 
-from ..errors import ThermofastError, UsageError, nearest
+from ..errors import NeedError, ThermofastError, nearest
 
 #: Seconds after which foreign code is taken to loop for ever.
 PATIENCE_S = 10.0
@@ -31,7 +31,7 @@ class PluginError(ThermofastError):
 
 def failed_status(error: ThermofastError) -> str:
     """The status of a run that an error ended: it cannot be read, or what was asked for cannot be done with it."""
-    return "failed" if isinstance(error, PluginError | UsageError) else "unreadable"
+    return "failed" if isinstance(error, PluginError | NeedError) else "unreadable"
 
 
 @contextmanager

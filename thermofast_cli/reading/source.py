@@ -289,13 +289,13 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     notes += roles.notes
     guesses += roles.guesses
     if not roles.sensors:
-        raise _no_sensor(table, roles, words, named)
+        raise _no_sensor(table, words, named)
     for n in (*roles.sensors, *roles.ambient, *roles.inputs):
         if n in table.faults:
             raise table.faults[n]
     own = [u for n in roles.sensors if (u := sign_of(n, units.get(n, "")).unit) is not None and u.temperature]
     if table.unit_above and table.unit_above not in ("C", "K", "F") and not options.units and not own and not options.channels:
-        raise _no_sensor(table, roles, [], [f"{n} [{table.unit_above}]" for n in roles.sensors])
+        raise _no_sensor(table, [], [f"{n} [{table.unit_above}]" for n in roles.sensors])
     if table.unit_above in ("C", "K", "F") and not options.units and not own:
         options = replace(options, units=(table.unit_above,))
         notes.append(f"temperatures in {table.unit_above}, as a line above the names says")
@@ -397,7 +397,7 @@ def _why(name: str, role: str, table: Table, roles: Roles, spare: list[str], opt
     return next(said, "neither name nor unit says a temperature")
 
 
-def _no_sensor(table: Table, roles: Roles, words: list[str], named: list[str]) -> InputError:
+def _no_sensor(table: Table, words: list[str], named: list[str]) -> InputError:
     for n in words:
         if two := two_signs(table.columns[n]):  # type: ignore[arg-type]
             return two_decimal_signs(f"{table.name}, column {n!r}", two)

@@ -178,7 +178,7 @@ table_options = _together(
         multiple=True,
         callback=_outputs,
         help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; may be repeated; with --format the screen shows it too. "
-        "A folder, as results/: a part for each file of an archive (identify, sweep, compare, diagnose).",
+        "A folder, as results/: a part for each file of an archive (identify, sweep, compare and diagnose only).",
     ),
     click.option(
         "--excel-csv",

@@ -259,7 +259,7 @@ def _dated(
     readings = {o: d * DAY_S + clock - offset for o, d in orders.items() if d is not None}
     if not readings:
         raise _unreadable(cells, _first_bad_date(matches, name), place, lines)
-    order, guess = _decide(readings, cells, place, name)
+    order, guess = _decide(readings, cells, place)
     seconds = readings[order]
     alike = [float(r[0]) for r in readings.values() if np.allclose(r - r[0], seconds - seconds[0])]
     return Stamps(seconds - seconds[0], () if zoned else (float(seconds[0]), *alike), guess, True)
@@ -301,14 +301,14 @@ def _first_bad_date(matches: Sequence[re.Match[str]], name: str) -> int:
     return 0
 
 
-def _decide(readings: dict[str, Array], cells: Sequence[str], place: str, name: str) -> tuple[str, Guess | None]:
+def _decide(readings: dict[str, Array], cells: Sequence[str], place: str) -> tuple[str, Guess | None]:
     """The order of day and month: the only valid one, or the one that the steps between the rows prove."""
     forward = {o: r for o, r in readings.items() if not (np.diff(r) < 0).any()} or readings
     first = next(iter(forward))
     relative = {o: r - r[0] for o, r in forward.items()}
     if all(np.allclose(r, relative[first]) for r in relative.values()):
         return first, None
-    uneven = {o: _uneven(r) for o, r in relative.items()}
+    uneven = {o: unusual_steps(r) for o, r in relative.items()}
     best = min(uneven, key=lambda o: uneven[o])
     rivals = [o for o in uneven if o != best and uneven[o] <= uneven[best] and not np.allclose(relative[o], relative[best])]
     if rivals:
@@ -325,8 +325,8 @@ def _decide(readings: dict[str, Array], cells: Sequence[str], place: str, name: 
     )
 
 
-def _uneven(seconds: Array) -> int:
-    """How many steps leave the usual one."""
+def unusual_steps(seconds: Array) -> int:
+    """How many steps leave the usual one or go back."""
     step = np.diff(seconds)
     usual = float(np.median(step)) if len(step) else 0.0
     return int((np.abs(step - usual) > 0.5 * abs(usual) + 1.0).sum())

@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import UsageError
 from ..run import Array, Guess
 from .epochs import calendar
+from .stamps import unusual_steps
 from .times import Time
 
 CELL_S = 900.0  # zones change their clocks at multiples of this
@@ -40,7 +41,7 @@ def in_zone(time: Time, zone: str, name: str) -> Time:
             found=f"{skipped:%Y-%m-%d %H:%M:%S}, where it was set forward",
             do="leave --tz out: the logger did not change its clock",
         )
-    moments, guess = min(real, key=lambda way: _unusual(way[0]))
+    moments, guess = min(real, key=lambda way: unusual_steps(way[0]))
     guesses = [Guess("clock change", guess, "--tz left out, if the logger's clock did not change")] if guess else []
     if len({way[0].tobytes() for way in ((m - m[0], g) for m, g in real)}) > 1:
         guesses.append(Guess("date order", "day and month read so that the clock of the zone runs evenly", "--time-format"))
@@ -68,7 +69,7 @@ def _moments(clock: ZoneInfo, local: Array) -> tuple[Array, str] | None:
     later = first.copy()
     later[twice] = second[twice]
     told = "the hour that the clock shows twice stands there once, taken for the"
-    return (later, f"{told} second time") if _unusual(later) < _unusual(moments) else (moments, f"{told} first time")
+    return (later, f"{told} second time") if unusual_steps(later) < unusual_steps(moments) else (moments, f"{told} first time")
 
 
 def _skipped(clock: ZoneInfo, local: Array) -> float:
@@ -78,13 +79,6 @@ def _skipped(clock: ZoneInfo, local: Array) -> float:
         if _offset(clock, shown, 0) < _offset(clock, shown, 1):  # so python's folds mark what is left out
             return float(local[np.floor(local / CELL_S) == cell][0])
     return math.inf
-
-
-def _unusual(seconds: Array) -> int:
-    """How many steps leave the usual one or go back."""
-    step = np.diff(seconds)
-    usual = float(np.median(step)) if len(step) else 0.0
-    return int((np.abs(step - usual) > 0.5 * abs(usual) + 1.0).sum())
 
 
 def _offset(clock: ZoneInfo, local: float, fold: int) -> float:
