@@ -279,8 +279,8 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     """Beside two that settle one of a time constant of 5,000 min shows a slope only; of all such none is left out."""
     rng = np.random.default_rng(3)
 
-    def of(name, rates):
-        run = a_run(0.0, rates, (10.0, 6.0, 8.0))
+    def of(name, rates, more=1.0):
+        run = a_run(0.0, rates, (10.0, 6.0, 8.0 * more))
         return tf.read(
             {"time_min": run.time_s / 60.0} | {c: v + 0.02 * rng.standard_normal(len(v)) for c, v in run.channels.items()},
             name=name,
@@ -290,8 +290,10 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     assert (told.verdict, told[0].status) == ("nothing", "ok")
     assert "hardly bent, where they settle does not show, and left out: T2" in told[0].message
     assert "not in every run" not in told[0].message
-    slow = tf.changed(of("old", (0.0002,) * 3), of("new", (0.0002,) * 3))
-    assert "left out" not in slow[0].message
+    # Where most are straight, or the straight one moves as much as the others, that is what the run is of.
+    for rates, more in (((0.0002,) * 3, 1.0), ((0.02, 0.0002, 0.0002), 1.0), ((0.02, 0.03, 0.0002), 12.0)):
+        kept = tf.changed(of("old", rates, more), of("new", rates, more))
+        assert "left out" not in kept[0].message
 
 
 def test_a_run_is_bent_by_kelvin_that_no_air_explains():
@@ -319,3 +321,21 @@ def test_nothing_is_not_sure_while_a_change_of_the_machine_has_a_size():
     assert not _of_a_size([nothing, changed.Change("heat", None, 0.07, math.log(1.2), 0.12)])
     assert not _of_a_size([nothing, changed.Change("sensor", 0, 0.07, math.log(1.2), 0.07)])
     assert not _of_a_size([nothing, changed.Change("loss", None, 0.05, 0.0, 0.07), sure])  # the likeliest of them decides
+
+
+def test_a_room_that_warms_with_the_machine_is_not_taken_out_of_it():
+    """A thermometer in the machine's warmth: with it taken out every rise would be another one by what it warmed."""
+    rng = np.random.default_rng(8)
+
+    def run(name, share, heat=1.0):
+        time = np.arange(0.0, 301.0)
+        rise = -np.expm1(-0.02 * time)
+        rows = {n: 20.0 + heat * r * rise + 0.02 * rng.standard_normal(301) for n, r in (("a", 9.0), ("b", 6.0), ("c", 4.0))}
+        return tf.read({"time_min": time} | rows | {"ambient": 20.0 + share * heat * 6.0 * rise}, name=name)
+
+    told = tf.changed([run("old 1", 0.6), run("old 2", 0.6)], run("new", 0.6, 1.5))
+    bare = tf.changed([run("old 1", 0.0), run("old 2", 0.0)], run("new", 0.0, 1.5))
+    for found in (told, bare):
+        assert (found.verdict, found[0].status) == ("heat", "ok")
+        assert found[0].size_lo < 1.5 < found[0].size_hi
+    assert told[0].size == pytest.approx(bare[0].size, rel=0.02)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations, third_difference_noise
 from thermofast.models.joint import LEVEL, START, Fit
 from thermofast.models.search.judge import widening
+from thermofast.models.search.logged import follows_machine
 from thermofast.models.uncertainty.changes import (
     LOCAL,
     LOGGED_DRIFT,
@@ -40,8 +41,12 @@ SURE, EITHER = 0.9, 0.95
 #: Deviation of the logarithm of a rate, median over the sensors, from which a record is hardly bent: a first slope is heat over
 #: heat capacity, and which of the two changed it does not say.
 STRAIGHT = 0.25
-#: That of its rate or rise from which one sensor among others is left out: its logarithm is then no Gaussian.
+#: That of its rate or rise from which a sensor that moves little is left out: its logarithm is then no Gaussian.
 UNKNOWN = 0.5
+#: Share of what the others move below which it is.
+WEAK = 0.5
+#: Share of the sensors that must be bent to be those that a run is of.
+ENOUGH = 0.3
 #: Deviations of its size at which a change of the whole machine is sure to be said, and the kinds of it.
 SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
 #: Rooms that differ by more [K] are said.
@@ -121,7 +126,7 @@ def compare_runs(
         )
     span = min(s.span for s in seen)
     mine = [s.only(channels) for s in seen]
-    if any(s.sink_c is None for s in mine):
+    if any(s.sink_c is None or follows_machine(s.filled, next(iter(s.ambient.values()))) for s in mine):
         mine = [replace(s, ambient={}) for s in mine]
     fits = [without_room(s.until(float(s.time[0]) + span)) for s in mine]
     straight = _straight(fits)
@@ -230,13 +235,20 @@ def _same_way(fits: Sequence[Fit], old: int) -> None:
 
 
 def _straight(fits: Sequence[Fit]) -> list[str]:
-    """Sensors that in some run are hardly bent while others are: what is known of them lies along no line of logarithms."""
+    """Sensors that in some run move little and are hardly bent, while others are: what is known of them lies along no line of
+    logarithms. One that moves as much as the others is what a run is of, however straight.
+    """
     channels, unsure = fits[0].run.channels, np.zeros(fits[0].run.sensors)
     for fit in fits:
         numbers = RunNumbers.of(fit, widening(fit))
         if numbers is not None:
             unsure = np.maximum(unsure, np.sqrt(np.diag(numbers.covariance)).reshape(2, -1).max(axis=0))
-    return [] if np.all(unsure > UNKNOWN) else [c for c, of in zip(channels, unsure, strict=True) if of > UNKNOWN]
+    bent = unsure <= UNKNOWN
+    if bent.sum() < max(2.0, ENOUGH * len(bent)):
+        return []
+    moved = np.mean([f.run.moved for f in fits], axis=0)
+    weak = ~bent & (moved < WEAK * float(np.median(moved[bent])))
+    return [c for c, left_out in zip(channels, weak, strict=True) if left_out]
 
 
 def _numbers(fit: Fit, drift: float) -> RunNumbers:
@@ -417,7 +429,9 @@ def _bent(fits: Sequence[Fit], old: int, channels: Sequence[str]) -> list[str]:
         misfit = np.array([np.mean(np.square(row[used])) for row, used in zip(fit.residual, fit.run.used, strict=True)])
         left.append(np.sqrt(np.maximum(misfit - np.square(noise), 0.0)))
     kelvin = np.array(left)
-    share = kelvin / np.array([f.run.moved for f in fits])  # a rise that is only foretold may be anything
+    rises = np.array([np.asarray(f.values[LEVEL], dtype=float) - np.asarray(f.values[START], dtype=float) for f in fits])
+    # The fitted rise of one that hardly moves may be anything.
+    share = kelvin / np.maximum([f.run.moved for f in fits], np.abs(rises))
     for mine, side, others, other in ((slice(old, None), "new", slice(old), "old"), (slice(old), "old", slice(old, None), "new")):
         most, usual = share[mine].max(axis=0), share[others].max(axis=0)
         i = int(np.argmax(np.where(most > MORE_BENT * usual, most, 0.0)))
