@@ -171,3 +171,18 @@ def test_a_model_of_several_runs_is_compared_with_its_own_constants(tmp_path):
     by_one, by_both = ([r.rmse_ahead_c for r in tf.compare(run(3), model=m, until=60.0)] for m in (one, both))
     assert by_both == pytest.approx(by_one, rel=0.25)
     assert max(by_both) < 0.5
+
+
+def test_sensors_that_leave_the_model_together_are_told_first():
+    """A load that falls at 180 min for both; not where one goes on as it was, nor without --until."""
+    rng = np.random.default_rng(2)
+    table = {"time_min": MINUTES}
+    for name, rise, tau in (("a", 12.0, 45.0), ("b", 8.0, 55.0)):
+        table[name] = 20.0 - rise * np.expm1(-MINUTES / tau) + 0.02 * rng.standard_normal(len(MINUTES))
+    fall = np.where(MINUTES > 180.0, 4.0 * np.expm1(-(MINUTES - 180.0) / 50.0), 0.0)
+    both = table | {"a": table["a"] + fall, "b": table["b"] + 0.7 * fall}
+    for record in tf.compare(both, until=150.0):
+        minute = record.message.removeprefix("from about ").partition(" min on all sensors leave the model together")[0]
+        assert float(minute) == pytest.approx(182.0, abs=5.0)
+    assert all("together" not in r.message for r in tf.compare(table | {"a": table["a"] + fall}, until=150.0))
+    assert all("together" not in r.message for r in tf.compare(both))

@@ -37,6 +37,8 @@ CORRELATED = 1e-3
 MOST_TOLD = 12
 HOLDS = "the model holds where it was fitted and fails ahead: "
 UNSEEN = "the first minutes did not show what it lacks, or something changed later that nothing logs, which no fit could know"
+#: Times the misfit of the readings fitted by which all sensors must leave the model to have left it, and how far apart [share].
+BEYOND, AT_ONCE = 10.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,8 @@ def _compare(task: LoopTask) -> Comparison:
                     needed.in_watts[i] if needed else None,
                 )
             )
+    said = left_together(records, task.until_min)
+    records = [replace(r, message=f"{said}; {r.message}" if r.message else said) for r in records] if said else records
     records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels, clean)
 
@@ -215,6 +219,18 @@ def drive_of(whole: Observations) -> dict[str, Array]:
     if whole.drive is None or whole.heat is None:
         return {}
     return {whole.drive: whole.heat * whole.heat_unit}
+
+
+def left_together(records: Sequence[CompareRecord], until: float | None) -> str:
+    """What to say where all sensors leave the model at one time after `until`, by far more than it failed before; else nothing."""
+    if until is None or not all(r.worst_from_min is not None and r.worst_from_min > until for r in records):
+        return ""
+    begun = np.array([r.worst_from_min for r in records], dtype=float)
+    far = [abs(r.worst_error_c or 0.0) > BEYOND * (r.rmse_fit_c or 0.0) for r in records]
+    if len(records) < 2 or np.ptp(begun) > AT_ONCE * float(np.median(begun)) or not all(far):
+        return ""
+    when = f"about {rounded_number(float(np.median(begun)), 3)} min"
+    return f"from {when} on all sensors leave the model together: {UNSEEN}; diagnose with a longer --until, or without, says which"
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
