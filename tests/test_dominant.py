@@ -342,7 +342,9 @@ def test_what_a_usual_disturbance_explains_as_well_is_not_added():
     answer = 1.0 - (np.exp(-np.outer(rates, time)) - late * np.exp(-2.0 * time)) / (1.0 - late)
     rise = modes @ (((modes.T @ heat) / rates)[:, None] * answer)
     table = {"time_min": time} | {f"T{i}": 20.0 + row + rng.normal(0.0, 0.01, len(time)) for i, row in enumerate(rise)}
-    found, plain = tf.identify(table, auto=True), tf.identify(table)
+    found, plain = tf.identify(table, auto=True, details=True), tf.identify(table, details=True)
+    for drawn, without in zip(found.curves, plain.curves, strict=True):  # the picture is of the row's numbers
+        assert np.array_equal(drawn.band_high, without.band_high)
     for r, without, limit in zip(found, plain, 20.0 + np.linalg.solve(loss - link, heat), strict=True):
         assert r.message.startswith(NOT_LIKELIER), r.message
         assert "lag" in r.message

@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from benchmarks.discovery.dominant import runs_of
+from benchmarks.machines import bar
+from thermofast.discovery import wording
+from thermofast.discovery.compare import left_together
 from thermofast.discovery.diagnose import verdict_of
 from thermofast.discovery.loop import LoopTask, ahead_errors, at_rest, curve_ahead
 from thermofast.discovery.observe import observe
@@ -17,6 +21,7 @@ from thermofast.models.search import heldout
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import discover
 from thermofast.models.search.rules import RULES
+from thermofast.records import CompareRecord
 
 MINUTES = np.arange(0.0, 301.0)
 
@@ -186,3 +191,61 @@ def test_sensors_that_leave_the_model_together_are_told_first():
         assert float(minute) == pytest.approx(182.0, abs=5.0)
     assert all("together" not in r.message for r in tf.compare(table | {"a": table["a"] + fall}, until=150.0))
     assert all("together" not in r.message for r in tf.compare(both))
+
+
+def test_compare_and_improve_judge_a_fit_that_has_come_to_rest():
+    """Of one that a search breaks off they go on: its error on the readings used is the least there is."""
+    seen = observe(tf.read("sample_runs/hidden.csv")).seen
+    found = try_add(fit_model(seen), NeighbourHeat()).fit
+    assert settled(found).rmse[0] < 0.99 * found.rmse[0]
+    compared = tf.compare("sample_runs/hidden.csv", effects="neighbour_heat")
+    improved = [r for r in tf.improve("sample_runs/hidden.csv", add="neighbour_heat") if r.step == 1]
+    for told in (compared, improved):
+        assert [r.rmse_fit_c for r in told] == pytest.approx(settled(found).rmse, rel=1e-6)
+        assert all("has not come to rest" in r.message for r in told)
+
+
+def test_picture_and_area_are_of_the_curve_that_knows_no_later_neighbour():
+    table = linked()
+    fall = np.where(MINUTES > 180.0, -4.0 * -np.expm1(-(MINUTES - 180.0) / 30.0), 0.0)
+    table |= {"a": table["a"] + fall, "b": table["b"] + 0.7 * fall}
+    fit, seen = fitted(table, 150.0)
+    told = tf.compare(table, effects="neighbour_heat", until=150.0, details=True)
+    for i, (panel, record) in enumerate(zip(told.panels, told, strict=True)):
+        assert panel.model == pytest.approx(curve_ahead(fit)[i], abs=0.02)
+        # The two distributions lie apart by no more than their means do at each reading, and not much less where all are too low.
+        error = float(np.mean(np.abs(seen.reading[i] - curve_ahead(fit)[i])))
+        assert record.area_metric_c == pytest.approx(error, rel=0.4)
+        assert record.area_metric_c > 1.5 * float(np.mean(np.abs(seen.reading[i] - fit.curve[i]))) or i == 0
+
+
+def a_record(begins, error=5.0, fitted_to=0.05):
+    return CompareRecord("run", "a", rmse_fit_c=fitted_to, worst_from_min=begins, worst_error_c=error)
+
+
+@pytest.mark.parametrize(
+    ("records", "until", "said"),
+    [
+        ([a_record(200.0), a_record(207.0, -5.0)], 150.0, True),
+        ([a_record(200.0), a_record(212.0)], 150.0, False),
+        ([a_record(200.0), a_record(201.0, 0.49)], 150.0, False),
+        ([a_record(200.0), a_record(None)], 150.0, False),
+        ([a_record(200.0), a_record(149.0)], 150.0, False),
+        ([a_record(200.0)], 150.0, False),
+        ([a_record(200.0), a_record(201.0)], None, False),
+    ],
+)
+def test_sensors_leave_the_model_together_at_one_time_and_far(records, until, said):
+    """Within a twentieth of the time, each by ten times what it missed before."""
+    assert bool(left_together(records, until)) == said
+
+
+def test_a_size_that_may_be_none_is_told_in_words(monkeypatch):
+    machine = bar.simulate(950_001, 1.0, "nonlinear_loss")
+    run = runs_of(machine, 950_001)[0]
+    plain = tf.diagnose(run, jobs=1)[0]
+    monkeypatch.setattr(wording, "may_be_none", lambda *_: True)
+    told = tf.diagnose(run, jobs=1)[0]
+    assert plain.status == told.status == "partly_explained"
+    assert "not told from none" not in plain.message
+    assert "beside that, the size of nonlinear_loss" in told.message

@@ -1,13 +1,15 @@
 """What a change between runs is made of: sizes, kinds, rooms, probes and warm starts, by normal laws."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import signal, stats
 
 import thermofast as tf
-from thermofast.analysis.changed import _bent, _of_a_size
+from thermofast.analysis import changed as analysis
+from thermofast.analysis.changed import _bent, _of_a_size, _straight
 from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty import changes as changed
@@ -291,9 +293,16 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     assert "hardly bent, where they settle does not show, and left out: T2" in told[0].message
     assert "not in every run" not in told[0].message
     # Where most are straight, or the straight one moves as much as the others, that is what the run is of.
-    for rates, more in (((0.0002,) * 3, 1.0), ((0.02, 0.0002, 0.0002), 1.0), ((0.02, 0.03, 0.0002), 12.0)):
+    for rates, more in (((0.0002,) * 3, 1.0), ((0.02, 0.0002, 0.0002), 1.0), ((0.02, 0.03, 0.00005), 48.0)):
         kept = tf.changed(of("old", rates, more), of("new", rates, more))
         assert "left out" not in kept[0].message
+    time = np.arange(0.0, 301.0)
+    rows = [20.0 - 10.0 * np.expm1(-b * time) + 0.02 * rng.standard_normal(301) for b in (0.02, 0.03, *(0.0001,) * 6)]
+    few, more = (
+        [fit_model(observe(tf.read({"time_min": time} | {f"T{i}": rows[i] for i in which})).seen)] for which in (range(8), range(6))
+    )
+    assert _straight(few) == []
+    assert _straight(more) == ["T2", "T3", "T4", "T5"]
 
 
 def test_a_run_is_bent_by_kelvin_that_no_air_explains():
@@ -339,3 +348,30 @@ def test_a_room_that_warms_with_the_machine_is_not_taken_out_of_it():
         assert (found.verdict, found[0].status) == ("heat", "ok")
         assert found[0].size_lo < 1.5 < found[0].size_hi
     assert told[0].size == pytest.approx(bare[0].size, rel=0.02)
+
+
+def test_nothing_is_not_determined_while_a_change_has_a_size(monkeypatch):
+    rng, run = np.random.default_rng(9), a_run(rates=(0.02, 0.03))
+    minutes = run.time_s / 60.0
+    noisy = [{n: row + 0.02 * rng.standard_normal(len(row)) for n, row in run.channels.items()} for _ in range(2)]
+    runs = [tf.read({"time_min": minutes, **rows}, name=f"run {k}") for k, rows in enumerate(noisy)]
+    told = tf.changed(runs[:1], runs[1])
+    assert (told.verdict, told[0].status) == ("nothing", "ok")
+    monkeypatch.setattr(analysis, "_of_a_size", lambda _: True)
+    told = tf.changed(runs[:1], runs[1])
+    assert (told.verdict, told[0].status) == ("nothing", "not_determined")
+
+
+def test_a_misfit_is_set_against_what_moved_where_that_is_more_than_the_fitted_rise():
+    """0.2 K beside 10 K that were read and a fitted rise of 1 K are no other course."""
+    time, wave = np.arange(101.0), 0.3 * np.sin(np.arange(101.0) / 5.0)
+
+    def fit(share, rise):
+        run = SimpleNamespace(used=np.ones((1, 101), dtype=bool), time=time, moved=np.array([10.0]))
+        return SimpleNamespace(
+            residual=share * wave[None], run=run, values={LEVEL: np.array([20.0 + rise]), START: np.array([20.0])}
+        )
+
+    assert not _bent([fit(0.01, 1.0), fit(1.0, 1.0)], 1, ("a",))
+    assert not _bent([fit(0.01, 10.0), fit(1.0, 10.0)], 1, ("a",))
+    assert "in the new runs" in _bent([fit(0.05, 10.0), fit(3.0, 10.0)], 1, ("a",))[0]

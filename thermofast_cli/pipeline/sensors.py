@@ -254,7 +254,7 @@ def _with_doubt(
     if plain is None:
         return one
     record = averaged(one.record, plain, number[plain.run])
-    counted = record.steady_state_c == one.record.steady_state_c
+    counted = replace(record, message=plain.message) != plain
     return replace(one, record=record, curves=one.curves if counted else drawn.get(which))
 
 
