@@ -10,7 +10,7 @@ import thermofast as tf
 from benchmarks.discovery.dominant import runs_of
 from benchmarks.machines import bar
 from thermofast.discovery import wording
-from thermofast.discovery.compare import left_together
+from thermofast.discovery.compare import HOLDS, left_together
 from thermofast.discovery.diagnose import verdict_of
 from thermofast.discovery.loop import LoopTask, ahead_errors, at_rest, curve_ahead
 from thermofast.discovery.observe import observe
@@ -219,8 +219,8 @@ def test_picture_and_area_are_of_the_curve_that_knows_no_later_neighbour():
         assert record.area_metric_c > 1.5 * float(np.mean(np.abs(seen.reading[i] - fit.curve[i]))) or i == 0
 
 
-def a_record(begins, error=5.0, fitted_to=0.05):
-    return CompareRecord("run", "a", rmse_fit_c=fitted_to, worst_from_min=begins, worst_error_c=error)
+def a_record(begins, error=5.0, fitted_to=0.05, message=""):
+    return CompareRecord("run", "a", rmse_fit_c=fitted_to, worst_from_min=begins, worst_error_c=error, message=message)
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,11 @@ def a_record(begins, error=5.0, fitted_to=0.05):
 )
 def test_sensors_leave_the_model_together_at_one_time_and_far(records, until, said):
     """Within a twentieth of the time, each by ten times what it missed before."""
-    assert bool(left_together(records, until)) == said
+    told = left_together(records, until)
+    assert bool(told) == said
+    assert ("something changed later that nothing logs" in told) == said
+    explained = [replace(records[0], message=f"{HOLDS}speed steps at 180 min"), *records[1:]]
+    assert "something changed" not in left_together(explained, until)
 
 
 def test_a_size_that_may_be_none_is_told_in_words(monkeypatch):

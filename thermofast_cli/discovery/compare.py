@@ -229,8 +229,10 @@ def left_together(records: Sequence[CompareRecord], until: float | None) -> str:
     far = [abs(r.worst_error_c or 0.0) > BEYOND * (r.rmse_fit_c or 0.0) for r in records]
     if len(records) < 2 or np.ptp(begun) > AT_ONCE * float(np.median(begun)) or not all(far):
         return ""
-    when = f"about {rounded_number(float(np.median(begun)), 3)} min"
-    return f"from {when} on all sensors leave the model together: {UNSEEN}; diagnose with a longer --until, or without, says which"
+    said = f"from about {rounded_number(float(np.median(begun)), 3)} min on all sensors leave the model together"
+    if any(HOLDS in r.message for r in records):  # why stands there: what is logged jumped then, or nothing shows it
+        return said
+    return f"{said}: {UNSEEN}; diagnose with a longer --until, or without, says which"
 
 
 def _one_step(fit: Fit, whole: Observations, i: int) -> float | None:
