@@ -502,6 +502,7 @@ def test_a_number_may_have_its_unit(given, minutes):
     ("of", "metavar", "given", "said"),
     [
         (Finite(0, min_open=True), "MIN", "90x", "'90x' is no number; allowed: above 0 in min, or with its unit beside it (s, min"),
+        (Finite(0, min_open=True), "MIN", "1,5h", "(s, min, h, d); do: write 1.5h"),
         (Finite(0, min_open=True), "MIN", "min", "'min' is no number"),
         (Finite(0, min_open=True), "MIN", "20K", "'20K' is no number"),
         (Finite(0, min_open=True), "MIN", "0 min", "0 min is outside what is allowed: above 0"),

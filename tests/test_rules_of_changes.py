@@ -281,8 +281,8 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     """Beside two that settle one of a time constant of 5,000 min shows a slope only; of all such none is left out."""
     rng = np.random.default_rng(3)
 
-    def of(name, rates, more=1.0):
-        run = a_run(0.0, rates, (10.0, 6.0, 8.0 * more))
+    def of(name, rates):
+        run = a_run(0.0, rates, (10.0, 6.0, 8.0))
         return tf.read(
             {"time_min": run.time_s / 60.0} | {c: v + 0.02 * rng.standard_normal(len(v)) for c, v in run.channels.items()},
             name=name,
@@ -292,9 +292,9 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     assert (told.verdict, told[0].status) == ("nothing", "ok")
     assert "hardly bent, where they settle does not show, and left out: T2" in told[0].message
     assert "not in every run" not in told[0].message
-    # Where most are straight, or the straight one moves as much as the others, that is what the run is of.
-    for rates, more in (((0.0002,) * 3, 1.0), ((0.02, 0.0002, 0.0002), 1.0), ((0.02, 0.03, 0.00005), 48.0)):
-        kept = tf.changed(of("old", rates, more), of("new", rates, more))
+    # Where most are straight that is what the run is of; so is a straight one that moves as much as the others.
+    for rates in ((0.0002,) * 3, (0.02, 0.0002, 0.0002)):
+        kept = tf.changed(of("old", rates), of("new", rates))
         assert "left out" not in kept[0].message
     time = np.arange(0.0, 301.0)
     rows = [20.0 - 10.0 * np.expm1(-b * time) + 0.02 * rng.standard_normal(301) for b in (0.02, 0.03, *(0.0001,) * 6)]
@@ -303,6 +303,9 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     )
     assert _straight(few) == []
     assert _straight(more) == ["T2", "T3", "T4", "T5"]
+    for rise, left_out in ((1.0, ["T2"]), (8.0, [])):
+        table = {"time_min": time, "T0": rows[0], "T1": rows[1], "T2": 20.0 + rise * time / 300.0 + 0.3 * rng.standard_normal(301)}
+        assert _straight([fit_model(observe(tf.read(table)).seen)]) == left_out
 
 
 def test_a_run_is_bent_by_kelvin_that_no_air_explains():
@@ -375,3 +378,21 @@ def test_a_misfit_is_set_against_what_moved_where_that_is_more_than_the_fitted_r
     assert not _bent([fit(0.01, 1.0), fit(1.0, 1.0)], 1, ("a",))
     assert not _bent([fit(0.01, 10.0), fit(1.0, 10.0)], 1, ("a",))
     assert "in the new runs" in _bent([fit(0.05, 10.0), fit(3.0, 10.0)], 1, ("a",))[0]
+
+
+def test_one_that_is_left_out_changes_nothing_for_the_others():
+    """The room's course is taken out of them once, whether or not another one is looked at first."""
+    rng = np.random.default_rng(5)
+
+    def of(name, course, heat, names):
+        run = a_run(course, (0.02, 0.03, 0.00001), (10.0 * heat, 6.0 * heat, 240.0 * heat))
+        rows = {n: row + 0.02 * rng.standard_normal(len(row)) for n, row in run.channels.items()}
+        return [tf.read({"time_min": run.time_s / 60.0, **{n: rows[n] for n in some}, **run.ambient}, name=name) for some in names]
+
+    both = ("T0", "T1"), ("T0", "T1", "T2")
+    old, new = of("old", 0.8, 1.0, both), of("new", -0.8, 1.3, both)
+    alone, beside = (tf.changed(a, b) for a, b in zip(old, new, strict=True))
+    assert "left out: T2" in beside[0].message
+    assert [(r.change, r.channel) for r in alone] == [(r.change, r.channel) for r in beside]
+    assert [r.probability for r in alone] == pytest.approx([r.probability for r in beside], abs=1e-3)
+    assert [r.size for r in alone if r.size] == pytest.approx([r.size for r in beside if r.size], rel=1e-3)

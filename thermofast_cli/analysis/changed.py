@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations, third_difference_noise
-from thermofast.models.joint import LEVEL, START, Fit
+from thermofast.models.joint import LEVEL, START, Fit, fit_model
 from thermofast.models.search.judge import widening
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.uncertainty.changes import (
     LOCAL,
     LOGGED_DRIFT,
     WARM,
+    WHOLE,
     Begun,
     Change,
     RunNumbers,
@@ -47,8 +48,8 @@ UNKNOWN = 0.5
 WEAK = 0.5
 #: Share of the sensors that must be bent to be those that a run is of.
 ENOUGH = 0.3
-#: Deviations of its size at which a change of the whole machine is sure to be said, and the kinds of it.
-SHOWS, WHOLE = 4.0, ("heat", "heat capacity", "loss")
+#: Deviations of its size at which a change of the whole machine is sure to be said.
+SHOWS = 4.0
 #: Rooms that differ by more [K] are said.
 ROOM = 0.5
 #: One sensor that began so much farther from the others than before [K] is told: rates and rises do not know of it.
@@ -132,7 +133,7 @@ def compare_runs(
     straight = _straight(fits)
     if straight:
         channels = [c for c in channels if c not in straight]
-        fits = [without_room(f.run.only(channels)) for f in fits]
+        fits = [fit_model(f.run.only(channels)) for f in fits]  # without what its room did already
     _same_way(fits, many)
     logged = fits[0].run.sink_c is not None
     starts, levels = (
@@ -222,7 +223,7 @@ def _observed(one: Started) -> Observations:
 
 def _same_way(fits: Sequence[Fit], old: int) -> None:
     """Raises UsageError where the new runs cool down and the `old` ones warm up, or the other way round."""
-    moves = [np.asarray(f.values[LEVEL], dtype=float) - np.asarray(f.values[START], dtype=float) for f in fits]
+    moves = [_rise(f) for f in fits]
     before, after = np.mean(moves[:old], axis=0), np.mean(moves[old:], axis=0)
     against = before * after < 0.0
     if against.mean() > 0.5:
@@ -232,6 +233,12 @@ def _same_way(fits: Sequence[Fit], old: int) -> None:
             found=f"{fits[0].run.name} {way[0]}, {fits[-1].run.name} {way[1]}",
             do="compare a warm-up with a warm-up",
         )
+
+
+def _rise(fit: Fit) -> Array:
+    """Fitted rises (S,) [K]."""
+    rise: Array = np.asarray(fit.values[LEVEL], dtype=float) - np.asarray(fit.values[START], dtype=float)
+    return rise
 
 
 def _straight(fits: Sequence[Fit]) -> list[str]:
@@ -301,7 +308,7 @@ def _or_else(likely: Sequence[Change], channels: Sequence[str], status: str) -> 
 
 
 def _of_a_size(found: Sequence[Change]) -> bool:
-    """Whether the likeliest change, if it is one, has a size whose interval holds no none: nothing is likelier, and not shown."""
+    """Whether the likeliest change of the whole machine has a size whose interval excludes that there is none."""
     first = next((c for c in found if c.kind in WHOLE), None)
     if first is None or first.size is None or first.deviation is None:
         return False
@@ -429,7 +436,7 @@ def _bent(fits: Sequence[Fit], old: int, channels: Sequence[str]) -> list[str]:
         misfit = np.array([np.mean(np.square(row[used])) for row, used in zip(fit.residual, fit.run.used, strict=True)])
         left.append(np.sqrt(np.maximum(misfit - np.square(noise), 0.0)))
     kelvin = np.array(left)
-    rises = np.array([np.asarray(f.values[LEVEL], dtype=float) - np.asarray(f.values[START], dtype=float) for f in fits])
+    rises = np.array([_rise(f) for f in fits])
     # The fitted rise of one that hardly moves may be anything.
     share = kelvin / np.maximum([f.run.moved for f in fits], np.abs(rises))
     for mine, side, others, other in ((slice(old, None), "new", slice(old), "old"), (slice(old), "old", slice(old, None), "new")):

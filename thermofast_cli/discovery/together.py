@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
 from thermofast.models.imperfection import SCATTER, Past, PastRun
 from thermofast.models.joint import Fit, Key, Part, fit_model, with_parts
@@ -23,12 +22,12 @@ from ..errors import rounded
 from ..machine.foretold import from_first_part
 from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
 from ..machine.past import learnt_past, run_learnt_from
-from ..machine.rise import free_runs, together
+from ..machine.rise import free_runs
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved, or_else, status_of
-from .loop import LoopTask, check_inputs, ids_of, parameters_of, pooled
+from .loop import LoopTask, ahead_errors, check_inputs, ids_of, parameters_of, pooled
 from .several import OneOf, common_runs, ready_runs
 from .wording import rivals
 
@@ -89,21 +88,8 @@ def _stage(runs: Sequence[OneOf], fits: Sequence[Fit]) -> Stage:
         model = type(fits[k].model)(run.first, fits[k].model.parts)
         start = fit_model(run.first, fits[k].model.parts, fits[k].values)
         fit = fit_known(model, start.local, start.shared, others)
-        whole = run.prepared.whole
-        unseen = whole.used & ~run.first.used
-        error = np.where(unseen, whole.known - _foretold(fit, whole, run.first), 0.0)
-        count = unseen.sum(axis=1)
-        left_out.append(np.sqrt(np.where(count > 0, (error**2).sum(axis=1) / np.maximum(count, 1), np.nan)))
+        left_out.append(ahead_errors(fit, run.prepared.whole))
     return Stage(tuple(found), known, tuple(left_out))
-
-
-def _foretold(fit: Fit, whole: Observations, first: Observations) -> Array:
-    """What a fit to the first readings foretells of the others (S, N) [degC]: neighbours as it foretells them, not as read."""
-    parts = fit.model.parts
-    if not any(part.effect.reads_sensors for part in parts):
-        return fit.curve
-    last = int(np.flatnonzero(first.used.any(axis=0))[-1])
-    return np.asarray(together(fit, whole, last, range(len(parts))).reading)
 
 
 def _with(runs: Sequence[OneOf], stage: Stage, effect: Effect) -> Stage | None:

@@ -220,13 +220,11 @@ def may_be_none(fit: Fit, k: int, times: float, around: Fit | None) -> bool:
     return bool(np.all(np.abs(value - main.null) <= 1.96 * error))
 
 
-def _error_moves(before: float, after: float, verbs: tuple[str, str, str] = ("", "", "")) -> str:
-    """'the error on readings not fitted falls from 0.4 to 0.1 K', or where there are verbs what 'cuts' it 'from 0.4 to 0.1 K'."""
+def _error_moves(before: float, after: float) -> str:
+    """'the error on readings not fitted falls from 0.4 to 0.1 K', rises, or stays at what it rounds to."""
     sides = rounded(before), rounded(after)
-    which = 2 if sides[0] == sides[1] else int(after > before)
-    size = f"at {sides[1]} K" if which == 2 else f"from {sides[0]} to {sides[1]} K"
-    error = "the error on readings not fitted"
-    return f"{verbs[which]} {error} {size}" if verbs[which] else f"{error} {('falls', 'rises', 'stays')[which]} {size}"
+    moves = "stays at" if sides[0] == sides[1] else f"{'falls' if after < before else 'rises'} from {sides[0]} to"
+    return f"the error on readings not fitted {moves} {sides[1]} K"
 
 
 def _adding(parts: Sequence[Part], again: str) -> str:
@@ -300,8 +298,8 @@ def _named_words(found: Discovery, seen: Observations, again: str) -> tuple[str,
     before, after = pooled(found.ahead_base[concerned]), pooled(found.ahead[concerned])
     noise = pooled(named.fit.noise[concerned])
     evidence = (
-        f"{'; and '.join(parts)}. {_seen_as(named)}Adding {' and '.join(named.ids)} "
-        f"{_error_moves(before, after, ('cuts', 'raises', 'leaves'))}; noise {rounded(noise)} K"
+        f"{'; and '.join(parts)}. {_seen_as(named)}With {' and '.join(named.ids)} added "
+        f"{_error_moves(before, after)}; noise {rounded(noise)} K"
     )
     also, ways = rivals(found), other_ways(found)
     if also:

@@ -34,7 +34,8 @@ class Real(click.types.FloatParamType):
         if not math.isfinite(number):
             others = ", ".join(known)
             beside = f" in {unit}, or with its unit beside it ({others})" if unit else ""
-            self.fail(f"{value!r} is no number; allowed: {self.allowed()}{beside}", param, ctx)
+            point = f"; do: write {value.replace(',', '.')}" if isinstance(value, str) and value.count(",") == 1 else ""
+            self.fail(f"{value!r} is no number; allowed: {self.allowed()}{beside}{point}", param, ctx)
         return number
 
     def allowed(self) -> str:
